@@ -277,7 +277,11 @@ class Stepper:
 VERSIONS = {"blocks", "scenario", "Model Exchange"}
 WHOLE = {"failure", "error control"}
 HALVES = {"failure", "free rows", "Model Exchange"}  # integrators restart at each checkpoint
-OLD = {"lines", "array loop"}  # FMI 3.0 has no derivatives of inputs, and dependencies of whole arrays only
+OLD = {
+    "lines",
+    "data",
+    "array loop",
+}  # FMI 3.0 has no derivatives of inputs, and dependencies of whole arrays
 ONE_FMU = {*WHOLE, "Model Exchange"}
 
 STEPPERS: dict[str, Stepper] = {
@@ -321,7 +325,7 @@ STEPPERS: dict[str, Stepper] = {
     # without directional derivatives, which strong coupling uses, and without derivatives of inputs
     "parts of PythonFMU": Stepper(
         partial(run, flavour="python"),
-        lacks={"strong", "lines"},
+        lacks={"strong", "lines", "data"},
         needs={"scenario"},
         by_default=[("lift, sampled", "jacobi, middles")],
     ),
@@ -344,7 +348,16 @@ STEPPERS: dict[str, Stepper] = {
     "container in a system": Stepper(run_container_in_a_system, lacks=ONE_FMU, by_default=()),
     "C code": Stepper(
         run_c_code,
-        lacks={*ONE_FMU, "events", "strong", "extrapolation", "multirate", "transformations", "direct loop"},
+        lacks={
+            *ONE_FMU,
+            "data",
+            "events",
+            "strong",
+            "extrapolation",
+            "multirate",
+            "transformations",
+            "direct loop",
+        },
         needs={"blocks"},
         by_default=[("discrete states", "gauss-seidel")],
     ),

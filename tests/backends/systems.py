@@ -398,6 +398,16 @@ def driven_lift(parts: Parts) -> ec.System:
     return "lift"
 
 
+def data(parts: Parts) -> ec.System:
+    """Lines and levels drive a loop and an FMU that does not interpolate; a jump is between two points."""
+    lines, levels = (parts.folder / name for name in ("lines.csv", "levels.csv"))
+    lines.write_text("time;a.w;c.u[2,1]\n0;1;0.2\n0.1;2;0.5\n0.26;2.5;0.4\n0.26;-1;0.9\n0.4;0;1\n")
+    levels.write_text("time,b.w,c.UInt8_in\n0,0.5,3\n0.125,1,7\n0.3,-1,2\n")
+    components = {**dict.fromkeys("ab", parts.block(Mixer)), "c": parts.types_of_fmi_3()}
+    values = {"a.D": [0.1, 0.5, 0.0, 0.2], "b.D": [0.2, 0.3, 0.1, 0.4], "c.gain[1,2]": -0.3}
+    return ec.System.of(components, ["a.y -> b.u", "b.z -> a.u", "a.z -> c.u[1,1]"], values)
+
+
 LIFT: dict[str, Any] = {"step": 1e-4, "steps": 30}
 SAMPLED = {"lift.controller": 5, "lift.observer": 2}
 ME = {"has": {"Model Exchange"}, "step": 0.05}
@@ -433,6 +443,13 @@ SYSTEMS: dict[str, Entry] = {
     "events": Entry(events, step=0.125, has={"events"}),
     "clocks": Entry(clocks, **TICKS),
     "triggered clocks": Entry(triggered_clocks, **TICKS),
+    "data": Entry(
+        data,
+        {"input": ["lines.csv", "levels.csv:interpolation=held"]},
+        step=0.0625,
+        has={"blocks", "data", "types of FMI 3.0"},
+        lacks={"error control"},
+    ),
     "Model Exchange": Entry(model_exchange, **ME, options={"integrate_together": False}),
     "integrated together": Entry(
         model_exchange, **{**ME, "has": {"Model Exchange", "grouped"}}, lacks={"error control"}
@@ -456,7 +473,7 @@ SYSTEMS: dict[str, Entry] = {
         driven_lift,
         {"input": ["load.csv"], "fault": ["lift.plant.x_measured=offset:1e-5@0.001+0.001"]},
         **LIFT,
-        has={"scenario"},
+        has={"scenario", "data"},
         lacks={"error control"},
     ),
     "machine": Entry(

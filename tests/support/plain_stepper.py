@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from emla_cosim.base.errors import RunError
 from emla_cosim.master.algorithms.algorithm import Algorithm
-from emla_cosim.master.algorithms.extrapolation import Mode
+from emla_cosim.master.algorithms.extrapolation import Known, Mode
 from emla_cosim.master.algorithms.group import HALVINGS, SWEEPS, CoupledGroup
 from emla_cosim.master.algorithms.program import PREVIOUS, SIGNALS, Call, Combine, Operation, Solve
 from emla_cosim.master.algorithms.quasi_newton import FILTER, NOISE, RELAXATION
@@ -20,6 +21,7 @@ from emla_cosim.master.stepping.fixed_steps import FixedSteps
 from emla_cosim.master.stepping.step_size_control import StepRequest, StepSizeControl
 from emla_cosim.master.stepping.stepping_base import LONGEST, RowSink, Stepping
 from emla_cosim.master.stepping.timing import CommunicationPoints
+from fmublock.table import SPANS
 
 
 class NoAgreementError(Exception):
@@ -68,7 +70,7 @@ class PlainStepper:
             instance.do_step(begin, span)
         elif operation.call == Call.GET:
             self.shift(operation.instance, end)
-            instance.get_outputs()
+            self.get_outputs(operation.instance)
         elif operation.store == SIGNALS:
             self.set_inputs(operation.instance, begin, span)
         else:
@@ -81,12 +83,19 @@ class PlainStepper:
     def set_inputs(self, i: int, time: float, length: float) -> None:
         """Set the inputs of an instance: held, at the middle of a line, or along it."""
         network, history, exchange, mode = self.network, self.history, self.exchange, self.exchange.modes[i]
-        if mode == Mode.HOLD:
+        if mode == Mode.HOLD and not exchange.has_known(i):
             network.pass_inputs(i)
             return
         instance, part = network.instances[i], network.input_parts[i]
         for j, signal in enumerate(network.sources[i]):
             owner, place = exchange.owners[signal], part.start + j
+            if exchange.known[i][j] or mode == Mode.HOLD:
+                value, slope = float(network.signals[signal]), 0.0
+                if exchange.known[i][j]:
+                    value, slope = self.read_known(int(exchange.known[i][j]), signal, time, length)
+                instance.inputs[j] = network.factors[i][j] * value + network.offsets[i][j]
+                exchange.derivatives[place] = network.factors[i][j] * slope
+                continue
             earlier, then = history.previous[signal], history.before[owner]
             if exchange.rare[i]:
                 if history.taken_at[place] < then:
@@ -99,8 +108,52 @@ class PlainStepper:
             instance.inputs[j] = network.factors[i][j] * value + network.offsets[i][j]
             exchange.derivatives[place] = network.factors[i][j] * slope
         instance.set_inputs()
-        if mode == Mode.LINE:
+        if exchange.has_slopes(i):
             instance.set_input_derivatives(exchange.derivatives[part])
+
+    def read_known(self, known: int, signal: int, time: float, length: float) -> tuple[float, float]:
+        """Return what an input reads of a known signal, and its slope."""
+        owner, history = self.exchange.owners[signal], self.history
+        then, span = history.before[owner], history.at[owner] - history.before[owner]
+        begin, end, mean = (self.algorithm.stores[f"{x} of step"][signal] for x in ("begin", "end", "mean"))
+        if known == Known.SAMPLE or not span > 0.0:
+            return float(self.network.signals[signal]), 0.0
+        if known == Known.BEGIN:
+            return float(history.previous[signal]), 0.0
+        slope = (end - begin) / span
+        if known == Known.MEAN:
+            return (begin + (time - then + 0.5 * length) * slope if length < 0.75 * span else mean), 0.0
+        return begin + (time - then) * slope, slope
+
+    def get_outputs(self, i: int) -> None:
+        """Get outputs of an instance; those that follow known inputs, after these are set to the end."""
+        instance, part, follows = self.network.instances[i], self.network.parts[i], self.history.follows
+        instance.get_outputs()
+        if i in self.algorithm.known and instance.span_references:
+            for span in SPANS:
+                names = [f"step.{span}.{v.name}" for v in instance.written]
+                values = [instance.value(instance.file.variables[name]) for name in names]
+                self.algorithm.stores[f"{span} of step"][part] = values
+        if i not in self.exchange.find_followed() or follows[i] <= -1.0:
+            return
+        first, is_changed = instance.outputs.copy(), False
+        for j, signal in enumerate(self.network.sources[i]):
+            if self.exchange.known[i][j] == Known.MEAN:
+                value = self.network.factors[i][j] * self.network.signals[signal] + self.network.offsets[i][j]
+                is_changed |= bool(value != instance.inputs[j])
+                instance.inputs[j] = value
+        try:
+            instance.set_inputs()
+            instance.get_outputs()
+        except RunError:
+            if follows[i] == 1.0:
+                raise
+            instance.outputs[:], follows[i] = first, -1.0
+            return
+        if follows[i] < 1.0 and first.tobytes() != instance.outputs.tobytes():
+            follows[i] = 1.0
+        elif follows[i] < 1.0 and is_changed:
+            follows[i] -= 1.0 / 32.0
 
     def predict(self, signal: int, time: float) -> float:
         """Return a signal, extrapolated to a time in s."""
@@ -153,7 +206,7 @@ class PlainStepper:
         for i in group.members:
             self.set_inputs(i, time, length)
             self.network.instances[i].do_step(time, length)
-            self.network.instances[i].get_outputs()
+            self.get_outputs(i)
 
     def iterate(self, group: CoupledGroup, time: float, length: float) -> None:
         """Do sweeps until the values agree; see `quasi_newton.py`."""

@@ -19,6 +19,7 @@ from ..fmu.file import FmuFile, open_fmu
 from ..fmu.interface import KINDS, Interface
 from ..fmu.log import FmuLog
 from ..fmu.structure import complete_start_values, convert_structure
+from ..fmu.tables import is_table
 from ..fmu.variables import TypedValue, convert_start_values, format_value
 from ..system.model import Alias, Component, Connection, System
 from ..system.resolution import convert_to_fmu_terms, refuse_driven, resolve_system
@@ -97,7 +98,7 @@ class Assembly:
         self._log = FmuLog()
         for number, name in enumerate(c.name for c in components):
             described = (name, self.files[name], inputs[name], outputs[name])
-            isolated = name in self._isolated
+            isolated = name in self._isolated and not is_table(self.files[name])  # data crash nobody
             instance = (
                 IsolatedInstance(*described, number)
                 if isolated
@@ -121,6 +122,8 @@ class Assembly:
             self.network.opaque_links.append(
                 OpaqueLink(self.instances[x.source], output, self.instances[x.target], input_)
             )
+        self.network.tables = self._positions(n for n, file in self.files.items() if is_table(file))
+        self.network.samplers = self._positions(c.name for c in components if c.samples)
         for stepped in self.network.instances:
             if stepped not in self.instances.values():
                 self._instance_stack.callback(stepped.close)
@@ -128,6 +131,11 @@ class Assembly:
         self._values: dict[str, tuple[Component, list[TypedValue]]] = {}
         self._parameters: dict[str, tuple[Component, dict[str, float]]] = {}
         self._changed: dict[str, tuple[Component, dict[str, dict[str, Any]]]] = {}
+
+    def _positions(self, components: Iterable[str]) -> frozenset[int]:
+        """Return the positions in the network of instances with these components."""
+        named = set(components)
+        return frozenset(i for i, x in enumerate(self.network.instances) if named.intersection(x.components))
 
     def _ends(self, connection: Connection) -> tuple[ModelVariable, ModelVariable]:
         """Return the variables of a connection: output and input."""

@@ -80,6 +80,8 @@ class Network:
         order: positions in a good order of stepping one after the other.
         observer: reads what recorders want besides the signals.
         opaque_links: connections of Strings and Binary values, which are no signals.
+        tables: positions of instances whose signals are known in advance: data over time.
+        samplers: positions of instances that compute at communication points only.
     """
 
     def __init__(
@@ -114,6 +116,8 @@ class Network:
         self.followers = frozenset(followers)
         self.observer = Observer({})
         self.opaque_links: list[OpaqueLink] = []
+        self.tables: frozenset[int] = frozenset()
+        self.samplers: frozenset[int] = frozenset()
         self._use_order(order_with_followers(len(instances), links, followers))
 
     def use_signals(self, memory: Vector) -> None:

@@ -90,6 +90,9 @@ INSTANCE = _record(
     is_version_3=_WHOLE,
     has_no_way_back=_WHOLE,
     is_rare=_WHOLE,
+    is_held=_WHOLE,
+    has_slopes=_WHOLE,
+    is_followed=_WHOLE,
     code_derivatives=_WHOLE,
     code_save=_WHOLE,
     code_restore=_WHOLE,
@@ -109,7 +112,7 @@ INSTANCE = _record(
 
 SAVED_STATE = _record(state=_ADDRESS, events=_ADDRESS)
 
-INPUT = _record(factor=_REAL, offset=_REAL, signal=_WHOLE, moves=_WHOLE)
+INPUT = _record(factor=_REAL, offset=_REAL, signal=_WHOLE, moves=_WHOLE, known=_WHOLE, unused=_WHOLE)
 
 SIGNAL = _record(floor=_REAL, instance=_WHOLE, is_smooth=_WHOLE)
 
@@ -172,6 +175,7 @@ class Stepper(ctypes.Structure):
         ("observed_count", _INT),
         ("sweep_limit", _INT),
         ("halving_limit", _INT),
+        ("first_span", _INT),
         ("stores", _POINTER),
         ("at", _POINTER),
         ("before", _POINTER),
@@ -179,6 +183,7 @@ class Stepper(ctypes.Structure):
         ("derivatives", _POINTER),
         ("taken", _POINTER),
         ("taken_at", _POINTER),
+        ("follows", _POINTER),
         ("largest", _POINTER),
         ("observed", _POINTER),
         ("activity", _POINTER),

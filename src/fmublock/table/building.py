@@ -13,12 +13,9 @@ from ..errors import BuildError
 from ..files import write_atomically
 from ..platforms import TARGETS, host_platform
 from ..recipe import Producer, made_by
-from .content import TableContent
+from .content import MODEL, SPANS, TableContent
 from .description import table_description
 from .layout import pack_table
-
-MODEL = "DataTable"
-"""The model identifier of all table FMUs."""
 
 _MAIN = "fmi2_table.c"
 _CAPACITIES = (16, 256, 1024)
@@ -96,15 +93,18 @@ def _sources(outputs: int, letter: str) -> dict[str, bytes]:
 
 def _model_header(capacity: int, letter: str) -> str:
     """Return the header that describes the model to the shim: outputs of one type only."""
-    counts = ("INPUTS", "PARAMETERS", "STATES", "DISCRETE_STATES", "CONDITIONS", "LIMITS")
+    counts = ("INPUTS", "PARAMETERS", "STATES", "CONDITIONS", "LIMITS")
     lines = [f'#define MODEL_IDENTIFIER "{MODEL}"', *(f"#define N_{name} 0" for name in counts)]
-    lines += [f"#define N_OUTPUTS {capacity}", *constants(), ""]
+    lines += ["#define N_DISCRETE_STATES 1"]
+    count = capacity * (1 + len(SPANS) if letter == "R" else 1)
+    lines += [f"#define N_OUTPUTS {count}", *constants(), ""]
     lines += ["typedef struct {", "    const char *name;", "    char type, access;"]
     lines += ["    double start, minimum, maximum, nominal;", "    int start_reference;", "} Variable;", ""]
     lines += ["static const Variable variables[] = {"]
+    lines += ["    {\"last point\", 'R', 'H', 0.0, -HUGE_VAL, HUGE_VAL, 1.0, -2}, /* STARTS_AT_START_TIME */"]
     lines += [
         f"    {{\"output {i}\", '{letter}', 'S', 0.0, -HUGE_VAL, HUGE_VAL, 1.0, -1}},"
-        for i in range(1, capacity + 1)
+        for i in range(1, count + 1)
     ]
     lines += [
         "};",

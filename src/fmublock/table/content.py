@@ -8,6 +8,9 @@ from numpy.typing import NDArray
 
 from ..units import SiUnit
 
+MODEL = "DataTable"
+"""The model name and identifier of all table FMUs."""
+
 INTERPOLATIONS = ("held", "linear", "cubic")
 """Interpolation between two rows: the value of the first one, a straight line, a cubic spline."""
 
@@ -17,7 +20,18 @@ TYPES = {"Real": "R", "Integer": "I", "Enumeration": "I", "Boolean": "B"}
 ENDS = ("hold", "repeat", "stop")
 """What follows the last row: its value until the end, the first row again, or the end of the run."""
 
+SPANS = ("begin", "end", "mean")
+"""What an output of the type Real did in the last step: the line from its begin to its end, and its mean.
+
+In a step with a jump inside, all three are the mean. Local variables have these values, see `span_name`.
+"""
+
 Numbers = NDArray[np.float64]
+
+
+def span_name(output: str, span: str) -> str:
+    """Return the name of the local variable with one of `SPANS` of an output."""
+    return f"step.{span}.{output}"
 
 
 @dataclass(frozen=True)
@@ -65,3 +79,8 @@ class TableContent:
         """The letter of the outputs' types in `TYPES`."""
         (letter,) = {TYPES[output.type] for output in self.outputs} or {"R"}
         return letter
+
+    @property
+    def has_spans(self) -> bool:
+        """Whether local variables say what the outputs did in the last step; see `SPANS`."""
+        return self.letter == "R"

@@ -4,7 +4,13 @@ from xml.etree.ElementTree import Element, SubElement
 
 from ..description import add_log_categories, add_unit, describe_model, format_xml
 from ..recipe import Producer
-from .content import TableContent
+from .content import SPANS, TableContent, span_name
+
+_SPAN_TEXTS = {
+    "begin": "In the last step, the begin of the line",
+    "end": "In the last step, the end of the line",
+    "mean": "The mean over the last step",
+}
 
 
 def table_description(table: TableContent, model: str, main: str, producer: Producer, guid: str) -> bytes:
@@ -30,7 +36,7 @@ def table_description(table: TableContent, model: str, main: str, producer: Prod
     step = (last - first) / (len(table.times) - 1)
     SubElement(root, "DefaultExperiment", startTime=repr(first), stopTime=repr(last), stepSize=repr(step))
     variables = SubElement(root, "ModelVariables")
-    for reference, output in enumerate(table.outputs):
+    for reference, output in enumerate(table.outputs, 1):  # 0 is the hidden time of the last point
         variable = SubElement(variables, "ScalarVariable", name=output.name, valueReference=str(reference))
         if output.description:
             variable.set("description", output.description)
@@ -43,12 +49,29 @@ def table_description(table: TableContent, model: str, main: str, producer: Prod
             element.set("unit", output.unit.name)
         if output.type == "Enumeration":
             element.set("declaredType", types[tuple(output.items.items())])
+    if table.has_spans:
+        _add_spans(variables, table)
     structure = SubElement(root, "ModelStructure")
     for kind in ("Outputs", "InitialUnknowns"):
         element = SubElement(structure, kind)
         for position in range(1, len(table.outputs) + 1):
             SubElement(element, "Unknown", index=str(position), dependencies="")
     return format_xml(root)
+
+
+def _add_spans(variables: Element, table: TableContent) -> None:
+    """Add the local variables that say what the outputs did in the last step."""
+    count = len(table.outputs)
+    for place, span in enumerate(SPANS, 1):
+        for i, output in enumerate(table.outputs, 1):
+            name, reference = span_name(output.name, span), str(place * count + i)
+            variable = SubElement(variables, "ScalarVariable", name=name, valueReference=reference)
+            variable.set("description", f"{_SPAN_TEXTS[span]} of {output.name}")
+            variable.set("causality", "local")
+            variable.set("initial", "calculated")
+            element = SubElement(variable, "Real")
+            if output.unit is not None:
+                element.set("unit", output.unit.name)
 
 
 def _add_units(root: Element, table: TableContent) -> None:

@@ -5,7 +5,7 @@ import numpy as np
 from ..errors import BuildError
 from .content import ENDS, INTERPOLATIONS, Numbers, TableColumn, TableContent
 
-_MAGIC = b"EMLATBL1"
+_MAGIC = b"EMLATBL2"
 _GUID_BYTES = 40
 """Bytes for the 38 letters of a GUID and zeros, in whole doubles."""
 
@@ -27,7 +27,7 @@ def pack_table(table: TableContent, guid: str) -> bytes:
 
 def _parts(table: TableContent) -> list[Numbers]:
     times = table.times
-    head = [len(times), len(table.columns), len(table.outputs), ENDS.index(table.end)]
+    head = [len(times), len(table.columns), len(table.outputs), ENDS.index(table.end), table.has_spans]
     kinds = [INTERPOLATIONS.index(c.interpolation) for c in table.columns]
     shown = [x for o in table.outputs for x in (o.column, o.order, o.factor, o.offset or -0.0)]
     rows = np.empty((len(times), len(table.columns), 2))

@@ -1,12 +1,18 @@
 /* Read the data of an instance from resources/table.bin when it is made. */
 
 #define GUID(state) ((const char *)((state)->resource + AT_GUID))
-#define SHOWN(instance) ((fmi2ValueReference)(instance)->now.resource[AT_OUTPUTS])
+#define SHOWN(instance) ((fmi2ValueReference)(1 + outputs_of((instance)->now.resource)))
 #define FIXED(state) ((state)->resource)
 #define RESOURCE_END(state) resource_end((state)->resource)
 
-#define MAGIC "EMLATBL1"
+#define MAGIC "EMLATBL2"
 #define FILE_NAME "/table.bin"
+
+/* Number of outputs and of the values of their spans. */
+static size_t outputs_of(const double *data) {
+    const Table t = table_of(data);
+    return t.outputs * (t.has_spans ? PER_OUTPUT : 1);
+}
 
 static double resource_end(const double *data) {
     const Table t = table_of(data);
@@ -96,7 +102,8 @@ static int sizes_fit(const double *data, uint64_t count) {
     if (count < AT_TABLES || ((const char *)data)[GUID_SIZE - 1] != '\0') return 0;
     if (!is_whole(data[AT_ROWS], most) || data[AT_ROWS] < 2.0) return 0;
     if (!is_whole(data[AT_COLUMNS], most) || !is_whole(data[AT_OUTPUTS], N_OUTPUTS)) return 0;
-    if (!is_whole(data[AT_END], N_ENDS - 1)) return 0;
+    if (!is_whole(data[AT_END], N_ENDS - 1) || !is_whole(data[AT_SPANS], 1)) return 0;
+    if (outputs_of(data) > N_OUTPUTS) return 0;
     const double rows = data[AT_ROWS], columns = data[AT_COLUMNS];
     return AT_TABLES + columns + N_OUTPUT * data[AT_OUTPUTS] + rows * (2.0 + PER_COLUMN * columns) == most;
 }

@@ -1,6 +1,7 @@
 """FMUs of data over time: what they say between the rows, before and after them, and to a host."""
 
 import zipfile
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ from fmpy.validation import validate_fmu
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicSpline, PPoly
 
 from emla_cosim import Verdict, verify
 from fmublock.errors import BuildError
@@ -83,6 +84,58 @@ def test_values_between_rows_are_those_of_numpy_and_scipy(
         size = np.abs(spline(times, order)).max() + 1.0
         np.testing.assert_allclose(found[name][moving], expected[moving], rtol=1e-7, atol=1e-7 * size)
         assert not found[name][points > times[-1] + 1e-9].any()
+
+
+def spans(table: TableContent, folder: Path, times: Array) -> dict[str, Array]:
+    """What each output did in the steps between these times, the first of which is the start."""
+    rows = []
+    with opened(build_table(table, folder / "table.fmu"), folder / "unpacked") as session:
+        slave, names = session.instance(time=times[0]), session.names("local")
+        for begin, end in pairwise(times):
+            slave.doStep(begin, end - begin)
+            rows.append(session.get(slave, *names))
+    return dict(zip(names, np.array(rows).T, strict=True))
+
+
+@settings(max_examples=12)
+@given(data=st.data(), times=increasing, shift=st.sampled_from([0.0, -0.37]))
+def test_spans_have_the_means_of_scipy(
+    data: st.DataObject, times: Array, shift: float, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    """With rows at communication points, between them, and several within one step."""
+    times, numbers = times + shift, st.floats(-1e3, 1e3)
+    values = np.array(data.draw(st.lists(numbers, min_size=len(times), max_size=len(times))))
+    step = data.draw(st.sampled_from([0.01, 0.013, 0.25, 1.0]))
+    points = times[0] + step * np.arange(int((times[-1] - times[0]) / step) + 1)
+    if len(points) < 2:
+        points = times[[0, -1]]
+    found = spans(a_table(times, values), tmp_path_factory.mktemp("table"), points)
+    slopes = np.diff(values) / np.diff(times)
+    curves = {
+        "held": PPoly(values[None, :-1], times),
+        "linear": PPoly(np.array([slopes, values[:-1]]), times),
+        "cubic": CubicSpline(times, values),
+    }
+    curves |= {"rate": curves["cubic"].derivative(), "bend": curves["cubic"].derivative(2)}
+    for name, curve in curves.items():
+        exact = np.diff(curve.antiderivative()(points)) / np.diff(points)
+        size = np.abs(curve(np.linspace(times[0], times[-1], 1000))).max() + 1.0
+        np.testing.assert_allclose(found[f"step.mean.{name}"], exact, rtol=1e-7, atol=1e-7 * size)
+
+
+def test_the_line_of_a_step_ends_before_a_jump_and_is_its_mean_over_one(tmp_path: Path) -> None:
+    """At 0.2 s between points, at 0.5 s at one; the data repeat after 0.8 s, with a jump."""
+    times = np.array([0.0, 0.2, 0.2, 0.5, 0.5, 0.8])
+    values = np.array([1.0, 3.0, 5.0, 2.0, 4.0, 4.0])
+    shown = [TableOutput("y", 0), TableOutput("z", 1)]
+    columns = [TableColumn(values), TableColumn(np.array([1.0, 1.0, 2.0, 2.0, 5.0, 5.0]), "held")]
+    table = TableContent(times, columns, shown, "repeat")
+    found = spans(table, tmp_path, np.array([0.0, 0.1, 0.25, 0.5, 0.75, 0.9]))
+    assert found["step.begin.y"] == pytest.approx([1.0, 3.25, 4.5, 4.0, 7.0 / 3])
+    assert found["step.end.y"] == pytest.approx([2.0, 3.25, 2.0, 4.0, 7.0 / 3])
+    assert found["step.mean.y"] == pytest.approx([1.5, 3.25, 3.25, 4.0, 7.0 / 3])
+    assert found["step.begin.z"] == pytest.approx([1.0, 4.0 / 3, 2.0, 5.0, 7.0 / 3])
+    assert found["step.end.z"].tolist() == found["step.begin.z"].tolist() == found["step.mean.z"].tolist()
 
 
 def test_rows_are_met_exactly_whatever_the_rounding_of_their_times(tmp_path: Path) -> None:
@@ -189,7 +242,7 @@ def test_tables_may_have_many_outputs(tmp_path: Path, count: int) -> None:
         slave.doStep(0.0, 0.5)
         assert session.get(slave, f"y[{count - 1}]") == [2.0 * (count - 1)]
         with refused():
-            slave.getReal([count])
+            slave.getReal([4 * count + 1])  # the outputs, and three values of each in the last step
 
 
 def test_too_many_outputs_are_refused(tmp_path: Path) -> None:
@@ -205,7 +258,7 @@ def test_damaged_data_are_refused(tmp_path: Path, end: str) -> None:
     numbers = session.folder / "resources" / "table.bin"
     whole = numbers.read_bytes()
     random = np.random.default_rng(3)
-    damaged = [b"", whole[:-1], whole + b"\0", whole[:40], b"EMLATBL2" + whole[8:]]
+    damaged = [b"", whole[:-1], whole + b"\0", whole[:40], b"EMLATBL1" + whole[8:]]
     for place in random.integers(0, len(whole), 25):
         damaged.append(whole[:place] + bytes([whole[place] ^ 0x41]) + whole[place + 1 :])
     for content in (*damaged, None):

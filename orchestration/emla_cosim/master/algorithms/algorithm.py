@@ -8,15 +8,25 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ...base.arrays import Vector
-from ...base.errors import CommandError
+from ...base.errors import CommandError, join_names
 from ...base.option import STEPPED, option, options_of
+from ...fmu.tables import SPANS
 from ..instances.fmu_instance import FmuInstance
 from ..network import Link, Network
 from .extrapolation import EXTRAPOLATIONS, Exchange
 from .group import CoupledGroup, loop_derivatives
 from .initialization import initialize
 from .overlap import find_split_steps
-from .program import SIGNALS, Instruction, Operation, Solve, check_instruction, name_own_vectors
+from .program import (
+    SIGNALS,
+    Combine,
+    Instruction,
+    Operation,
+    Solve,
+    check_instruction,
+    name_own_vectors,
+    step_first,
+)
 from .quasi_newton import estimate_jacobian
 from .scale import Scale
 from .tasks import StepTask, plan_tasks
@@ -67,6 +77,8 @@ class Algorithm(ABC):
     """Difference at which values in a `Solve` count as agreed, relative to the size of each signal."""
 
     program: list[Instruction] = field(init=False, repr=False)
+    known: frozenset[int] = field(init=False, repr=False)
+    """Instances whose signals are known in advance; they step first."""
     operations: list[Operation] = field(init=False, repr=False)
     """The calls of the program outside of groups."""
     groups: list[CoupledGroup] = field(init=False, repr=False)
@@ -122,16 +134,28 @@ class Algorithm(ABC):
         Raises:
             CommandError: The program is not valid, or an FMU of a group cannot restore its state.
         """
-        self.program = list(program)
-        for each in self.program:
+        for each in program:
             check_instruction(each, len(self.network.instances))
-        self.operations = [x for x in program if isinstance(x, Operation)]
-        for each in self.operations:
-            self._sample(each)
+            if isinstance(each, Operation):
+                self._sample(each)
         names, count = name_own_vectors(program), len(self.network.signals)
+        self.known = self._find_known(program)
+        self.program = step_first(program, self.known)
+        self.operations = [x for x in self.program if isinstance(x, Operation)]
         self.stores = {name: np.zeros(count) for name in names}
-        self.groups = [self._group(list(x.members)) for x in program if isinstance(x, Solve)]
+        if self.known:
+            self.stores |= {f"{span} of step": np.zeros(count) for span in SPANS}
+            self.exchange.use_known(self.known, np.flatnonzero(self.multiples > 1).tolist())
+        self.groups = [self._group(list(x.members)) for x in self.program if isinstance(x, Solve)]
         self._gather_memory()
+
+    def _find_known(self, program: Sequence[Instruction]) -> frozenset[int]:
+        """Return the tables that can step before all others, so that their signals are known in advance."""
+        combined = {x.instance for x in program if isinstance(x, Combine)}
+        names = {i: self.network.instances[i].name for i in self.network.tables - combined}
+        return frozenset(
+            i for i, name in names.items() if self.multiples[i] == 1 and name not in self.step_multiples
+        )
 
     def _gather_memory(self) -> None:
         """Move all that steps change into one block."""
@@ -233,6 +257,25 @@ class Algorithm(ABC):
     def late(self) -> list[Link]:
         """Return the links whose target gets values of its source one step late, or extrapolated."""
 
+    def late_links(self) -> list[Link]:
+        """Return the links of `late` without those whose signals are known in advance."""
+        return [link for link in self.late() if link.source not in self.known]
+
+    def remarks(self) -> list[str]:
+        """Return notes on the exchange of values that a reader of the results needs."""
+        lagging = [
+            self.network.instances[i].name
+            for i in sorted(self.exchange.find_followed())
+            if self.exchange.history.follows[i] < 0.0
+        ]
+        if not lagging:
+            return []
+        return [
+            f"outputs of {join_names(lagging)} that depend directly on data of --input are half a step late: "
+            "the FMU does not interpolate inputs, and keeps its outputs after a step. Shorten the step, or "
+            "use an FMU with canInterpolateInputs."
+        ]
+
     def warning(self) -> str | None:
         """Return why the algorithm may have caused a failure; None if it did not."""
         return None
@@ -241,7 +284,8 @@ class Algorithm(ABC):
         """Return how the steps are made, with the loops and how often they were stepped, for run.json."""
         instances = self.network.instances
         together = [list(s.components) for s in instances if len(s.components) > 1]
-        report: dict[str, Any] = {"late_connections": [link.name for link in self.late()]}
+        report: dict[str, Any] = {"late_connections": [link.name for link in self.late_links()]}
+        report |= {"known_inputs": known} if (known := self.exchange.describe_known()) else {}
         report |= {"integrated_together": together} if together else {}
         if not self.groups:
             return report

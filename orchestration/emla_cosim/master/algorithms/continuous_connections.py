@@ -54,11 +54,11 @@ def list_continuous_connections(
     sampling |= {
         instance.name for instance, rare in zip(network.instances, exchange.rare, strict=True) if rare
     }
-    late = {id(link) for link in algorithm.late()}
+    late = {id(link) for link in algorithm.late_links()}
     ways = [
         (first, last, is_late)
         for first in network.links
-        if first.source not in network.followers and exchange.smooth[network.signal(first)]
+        if first.source not in network.followers | algorithm.known and exchange.smooth[network.signal(first)]
         for last, is_late in _readers(network, first, late)
         if _is_continuous(network, first, last, sampling)
     ]

@@ -1,4 +1,6 @@
-"""Set inputs during a step: held, or extrapolated along a straight line through their sources.
+"""Set inputs during a step: known, held, or extrapolated along a straight line through their sources.
+
+Data from files are known in advance, so nothing is held: see `Known`. All other signals are not.
 
 Let y and y' be the two newest values of a source, from the times t_y and t_y'. A step from t of
 length h then reads
@@ -25,7 +27,7 @@ from enum import IntEnum
 import numpy as np
 
 from ...base.arrays import Indices, Vector
-from ..network import Network
+from ..network import Link, Network
 
 EXTRAPOLATIONS = ("none", "master", "fmu")
 """Names of the ways to treat inputs during a step."""
@@ -39,6 +41,32 @@ class Mode(IntEnum):
     LINE = 2
 
 
+class Known(IntEnum):
+    """What an input reads of a signal that is known in advance, in a step of length h from t.
+
+    A jump inside the step has the effect of its time: the line is the mean then.
+    """
+
+    NOT_KNOWN = 0
+    SAMPLE = 1
+    """The value at t + h: a digital controller samples then, and so does a variable with a clock."""
+    BEGIN = 2
+    """The value at t: a discrete variable keeps it during the step."""
+    LINE = 3
+    """The straight line from t to t + h."""
+    MEAN = 4
+    """The mean of the step: the FMU does not interpolate."""
+
+
+KNOWN_TEXTS = {
+    Known.SAMPLE: "sampled",
+    Known.BEGIN: "value at the start of the step",
+    Known.LINE: "line",
+    Known.MEAN: "mean of the step",
+}
+"""What a known input reads, in the record of a run."""
+
+
 @dataclass
 class History:
     """Earlier values of the signals, and their times.
@@ -49,6 +77,8 @@ class History:
         before: Per instance, the time in s of its signals in `previous`.
         taken: Per input of instances with a step multiple, the signal that it read last.
         taken_at: The times in s of these signals.
+        follows: Per instance, whether its outputs follow known inputs that are set after a step: 1 if they
+            do, -1 if they do not, between if that is not decided yet.
     """
 
     previous: Vector
@@ -56,12 +86,14 @@ class History:
     before: Vector
     taken: Vector
     taken_at: Vector
+    follows: Vector
 
 
 class Exchange:
     """How signals pass to the instances: extrapolated or held.
 
     With `fmu`, an instance without support for input derivatives gets the value in the middle of the line.
+    Known signals do not depend on the extrapolation.
     Discrete signals and discrete inputs are always held.
     """
 
@@ -75,15 +107,68 @@ class Exchange:
         self.modes = [int(_mode(extrapolation, instance.interpolates)) for instance in network.instances]
         self.derivatives: Vector = np.zeros(len(network.inputs))
         taken = len(network.inputs)
-        self.history = History(*(np.zeros(n) for n in (size, count, count, taken, taken)))
+        self.history = History(*(np.zeros(n) for n in (size, count, count, taken, taken, count)))
+        self.known: list[Indices] = [np.zeros(len(x.inputs), dtype=np.intp) for x in network.instances]
+        """Per instance, what its inputs read, as numbers of `Known`."""
         self.rare = [False] * count
         """Per instance, whether it reads its inputs more rarely than each step."""
 
     @property
     def accuracy(self) -> int:
         """Order of accuracy of the exchange with respect to the step size, in smooth motion."""
-        behind = any(link.direct and self.modes[link.target] == Mode.MIDDLE for link in self.network.links)
-        return 1 if behind or Mode.HOLD in self.modes else 2
+        known = any((kinds != Known.NOT_KNOWN).any() for kinds in self.known)
+        if not known and Mode.HOLD in self.modes:
+            return 1
+        return 1 if any(map(self._is_first_order, self.network.links)) else 2
+
+    def _is_first_order(self, link: Link) -> bool:
+        known = self.known[link.target][link.input]
+        if known in (Known.NOT_KNOWN, Known.MEAN):
+            mode = Mode.MIDDLE if known == Known.MEAN else self.modes[link.target]
+            return mode == Mode.HOLD or (mode == Mode.MIDDLE and link.direct)
+        return False
+
+    def use_known(self, tables: Collection[int], rare: Collection[int]) -> None:
+        """Read the signals of these instances as known in advance; they step before all others.
+
+        Args:
+            tables: Positions of these instances.
+            rare: Positions of instances that do several steps at once.
+        """
+        samplers = {*self.network.samplers, *rare, *(i for i, is_rare in enumerate(self.rare) if is_rare)}
+        for link in self.network.links:
+            if link.source in tables:
+                kind = Known.SAMPLE if link.target in samplers else self._find_known(link)
+                self.known[link.target][link.input] = kind
+
+    def _find_known(self, link: Link) -> Known:
+        source, target = self.network.instances[link.source], self.network.instances[link.target]
+        if target.clocked_inputs[link.input]:
+            return Known.SAMPLE
+        if not target.continuous_inputs[link.input] or not len(source.span_references):
+            return Known.BEGIN
+        return Known.LINE if target.interpolates else Known.MEAN
+
+    def has_known(self, i: int) -> bool:
+        """Return whether instance i reads a signal that is known in advance."""
+        return bool((self.known[i] != Known.NOT_KNOWN).any())
+
+    def has_slopes(self, i: int) -> bool:
+        """Return whether instance i gets derivatives of its inputs."""
+        return self.modes[i] == Mode.LINE or bool((self.known[i] == Known.LINE).any())
+
+    def find_followed(self) -> set[int]:
+        """Return the instances with outputs that depend directly on the mean of a known signal."""
+        links = self.network.links
+        return {x.target for x in links if x.direct and self.known[x.target][x.input] == Known.MEAN}
+
+    def describe_known(self) -> dict[str, str]:
+        """Return what each input with a known signal reads, by the name of its connection."""
+        return {
+            link.name: KNOWN_TEXTS[Known(kind)]
+            for link in self.network.links
+            if (kind := self.known[link.target][link.input]) != Known.NOT_KNOWN
+        }
 
     def sample(self, instances: Collection[int]) -> None:
         """Treat these instances as sampled: others hold their outputs, and lines span their long steps."""

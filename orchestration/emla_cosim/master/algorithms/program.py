@@ -1,7 +1,7 @@
 """Programs: what an algorithm does in a step, as instructions that the stepper works through."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from numbers import Real
@@ -117,3 +117,21 @@ def name_own_vectors(program: Sequence[Instruction]) -> list[str]:
                 f"{join_names([SIGNALS, PREVIOUS, *written])}."
             )
     return [name for name in written if name != SIGNALS]
+
+
+def step_first(program: Sequence[Instruction], instances: Collection[int]) -> list[Instruction]:
+    """Return the program in which these instances, which read no signals, step before all others."""
+    if not instances:
+        return list(program)
+    first = sorted(instances)
+    if any(isinstance(x, Solve) for x in program):  # groups come first, so that threads can share the steps
+        begin: list[Instruction] = [Solve([i]) for i in first]
+    else:
+        begin = [Operation(call, i) for i in first for call in (Call.STEP, Call.GET)]
+    for each in program:
+        if isinstance(each, Solve):
+            members = [i for i in each.members if i not in instances]
+            begin += [Solve(members)] if members else []
+        elif each.instance not in instances:
+            begin.append(each)
+    return begin

@@ -2,14 +2,18 @@
 
 from abc import abstractmethod
 from collections.abc import Iterable, Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from fmpy.model_description import ModelVariable
+from numpy.typing import NDArray
 
+from ...fmu.clocks import is_clocked
 from ...fmu.elements import is_plain
 from ...fmu.file import FmuFile
 from ...fmu.interface import MODEL_EXCHANGE
+from ...fmu.tables import find_span_references
 from ...fmu.variables import TypedValue
 from .fmu_instance import FmuInstance
 from .integrator_settings import IntegratorSettings
@@ -48,6 +52,16 @@ class DescribedInstance(FmuInstance):
         """Relative tolerance of the FMU's solver in the next run; None leaves it to the FMU."""
         self.lost_values: list[LostValue] = []
         """Start values that the FMU did not have at the end of its last initialization."""
+
+    @property
+    def clocked_inputs(self) -> NDArray[np.bool_]:
+        """Which inputs change at the ticks of a clock only, shape (inputs,)."""
+        return np.array([is_clocked(v) for v in self.read], dtype=bool)
+
+    @cached_property
+    def span_references(self) -> Sequence[NDArray[np.uint32]]:  # pyright: ignore[reportIncompatibleMethodOverride]
+        """Value references of what its outputs did in the last step, if it is a table of Reals."""
+        return find_span_references(self.file, [str(v.name) for v in self.written])
 
     @property
     def violations(self) -> list[str]:

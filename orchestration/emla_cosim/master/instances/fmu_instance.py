@@ -200,6 +200,19 @@ class FmuInstance(ABC):
     """Whether a step has begun and not ended. Any call but `end_step` ends it, too, and drops its result."""
 
     @property
+    def clocked_inputs(self) -> NDArray[np.bool_]:
+        """Which inputs change at the ticks of a clock only, shape (inputs,)."""
+        return np.zeros(len(self.inputs), dtype=bool)
+
+    @property
+    def span_references(self) -> Sequence[NDArray[np.uint32]]:
+        """Value references of what its outputs did in the last step: see `emla_cosim.fmu.tables`.
+
+        Only tables have them, and not those with discrete outputs only.
+        """
+        return ()
+
+    @property
     def components(self) -> Collection[str]:
         """Return the names of the components that it steps."""
         return [self.name]

@@ -127,7 +127,7 @@ def find_controlled_signals(algorithm: Algorithm) -> Any:
     is_read = np.zeros(len(network.instances), dtype=bool)
     is_read[exchange.owners[network.read]] = True
     is_beside = is_unread & is_read[exchange.owners[found]]
-    late = {link.target for link in algorithm.late() if link.direct}
+    late = {link.target for link in algorithm.late_links() if link.direct}
     order = np.argsort(is_beside, kind="stable")
     found, is_unread, is_beside = found[order], is_unread[order], is_beside[order]
     records = np.zeros(len(found), CONTROLLED)

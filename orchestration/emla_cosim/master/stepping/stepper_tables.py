@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...fmu.tables import SPANS
 from ...sandbox import crash_page
 from ...stepper.layout import (
     CALL,
@@ -29,6 +30,7 @@ from ...stepper.layout import (
 )
 from ..algorithms import program
 from ..algorithms.algorithm import Algorithm
+from ..algorithms.extrapolation import Mode
 from ..algorithms.group import HALVINGS, SWEEPS
 from ..algorithms.overlap import overlap_steps
 from ..instances.call_codes import CALLS, code_of
@@ -102,6 +104,8 @@ class StepperTables:
         stepper.taken, stepper.taken_at = history.taken.ctypes.data, history.taken_at.ctypes.data
         stepper.input_values = self._keep(network.inputs)
         stepper.derivatives = self._keep(algorithm.exchange.derivatives)
+        stepper.follows = history.follows.ctypes.data
+        stepper.first_span = FIRST_STORE + len(algorithm.stores) - (len(SPANS) if algorithm.known else 0)
         stepper.largest = algorithm.scale.largest.ctypes.data
         stepper.activity = ctypes.addressof(crash_page.current_activity())
 
@@ -145,6 +149,7 @@ class StepperTables:
         records["offset"] = np.concatenate([np.empty(0), *network.offsets])
         movable = np.concatenate([np.empty(0, dtype=bool), *(s.continuous_inputs for s in network.instances)])
         records["moves"] = exchange.smooth[signals] & movable
+        records["known"] = np.concatenate([np.empty(0, dtype=np.intp), *exchange.known])
         return records
 
     def _signals(self) -> Any:
@@ -175,6 +180,11 @@ class StepperTables:
             records[f"first_{kind}"] = [part.start for part in parts]
             records[f"{kind}_count"] = [part.stop - part.start for part in parts]
         records["mode"], records["is_rare"] = exchange.modes, exchange.rare
+        records["is_held"] = [
+            m == Mode.HOLD and not exchange.has_known(i) for i, m in enumerate(exchange.modes)
+        ]
+        records["has_slopes"] = [exchange.has_slopes(i) for i in every]
+        records["is_followed"] = np.isin(every, list(exchange.find_followed()))
         records["has_no_way_back"] = [i not in saved for i in every]
         self._fill_calls(records)
         if self.passing is None:
@@ -212,17 +222,28 @@ class StepperTables:
         typed = points.setters if sets else points.getters
         if typed is not None:
             return self._typed_calls(i, points, typed, first)
-        instance = network.instances[i]
-        count = len(instance.inputs if sets else instance.outputs)
         references = points.input_references if sets else points.output_references
-        record = np.zeros((), CALL)
+        count = len(network.inputs[network.input_parts[i]] if sets else network.signals[network.parts[i]])
+        calls = [self._real_call(i, points, access, references, vector[first : first + count])]
+        if not sets and i in self._algorithm.known:
+            for span, own in zip(SPANS, network.instances[i].span_references, strict=False):
+                values = self._algorithm.stores[f"{span} of step"][first : first + count]
+                self._held.append(own)
+                calls.append(self._real_call(i, points, access, own, values))
+        return calls if count else []
+
+    def _real_call(
+        self, i: int, points: EntryPoints, access: str, references: NDArray[np.uint32], values: NDArray[Any]
+    ) -> Any:
+        """Return the CALL record for doubles that need no conversion."""
+        sets, record = access == "set", np.zeros((), CALL)
         record["function"] = points.set_real if sets else points.get_real
         record["component"], record["instance"] = points.component, i
         record["references"], record["reference_count"] = references.ctypes.data, len(references)
-        record["values"], record["value_count"] = vector.ctypes.data + vector.itemsize * first, count
+        record["values"], record["value_count"] = values.ctypes.data, len(values)
         record["code"] = code_of(i, getattr(points.names, access))
         record["is_version_3"] = points.step_end is not None
-        return [record] if count else []
+        return record
 
     def _typed_calls(self, i: int, points: EntryPoints, calls: Sequence[GroupCall], first: int) -> Any:
         records = np.zeros(len(calls), CALL)

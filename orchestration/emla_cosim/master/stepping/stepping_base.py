@@ -95,7 +95,7 @@ class Stepping(ABC):
 
     def remarks(self) -> list[str]:
         """Return notes on the steps that a reader of the results needs."""
-        return []
+        return self.algorithm.remarks()
 
     def memory(self) -> dict[str, Vector]:
         """Return what steps have changed, as arrays by name."""

@@ -17,6 +17,24 @@ ALWAYS_INLINE static void hold_inputs(Stepper *s, const FmuInstance *instance, c
         results[j] = inputs[j].factor * values[inputs[j].signal] + inputs[j].offset;
 }
 
+/* Return a known signal in the step from `time` of this length, and its slope. A step that is a part of that of the
+   source gets a part of its line. */
+static double read_known(const Stepper *s, const Input *input, double time, double length, double *slope) {
+    const int32_t signal = input->signal, owner = s->signals[signal].instance;
+    const double then = s->before[owner], span = s->at[owner] - then;
+    *slope = 0.0;
+    if (input->known == KNOWN_SAMPLE || !(span > 0.0)) return s->stores[SIGNALS][signal];
+    if (input->known == KNOWN_BEGIN) return s->stores[PREVIOUS][signal];
+    const double begin = s->stores[s->first_span + SPAN_BEGIN][signal];
+    const double rate = (s->stores[s->first_span + SPAN_END][signal] - begin) / span;
+    if (input->known == KNOWN_MEAN) {
+        const int is_part = length < 0.75 * span;
+        return is_part ? begin + (time - then + 0.5 * length) * rate : s->stores[s->first_span + SPAN_MEAN][signal];
+    }
+    *slope = rate;
+    return begin + (time - then) * rate;
+}
+
 NOINLINE static void extrapolate_inputs(Stepper *s, const FmuInstance *instance, double time, double length) {
     const double *now = s->stores[SIGNALS], *previous = s->stores[PREVIOUS];
     const double middle = instance->mode == MIDDLE ? 0.5 * length : 0.0;
@@ -24,6 +42,13 @@ NOINLINE static void extrapolate_inputs(Stepper *s, const FmuInstance *instance,
     for (int32_t j = instance->first_input; j < last; j++) {
         const Input *input = &s->inputs[j];
         const double signal = now[input->signal];
+        if (input->known != NOT_KNOWN || instance->mode == HOLD) {
+            double slope = 0.0;
+            const double value = input->known != NOT_KNOWN ? read_known(s, input, time, length, &slope) : signal;
+            s->input_values[j] = input->factor * value + input->offset;
+            s->derivatives[j] = input->factor * slope;
+            continue;
+        }
         const int32_t owner = s->signals[input->signal].instance;
         const double newest = s->at[owner];
         double earlier = previous[input->signal], then = s->before[owner];
@@ -47,7 +72,7 @@ NOINLINE static void extrapolate_inputs(Stepper *s, const FmuInstance *instance,
 ALWAYS_INLINE static int32_t set_inputs(Stepper *s, int32_t i, int32_t store, double time, double length) {
     const FmuInstance *instance = &s->instances[i];
     if (instance->n_inputs == 0) return DONE;
-    const int is_held = instance->mode == HOLD || store != SIGNALS;
+    const int is_held = instance->is_held || store != SIGNALS;
     if (is_held)
         hold_inputs(s, instance, s->stores[store]);
     else
@@ -56,7 +81,7 @@ ALWAYS_INLINE static int32_t set_inputs(Stepper *s, int32_t i, int32_t store, do
     const int32_t status = set_values(s, instance->setters, instance->n_setters, s->input_values);
     stop_clock(instance->effort, INPUT_CALLS, start);
     if (is_bad(status)) return fail(s, SET_FAILED, i, status);
-    if (instance->mode != LINE || is_held) return DONE;
+    if (!instance->has_slopes || is_held) return DONE;
     announce(s, instance->code + instance->code_derivatives);
     const int64_t began = start_clock(instance->effort);
     const int32_t answer = (int32_t)((fmi2SetRealInputDerivativesTYPE *)instance->set_derivatives)(
@@ -66,13 +91,70 @@ ALWAYS_INLINE static int32_t set_inputs(Stepper *s, int32_t i, int32_t store, do
     return is_bad(answer) ? fail(s, DERIVATIVES_FAILED, i, answer) : DONE;
 }
 
-ALWAYS_INLINE static int32_t get_outputs(Stepper *s, int32_t i) {
+ALWAYS_INLINE static int32_t get_signals(Stepper *s, int32_t i) {
     const FmuInstance *instance = &s->instances[i];
-    if (instance->n_outputs == 0) return DONE;
     const int64_t start = start_clock(instance->effort);
     const int32_t status = get_values(s, instance->getters, instance->n_getters, s->stores[SIGNALS]);
     stop_clock(instance->effort, OUTPUT_CALLS, start);
     return is_bad(status) ? fail(s, GET_FAILED, i, status) : DONE;
+}
+
+/* Set the inputs that had the mean of a known signal in the step to its value at the end; returns whether that
+   changed one of them. */
+static int set_ends(Stepper *s, const FmuInstance *instance, int32_t *status) {
+    const int32_t last = instance->first_input + instance->n_inputs;
+    int is_changed = 0;
+    for (int32_t j = instance->first_input; j < last; j++) {
+        const Input *input = &s->inputs[j];
+        if (input->known != KNOWN_MEAN) continue;
+        const double value = input->factor * s->stores[SIGNALS][input->signal] + input->offset;
+        is_changed = is_changed || value != s->input_values[j];
+        s->input_values[j] = value;
+    }
+    const int64_t start = start_clock(instance->effort);
+    *status = set_values(s, instance->setters, instance->n_setters, s->input_values);
+    stop_clock(instance->effort, INPUT_CALLS, start);
+    return is_changed;
+}
+
+#define FOLLOWS 1.0
+#define LAGS (-1.0)
+#define TRIAL 0.03125 /* so many steps of 1 decide that outputs lag */
+
+/* Get outputs that depend directly on a known input. The states took its mean over the step; outputs at the end of the
+ * step belong to its value there. Some FMUs keep the outputs of their step whatever is set after it, and some refuse to
+ * be read then: the first steps show it, and `follows` keeps it. Outputs of these are late by half a step.
+ */
+NOINLINE static int32_t follow(Stepper *s, int32_t i) {
+    const FmuInstance *instance = &s->instances[i];
+    double *now = s->stores[SIGNALS] + instance->first_output, *follows = &s->follows[i];
+    double *kept = s->stores[s->first_span + SPAN_BEGIN] + instance->first_output; /* its own signals are not known */
+    const size_t size = (size_t)instance->n_outputs * sizeof(double);
+    int32_t status = fmi2OK;
+    if (*follows < FOLLOWS) {
+        const int32_t failure = get_signals(s, i);
+        if (failure != DONE || *follows <= LAGS) return failure;
+        memcpy(kept, now, size);
+        const int is_changed = set_ends(s, instance, &status);
+        if (is_bad(status) || get_signals(s, i) != DONE) {
+            memcpy(now, kept, size);
+            s->status = fmi2OK;
+            *follows = LAGS;
+        } else if (memcmp(now, kept, size) != 0) {
+            *follows = FOLLOWS;
+        } else if (is_changed) {
+            *follows -= TRIAL;
+        }
+        return DONE;
+    }
+    set_ends(s, instance, &status);
+    return is_bad(status) ? fail(s, SET_FAILED, i, status) : get_signals(s, i);
+}
+
+ALWAYS_INLINE static int32_t get_outputs(Stepper *s, int32_t i) {
+    const FmuInstance *instance = &s->instances[i];
+    if (instance->n_outputs == 0) return DONE;
+    return instance->is_followed ? follow(s, i) : get_signals(s, i);
 }
 
 /* Move the signals of an instance to the history, before those of `time`. */

@@ -88,6 +88,10 @@ typedef struct {
 
 enum { HOLD, MIDDLE, LINE }; /* how inputs change during a step; `Mode` of extrapolation.py */
 
+/* What an input reads of a signal that is known in advance; `Known` of extrapolation.py. */
+enum { NOT_KNOWN, KNOWN_SAMPLE, KNOWN_BEGIN, KNOWN_LINE, KNOWN_MEAN };
+enum { SPAN_BEGIN, SPAN_END, SPAN_MEAN }; /* what known signals did in the last step, one vector each */
+
 typedef struct { /* first what each step reads */
     void *component;
     Function do_step;
@@ -100,11 +104,14 @@ typedef struct { /* first what each step reads */
     int32_t is_version_3;    /* of FMI */
     int32_t has_no_way_back; /* whether none of its states is restored */
     int32_t is_rare;         /* whether it reads inputs more rarely than each step */
+    int32_t is_held;         /* whether all its inputs are the newest signals */
+    int32_t has_slopes;      /* whether it gets derivatives of its inputs */
+    int32_t is_followed;     /* whether outputs depend directly on an input with KNOWN_MEAN */
     int32_t code_derivatives, code_save, code_restore, code_status;
     Function set_derivatives, get_state, set_state;
     Function get_status;                  /* fmi2GetBooleanStatus; NULL without it */
     fmi2Status (*end_step)(fmi2Component); /* waits for a step that `do_step` only begins; NULL without */
-    const fmi2ValueReference *references; /* of its inputs, and the orders of their derivatives, for LINE */
+    const fmi2ValueReference *references; /* of its inputs, and the orders of their derivatives */
     const fmi2Integer *orders;
     StepEnd *end; /* for FMI 3.0 */
     SavedState *state; /* the place of the one that its group saves */
@@ -117,6 +124,8 @@ typedef struct {
     double factor, offset;
     int32_t signal;
     int32_t moves; /* whether signal and input are continuous */
+    int32_t known;
+    int32_t unused;
 } Input;
 
 /* An output that is exchanged. */
@@ -201,12 +210,14 @@ typedef struct {
     double coupling_tolerance;
     int32_t n_signals, n_operations, n_groups, n_read, n_observers, n_observed;
     int32_t sweeps, halvings; /* limits */
+    int32_t first_span;       /* among the vectors: the first of those with what known signals did */
 
     /* memory */
     double *const *stores; /* vectors; the first two are the signals, and those one communication point earlier */
     double *at, *before;   /* times of these, for each instance */
     double *input_values, *derivatives;
     double *taken, *taken_at; /* signal that an input with a rare reader read last, and its time */
+    double *follows; /* for each instance, whether outputs follow inputs that are set after a step: see follow() */
     double *largest;          /* absolute values of the signals so far */
     double *observed;
     Activity *activity; /* NULL if nobody reads it */
