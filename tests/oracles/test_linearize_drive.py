@@ -98,8 +98,8 @@ def test_an_injected_sine_has_the_same_gain_and_phase(
 ) -> None:
     """Half the difference of two runs, whose sines have opposite signs; its transient ends before AT.
 
-    What drives an input during a step is its value at the step's end. A window keeps slow changes of the
-    effect, with the joint's speed, from what is 1e-7 of them at high frequencies.
+    A window keeps slow changes of the effect, with the joint's speed, from what is 1e-7 of them at high
+    frequencies.
     """
     time = STEP * np.arange(round((AT + PERIOD) / STEP) + 1)
     wave = np.exp(2j * np.pi * frequency * time)
@@ -107,7 +107,7 @@ def test_an_injected_sine_has_the_same_gain_and_phase(
     up, down = (_move(time, 57e3 + part * height * wave.imag, fmu_folder) for part in (1.0, -1.0))
     periods = slice(round(AT / STEP), -1)
     effect, window = 0.5 * (up - down)[periods], 1.0 - np.cos(2.0 * np.pi * (time[periods] - AT) / PERIOD)
-    found = 2j * np.mean(effect * window * (wave * wave[1]).conj()[periods]) / height
+    found = 2j * np.mean(effect * window * wave.conj()[periods]) / height
     expected = np.exp(np.interp(np.log(frequency), np.log(compliance.frequency), np.log(compliance.value)))
     assert abs(found) == pytest.approx(abs(expected), rel=0.01)
     assert abs(np.degrees(np.angle(found / expected))) < 1.0

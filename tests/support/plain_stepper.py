@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from emla_cosim.base.errors import RunError
 from emla_cosim.master.algorithms.algorithm import Algorithm
 from emla_cosim.master.algorithms.extrapolation import Known, Mode
 from emla_cosim.master.algorithms.group import HALVINGS, SWEEPS, CoupledGroup
@@ -127,33 +126,20 @@ class PlainStepper:
 
     def get_outputs(self, i: int) -> None:
         """Get outputs of an instance; those that follow known inputs, after these are set to the end."""
-        instance, part, follows = self.network.instances[i], self.network.parts[i], self.history.follows
+        instance, part = self.network.instances[i], self.network.parts[i]
         instance.get_outputs()
         if i in self.algorithm.known and instance.span_references:
             for span in SPANS:
                 names = [f"step.{span}.{v.name}" for v in instance.written]
                 values = [instance.value(instance.file.variables[name]) for name in names]
                 self.algorithm.stores[f"{span} of step"][part] = values
-        if i not in self.exchange.find_followed() or follows[i] <= -1.0:
-            return
-        first, is_changed = instance.outputs.copy(), False
-        for j, signal in enumerate(self.network.sources[i]):
-            if self.exchange.known[i][j] == Known.MEAN:
-                value = self.network.factors[i][j] * self.network.signals[signal] + self.network.offsets[i][j]
-                is_changed |= bool(value != instance.inputs[j])
-                instance.inputs[j] = value
-        try:
+        if self.exchange.follows[i]:
+            for j, signal in enumerate(self.network.sources[i]):
+                if self.exchange.known[i][j] == Known.MEAN:
+                    factor, offset = self.network.factors[i][j], self.network.offsets[i][j]
+                    instance.inputs[j] = factor * self.network.signals[signal] + offset
             instance.set_inputs()
             instance.get_outputs()
-        except RunError:
-            if follows[i] == 1.0:
-                raise
-            instance.outputs[:], follows[i] = first, -1.0
-            return
-        if follows[i] < 1.0 and first.tobytes() != instance.outputs.tobytes():
-            follows[i] = 1.0
-        elif follows[i] < 1.0 and is_changed:
-            follows[i] -= 1.0 / 32.0
 
     def predict(self, signal: int, time: float) -> float:
         """Return a signal, extrapolated to a time in s."""

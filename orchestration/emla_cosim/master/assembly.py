@@ -412,6 +412,7 @@ def _links(
             offset=transformation.offset,
             name=str(x),
             through=tuple(sorted(written[x.target][output] for output in direct)),
+            shows=bool(interface.direct.among(set(written[x.target]), x.input)),
         )
 
     return [link(x) for x in system.connections]

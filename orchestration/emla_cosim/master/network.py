@@ -33,7 +33,8 @@ class Link:
         factor: in units of the input per unit of the output.
         offset: in the unit of the input.
         name: name in messages.
-        through: positions of the outputs that depend on the input without delay.
+        through: positions of the connected outputs that depend on the input without delay.
+        shows: whether any output, also one without connections, depends on the input without delay.
     """
 
     source: int
@@ -46,6 +47,7 @@ class Link:
     offset: float = 0.0
     name: str = ""
     through: tuple[int, ...] = ()
+    shows: bool = False
 
 
 class OpaqueLink(NamedTuple):

@@ -193,7 +193,7 @@ def test_variables_alone_are_names_in_a_single_fmu_only(reference: Path) -> None
 
 
 def test_the_reference_of_one_fmu_with_inputs_from_a_file(fmu_folder: Path, tmp_path: Path) -> None:
-    """FMPy is the judge, with both tables as the cross-check writes them."""
+    """FMPy is the judge, with both tables as the cross-check writes them. It holds inputs over each step."""
     plant = fmu_folder / "EmlaPlant" / "EmlaPlant.fmu"
     times = np.linspace(0.0, 0.02, 21)
     given = np.array(
@@ -208,7 +208,10 @@ def test_the_reference_of_one_fmu_with_inputs_from_a_file(fmu_folder: Path, tmp_
             *(",".join(map(repr, row)) for row in table.tolist()),
         ]
         (tmp_path / f"EmlaPlant_{name}.csv").write_text("\n".join(rows) + "\n")
-    options = {"input": [str(tmp_path / "EmlaPlant_in.csv")], "reference": tmp_path / "EmlaPlant_ref.csv"}
+    options = {
+        "input": [f"{tmp_path / 'EmlaPlant_in.csv'}:interpolation=held"],
+        "reference": tmp_path / "EmlaPlant_ref.csv",
+    }
     options |= {"stop_time": 0.02, "step_size": 0.001, "tolerance": {"*": 1e-6}, "algorithm": "jacobi"}
     right = load(plant, **options).prepare().attempt()
     assert {c.signal for c in right.comparisons} == {"EmlaPlant.x_L", "EmlaPlant.i_q"}

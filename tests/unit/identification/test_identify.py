@@ -3,6 +3,7 @@
 import json
 from collections.abc import Callable
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -51,22 +52,20 @@ TRUE = {"m": 1.3, "b": 0.7, "c": 0.4}
 
 
 STEP = 2e-3
-HELD = np.interp(STEP + np.arange(0.0, 2.0, STEP), TIME, FORCE)
-"""The force as the FMU gets it after the table has made its step: that of the end of the step."""
 
 
-def motion(m: float, b: float, c: float, held: np.ndarray = HELD) -> np.ndarray:
-    """Positions at the samples, by the classical Runge-Kutta method."""
+def motion(m: float, b: float, c: float, force: np.ndarray = FORCE) -> np.ndarray:
+    """Positions at the samples, by the classical Runge-Kutta method, under lines between the rows."""
 
     def slope(y: np.ndarray, force: float) -> np.ndarray:
         return np.array([y[1], (force - b * y[1] - c * y[1] * abs(y[1])) / m])
 
-    rows = [np.zeros(2)]
-    for force in held:
-        k1 = slope(rows[-1], force)
-        k2 = slope(rows[-1] + 0.5 * STEP * k1, force)
-        k3 = slope(rows[-1] + 0.5 * STEP * k2, force)
-        k4 = slope(rows[-1] + STEP * k3, force)
+    rows, points = [np.zeros(2)], np.interp(np.linspace(0.0, 2.0, round(2.0 / STEP) + 1), TIME, force)
+    for begin, end in pairwise(points.tolist()):
+        k1 = slope(rows[-1], begin)
+        k2 = slope(rows[-1] + 0.5 * STEP * k1, 0.5 * (begin + end))
+        k3 = slope(rows[-1] + 0.5 * STEP * k2, 0.5 * (begin + end))
+        k4 = slope(rows[-1] + STEP * k3, end)
         rows.append(rows[-1] + STEP / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4))
     return np.array(rows)[:: round(0.01 / STEP), 0]
 
@@ -123,7 +122,7 @@ def test_estimates_and_errors_equal_those_of_scipy(identify: Identify) -> None:
 
 def test_incomplete_model_is_reported_and_fails_on_other_data(identify: Identify) -> None:
     other = 4.0 * np.sin(2.0 * TIME)
-    held_out = data(motion(**TRUE, held=np.interp(STEP + np.arange(0.0, 2.0, STEP), TIME, other)), other)
+    held_out = data(motion(**TRUE, force=other), other)
     second = ec.Experiment("second", held_out["measured"], {"input": held_out["input"]}, held_out=True)
     without = {name: RANGES[name] for name in ("Cart.m", "Cart.b")}
     x = noisy()

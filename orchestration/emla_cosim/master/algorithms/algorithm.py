@@ -136,8 +136,9 @@ class Algorithm(ABC):
         """
         for each in program:
             check_instruction(each, len(self.network.instances))
-            if isinstance(each, Operation):
-                self._sample(each)
+        operations = [x for x in program if isinstance(x, Operation)]
+        for each in operations:
+            self._sample(each, operations)
         names, count = name_own_vectors(program), len(self.network.signals)
         self.known = self._find_known(program)
         self.program = step_first(program, self.known)
@@ -179,13 +180,13 @@ class Algorithm(ABC):
         for group in self.groups:
             group.jacobian = move(group.jacobian)
 
-    def _sample(self, operation: Operation) -> None:
+    def _sample(self, operation: Operation, operations: Sequence[Operation]) -> None:
         """Take the step multiple of an operation as that of its instance."""
         i, every = operation.instance, operation.every
         if not every:
             return
         name = self.network.instances[i].name
-        others = {x.every for x in self.operations if x.instance == i}
+        others = {x.every for x in operations if x.instance == i}
         if not 1 <= every <= MOST or len(others) > 1:
             raise CommandError(
                 f"the operations of {name} are done every {', '.join(map(str, sorted(others)))} steps; "
@@ -246,6 +247,7 @@ class Algorithm(ABC):
             stop_time: in s; None for a run without a fixed end.
         """
         initialize(self.network, start_time, stop_time)
+        self.exchange.find_whose_outputs_follow()
         self.exchange.begin(start_time)
         for store in self.stores.values():
             store[:] = self.network.signals
@@ -266,7 +268,7 @@ class Algorithm(ABC):
         lagging = [
             self.network.instances[i].name
             for i in sorted(self.exchange.find_followed())
-            if self.exchange.history.follows[i] < 0.0
+            if not self.exchange.follows[i]
         ]
         if not lagging:
             return []

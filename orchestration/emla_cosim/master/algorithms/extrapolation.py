@@ -25,9 +25,15 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...base.arrays import Indices, Vector
+from ...base.errors import RunError
+from ..instances.fmu_instance import FmuInstance
 from ..network import Link, Network
+
+TRIAL = 1e-3
+"""Change of an input, relative to its size, that shows whether outputs follow it."""
 
 EXTRAPOLATIONS = ("none", "master", "fmu")
 """Names of the ways to treat inputs during a step."""
@@ -77,8 +83,6 @@ class History:
         before: Per instance, the time in s of its signals in `previous`.
         taken: Per input of instances with a step multiple, the signal that it read last.
         taken_at: The times in s of these signals.
-        follows: Per instance, whether its outputs follow known inputs that are set after a step: 1 if they
-            do, -1 if they do not, between if that is not decided yet.
     """
 
     previous: Vector
@@ -86,7 +90,6 @@ class History:
     before: Vector
     taken: Vector
     taken_at: Vector
-    follows: Vector
 
 
 class Exchange:
@@ -107,9 +110,11 @@ class Exchange:
         self.modes = [int(_mode(extrapolation, instance.interpolates)) for instance in network.instances]
         self.derivatives: Vector = np.zeros(len(network.inputs))
         taken = len(network.inputs)
-        self.history = History(*(np.zeros(n) for n in (size, count, count, taken, taken, count)))
+        self.history = History(*(np.zeros(n) for n in (size, count, count, taken, taken)))
         self.known: list[Indices] = [np.zeros(len(x.inputs), dtype=np.intp) for x in network.instances]
         """Per instance, what its inputs read, as numbers of `Known`."""
+        self.follows = np.zeros(count, dtype=np.int32)
+        """Per instance, whether its outputs follow known inputs that are set after a step."""
         self.rare = [False] * count
         """Per instance, whether it reads its inputs more rarely than each step."""
 
@@ -159,8 +164,18 @@ class Exchange:
 
     def find_followed(self) -> set[int]:
         """Return the instances with outputs that depend directly on the mean of a known signal."""
-        links = self.network.links
-        return {x.target for x in links if x.direct and self.known[x.target][x.input] == Known.MEAN}
+        means = [x for x in self.network.links if self.known[x.target][x.input] == Known.MEAN]
+        return {x.target for x in means if x.direct or x.shows}
+
+    def find_whose_outputs_follow(self) -> None:
+        """Find out which FMUs compute their outputs anew after known inputs were set; call it before steps.
+
+        Some keep the outputs of their step, and FMI 2.0 lets them refuse to be read. So this is tried on a
+        copy of the state.
+        """
+        for i in self.find_followed():
+            instance = self.network.instances[i]
+            self.follows[i] = instance.rolls_back and _follows(instance, self.known[i] == Known.MEAN)
 
     def describe_known(self) -> dict[str, str]:
         """Return what each input with a known signal reads, by the name of its connection."""
@@ -189,6 +204,26 @@ class Exchange:
             moves = self.smooth[self.network.sources[i]] & self.network.instances[i].continuous_inputs
             follows[moves] *= 0.5
         return follows
+
+
+def _follows(instance: FmuInstance, known: NDArray[np.bool_]) -> bool:
+    """Return whether outputs change with these inputs although no step is done; all is then as before."""
+    state, inputs, outputs = instance.save(), instance.inputs.copy(), instance.outputs.copy()
+    try:
+        for sign in (1.0, -1.0):  # one of the values may be out of range
+            instance.inputs[known] += sign * TRIAL * (1.0 + np.abs(inputs[known]))
+            try:
+                instance.set_inputs()
+                instance.get_outputs()
+                return not np.array_equal(outputs, instance.outputs)
+            except RunError:
+                continue
+            finally:
+                instance.inputs[:], instance.outputs[:] = inputs, outputs
+                instance.restore(state)
+        return False
+    finally:
+        instance.forget(state)
 
 
 def _mode(extrapolation: str, interpolates: bool) -> Mode:

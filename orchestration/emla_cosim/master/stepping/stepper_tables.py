@@ -92,6 +92,7 @@ class StepperTables:
         stepper.groups, stepper.group_count = self._keep(self._groups()), len(algorithm.groups)
         self._fill_program()
         stepper.read, stepper.read_count = self._keep(network.read.astype(np.int32)), len(network.read)
+        stepper.follows = self._keep(algorithm.exchange.follows)  # filled in when the run begins
         observers = self._observers()
         stepper.observers, stepper.observer_count = self._keep(observers), len(observers)
         stepper.observed, stepper.observed_count = self._keep(observer.values), len(observer.values)
@@ -104,7 +105,6 @@ class StepperTables:
         stepper.taken, stepper.taken_at = history.taken.ctypes.data, history.taken_at.ctypes.data
         stepper.input_values = self._keep(network.inputs)
         stepper.derivatives = self._keep(algorithm.exchange.derivatives)
-        stepper.follows = history.follows.ctypes.data
         stepper.first_span = FIRST_STORE + len(algorithm.stores) - (len(SPANS) if algorithm.known else 0)
         stepper.largest = algorithm.scale.largest.ctypes.data
         stepper.activity = ctypes.addressof(crash_page.current_activity())
@@ -184,7 +184,6 @@ class StepperTables:
             m == Mode.HOLD and not exchange.has_known(i) for i, m in enumerate(exchange.modes)
         ]
         records["has_slopes"] = [exchange.has_slopes(i) for i in every]
-        records["is_followed"] = np.isin(every, list(exchange.find_followed()))
         records["has_no_way_back"] = [i not in saved for i in every]
         self._fill_calls(records)
         if self.passing is None:

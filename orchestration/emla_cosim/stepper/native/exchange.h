@@ -99,62 +99,26 @@ ALWAYS_INLINE static int32_t get_signals(Stepper *s, int32_t i) {
     return is_bad(status) ? fail(s, GET_FAILED, i, status) : DONE;
 }
 
-/* Set the inputs that had the mean of a known signal in the step to its value at the end; returns whether that
-   changed one of them. */
-static int set_ends(Stepper *s, const FmuInstance *instance, int32_t *status) {
-    const int32_t last = instance->first_input + instance->n_inputs;
-    int is_changed = 0;
-    for (int32_t j = instance->first_input; j < last; j++) {
-        const Input *input = &s->inputs[j];
-        if (input->known != KNOWN_MEAN) continue;
-        const double value = input->factor * s->stores[SIGNALS][input->signal] + input->offset;
-        is_changed = is_changed || value != s->input_values[j];
-        s->input_values[j] = value;
-    }
-    const int64_t start = start_clock(instance->effort);
-    *status = set_values(s, instance->setters, instance->n_setters, s->input_values);
-    stop_clock(instance->effort, INPUT_CALLS, start);
-    return is_changed;
-}
-
-#define FOLLOWS 1.0
-#define LAGS (-1.0)
-#define TRIAL 0.03125 /* so many steps of 1 decide that outputs lag */
-
 /* Get outputs that depend directly on a known input. The states took its mean over the step; outputs at the end of the
- * step belong to its value there. Some FMUs keep the outputs of their step whatever is set after it, and some refuse to
- * be read then: the first steps show it, and `follows` keeps it. Outputs of these are late by half a step.
- */
+   step belong to its value there. */
 NOINLINE static int32_t follow(Stepper *s, int32_t i) {
     const FmuInstance *instance = &s->instances[i];
-    double *now = s->stores[SIGNALS] + instance->first_output, *follows = &s->follows[i];
-    double *kept = s->stores[s->first_span + SPAN_BEGIN] + instance->first_output; /* its own signals are not known */
-    const size_t size = (size_t)instance->n_outputs * sizeof(double);
-    int32_t status = fmi2OK;
-    if (*follows < FOLLOWS) {
-        const int32_t failure = get_signals(s, i);
-        if (failure != DONE || *follows <= LAGS) return failure;
-        memcpy(kept, now, size);
-        const int is_changed = set_ends(s, instance, &status);
-        if (is_bad(status) || get_signals(s, i) != DONE) {
-            memcpy(now, kept, size);
-            s->status = fmi2OK;
-            *follows = LAGS;
-        } else if (memcmp(now, kept, size) != 0) {
-            *follows = FOLLOWS;
-        } else if (is_changed) {
-            *follows -= TRIAL;
-        }
-        return DONE;
+    const int32_t last = instance->first_input + instance->n_inputs;
+    for (int32_t j = instance->first_input; j < last; j++) {
+        const Input *input = &s->inputs[j];
+        if (input->known == KNOWN_MEAN)
+            s->input_values[j] = input->factor * s->stores[SIGNALS][input->signal] + input->offset;
     }
-    set_ends(s, instance, &status);
+    const int64_t start = start_clock(instance->effort);
+    const int32_t status = set_values(s, instance->setters, instance->n_setters, s->input_values);
+    stop_clock(instance->effort, INPUT_CALLS, start);
     return is_bad(status) ? fail(s, SET_FAILED, i, status) : get_signals(s, i);
 }
 
 ALWAYS_INLINE static int32_t get_outputs(Stepper *s, int32_t i) {
     const FmuInstance *instance = &s->instances[i];
     if (instance->n_outputs == 0) return DONE;
-    return instance->is_followed ? follow(s, i) : get_signals(s, i);
+    return s->follows[i] ? follow(s, i) : get_signals(s, i);
 }
 
 /* Move the signals of an instance to the history, before those of `time`. */

@@ -106,7 +106,6 @@ typedef struct { /* first what each step reads */
     int32_t is_rare;         /* whether it reads inputs more rarely than each step */
     int32_t is_held;         /* whether all its inputs are the newest signals */
     int32_t has_slopes;      /* whether it gets derivatives of its inputs */
-    int32_t is_followed;     /* whether outputs depend directly on an input with KNOWN_MEAN */
     int32_t code_derivatives, code_save, code_restore, code_status;
     Function set_derivatives, get_state, set_state;
     Function get_status;                  /* fmi2GetBooleanStatus; NULL without it */
@@ -206,6 +205,7 @@ typedef struct {
     const Term *terms;
     const Group *groups;
     const int32_t *read;   /* signals that must be finite */
+    const int32_t *follows; /* for each instance, whether outputs follow known inputs that are set after a step */
     const Call *observers; /* of variables that are recorded besides the signals */
     double coupling_tolerance;
     int32_t n_signals, n_operations, n_groups, n_read, n_observers, n_observed;
@@ -217,7 +217,6 @@ typedef struct {
     double *at, *before;   /* times of these, for each instance */
     double *input_values, *derivatives;
     double *taken, *taken_at; /* signal that an input with a rare reader read last, and its time */
-    double *follows; /* for each instance, whether outputs follow inputs that are set after a step: see follow() */
     double *largest;          /* absolute values of the signals so far */
     double *observed;
     Activity *activity; /* NULL if nobody reads it */
