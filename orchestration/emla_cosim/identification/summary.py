@@ -39,7 +39,7 @@ def format_step_change(one: Estimate) -> str:
     """Return the change of an estimate by half the step, in standard errors; empty without an error."""
     if one.error is None:
         return ""
-    return "not judged" if one.step_change is None else f"{one.step_change:+.3g}"
+    return "not judged" if one.step_change is None else f"{one.step_change:.2f}"
 
 
 def describe_residuals(one: Fit) -> str:
@@ -51,8 +51,7 @@ def describe_residuals(one: Fit) -> str:
 
 def _estimates(result: IdentificationResult) -> Table:
     table = Table(title=escape(f"Estimates of {result.name}"), title_justify="left")
-    heads = ("", "start", "estimate", "± standard error", "95 % interval", "", "half step / std. errors")
-    for head in heads:
+    for head in ("", "start", "estimate", "std. error", "95 % interval", "", "½ step"):
         table.add_column(head, justify="left" if not head else "right", overflow="fold")
     for one in result.estimates:
         error = "" if one.error is None else f"{one.error:.2g}"

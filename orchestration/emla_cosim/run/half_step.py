@@ -22,6 +22,9 @@ SEEDS: list[Callable[[Mapping[str, float]], Collection[str]]] = []
 _PARTS = tuple(n * 10**k for k in range(3) for n in (2, 5, 10))
 """Numbers of parts of a step to suggest: 2, 5, 10, ..., 1000."""
 
+_NAMED = 3
+"""Most components that sample that a suggestion names: those of a joint."""
+
 
 class NotHalvedError(CosimError):
     """Half the step would change more than the error of the coupling; the message has no full stop."""
@@ -55,10 +58,19 @@ class HalfStep:
         if parts is None:
             smaller = f"choose a --step-size far below {self.step / _PARTS[-1]:g}"
         else:
-            sampled = (f" --step-multiple {name}={parts * n}" for name, n in self.samplers.items())
-            smaller = f"set --step-size {self.step / parts:g}{''.join(sampled)}"
+            smaller = f"set --step-size {self.step / parts:g}{self._list_multiples(parts)}"
         # a sampled controller would see lines in place of samples
         return f"{smaller} or --extrapolation fmu" if self.is_held and not self.samplers else smaller
+
+    def _list_multiples(self, parts: int) -> str:
+        """Return the options with which samplers keep their sampling times in steps of 1 / `parts`."""
+        if len(self.samplers) > _NAMED:
+            some = next(iter(self.samplers))
+            return (
+                f" and {parts} times the step multiples of the {len(self.samplers)} components that sample, "
+                f"such as --step-multiple {some}={parts * self.samplers[some]}"
+            )
+        return "".join(f" --step-multiple {name}={parts * n}" for name, n in self.samplers.items())
 
 
 def halve_step(simulation: Simulation, options: Mapping[str, Any]) -> HalfStep:
