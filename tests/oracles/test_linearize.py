@@ -1,5 +1,8 @@
 """Frequency responses and margins equal closed forms."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -27,11 +30,11 @@ def closed() -> ec.System:
     return ec.System.of({"cart": LinearizedCart, "gain": LinearizedGain}, WIRES)
 
 
-def loop_gain(frequency: np.ndarray) -> np.ndarray:
+def loop_gain(frequency: np.ndarray, step: float = STEP) -> np.ndarray:
     """L of the sampled double integrator with a zero-order hold, and state feedback."""
-    z = np.exp(2j * np.pi * frequency * STEP)
-    position = STEP**2 / 2.0 * (z + 1.0) / (z - 1.0) ** 2
-    return 4.0 * position + 4.0 * STEP / (z - 1.0)
+    z = np.exp(2j * np.pi * frequency * step)
+    position = step**2 / 2.0 * (z + 1.0) / (z - 1.0) ** 2
+    return 4.0 * position + 4.0 * step / (z - 1.0)
 
 
 OPTIONS = {"stop_time": 20.0, "step_size": STEP, "at": 2.0, "duration": 15.0}
@@ -47,6 +50,45 @@ def test_loop_gain_equals_that_of_the_sampled_system(place: str) -> None:
     assert found.phase_deg == pytest.approx(right.phase_deg, abs=0.1)
     assert found.Ms == pytest.approx(right.Ms, rel=1e-2)
     assert result.rolled_back
+
+
+def test_half_the_step_changes_margins_as_the_hold_does() -> None:
+    """The hold costs a phase of half a step at the crossover; a remark suggests a step for 2 %."""
+    step = 0.04
+    options = {**OPTIONS, "open": "gain.force->cart.force", "step_size": step}
+    result = ec.linearize(closed(), **options)
+    (measured,) = result.responses.values()
+    frequency = np.geomspace(0.05, 5.0, 5000)
+    whole, halved = (compute_margins(frequency, loop_gain(frequency, h)) for h in (step, 0.5 * step))
+    found, changed = measured.margins, measured.margins_at_half_step
+    assert found is not None and changed is not None and measured.step_change is not None
+    assert changed.phase_deg - found.phase_deg == pytest.approx(halved.phase_deg - whole.phase_deg, rel=0.05)
+    assert changed.phase_at - found.phase_at == pytest.approx(halved.phase_at - whole.phase_at, abs=2e-3)
+    assert changed.phase_deg - found.phase_deg > 2.0
+    (remark,) = result.remarks
+    assert "half the step changes the phase margin by +2." in remark and "--extrapolation fmu" in remark
+    suggested = re.search(r"--step-size (\S+) ", remark)
+    assert suggested is not None
+    better = ec.linearize(closed(), **{**options, "step_size": float(suggested[1])})
+    assert better.remarks == ()
+
+
+def test_digital_controller_keeps_its_margins(fmu_folder: Path) -> None:
+    """All that its loop exchanges is sampled; so does a controller that a step multiple makes slower."""
+    options = {"open": "lift", "at": 0.2, "duration": 0.1, "stop_time": 0.4, "fmus": fmu_folder}
+    (whole,) = ec.linearize("lift", **options).responses.values()
+    assert whole.margins == whole.margins_at_half_step and whole.step_change == 0.0
+    multiples = {f"lift.{name}": 2 for name in ("disturbance", "observer", "controller")}
+    finer = ec.linearize("lift", step_size=5e-5, step_multiples=multiples, **options)
+    (same,) = finer.responses.values()
+    assert same.margins == whole.margins and finer.step == 1e-4
+
+
+def test_step_is_not_judged_with_a_reason() -> None:
+    (remark,) = ec.linearize(
+        "lift", open="lift", stop_time=0.4, duration=0.15, set={"lift.plant.sensor.sigma": 1e-9}
+    ).remarks
+    assert remark.startswith("The step is not judged: lift.plant draws random numbers in each step")
 
 
 def test_response_to_a_free_input_has_two_integrators() -> None:

@@ -53,6 +53,7 @@ class Estimate:
         interval: interval of 95 %; None if it is not identified.
         problem: why it is not identified; None if it is.
         profile: interval of the profile likelihood, if asked for; an end is None where the range ends before.
+        step_change: change of the estimate by half the step, in standard errors; None if it was not judged.
     """
 
     name: str
@@ -65,6 +66,7 @@ class Estimate:
     interval: tuple[float, float] | None = None
     problem: str | None = None
     profile: tuple[float | None, float | None] | None = None
+    step_change: float | None = None
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from ..views.pages.page import Plots, render_template
 from ..views.plots.style import embed
 from .pictures import draw_certainty, draw_fit
 from .result import IdentificationResult
-from .summary import describe_residuals, format_interval
+from .summary import describe_residuals, format_interval, format_step_change
 
 
 def render_page(result: IdentificationResult) -> str:
@@ -17,5 +17,6 @@ def render_page(result: IdentificationResult) -> str:
         fit=embed(draw_fit(result)),
         certainty=embed(draw_certainty(result)),
         interval=format_interval,
+        step_change=format_step_change,
         residuals=describe_residuals,
     )

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.arrays import Vector
-from .measurement import MeasuredSignal
+from .measurement import EXACT, MeasuredSignal
 from .prediction import Prediction, Predictor, predict_samples
 
 _FIRST_STEP = 1e-3
@@ -95,6 +95,26 @@ class Problem:
             for batch in self.predictor.batches(points, self.fitted)
             for point, found in zip(batch, self.predictor.predict(batch, self.fitted), strict=True)
         ]
+
+    def halve_step(self, point: Vector) -> Vector | str:
+        """Return the residuals at a point with half the step, or why they cannot be judged."""
+        (found,) = self.predictor.predict([point], self.fitted, is_halved=True)
+        failures = [prediction for prediction in found.values() if isinstance(prediction, str)]
+        if failures:
+            return failures[0]
+        residuals = self._weigh(point, found)
+        assert residuals is not None  # as each run has a result
+        return residuals
+
+    def is_exact(self, residuals: Vector) -> bool:
+        """Return whether the predictions differ from all measured signals by rounding only."""
+        at = 0
+        for one in self.samples:
+            of = residuals[at : at + len(one.time)] * self.sigma[one.signal]
+            if _length(of) > EXACT * _length(one.values - one.values.mean()):
+                return False
+            at += len(one.time)
+        return True
 
     def differences(
         self, point: Vector, predictions: Mapping[int, Prediction], i: int

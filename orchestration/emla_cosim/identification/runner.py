@@ -43,6 +43,7 @@ from .prediction import InterruptedRunsError, Predictor
 from .problem import UNSURE, Derivatives, Problem
 from .profile import profile as profile_interval
 from .result import IdentificationResult
+from .step_influence import judge_step
 
 _MEASURED = "measured"
 """Name of the experiment of `measured`."""
@@ -321,7 +322,7 @@ class _Identification:
         """Run the whole identification."""
         if self.task.plan.design:
             return self._design(predictor)
-        plan, parameters = self.task.plan, self.task.parameters
+        plan = self.task.plan
         fitted = [i for i, one in enumerate(plan.experiments) if not one.held_out]
         sigma = self._first_sigma(fitted)
         problem = Problem(predictor, fitted, sigma)
@@ -335,19 +336,9 @@ class _Identification:
             notes = self._describe_unevenness(slopes)
             (residuals,) = problem.residuals([best.point])
             assert residuals is not None
-            lengths = [len(one.time) for one in problem.samples]
-            certainty = judge(
-                parameters,
-                best.point,
-                residuals,
-                slopes.matrix,
-                lengths,
-                slopes.change,
-                plan.loss,
-                problem.blocked,
-                slopes.unevenness,
-            )
+            certainty, judgement = self._judge(problem, best.point, residuals, slopes)
             certainty = self._profiled(problem, best.point, certainty)
+            notes += judgement
         except InterruptedRunsError:
             return self._interrupted(estimator, problem)
         self.reporter.finish()
@@ -410,6 +401,34 @@ class _Identification:
             values = [None if x is None else one.value(x) for x in ends]
             estimates[i] = replace(estimates[i], profile=(values[0], values[1]))
         return replace(found, estimates=estimates)
+
+    def _judge(
+        self, problem: Problem, point: Vector, residuals: Vector, slopes: Derivatives
+    ) -> tuple[Certainty, list[str]]:
+        """Return the certainty of the estimates, and a note if the step makes them or cannot be judged."""
+        parameters, loss = self.task.parameters, self.task.plan.loss
+        lengths = [len(one.time) for one in problem.samples]
+
+        def assess(of: Vector) -> Certainty:
+            return judge(
+                parameters,
+                point,
+                of,
+                slopes.matrix,
+                lengths,
+                slopes.change,
+                loss,
+                problem.blocked,
+                slopes.unevenness,
+            )
+
+        if problem.is_exact(residuals):
+            return assess(residuals), ["the step is not judged: the fit is exact, residuals are rounding"]
+        halved = problem.halve_step(point)
+        if isinstance(halved, str):
+            return assess(residuals), [f"the step is not judged: {halved.rstrip('.')}"]
+        half = max(problem.predictor.half_steps.values(), key=lambda half: half.step)
+        return judge_step(parameters, point, residuals, halved, slopes.matrix, loss, half, assess)
 
     def _interrupted(self, estimator: Estimator, problem: Problem) -> IdentificationResult:
         if estimator.best is None:

@@ -35,6 +35,13 @@ def format_interval(one: Estimate) -> str:
     return "not identified" if one.interval is None else f"{one.interval[0]:.5g} … {one.interval[1]:.5g}"
 
 
+def format_step_change(one: Estimate) -> str:
+    """Return the change of an estimate by half the step, in standard errors; empty without an error."""
+    if one.error is None:
+        return ""
+    return "not judged" if one.step_change is None else f"{one.step_change:.2f}"
+
+
 def describe_residuals(one: Fit) -> str:
     """Return what the residuals of a fit still contain."""
     if one.related_input is not None:
@@ -44,7 +51,7 @@ def describe_residuals(one: Fit) -> str:
 
 def _estimates(result: IdentificationResult) -> Table:
     table = Table(title=escape(f"Estimates of {result.name}"), title_justify="left")
-    for head in ("", "start", "estimate", "± standard error", "95 % interval", ""):
+    for head in ("", "start", "estimate", "std. error", "95 % interval", "", "½ step"):
         table.add_column(head, justify="left" if not head else "right", overflow="fold")
     for one in result.estimates:
         error = "" if one.error is None else f"{one.error:.2g}"
@@ -55,6 +62,7 @@ def _estimates(result: IdentificationResult) -> Table:
             error,
             format_interval(one),
             escape(one.unit),
+            format_step_change(one),
         )
     return table
 

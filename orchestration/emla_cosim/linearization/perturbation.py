@@ -1,6 +1,10 @@
 """Perturb one input of a running system, and return how signals change because of it."""
 
+import math
+from collections.abc import Mapping
 from dataclasses import replace
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
@@ -9,8 +13,11 @@ from ..base.errors import CommandError, RunError
 from ..master.algorithms.snapshot import Snapshot
 from ..master.network import Network
 from ..master.stepping.fixed_steps import FixedSteps
+from ..master.stepping.stepping_base import ROUNDING
 from ..run.simulation import Simulation
 from .places import Place, ResolvedPlace, find_described, resolve_place
+
+NO_OPTIONS: Mapping[str, Any] = MappingProxyType({})
 
 
 class Perturbation:
@@ -20,36 +27,53 @@ class Perturbation:
     difference. The state is restored where all FMUs can do that; otherwise the run is repeated from its
     start.
 
+    A sample is a step, or the step multiple of the components that sample. Other components do several
+    steps then, and pulses last as long as a sample.
+
     Attributes:
         at: Time of the operating point in s.
-        count: Number of steps of the stretch.
-        step: Step size in s.
+        count: Number of samples of the stretch.
+        step: Sample time in s.
         rolls_back: Whether the state is restored.
     """
 
-    def __init__(self, simulation: Simulation, at: float, count: int) -> None:
+    def __init__(
+        self, simulation: Simulation, at: float, duration: float, options: Mapping[str, Any] = NO_OPTIONS
+    ) -> None:
         """Run up to the operating point.
 
         Args:
             simulation: The prepared system.
-            at: Time of the operating point in s.
-            count: Number of steps of the stretch.
+            at: Time of the operating point in s; it is moved back to a sample.
+            duration: Length of the stretch in s.
+            options: Options of the runs that differ from those of the simulation.
 
         Raises:
-            CommandError: The steps are not all of one length for all components.
+            CommandError: The steps have no fixed length, or components do not sample at the same times.
             RunError: The run fails before the operating point.
         """
-        self._simulation, self.at, self.count = simulation, at, count
-        self._begin()
+        self._simulation, self._options = simulation, options
+        simulation.start(recorders=[], **options)
         stepping = simulation.stepping
         algorithm = stepping.algorithm
-        slow = (algorithm.multiples > 1).any()
-        if not isinstance(stepping, FixedSteps) or slow:
+        samplers = [c.name for c in simulation.system.components if c.samples]
+        multiples = {
+            int(multiple)
+            for instance, multiple in zip(algorithm.network.instances, algorithm.multiples, strict=True)
+            if multiple > 1 or instance.name in samplers
+        }
+        if not isinstance(stepping, FixedSteps) or len(multiples) > 1:
             raise CommandError(
-                "a frequency response needs steps of one length for all components; leave out step-size "
-                "control and step multiples."
+                "a frequency response needs fixed steps, and one step multiple for all components that "
+                "sample; leave out step-size control and other step multiples."
             )
-        self.step = stepping.times.step
+        times = stepping.times
+        self._steps = next(iter(multiples), 1)
+        self.step = self._steps * times.step
+        self.count = round(duration / self.step)
+        samples = math.floor((at - times.start) / self.step + ROUNDING)
+        self.at = times.point(samples * self._steps)
+        self._reach()
         self.rolls_back = all(s.rolls_back for s in algorithm.network.instances)
         self._snapshot = Snapshot(algorithm) if self.rolls_back else None
         if self._snapshot is not None:
@@ -99,15 +123,15 @@ class Perturbation:
         return self._undisturbed[place]
 
     def respond(self, place: ResolvedPlace, amplitude: float, at: int = 0) -> Vector:
-        """Return the change of the signal at a place by a pulse that lasts one step.
+        """Return the change of the signal at a place by a pulse that lasts one sample.
 
         Args:
             place: Input to perturb, and signal to read.
             amplitude: Height of the pulse in the unit of the input.
-            at: Step of the pulse.
+            at: Sample of the pulse.
 
         Returns:
-            Change during each step for an input; after each step for an output. Shape (count,).
+            Change during each sample for an input; after each sample for an output. Shape (count,).
 
         Raises:
             RunError: A step fails.
@@ -116,7 +140,10 @@ class Perturbation:
         return self._repeat(place, amplitude, at) - before
 
     def _begin(self) -> None:
-        self._simulation.start(recorders=[])
+        self._simulation.start(recorders=[], **self._options)
+        self._reach()
+
+    def _reach(self) -> None:
         self._simulation.advance(self.at)
         check_reached(self._simulation, self.at)
 
@@ -131,12 +158,16 @@ class Perturbation:
         self._rewind()
         stepping, values = self._stepping, np.empty(self.count)
         network = stepping.algorithm.network
+        waits = stepping.algorithm.multiples[place.instance] > 1
+        read = np.empty(self._steps)
         for k in range(self.count):
-            stepping.repeat_step(place.instance, place.input, amplitude if k == at else 0.0)
-            if place.output is None:
-                values[k] = network.instances[place.instance].inputs[place.input]
-            else:
+            for j in range(self._steps):
+                stepping.repeat_step(place.instance, place.input, amplitude if k == at else 0.0)
+                read[j] = network.instances[place.instance].inputs[place.input]
+            if place.output is not None:
                 values[k] = network.signals[place.output]
+            else:  # a component that waits reads its inputs in the last of these steps
+                values[k] = read[-1] if waits else read.mean()
         return values
 
     @property

@@ -21,6 +21,9 @@ class Measured:
         nonlinearity: Difference between the responses to two pulses of other size and sign, relative.
         drift: Difference between the responses to two pulses, the second one a step later, relative.
         margins: Margins of an opened loop; None for other responses.
+        margins_at_half_step: The same with half the step; None if the step was not judged.
+        step_change: Change of the response by half the step, relative: root mean square over the frequencies
+            up to a tenth of the sample rate; None if the step was not judged.
     """
 
     response: FrequencyResponse
@@ -28,6 +31,8 @@ class Measured:
     nonlinearity: float
     drift: float
     margins: Margins | None = None
+    margins_at_half_step: Margins | None = None
+    step_change: float | None = None
 
 
 @dataclass(frozen=True)
@@ -102,4 +107,8 @@ def _record(measured: Measured) -> dict[str, Any]:
         "drift": measured.drift,
         "unit": measured.response.unit,
         "margins": None if measured.margins is None else asdict(measured.margins),
+        "margins_at_half_step": (
+            None if measured.margins_at_half_step is None else asdict(measured.margins_at_half_step)
+        ),
+        "step_change": measured.step_change,
     }

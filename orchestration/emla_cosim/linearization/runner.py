@@ -29,6 +29,7 @@ from .perturbation import Perturbation, check_reached
 from .places import Place, default_openings, parse_opening
 from .response import FrequencyResponse, choose_frequencies
 from .result import LinearizeResult, Measured
+from .step_influence import judge_step
 
 SAMPLES = 2000
 """Default length of a response in steps."""
@@ -120,14 +121,14 @@ def linearize(
                 names = _texts(perturb), _texts(read), _texts(free)
                 result = _compute_matrices(scenario, simulation, *names, at, steady)
         else:
-            start, count = _stretch(scenario, at, duration)
+            start, length = _stretch(scenario, at, duration)
             ends = [
                 Fault(p.input, "offset", start=0.0, value=0.0) for p in places if _is_free(scenario.system, p)
             ]
             faults = [*scenario.options.fault, *{f.signal: f for f in ends}.values()]
             with scenario.prepare(told, fault=faults, set=values) as simulation:
                 try:
-                    result = _measure_all(scenario.name, simulation, places, start, count, amplitude, told)
+                    result = _measure_all(scenario.name, simulation, places, start, length, amplitude, told)
                 except CommandError as error:
                     if not openings:
                         raise
@@ -159,13 +160,13 @@ def measure_loops(
     Returns:
         What was measured for each loop, or the error that explains why there are no margins.
     """
-    start, count = _stretch(scenario, at, duration)
+    start, length = _stretch(scenario, at, duration)
     found = dict[str, Measured | CosimError]()
     try:
         with scenario.prepare(set={**values, **ideal_sensors(scenario.system)}) as simulation:
-            perturbation = Perturbation(simulation, start, count)
+            perturbation = Perturbation(simulation, start, length)
             try:
-                frequency = choose_frequencies(perturbation.step, count, _POINTS)
+                frequency = choose_frequencies(perturbation.step, perturbation.count, _POINTS)
                 for loop in loops:
                     try:
                         found[loop] = measure(perturbation, parse_opening(scenario.system, loop), frequency)
@@ -256,8 +257,8 @@ def _is_free(system: System, place: Place) -> bool:
     return all(x.input != own for x in system.into(component.name))
 
 
-def _stretch(scenario: Scenario, at: float | None, duration: float | None) -> tuple[float, int]:
-    """Return the operating point in s, on a communication point, and the number of steps after it."""
+def _stretch(scenario: Scenario, at: float | None, duration: float | None) -> tuple[float, float]:
+    """Return the operating point in s, on a communication point, and the length of the responses in s."""
     times = run_times(scenario.options, scenario.name)
     default = min(SAMPLES, times.steps // 2)
     count = default if duration is None else round(duration / times.step)
@@ -273,7 +274,7 @@ def _stretch(scenario: Scenario, at: float | None, duration: float | None) -> tu
             f"{count * times.step:g} s, and the run lasts from {times.start:g} s to {times.stop:g} s. Choose "
             "another time, a shorter duration or a later stop time."
         )
-    return times.point(first), count
+    return times.point(first), count * times.step
 
 
 def _measure_all(
@@ -281,24 +282,28 @@ def _measure_all(
     simulation: Simulation,
     places: Sequence[Place],
     at: float,
-    count: int,
+    duration: float,
     amplitude: float | None,
     told: Progress,
 ) -> LinearizeResult:
-    perturbation = Perturbation(simulation, at, count)
+    perturbation = Perturbation(simulation, at, duration)
     try:
         for place in places:
             perturbation.resolve(place)  # report wrong names before anything is measured
-        frequency = choose_frequencies(perturbation.step, count, _POINTS)
-        told.begin("measuring", len(places))
+        frequency = choose_frequencies(perturbation.step, perturbation.count, _POINTS)
+        told.begin("measuring", 2 * len(places))
         found = dict[str, Measured]()
         for place in places:
             found[place.label] = measure(perturbation, place, frequency, amplitude)
             told.advance(1)
-        remarks = tuple(text for label, m in found.items() for text in _remarks(label, m))
-        return LinearizeResult(name, at, perturbation.step, perturbation.rolls_back, found, remarks)
     finally:
         perturbation.close()
+    remarks = [text for label, m in found.items() for text in _remarks(label, m)]
+    found, judgement = judge_step(simulation, places, perturbation.at, duration, found)
+    told.advance(len(places))
+    remarks += judgement
+    at, step, rolls_back = perturbation.at, perturbation.step, perturbation.rolls_back
+    return LinearizeResult(name, at, step, rolls_back, found, tuple(remarks))
 
 
 def _remarks(label: str, measured: Measured) -> list[str]:

@@ -21,9 +21,10 @@ def format_margins(result: LinearizeResult) -> list[Table]:
     """Return a table of margins for each loop."""
     tables = []
     for name, margins in result.margins.items():
+        halved = result.responses[name].margins_at_half_step
         table = Table(title=escape(f"{name}, t = {result.at:g} s"), title_justify="left")
-        for heading in ("", "margin", "", "at / Hz"):
-            table.add_column(heading, justify="right" if heading in ("margin", "at / Hz") else "left")
+        for heading in ("", "margin", "", "at / Hz", "half step"):
+            table.add_column(heading, justify="right" if heading else "left")
         for label, value, at, unit, factor in _ROWS:
             found, where = getattr(margins, value), None if at is None else getattr(margins, at)
             is_known = math.isfinite(found)
@@ -32,9 +33,15 @@ def format_margins(result: LinearizeResult) -> list[Table]:
                 f"{factor * found:.4g}" if is_known else "none",
                 unit if is_known else "",
                 f"{where:.4g}" if is_known and where is not None else "",
+                "not judged" if halved is None else _change(factor * (getattr(halved, value) - found)),
             )
         tables.append(table)
     return tables
+
+
+def _change(difference: float) -> str:
+    """Return the change of a margin as text; empty if there is no margin before or after."""
+    return f"{difference:+.2g}" if math.isfinite(difference) else ""
 
 
 def format_poles(matrices: StateSpace) -> Table:
@@ -70,6 +77,7 @@ def format_lines(result: LinearizeResult) -> list[str]:
     how = "restored states" if result.rolled_back else "repeated runs, as not every FMU can restore its state"
     lines = [
         f"{name}: pulses of {m.amplitude:.3g}, nonlinearity {100.0 * m.nonlinearity:.2g} %"
+        + ("" if m.step_change is None else f", change by half the step {100.0 * m.step_change:.2g} %")
         for name, m in result.responses.items()
     ]
     return [*(f"Note: {text}" for text in result.remarks), *lines, f"Measured with {how}"]

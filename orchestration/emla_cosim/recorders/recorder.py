@@ -35,6 +35,7 @@ class Outline:
         bonds: power bonds by name.
         watched: whether steps have any length and not each of them has a row; `Stepping.watch` gets all.
         halved: whether each of these steps is done in two halves.
+        multiples: step multiples by component, without those that are 1.
         types: types of the signals by name; Real for those without an entry.
         texts: the texts of the run.
     """
@@ -51,6 +52,7 @@ class Outline:
     bonds: Mapping[str, Bond] = field(default_factory=dict)
     watched: bool = False
     halved: bool = False
+    multiples: Mapping[str, int] = field(default_factory=dict)
     types: Mapping[str, SignalType] = field(default_factory=dict)
     texts: Texts = field(default_factory=Texts)
 

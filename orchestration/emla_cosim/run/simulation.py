@@ -384,6 +384,13 @@ class Simulation:
                 {**bonds, **chosen.read_bonds()},
                 watched=not control.is_regular,
                 halved=control.is_halved,
+                multiples={
+                    instance.name: int(multiple)
+                    for instance, multiple in zip(
+                        assembly.network.instances, algorithm.multiples, strict=True
+                    )
+                    if multiple > 1
+                },
                 types={n: t for n, t in types.items() if t.is_discrete and place[n] not in assembly.shown},
                 texts=assembly.network.observer.texts,
             )

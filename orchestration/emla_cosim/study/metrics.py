@@ -34,6 +34,9 @@ STARTS_CONVERGED = 1e-6
 _ROUNDING = 1e-9
 """Tolerance in s for equal times."""
 
+_SAME_SAMPLE = 1e-6
+"""Tolerance for equal times as a part of a sample time."""
+
 
 @dataclass
 class JointFigures:
@@ -105,7 +108,10 @@ def joint_metrics(outline: Outline) -> "JointMetrics | None":
         CommandError: Roles or criteria are wrong.
     """
     check_roles(outline.roles, outline.names, outline.parameters)
-    metrics = JointMetrics(outline.names, outline.parameters, outline.roles, outline.criteria)
+    sampled = {name: n * outline.times.step for name, n in outline.multiples.items()}
+    metrics = JointMetrics(
+        outline.names, outline.parameters, outline.roles, outline.criteria, sampled, outline.times.start
+    )
     return metrics if metrics.joints else None
 
 
@@ -124,7 +130,19 @@ class JointMetrics(Metrics):
         parameters: Mapping[str, float] | None = None,
         roles: Mapping[str, str] | None = None,
         criteria: Mapping[str, float | str] | None = None,
+        sample_times: Mapping[str, float] | None = None,
+        start: float = 0.0,
     ) -> None:
+        """Prepare for the rows of a run.
+
+        Args:
+            names: Signals of a row.
+            parameters: Parameters by full name.
+            roles: Signals by joint and role.
+            criteria: Values of the option `criteria`.
+            sample_times: Sample times in s of components that do several steps at once, by name.
+            start: Start time of the run in s, which is the first sample.
+        """
         column = RoleNames((name, i + 1) for i, name in enumerate(names))
         known, given = RoleNames(parameters or {}), roles or {}
         told = list_given_joints(given)
@@ -145,6 +163,10 @@ class JointMetrics(Metrics):
             [[column.get(of[role] or "", -1) for of in signals.values()] for role in _ROLES], dtype=int
         ).reshape(len(_ROLES), len(signals))
         self._missing = self._columns < 0
+        estimates = [of["x_hat"] or "" for of in signals.values()]
+        self._estimated_every = np.array([_find_sample_time(name, sample_times or {}) for name in estimates])
+        """Time in s from one estimate of each joint's observer to the next; NaN if each row has one."""
+        self._first_estimate = start
         self._has_speed = ~(self._missing[_ROLES.index("v_d")])
         self._limits = LimitWatch(self._criteria, column, known, given)
         self._columns = np.array([*self._columns.ravel(), *self._limits.columns], dtype=int)
@@ -201,7 +223,7 @@ class JointMetrics(Metrics):
         with np.errstate(invalid="ignore", over="ignore"):
             error, speed_error = x - x_d, v - v_d
             distance, torques = np.abs(error), np.abs(torque)
-            values = (distance, np.abs(speed_error), torques, np.abs(x - x_hat))
+            values = (distance, np.abs(speed_error), torques, self._estimation_error(time, x - x_hat))
             limited = (control > 0.0) | (inverter > 0.0)
             moving = self._moving(x_d, v_d, steps)
         if not self._rows:
@@ -248,6 +270,18 @@ class JointMetrics(Metrics):
         return np.where(
             self._has_speed[:, np.newaxis], np.abs(v_d) > AT_REST, np.abs(changes) > AT_REST * steps
         )
+
+    def _estimation_error(self, time: Vector, error: Vector) -> Vector:
+        """Return the absolute error of each observer in m; -inf in rows at which it does not estimate.
+
+        Between its estimates an observer holds the last one. Its distance from a moving plant then is the
+        way since that time, which is no error of the observer.
+        """
+        size = np.abs(error)
+        for joint in np.flatnonzero(self._estimated_every > 0.0):
+            estimates = (time - self._first_estimate) / self._estimated_every[joint]
+            size[joint, np.abs(estimates - np.rint(estimates)) > _SAME_SAMPLE] = -np.inf
+        return size
 
     def _evaluate(
         self, time: Vector, steps: Vector, values: Sequence[Vector], moving: Mask, limited: Mask
@@ -402,6 +436,11 @@ _STATE = (
     "_peak",
     "_at_trip",
 )
+
+
+def _find_sample_time(signal: str, sample_times: Mapping[str, float]) -> float:
+    """Return the sample time in s of the component that has a signal; NaN without one."""
+    return next((s for component, s in sample_times.items() if signal.startswith(f"{component}.")), np.nan)
 
 
 def _inertia(joint: str, parameters: Mapping[str, float], roles: Mapping[str, str]) -> float:

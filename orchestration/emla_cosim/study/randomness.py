@@ -2,6 +2,8 @@
 
 from collections.abc import Callable, Mapping
 
+from ..base.patterns import matches_pattern
+
 SEED = "*.seed"
 """Pattern of the start values that seed random sequences."""
 
@@ -29,3 +31,8 @@ def is_random(seed: str, value: Callable[[str], float | None]) -> bool:
             low, high = [0.0, *(value(f"{place}{scale}") for scale in scales)][-2:]
             return low is None or high is None or low != high
     return True
+
+
+def find_seeds(parameters: Mapping[str, float]) -> list[str]:
+    """Return the full names of the seeds of sequences that have an effect, from all parameters."""
+    return [name for name in parameters if matches_pattern(name, SEED) and is_random(name, parameters.get)]

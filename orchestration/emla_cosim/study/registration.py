@@ -7,6 +7,7 @@ from importlib.resources import files
 from ..inputs.schedules import SCHEDULES
 from ..recorders.metrics import METRICS, TRACKED
 from ..run.followers import FOLLOWERS
+from ..run.half_step import SEEDS
 from ..run.requirements import RENAMED
 from ..run.scenarios.built_in import CHANGES, FOLLOWING, PLANS, READERS, REMARKS, SCENARIOS, SYSTEMS, TUNINGS
 from ..run.scenarios.scenario_file import KINDS, Kind
@@ -25,6 +26,7 @@ from .joints.schema import KEYS, KIND
 from .loads import load_metrics
 from .metrics import RENAMED as RENAMED_FIGURES
 from .metrics import joint_metrics
+from .randomness import find_seeds
 from .roles import find_tracked_joints
 from .schedules import scheduled_times
 from .sketch.film import ManipulatorAnimation
@@ -50,6 +52,8 @@ def register() -> None:
         REMARKS.append(remarks)
     if follow_plant_changes not in FOLLOWERS:
         FOLLOWERS.append(follow_plant_changes)
+    if find_seeds not in SEEDS:
+        SEEDS.append(find_seeds)
     if scheduled_times not in SCHEDULES:
         SCHEDULES.append(scheduled_times)
     KINDS[KIND] = Kind(KEYS, joint_scenario)

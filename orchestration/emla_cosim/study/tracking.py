@@ -63,13 +63,14 @@ class Tracking:
             time: Times in s, shape (rows,).
             steps: Time in s since the previous row, shape (rows,).
             values: Absolute position error in m, speed error in m/s, torque in N m and position error of the
-                observer in m, each of shape (joints, rows).
+                observer in m, each of shape (joints, rows). Values of -inf do not count.
             moving: Whether the reference moves, shape (joints, rows).
             limited: Whether the controller or the inverter is at a limit, shape (joints, rows).
         """
         error = values[0]
-        highest = [value.max(axis=1) for value in values]
-        self.largest[:4, joints] = np.fmax(self.largest[:4, joints], highest)
+        highest = np.array([value.max(axis=1) for value in values])
+        counted = np.where(highest == -np.inf, np.nan, highest)
+        self.largest[:4, joints] = np.fmax(self.largest[:4, joints], counted)
         squares = error * error
         for place, chosen in enumerate((moving, ~moving)):
             row = FOLLOWING + place

@@ -19,6 +19,7 @@ from ..master.instances.fmu_instance import DiscardedStepError
 from ..recorders.metrics import MetricsRecorder, describe_divergence
 from ..recorders.recorder import Outline, Recorder
 from ..recorders.time_series import TimeSeries
+from ..run.half_step import halve_step
 from ..run.lost_values import describe_lost_values
 from ..run.requirements import flatten_figures
 from ..run.result import Result
@@ -134,12 +135,15 @@ class VariantProcess:
     ) -> tuple[VariantOutcome, Result | None]:
         """Run one variant. Any error becomes its outcome."""
         recorders = [TimeSeries()] if measures.read or measures.expressions or measures.functions else []
-        status, problem = DONE, None
+        status, problem, half = DONE, None, None
         try:
             try:
-                simulation = self._simulation(group)
+                simulation, options = self._simulation(group), variant.options
+                if variant.is_halved:
+                    half = halve_step(simulation, options)
+                    options = {**options, **half.options}
                 result = simulation.run(
-                    recorders=recorders, signals=measures.reading(simulation.names), **variant.options
+                    recorders=recorders, signals=measures.reading(simulation.names), **options
                 )
                 problem = reason_not_held(result)
                 problem = " ".join(filter(None, (result.early_end, problem))) or None
@@ -156,7 +160,8 @@ class VariantProcess:
                 figures, status = {}, FAILED
                 problem = " ".join(filter(None, (problem, str(error))))
             cut_short = "requested_end" in result.record
-            return VariantOutcome(variant.number, status, problem, result.end_s, figures, cut_short), result
+            outcome = VariantOutcome(variant.number, status, problem, result.end_s, figures, cut_short, half)
+            return outcome, result
         except CosimError as error:
             return VariantOutcome(variant.number, REFUSED, str(error)), None
         except BaseException as error:  # from a user's metrics or algorithm

@@ -5,15 +5,17 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ..recorders.metrics import MetricDisplay
+from ..run.half_step import HalfStep
 from .data import DONE
 
 
 @dataclass(frozen=True)
 class Variant:
-    """One variant: its number, and its own options."""
+    """One variant: its number, its own options, and whether it runs with half the step of them."""
 
     number: int
     options: Mapping[str, Any]
+    is_halved: bool = False
 
 
 @dataclass(frozen=True)
@@ -22,6 +24,7 @@ class VariantOutcome:
 
     Attributes:
         cut_short: Whether an FMU asked to end the run before its stop time; its status is then "done".
+        half_step: How a variant with half the step was run.
     """
 
     number: int
@@ -30,6 +33,7 @@ class VariantOutcome:
     end_s: float | None = None
     figures: Mapping[str, Any] = field(default_factory=dict)
     cut_short: bool = False
+    half_step: HalfStep | None = None
 
     @property
     def complete(self) -> bool:

@@ -19,12 +19,15 @@ class Tuned:
         set: start values for `Simulation.run(set=...)`, by full name.
         training: score on the training seeds.
         validation: score on the validation seeds; None if these were not run.
+        half_step: score on the training seeds with half the step, over the cases that were judged; None if
+            the objective was not judged.
     """
 
     values: Mapping[str, Value | None]
     set: Mapping[str, Value]
     training: Score
     validation: Score | None = None
+    half_step: Score | None = None
 
     @property
     def ratio(self) -> float:
@@ -51,3 +54,4 @@ class TuneData:
     wall_s: float = 0.0
     folder: Path | None = None
     notes: Sequence[str] = ()
+    remarks: Sequence[str] = ()

@@ -12,6 +12,7 @@ from ..sweeps.targets import merge_options
 from ..sweeps.variants import Chunk, Variant, VariantOutcome
 from .loop_margins import LoopMargins
 from .score import Objective, Score
+from .step_influence import HalvedScore, score_halved
 
 
 @dataclass
@@ -43,6 +44,35 @@ class Evaluation:
         Raises:
             RunError: The cluster is lost.
         """
+        outcomes = self._run(candidates, seeds)
+        if outcomes is None:
+            return None
+        found = list[Score]()
+        for gains, ours in zip(candidates, outcomes, strict=True):
+            if any(self.loops) and self.objective.meets_measured(ours):
+                if self.interrupted():
+                    return None
+                ours = self._with_margins(gains.get("set", {}), ours)
+            found.append(self.objective.score(ours))
+        return found
+
+    def halve_step(self, gains: Mapping[str, Any], seeds: Sequence[int | None]) -> HalvedScore | None:
+        """Return the score of gains with half the step, without margins of loops; None after an interrupt.
+
+        Args:
+            gains: The options of the gains.
+            seeds: As for `scores`.
+
+        Raises:
+            RunError: The cluster is lost.
+        """
+        outcomes = self._run([gains], seeds, is_halved=True)
+        return None if outcomes is None else score_halved(self.objective, outcomes[0])
+
+    def _run(
+        self, candidates: Sequence[Mapping[str, Any]], seeds: Sequence[int | None], is_halved: bool = False
+    ) -> list[list[list[VariantOutcome]]] | None:
+        """Return the outcomes of each candidate by case and seed; None after an interrupt."""
         variants = {
             next(self._numbers): merge_options([gains, self._with_seed(seed), case])
             for gains, case, seed in itertools.product(candidates, self.cases, seeds)
@@ -53,22 +83,14 @@ class Evaluation:
             outcomes.update({outcome.number: outcome for outcome in chunk.outcomes})
 
         def variant(number: int) -> Variant:
-            return Variant(number, variants[number])
+            return Variant(number, variants[number], is_halved)
 
         work = [WorkPackage(0, list(variants))]
         if not self.executor.run(work, variant, self.measures, 0, keep, self.interrupted):
             return None
         self.runs += len(variants)
         ordered = iter(variants)
-        found = list[Score]()
-        for gains in candidates:
-            ours = [[outcomes[next(ordered)] for _ in seeds] for _ in self.cases]
-            if any(self.loops) and self.objective.meets_measured(ours):
-                if self.interrupted():
-                    return None
-                ours = self._with_margins(gains.get("set", {}), ours)
-            found.append(self.objective.score(ours))
-        return found
+        return [[[outcomes[next(ordered)] for _ in seeds] for _ in self.cases] for _ in candidates]
 
     def _with_margins(
         self, gains: Mapping[str, Any], outcomes: Sequence[Sequence[VariantOutcome]]

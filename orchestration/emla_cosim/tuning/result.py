@@ -31,6 +31,7 @@ class TuneResult(TuneData):
         wall_s: wall time in s.
         folder: output folder; None without one.
         notes: notes to read before the gains, without full stops.
+        remarks: what half the step changes, and what was not judged.
     """
 
     @property

@@ -35,6 +35,7 @@ from .preparation import TuningTask, prepare_task
 from .result import TuneResult
 from .score import Score
 from .search import Search
+from .step_influence import describe_step
 from .tracking import record_tracking_error
 
 
@@ -172,6 +173,7 @@ class _Tuning:
     notes: Sequence[str]
     rows: list[dict[str, Any]] = field(default_factory=list)
     began: float = field(default_factory=time.monotonic)
+    remarks: Sequence[str] = ()
 
     def run(self, plots: bool) -> TuneResult:
         """Run the whole tuning."""
@@ -187,6 +189,8 @@ class _Tuning:
         whole = self._search(training)
         if whole and validation:
             whole = self._validate(validation)
+        if whole and not self.best.training.lost:
+            whole = self._judge_step(training)
         result = self._save_progress(whole, plots)
         if self.folder is not None:
             self.folder.settle()
@@ -222,6 +226,15 @@ class _Tuning:
             replace(gains, validation=score)
             for gains, score in zip((self.start, self.best), scores, strict=True)
         )
+        return True
+
+    def _judge_step(self, seeds: Sequence[int | None]) -> bool:
+        """Run the best gains with half the step; return False after an interrupt."""
+        halved = self.evaluation.halve_step({"set": self.best.set}, seeds)
+        if halved is None:
+            return False
+        self.best = replace(self.best, half_step=halved.score)
+        self.remarks = describe_step(self.start, self.best, halved)
         return True
 
     def _seeds(self) -> tuple[list[int | None], list[int | None]]:
@@ -267,6 +280,7 @@ class _Tuning:
             time.monotonic() - self.began,
             None if self.folder is None else self.folder.path,
             self.notes,
+            self.remarks,
         )
         if self.folder is not None:
             self.folder.keep(
@@ -303,6 +317,7 @@ def _record(task: TuningTask, result: TuneResult) -> dict[str, Any]:
         "status": "completed" if result.complete else "unfinished",
         "problem": result.problem(),
         "notes": list(result.notes),
+        "remarks": list(result.remarks),
         "plan": asked,
         "seeds": result.seeds,
         "start": _gains(result.start),

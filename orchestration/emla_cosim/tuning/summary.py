@@ -28,6 +28,9 @@ def format_lines(result: TuneResult) -> Iterator[str]:
         f"{format_count(result.runs, 'run', form=',')} in {result.wall_s:.0f} s; "
         f"{format_count(int((result.history['violation'] == 0.0).sum()), 'set')} meet all conditions"
     )
+    if (halved := result.best.half_step) is not None:
+        yield f"With half the step the objective is {_number(halved.objective)}{_change(result.best)}."
+    yield from (f"Note: {remark}" for remark in result.remarks)
     if result.best.validation is None:
         if result.complete:
             yield "No seeds to validate with."
@@ -37,6 +40,14 @@ def format_lines(result: TuneResult) -> Iterator[str]:
     if math.isfinite(worse):
         word = "worse" if worse > 0 else "better"
         yield f"On {seeds} other seeds the objective is {abs(worse):.2g} % {word}."
+
+
+def _change(best: Tuned) -> str:
+    """Return the relative change of the objective by half the step as text; empty if there is none."""
+    before, halved = best.training.objective, best.half_step
+    if halved is None or not before or not math.isfinite(halved.objective):
+        return ""
+    return f", a change of {100.0 * (halved.objective / before - 1.0):+.2g} %"
 
 
 def _gains(result: TuneResult) -> Table:
@@ -85,11 +96,12 @@ def _number(value: float) -> str:
 def _conditions(result: TuneResult) -> Table:
     """Return the worst figures over seeds; those that violate a condition are marked."""
     table = Table(title="Conditions, with the worst figures", title_justify="left")
-    for head in ("", "", "start", "best", "validation"):
+    for head in ("", "", "start", "best", "validation", "half step"):
         table.add_column(head, justify="left" if not head else "right", overflow="fold")
     for case, conditions in result.best.training.worst.items():
         for condition in conditions:
-            scores = (result.start.training, result.best.training, result.best.validation)
+            best = result.best
+            scores = (result.start.training, best.training, best.validation, best.half_step)
             table.add_row(
                 escape(case), escape(condition), *(_worst(score, case, condition) for score in scores)
             )
@@ -97,7 +109,7 @@ def _conditions(result: TuneResult) -> Table:
 
 
 def _worst(score: Score | None, case: str, condition: str) -> str:
-    worst: Mapping[str, object] = {} if score is None else score.worst[case][condition]
+    worst: Mapping[str, object] = {} if score is None else score.worst.get(case, {}).get(condition, {})
     if not worst:
         return ""
     shown = format_figure(worst["figure"])

@@ -1,6 +1,7 @@
 """`identify` and `emla identify` estimate the same as SciPy, refuse invalid data and write their files."""
 
 import json
+import re
 from collections.abc import Callable
 from functools import partial
 from itertools import pairwise
@@ -16,7 +17,7 @@ from scipy.optimize import least_squares
 import emla_cosim as ec
 from emla_cosim.base.errors import CommandError, RunError
 from emla_cosim.base.progress import Progress
-from fmublock import Block, Input, Output, Parameter, State, build
+from fmublock import Block, Input, Output, Parameter, State, build, sin
 from tests.support.commands import Emla, sentence
 from tests.support.hand_written_fmus import build_reluctant_fmu
 from tests.support.toy_fmu import PRODUCER
@@ -54,20 +55,35 @@ TRUE = {"m": 1.3, "b": 0.7, "c": 0.4}
 STEP = 2e-3
 
 
-def motion(m: float, b: float, c: float, force: np.ndarray = FORCE) -> np.ndarray:
-    """Positions at the samples, by the classical Runge-Kutta method, under lines between the rows."""
+def lines(force: np.ndarray) -> list[tuple[float, float]]:
+    """The force at begin and end of each step: data are known in advance."""
+    return list(pairwise(np.interp(np.linspace(0.0, 2.0, round(2.0 / STEP) + 1), TIME, force).tolist()))
+
+
+def held(force: np.ndarray) -> list[tuple[float, float]]:
+    """The force of each step, if it is held."""
+    return [(one, one) for one in force.tolist()]
+
+
+LINES = lines(FORCE)
+
+
+def motion(
+    m: float, b: float, c: float, forces: list[tuple[float, float]] = LINES, step: float = STEP
+) -> np.ndarray:
+    """Positions at the samples, by the classical Runge-Kutta method."""
 
     def slope(y: np.ndarray, force: float) -> np.ndarray:
         return np.array([y[1], (force - b * y[1] - c * y[1] * abs(y[1])) / m])
 
-    rows, points = [np.zeros(2)], np.interp(np.linspace(0.0, 2.0, round(2.0 / STEP) + 1), TIME, force)
-    for begin, end in pairwise(points.tolist()):
+    rows = [np.zeros(2)]
+    for begin, end in forces:
         k1 = slope(rows[-1], begin)
-        k2 = slope(rows[-1] + 0.5 * STEP * k1, 0.5 * (begin + end))
-        k3 = slope(rows[-1] + 0.5 * STEP * k2, 0.5 * (begin + end))
-        k4 = slope(rows[-1] + STEP * k3, end)
-        rows.append(rows[-1] + STEP / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4))
-    return np.array(rows)[:: round(0.01 / STEP), 0]
+        k2 = slope(rows[-1] + 0.5 * step * k1, 0.5 * (begin + end))
+        k3 = slope(rows[-1] + 0.5 * step * k2, 0.5 * (begin + end))
+        k4 = slope(rows[-1] + step * k3, end)
+        rows.append(rows[-1] + step / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4))
+    return np.array(rows)[:: round(0.01 / step), 0]
 
 
 @pytest.fixture(scope="module")
@@ -115,14 +131,85 @@ def test_estimates_and_errors_equal_those_of_scipy(identify: Identify) -> None:
         assert one.interval is not None and one.interval[0] < TRUE[name[-1]] < one.interval[1]
     (fit,) = found.fits
     assert fit.rms == pytest.approx(np.sqrt(2.0 * expected.cost / len(x)), rel=1e-3)
-    assert fit.is_white and fit.related_input is None and not fit.outliers and found.notes == []
+    assert fit.is_white and fit.related_input is None and not fit.outliers
+    assert all("the step, not the machine" in note for note in found.notes)  # the force is held
     assert found.is_identified and found.converged
     assert found.sigma["Cart.x"] == pytest.approx(fit.rms, rel=0.03)
 
 
+def wave(time: np.ndarray) -> np.ndarray:
+    """The force of `Wave` in N."""
+    return 4.0 * np.sin(6.0 * time)
+
+
+class Wave(Block):
+    """A force that is computed, so that it is not known in advance."""
+
+    F = Output(unit="N", description="Force")
+
+    def outputs(self, v: Any) -> dict[str, Any]:
+        return {"F": 4.0 * sin(6.0 * v.time)}
+
+
+@pytest.fixture(scope="module")
+def driven(fmu: Path, tmp_path_factory: pytest.TempPathFactory) -> ec.System:
+    path = tmp_path_factory.mktemp("wave") / "wave.fmu"
+    build(Wave, path, producer=PRODUCER)
+    components = [ec.Component("wave", fmu=path), ec.Component("Cart", fmu=fmu)]
+    return ec.System(components, ()).with_connections("wave.F -> Cart.F")
+
+
+def fitted(x: np.ndarray, step: float) -> np.ndarray:
+    """Estimates of SciPy with the force of the end of each step."""
+    forces = held(wave(step * np.arange(1, round(2.0 / step) + 1)))
+    return least_squares(
+        lambda p: motion(*p, forces, step) - x, list(TRUE.values()), "3-point", xtol=1e-12, ftol=1e-12
+    ).x
+
+
+def test_change_by_half_the_step_equals_that_of_another_fit(
+    driven: ec.System, identify: Identify, scheduler: Client
+) -> None:
+    fine = 1e-4
+    force = wave(fine * (np.arange(round(2.0 / fine)) + 0.5))
+    x = motion(**TRUE, forces=held(force), step=fine) + 2e-4 * np.random.default_rng(7).standard_normal(
+        len(TIME)
+    )
+    measured = [ec.Input(data={"time": TIME, "x": x}, signals={"Cart.x": "x"})]
+    given: dict[str, Any] = {**RUN, "measured": measured, "scheduler": scheduler}
+    found = ec.identify(driven, RANGES, **given)
+    changes = [found[name].step_change for name in RANGES]
+    moves = fitted(x, 0.5 * STEP) - fitted(x, STEP)
+    errors = [found[name].error for name in RANGES]
+    assert changes == pytest.approx([a / b for a, b in zip(moves, errors, strict=True)], rel=0.05, abs=0.02)
+    assert max(map(abs, changes)) > 1.5
+    (note,) = (note for note in found.notes if "the step, not the machine" in note)
+    suggested = re.search(r"--step-size (\S+) or --extrapolation fmu", note)
+    assert suggested is not None
+    for remedy in ({"step_size": float(suggested[1])}, {"extrapolation": "fmu"}):
+        better = ec.identify(driven, RANGES, **{**given, **remedy})
+        assert all(abs(better[name].step_change) < 1.0 for name in RANGES), remedy
+        assert not any("the step" in note for note in better.notes)
+
+
+def test_step_is_not_judged_without_reason(driven: ec.System, scheduler: Client) -> None:
+    """An exact fit has no standard errors worth the name; half a controlled step is none."""
+    forces = held(wave(STEP * np.arange(1, round(2.0 / STEP) + 1)))
+    exact = motion(**TRUE, forces=forces)
+    wrong = exact + 1e-4 * np.random.default_rng(1).standard_normal(len(TIME))
+    for x, options, reason in (
+        (exact, {}, "the fit is exact"),
+        (wrong, {"error_tolerance": 1e-3}, "the step size is controlled"),
+    ):
+        measured = [ec.Input(data={"time": TIME, "x": x}, signals={"Cart.x": "x"})]
+        found = ec.identify(driven, RANGES, measured=measured, scheduler=scheduler, **{**RUN, **options})
+        assert found["Cart.m"].step_change is None and found.complete
+        assert any(note.startswith(f"the step is not judged: {reason}") for note in found.notes)
+
+
 def test_incomplete_model_is_reported_and_fails_on_other_data(identify: Identify) -> None:
     other = 4.0 * np.sin(2.0 * TIME)
-    held_out = data(motion(**TRUE, force=other), other)
+    held_out = data(motion(**TRUE, forces=lines(other)), other)
     second = ec.Experiment("second", held_out["measured"], {"input": held_out["input"]}, held_out=True)
     without = {name: RANGES[name] for name in ("Cart.m", "Cart.b")}
     x = noisy()
@@ -330,10 +417,10 @@ def test_interrupted_search_can_be_continued(
 
     x, place, whole = noisy(), tmp_path / "out", prediction.Predictor.predict
 
-    def limited(self: prediction.Predictor, *asked: Any) -> Any:
+    def limited(self: prediction.Predictor, *asked: Any, **how: Any) -> Any:
         if self.runs > 12:
             raise prediction.InterruptedRunsError
-        return whole(self, *asked)
+        return whole(self, *asked, **how)
 
     monkeypatch.setattr(prediction.Predictor, "predict", limited)
     found = identify(RANGES, output=place, **data(x))

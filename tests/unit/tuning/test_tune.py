@@ -25,7 +25,7 @@ from emla_cosim.tuning.expressions import parse_expression
 from emla_cosim.tuning.plan import load_tuning_plan
 from emla_cosim.tuning.score import Objective
 from emla_cosim.tuning.search import Search
-from fmublock import Block, Output, Parameter, build
+from fmublock import Block, Input, Output, Parameter, State, build
 from tests.support.commands import Emla
 from tests.support.tiers import mostly_slow
 from tests.support.toy_fmu import PRODUCER
@@ -102,6 +102,69 @@ def test_cases_have_weights_conditions_and_values(valley: System, scheduler: Cli
     assert score.by_case == {"usual": 2.0, "shifted": 12.0}
     assert score.objective == (1 * 2.0 + 3 * 12.0) / 4
     assert score.list_unmet() == ["shifted: total < 12, but it is 12"]
+
+
+class Ramp(Block):
+    """A speed that grows with time."""
+
+    v = Output()
+
+    def outputs(self, v: Any) -> dict[str, Any]:
+        return {"v": v.time}
+
+
+class Distance(Block):
+    """The way at a speed, times a gain."""
+
+    v = Input()
+    k = Parameter(1.0)
+    x = State(0.0)
+
+    def derivatives(self, v: Any) -> dict[str, Any]:
+        return {"x": v.k * v.v}
+
+
+@pytest.fixture(scope="module")
+def way() -> System:
+    return System.of({"ramp": Ramp, "way": Distance}, ["ramp.v -> way.v"])
+
+
+WAY: dict[str, Any] = {
+    "metrics": ["end = last(way.x)"],
+    "objective": "end",
+    "evaluations": 12,
+    "stop_time": 1.0,
+    "step_size": 0.1,
+}
+"""With the speed of the end of each step h, the way is k (1 + h) / 2."""
+
+
+def test_change_by_half_the_step_is_that_of_the_closed_form(way: System, scheduler: Client) -> None:
+    result = ec.tune(way, {"way.k": "0.5:2"}, **WAY, scheduler=scheduler)
+    gain = result.best.values["way.k"]
+    assert isinstance(gain, float) and result.best.training.objective == pytest.approx(gain * 0.55)
+    assert result.best.half_step is not None
+    assert result.best.half_step.objective == pytest.approx(gain * 0.525)
+    (remark,) = result.remarks
+    assert remark.startswith("Half the step changes the objective by -4.5 %; set --step-size 0.02 or")
+    better = ec.tune(way, {"way.k": "0.5:2"}, **{**WAY, "step_size": 0.02}, scheduler=scheduler)
+    assert not better.remarks
+
+
+def test_step_that_matters_more_than_the_gains_is_reported(way: System, scheduler: Client) -> None:
+    result = ec.tune(way, {"way.k": "0.99:1.01"}, **WAY, scheduler=scheduler)
+    (remark,) = result.remarks
+    assert remark.startswith("The step, not the gains, made the difference: half the step changes the ")
+    given = {**WAY, "evaluations": 1, "require": ["end > 0.54"]}
+    unmet = ec.tune(way, {"way.k": "0.5:2"}, **given, scheduler=scheduler).remarks[-1]
+    assert unmet == "With half the step, conditions do not hold: usual: end > 0.54, but it is 0.525."
+
+
+def test_step_is_not_judged_with_random_numbers(valley: System, scheduler: Client) -> None:
+    result = ec.tune(valley, **{**VALLEY, "evaluations": 1}, scheduler=scheduler)
+    assert result.best.half_step is None and result.problem() is None
+    (remark,) = result.remarks
+    assert "in the case 'usual': v.f draws random numbers in each step (v.f.seed)" in remark
 
 
 @pytest.mark.slow

@@ -1,0 +1,149 @@
+"""The same run with half the step of what is continuous, to judge how much of a result the step makes.
+
+Components that sample keep their sampling times: they do twice as many steps at once. What differs then is
+the error of the coupling, of which half the step removes the part 1 - 2^-p with the order p of the exchange.
+"""
+
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from ..base.errors import CosimError
+from ..master.algorithms.algorithm import Algorithm
+from ..master.network import Link
+from ..system.model import System
+from .options import Options, read_options
+from .run_setup import run_times, steps_per_row
+from .simulation import Simulation
+
+SEEDS: list[Callable[[Mapping[str, float]], Collection[str]]] = []
+"""Functions that return the full names of the seeds of random sequences in effect, from all parameters."""
+
+_PARTS = tuple(n * 10**k for k in range(3) for n in (2, 5, 10))
+"""Numbers of parts of a step to suggest: 2, 5, 10, ..., 1000."""
+
+_NAMED = 3
+"""Most components that sample that a suggestion names: those of a joint."""
+
+
+class NotHalvedError(CosimError):
+    """Half the step would change more than the error of the coupling; the message has no full stop."""
+
+
+@dataclass(frozen=True)
+class HalfStep:
+    """A run with half the step of another one.
+
+    Attributes:
+        options: options of this run that differ from those of the other one.
+        step: communication step of the other run in s.
+        samplers: step multiples of the components that sample in the other run.
+        order: order of accuracy of the exchange in the other run.
+        is_held: whether inputs were held during its steps.
+    """
+
+    options: Mapping[str, Any]
+    step: float
+    samplers: Mapping[str, int]
+    order: int
+    is_held: bool
+
+    def suggest(self, change: float) -> str:
+        """Return which options to set so that half the step changes little enough.
+
+        Args:
+            change: what half the step changed, as a multiple of what it may change.
+        """
+        parts = next((n for n in _PARTS if float(n) ** self.order >= change), None)
+        if parts is None:
+            smaller = f"choose a --step-size far below {self.step / _PARTS[-1]:g}"
+        else:
+            smaller = f"set --step-size {self.step / parts:g}{self._list_multiples(parts)}"
+        # a sampled controller would see lines in place of samples
+        return f"{smaller} or --extrapolation fmu" if self.is_held and not self.samplers else smaller
+
+    def _list_multiples(self, parts: int) -> str:
+        """Return the options with which samplers keep their sampling times in steps of 1 / `parts`."""
+        if len(self.samplers) > _NAMED:
+            some = next(iter(self.samplers))
+            return (
+                f" and {parts} times the step multiples of the {len(self.samplers)} components that sample, "
+                f"such as --step-multiple {some}={parts * self.samplers[some]}"
+            )
+        return "".join(f" --step-multiple {name}={parts * n}" for name, n in self.samplers.items())
+
+
+def halve_step(simulation: Simulation, options: Mapping[str, Any]) -> HalfStep:
+    """Start a run, and return how to repeat it with half the step of what is continuous.
+
+    Args:
+        simulation: the simulation; its present run ends.
+        options: options of the run.
+
+    Raises:
+        NotHalvedError: the repetition would differ in more than the error of the coupling.
+        CommandError: an option does not fit.
+        RunError: an FMU fails during initialization.
+    """
+    chosen = simulation.options.merged(read_options(options))
+    if not chosen.make_step_size_control().is_regular:
+        raise NotHalvedError("the step size is controlled")
+    if isinstance(chosen.algorithm, Algorithm):
+        raise NotHalvedError("the algorithm is an object; choose one by its name")
+    simulation.start(recorders=[], **options)
+    algorithm, system = simulation.stepping.algorithm, simulation.system
+    samplers = _find_samplers(algorithm, system)
+    if (reason := _explain_change(algorithm, samplers)) is not None:
+        raise NotHalvedError(reason)
+    parameters = simulation.so_far().parameters
+    seeds = (seed for find in SEEDS for seed in find(parameters))
+    if random := next((seed for seed in seeds if system.split(seed)[0].name not in samplers), None):
+        raise NotHalvedError(f"{system.split(random)[0].name} draws random numbers in each step ({random})")
+    return _describe(chosen, simulation.name, algorithm, samplers)
+
+
+def _describe(chosen: Options, name: str, algorithm: Algorithm, samplers: Mapping[str, int]) -> HalfStep:
+    times = run_times(chosen, name)
+    halved: dict[str, Any] = {
+        "step_size": 0.5 * times.step,
+        "output_interval": steps_per_row(chosen, times) * times.step,
+    }
+    if samplers:
+        halved["step_multiples"] = {sampler: 2 * n for sampler, n in samplers.items()}
+    return HalfStep(halved, times.step, samplers, algorithm.accuracy, algorithm.extrapolation == "none")
+
+
+def _find_samplers(algorithm: Algorithm, system: System) -> dict[str, int]:
+    """Return the step multiples of components that sample, 1 for those without one."""
+    declared = [component.name for component in system.components if component.samples]
+    return {**dict.fromkeys(declared, 1), **algorithm.step_multiples}
+
+
+def _explain_change(algorithm: Algorithm, samplers: Mapping[str, int]) -> str | None:
+    """Return why components that sample would not keep their behavior; None if they would."""
+    network, names = algorithm.network, [instance.name for instance in algorithm.network.instances]
+    for i, (name, multiple) in enumerate(zip(names, algorithm.multiples, strict=True)):
+        if multiple != algorithm.step_multiples.get(name, 1):
+            return f"the algorithm does {multiple} steps of {name} at once"
+        if name in samplers and any(i in group.members for group in algorithm.groups):
+            return (
+                f"{name} samples, but the algorithm solves it with the others; set --step-multiple {name}=1"
+            )
+    late = {id(link) for link in algorithm.late()}
+    for source, ways in _trace_sources(algorithm):
+        target = names[ways[-1].target]
+        if target in samplers and names[source] not in samplers and any(id(x) in late for x in ways):
+            read = network.names[network.signal(ways[0])]
+            return f"{target} samples {read} one step late, and half the step would change this delay"
+    return None
+
+
+def _trace_sources(algorithm: Algorithm) -> Iterator[tuple[int, list[Link]]]:
+    """Yield the source of each link to an instance, with the links on the way through followers."""
+    network = algorithm.network
+    into = {link.target: link for link in network.links if link.target in network.followers}
+    for link in network.links:
+        ways = [link]
+        while ways[0].source in into:
+            ways.insert(0, into[ways[0].source])
+        yield ways[0].source, ways
