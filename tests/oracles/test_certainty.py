@@ -11,6 +11,7 @@ from emla_cosim.identification.certainty import autocorrelation, count_correlate
 from emla_cosim.identification.loss import LOSSES, find_cost, scale_for_loss
 from emla_cosim.identification.parameters import Parameter, Parameters
 from emla_cosim.identification.profile import profile
+from emla_cosim.identification.time_shift import find_time_shifts
 from tests.support.known_predictions import measured, parameter, problem
 from tests.support.tiers import mostly_slow
 
@@ -181,3 +182,30 @@ def test_profile_of_a_linear_model_equals_its_interval() -> None:
     )
     near[1] = wide.predictor.parameters.items[1].place(found[1])
     assert profile(wide, near, 1, None, lambda n: None)[0] is None
+
+
+@pytest.mark.parametrize("late", [0.0, 0.004, -0.004])
+def test_a_shift_in_time_is_found_and_what_it_changes(late: float) -> None:
+    """Least squares with the true shift is the judge."""
+    time, noise = np.linspace(0.0, 4.0, 801), 0.02 * np.random.default_rng(5).standard_normal(801)
+
+    def columns(shift: float) -> np.ndarray:
+        at = time - shift
+        return np.column_stack([np.sin(6.0 * at) + np.sin(17.0 * at), np.cos(6.0 * at) + np.cos(11.0 * at)])
+
+    measured_values = columns(late) @ [4.0, 2.0] + noise
+    found, residuals = fitted(measured_values, columns(0.0))
+    samples = [measured(time, measured_values)]
+    shifts, moves = find_time_shifts(samples, residuals, 10.0 * columns(0.0), [1.0], "linear", ())
+    assert bool(shifts) == bool(late)
+    without, _ = fitted(measured_values, columns(late))
+    if late:
+        assert abs(shifts[0].seconds - late) < 4.0 * shifts[0].error + 1e-4
+        assert 10.0 * moves == pytest.approx(without - found, rel=0.25, abs=0.01)
+    alone, with_it = (
+        judge(BOTH, found / 10.0, residuals, 10.0 * columns(0.0), [len(time)], moves=x).estimates
+        for x in (None, moves)
+    )
+    for a, b, move in zip(alone, with_it, 10.0 * moves, strict=True):
+        assert a.error is not None and b.error == pytest.approx(np.hypot(a.error, move))
+    assert not find_time_shifts(samples, residuals, 10.0 * columns(0.0), [1.0], "linear", ("y",))[0]

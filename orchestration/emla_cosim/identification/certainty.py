@@ -96,6 +96,7 @@ def judge(
     loss: str = LINEAR,
     blocked: Collection[int] = (),
     unevenness: float = 0.0,
+    moves: Vector | None = None,
 ) -> Certainty:
     """Return the certainty of estimates.
 
@@ -111,6 +112,7 @@ def judge(
         blocked: positions of parameters whose derivatives are not known, because other runs fail.
         unevenness: by how much the cost at nearby points exceeds that of the tangent, in variances of the
             residuals. The search may have ended wherever the cost is larger by less than this.
+        moves: by how much the places would move without a shift in time, shape (p,); see `time_shift`.
     """
     count, total = len(point), len(residuals)
     pulls, factors = scale_for_loss(loss, residuals)
@@ -147,7 +149,7 @@ def judge(
                 problems[free[k]] = f"the data do not tell it from a combination of {others}{why}"
         free = [i for i in free if i not in problems]
     if free:
-        certain = _covariance(jacobian[:, free], scores[:, free], pulls, lengths)
+        certain = find_covariance(jacobian[:, free], scores[:, free], pulls, lengths)
         if change is not None:
             wider = _widen(jacobian[:, free] / sizes[free], change[:, free] / sizes[free])
             wider = wider * sizes[free] / sizes[free][:, None]
@@ -156,6 +158,8 @@ def judge(
         independent = max(_count_independent(pulls, lengths), len(free) + 1.0)
         covariance *= (1.0 + 2.0 * unevenness) * independent / (independent - len(free))
         freedom = independent - len(free)
+        if moves is not None:
+            covariance[np.ix_(free, free)] += np.outer(moves[free], moves[free])
     errors = np.sqrt(np.diag(covariance))
     width = float(student.ppf(0.5 + LEVEL / 2.0, freedom))
     estimates = list[Estimate]()
@@ -198,7 +202,7 @@ def _describe_wide(
     )
 
 
-def _covariance(
+def find_covariance(
     jacobian: NDArray[np.float64], scores: NDArray[np.float64], pulls: Vector, lengths: Sequence[int]
 ) -> NDArray[np.float64]:
     """Return the covariance of the places, shape (p, p), with residuals correlated within each signal.

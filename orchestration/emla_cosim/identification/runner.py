@@ -5,6 +5,7 @@ import time
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import asdict, dataclass, field, replace
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Unpack
@@ -44,6 +45,7 @@ from .problem import UNSURE, Derivatives, Problem
 from .profile import profile as profile_interval
 from .result import IdentificationResult
 from .step_influence import judge_step
+from .time_shift import describe_shifts, find_time_shifts
 
 _MEASURED = "measured"
 """Name of the experiment of `measured`."""
@@ -409,7 +411,7 @@ class _Identification:
         parameters, loss = self.task.parameters, self.task.plan.loss
         lengths = [len(one.time) for one in problem.samples]
 
-        def assess(of: Vector) -> Certainty:
+        def assess(of: Vector, moves: Vector | None = None) -> Certainty:
             return judge(
                 parameters,
                 point,
@@ -420,15 +422,28 @@ class _Identification:
                 loss,
                 problem.blocked,
                 slopes.unevenness,
+                moves,
             )
 
         if problem.is_exact(residuals):
             return assess(residuals), ["the step is not judged: the fit is exact, residuals are rounding"]
+        sensors = [one.sensor for one in parameters.items if one.sensor is not None]
+        shifts, moves = find_time_shifts(
+            problem.samples,
+            residuals,
+            slopes.matrix,
+            [problem.sigma[one.signal] for one in problem.samples],
+            loss,
+            known={signal for kind, signal in sensors if kind == DELAY},
+        )
+        notes = describe_shifts(shifts, parameters, point, moves, assess(residuals))
+        assess = partial(assess, moves=moves)
         halved = problem.halve_step(point)
         if isinstance(halved, str):
-            return assess(residuals), [f"the step is not judged: {halved.rstrip('.')}"]
+            return assess(residuals), [*notes, f"the step is not judged: {halved.rstrip('.')}"]
         half = max(problem.predictor.half_steps.values(), key=lambda half: half.step)
-        return judge_step(parameters, point, residuals, halved, slopes.matrix, loss, half, assess)
+        found, more = judge_step(parameters, point, residuals, halved, slopes.matrix, loss, half, assess)
+        return found, [*notes, *more]
 
     def _interrupted(self, estimator: Estimator, problem: Problem) -> IdentificationResult:
         if estimator.best is None:
