@@ -56,7 +56,8 @@ def test_half_the_step_changes_margins_as_the_hold_does() -> None:
     """The hold costs a phase of half a step at the crossover; a remark suggests a step for 2 %."""
     step = 0.04
     options = {**OPTIONS, "open": "gain.force->cart.force", "step_size": step}
-    result = ec.linearize(closed(), **options)
+    system = ec.System.of({"cart": LinearizedCart, "gain": MatrixGain}, WIRES)
+    result = ec.linearize(system, **options)
     (measured,) = result.responses.values()
     frequency = np.geomspace(0.05, 5.0, 5000)
     whole, halved = (compute_margins(frequency, loop_gain(frequency, h)) for h in (step, 0.5 * step))
@@ -69,7 +70,7 @@ def test_half_the_step_changes_margins_as_the_hold_does() -> None:
     assert "half the step changes the phase margin by +2." in remark and "--extrapolation fmu" in remark
     suggested = re.search(r"--step-size (\S+) ", remark)
     assert suggested is not None
-    better = ec.linearize(closed(), **{**options, "step_size": float(suggested[1])})
+    better = ec.linearize(system, **{**options, "step_size": float(suggested[1])})
     assert better.remarks == ()
 
 
@@ -85,6 +86,10 @@ def test_digital_controller_keeps_its_margins(fmu_folder: Path) -> None:
 
 
 def test_step_is_not_judged_with_a_reason() -> None:
+    options = {**OPTIONS, "open": "gain.force->cart.force"}
+    (unknown,) = ec.linearize(closed(), **options).remarks
+    assert "whether gain, which has discrete variables, samples" in unknown
+    assert ec.linearize(closed(), step_multiples={"gain": 1}, **options).remarks == ()
     (remark,) = ec.linearize(
         "lift", open="lift", stop_time=0.4, duration=0.15, set={"lift.plant.sensor.sigma": 1e-9}
     ).remarks

@@ -18,7 +18,7 @@ BUILD, PLOT, TRAJECTORY, VERIFY = "build", "plot", "trajectory", "verify"
 LINEARIZE, SIZE = "linearize", "size"
 """The commands that take options."""
 
-STEPPED = (RUN, EXPORT, SWEEP, COMPARE)
+STEPPED = (RUN, EXPORT, SWEEP, COMPARE, LINEARIZE)
 """The commands that decide how components step."""
 
 BUILDING, PREPARING, LOADING, RUNNING, SHOWING = "building", "preparing", "loading", "running", "showing"

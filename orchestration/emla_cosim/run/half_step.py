@@ -10,7 +10,9 @@ from typing import Any
 
 from ..base.errors import CosimError
 from ..master.algorithms.algorithm import Algorithm
-from ..master.network import Link
+from ..master.instances.described_instance import DescribedInstance
+from ..master.instances.event_mode_instance import EventModeInstance
+from ..master.network import Link, Network
 from ..system.model import System
 from .options import Options, read_options
 from .run_setup import run_times, steps_per_row
@@ -135,7 +137,30 @@ def _explain_change(algorithm: Algorithm, samplers: Mapping[str, int]) -> str | 
         if target in samplers and names[source] not in samplers and any(id(x) in late for x in ways):
             read = network.names[network.signal(ways[0])]
             return f"{target} samples {read} one step late, and half the step would change this delay"
+    for i in dict.fromkeys(link.target for link in network.links):
+        if i not in network.followers and names[i] not in samplers and _may_sample(network, i):
+            return (
+                f"it is not known whether {names[i]}, which has discrete variables, samples in each step; "
+                f"if it does, set --step-multiple {names[i]}=1"
+            )
     return None
+
+
+def _may_sample(network: Network, i: int) -> bool:
+    """Return whether an instance may compute at communication points only, by its model description.
+
+    Clocks and events of FMI 3.0 have their own times. With continuous states, discrete variables may be those
+    of events.
+    """
+    instance = network.instances[i]
+    if not isinstance(instance, DescribedInstance) or isinstance(instance, EventModeInstance):
+        return False
+    read = {link.output for link in network.links if link.source == i}
+    if any(instance.written[k].type == "Real" and not instance.continuous_outputs[k] for k in read):
+        return True
+    description = instance.file.description
+    discrete = any(v.type == "Real" and v.variability == "discrete" for v in description.modelVariables)
+    return discrete and not description.numberOfContinuousStates
 
 
 def _trace_sources(algorithm: Algorithm) -> Iterator[tuple[int, list[Link]]]:

@@ -25,7 +25,7 @@ from emla_cosim.tuning.expressions import parse_expression
 from emla_cosim.tuning.plan import load_tuning_plan
 from emla_cosim.tuning.score import Objective
 from emla_cosim.tuning.search import Search
-from fmublock import Block, Input, Output, Parameter, State, build
+from fmublock import Block, DiscreteState, Input, Output, Parameter, StartTime, State, build, where
 from tests.support.commands import Emla
 from tests.support.tiers import mostly_slow
 from tests.support.toy_fmu import PRODUCER
@@ -165,6 +165,29 @@ def test_step_is_not_judged_with_random_numbers(valley: System, scheduler: Clien
     assert result.best.half_step is None and result.problem() is None
     (remark,) = result.remarks
     assert "in the case 'usual': v.f draws random numbers in each step (v.f.seed)" in remark
+
+
+class Fussy(Block):
+    """It refuses steps that are shorter than 75 ms."""
+
+    k = Parameter(1.0)
+    x = State(0.0)
+    before = StartTime(0.0)
+    refused = DiscreteState(0.0)
+
+    def derivatives(self, v: Any) -> dict[str, Any]:
+        return {"x": v.k}
+
+    def update(self, v: Any) -> dict[str, Any]:
+        return {"before": v.time, "refused": where(v.time - v.before < 0.075, math.inf, 0.0)}
+
+
+def test_fmu_that_refuses_half_the_step_fails_no_tuning(scheduler: Client) -> None:
+    given = {**WAY, "metrics": ["end = last(f.x)"], "evaluations": 1}
+    result = ec.tune(System.of({"f": Fussy}), {"f.k": "0.5:2"}, **given, scheduler=scheduler)
+    assert result.complete and result.best.training.objective == pytest.approx(1.0)
+    (remark,) = result.remarks
+    assert remark.startswith("The step is not judged in the case 'usual': ") and "refused" in remark
 
 
 @pytest.mark.slow
