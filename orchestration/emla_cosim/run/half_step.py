@@ -112,7 +112,7 @@ def _describe(chosen: Options, name: str, algorithm: Algorithm, samplers: Mappin
     }
     if samplers:
         halved["step_multiples"] = {sampler: 2 * n for sampler, n in samplers.items()}
-    return HalfStep(halved, times.step, samplers, algorithm.accuracy, algorithm.extrapolation == "none")
+    return HalfStep(halved, times.step, samplers, algorithm.accuracy, algorithm.exchange.holds)
 
 
 def _find_samplers(algorithm: Algorithm, system: System) -> dict[str, int]:
@@ -131,7 +131,7 @@ def _explain_change(algorithm: Algorithm, samplers: Mapping[str, int]) -> str | 
             return (
                 f"{name} samples, but the algorithm solves it with the others; set --step-multiple {name}=1"
             )
-    late = {id(link) for link in algorithm.late()}
+    late = {id(link) for link in algorithm.late_links()}
     for source, ways in _trace_sources(algorithm):
         target = names[ways[-1].target]
         if target in samplers and names[source] not in samplers and any(id(x) in late for x in ways):

@@ -126,6 +126,17 @@ class Exchange:
             return 1
         return 1 if any(map(self._is_first_order, self.network.links)) else 2
 
+    @property
+    def holds(self) -> bool:
+        """Whether an input holds a continuous signal over steps because it is not known in advance."""
+        network = self.network
+        return any(
+            self.modes[x.target] == Mode.HOLD and self.smooth[network.signal(x)]
+            for x in network.links
+            if self.known[x.target][x.input] == Known.NOT_KNOWN
+            and network.instances[x.target].continuous_inputs[x.input]
+        )
+
     def _is_first_order(self, link: Link) -> bool:
         known = self.known[link.target][link.input]
         if known in (Known.NOT_KNOWN, Known.MEAN):
