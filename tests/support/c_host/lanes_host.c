@@ -115,6 +115,7 @@ typedef struct {
     double taken[MOST_INSTANCES * MOST_INPUTS], taken_at[MOST_INSTANCES * MOST_INPUTS];
     double at[MOST_INSTANCES], before[MOST_INSTANCES];
     double *stores[2];
+    int32_t follows[MOST_INSTANCES];
     SavedState states[MOST_INSTANCES];
     int32_t read[MOST_SIGNALS];
     Activity activities[MOST_LANES];
@@ -150,6 +151,7 @@ static void build_instance(System *system, int32_t i, Dice *dice) {
                            .first_output = first_output,
                            .n_outputs = N_OUTPUTS,
                            .mode = happens(dice, 0.5) ? HOLD : MIDDLE};
+    instance->is_held = instance->mode == HOLD;
     if (happens(dice, 0.5)) instance->effort = &system->efforts[i];
     system->efforts[i].now = effort_clock;
     for (int32_t k = 0; k < 2; k++)
@@ -245,6 +247,7 @@ static System *build_system(uint64_t seed) {
     s->sweeps = happens(&dice, 0.8) ? MOST_SWEEPS : between(&dice, 1, 3);
     s->halvings = 3;
     s->stores = system->stores;
+    s->follows = system->follows;
     s->at = system->at;
     s->before = system->before;
     s->input_values = system->input_values;

@@ -6,7 +6,7 @@
 #ifndef STEPPER_SYSTEMS_H
 #define STEPPER_SYSTEMS_H
 
-enum { MOST_CALLS = 160, MOST_OPERATIONS = 128, MOST_GROUPS = 2, MOST_STORES = 5 };
+enum { MOST_CALLS = 160, MOST_OPERATIONS = 128, MOST_GROUPS = 2, N_SPANS = 3, MOST_STORES = 8 };
 enum { MOST_COMBINATIONS = 3, MOST_TERMS = 3 };
 enum { MOST_EXTRA = 3 };    /* elements of an array that are not connected */
 enum { MOST_COUPLING = 4 }; /* coupling variables of a group */
@@ -161,6 +161,13 @@ static void draft_instance(System *system, Draft *draft, int32_t i) {
     instance->is_rare = draft->every[i] > 1;
 }
 
+/* A few inputs read signals that are known in advance. */
+static int32_t draft_known(Dice *dice, const FmuInstance *instance) {
+    if (!happens(dice, 0.2)) return NOT_KNOWN;
+    const int32_t known = between(dice, KNOWN_SAMPLE, KNOWN_MEAN);
+    return known == KNOWN_LINE && instance->mode != LINE ? KNOWN_MEAN : known;
+}
+
 /* Connect the inputs of an instance, once all signals are known. */
 static void draft_inputs(System *system, Draft *draft, int32_t i) {
     Dice *dice = &system->dice;
@@ -171,7 +178,12 @@ static void draft_inputs(System *system, Draft *draft, int32_t i) {
         draft->inputs[draft->n_inputs++] = (Input){.factor = uniform(dice, -1.0, 1.0),
                                                    .offset = uniform(dice, -1.0, 1.0),
                                                    .signal = below(dice, system->stepper.n_signals),
-                                                   .moves = happens(dice, 0.7)};
+                                                   .moves = happens(dice, 0.7),
+                                                   .known = draft_known(dice, instance)};
+    instance->has_slopes = instance->mode == LINE;
+    instance->is_held = instance->mode == HOLD;
+    for (int32_t k = 0; k < instance->n_inputs; k++)
+        if (draft->inputs[instance->first_input + k].known != NOT_KNOWN) instance->is_held = 0;
 }
 
 /* Let most inputs of whole numbers fit into any type; a few are at the limits of theirs. */
@@ -452,7 +464,8 @@ static void build_vectors(System *system, int32_t n_inputs) {
     double *stores[MOST_STORES];
     const int32_t n = system->n_instances;
     const double begin = (s->clock.first + (double)system->first * s->clock.per_step) / s->clock.denominator;
-    system->n_stores = between(dice, FIRST_STORE, MOST_STORES);
+    system->n_stores = between(dice, FIRST_STORE + N_SPANS, MOST_STORES);
+    s->first_span = system->n_stores - N_SPANS;
     for (int32_t v = 0; v < system->n_stores; v++) stores[v] = own_random(system, s->n_signals);
     s->stores = own_copy(system, stores, system->n_stores, sizeof *stores);
     s->at = own_equal(system, n, begin);
@@ -495,6 +508,14 @@ static void build_read(System *system) {
 /* Copy the draft into tables of exactly the right size. */
 static void build_tables(System *system, const Draft *draft) {
     Stepper *s = &system->stepper;
+    int32_t follows[MOST_INSTANCES] = {0};
+    for (int32_t j = 0; j < draft->n_inputs; j++)
+        for (int32_t i = 0; i < system->n_instances; i++) {
+            const FmuInstance *instance = &draft->instances[i];
+            const int is_its = j >= instance->first_input && j < instance->first_input + instance->n_inputs;
+            if (is_its && draft->inputs[j].known == KNOWN_MEAN) follows[i] = i % 2;
+        }
+    s->follows = own_copy(system, follows, system->n_instances, sizeof *follows);
     s->instances = own_copy(system, draft->instances, system->n_instances, sizeof(FmuInstance));
     s->inputs = own_copy(system, draft->inputs, draft->n_inputs, sizeof(Input));
     s->signals = own_copy(system, draft->signals, s->n_signals, sizeof(Signal));
