@@ -37,6 +37,7 @@ class Outline:
         halved: whether each of these steps is done in two halves.
         types: types of the signals by name; Real for those without an entry.
         texts: the texts of the run.
+        notes: what a reader should know before the run, without full stops.
     """
 
     names: Sequence[str]
@@ -53,6 +54,7 @@ class Outline:
     halved: bool = False
     types: Mapping[str, SignalType] = field(default_factory=dict)
     texts: Texts = field(default_factory=Texts)
+    notes: Sequence[str] = ()
 
     @property
     def text_columns(self) -> list[int]:
