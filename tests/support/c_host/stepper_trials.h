@@ -60,6 +60,7 @@ static Control *build_control(System *system) {
                    .coarse_time = (double)NAN,
                    .is_per_unit = is_per_unit};
     for (int32_t j = 0; j < n; j++) c->jumped[j] = 0;
+    system->control = c;
     return c;
 }
 
