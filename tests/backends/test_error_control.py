@@ -3,6 +3,7 @@
 That C does the same is shown in test_matrix.py; here only rules that no system there needs.
 """
 
+import dataclasses
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -24,7 +25,7 @@ from emla_cosim.master.algorithms.strong import Strong
 from emla_cosim.master.instances.fmu_instance import DiscardedStepError
 from emla_cosim.master.network import Link, Network
 from emla_cosim.master.run_loop import simulate
-from emla_cosim.master.stepping import step_size_control
+from emla_cosim.master.stepping import control_tables, step_size_control
 from emla_cosim.master.stepping.control_tables import SMALLEST
 from emla_cosim.master.stepping.error_control import ErrorControl
 from emla_cosim.master.stepping.timing import make_clock, make_communication_points
@@ -145,16 +146,16 @@ def oscillators() -> Part:
 
 
 EXTRAPOLATED = [(name, way) for name in ALGORITHMS for way in EXTRAPOLATIONS]
-LOCAL = [(*case, tolerance) for case in EXTRAPOLATED for tolerance in (1e-3, 1e-5)]
+LOCAL = [(*case, t) for case in EXTRAPOLATED for t in ((1e-3, 1e-5) if case[1] == "fmu" else (1e-1,))]
 
 
 @pytest.mark.parametrize(("name", "extrapolation", "tolerance"), mostly_slow(LOCAL, LOCAL[::4]))
 def test_local_errors_are_near_the_tolerance(name: str, extrapolation: str, tolerance: float) -> None:
-    """Against the closed form, begun anew at every accepted point; per unit step with order 2."""
+    """Per unit step, against the closed form, begun anew at every accepted point."""
     slaves, wires = oscillators()
     whole, network, first = Whole(slaves, wires), connected(slaves, wires), 0.01
     stepping = controlled(network, ALGORITHMS[name](extrapolation), 6.0, first, tolerance)
-    per_unit = stepping.algorithm.accuracy > 1
+    longest = stepping.control.longest
     table, largest = Table(1 + len(network.signals)), np.abs(network.signals)
     errors = []
     while not stepping.finished:
@@ -163,11 +164,12 @@ def test_local_errors_are_near_the_tolerance(name: str, extrapolation: str, tole
         if stepping.steps > before:
             step = stepping.time - time
             exact = whole.N @ expm(whole.M * step) @ x
-            allowed = tolerance * (step / (time + step + 10.0 * first) if per_unit else 1.0)
+            allowed = tolerance * step / (time + step + longest)
             errors.append((np.abs(network.signals - exact) / (largest + 0.01)).max() / allowed)
             largest = np.maximum(largest, np.abs(network.signals))
     assert len(errors) == stepping.control.accepted > 20
-    assert 0.1 < np.median(errors) < 0.9
+    # `master` is late by a part of the step at both ends, which only the estimate sees
+    assert (0.0 if extrapolation == "master" else 0.1) < np.median(errors) < 0.9
     # lines through the past know its spacing, which the estimate does not
     assert max(errors[1:]) < (3.0 if extrapolation == "fmu" else 1.0)
     assert errors[0] < 3.0  # before which there is no line
@@ -193,9 +195,7 @@ def error_of(rows: np.ndarray, part: Part) -> float:
     ("name", "extrapolation", "tolerance"),
     [
         ("jacobi", "fmu", 1e-2),
-        ("gauss-seidel", "none", 1e-3),
         ("gauss-seidel", "fmu", 3e-3),
-        ("strong", "none", 1e-3),
         ("strong", "fmu", 3e-3),
     ],
 )
@@ -292,7 +292,7 @@ def test_a_slave_that_discards_every_step_ends_the_run_with_its_message() -> Non
     stepping = controlled(Network([slave], []), Jacobi(), 1.0, 0.1, 1e-3)
     with pytest.raises(DiscardedStepError, match=r"stubborn answered doStep with fmi2Discard. It said: No\."):
         recorded(stepping)
-    assert 2.0**-stepping.control.rejected < 2.0 * SMALLEST
+    assert SMALLEST / 2.0 < 0.1 * 2.0**-stepping.control.rejected < SMALLEST
 
 
 def ending(wrong: float, reads: bool) -> Network:
@@ -362,7 +362,8 @@ def test_noise_ends_the_run_but_a_jump_does_not() -> None:
     recorded(stepping)  # both ways of doing the step see the jump: no error
     noise = np.random.default_rng(3)
     slave = FakeSlave("noise", 0, [0.0], lambda u, x, t, h: noise.normal(size=1))
-    stepping = controlled(Network([slave], []), Jacobi(), 1.0, 0.1, 1e-6)
+    reader = FakeSlave("reader", 1, [0.0], lambda u, x, t, h: x + h * u)
+    stepping = controlled(Network([slave, reader], [Link(0, 0, 1, 0, False)]), Jacobi(), 1.0, 0.1, 1e-6)
     with pytest.raises(RunError, match=r"even with a step of .* s"):
         recorded(stepping)
 
@@ -430,14 +431,13 @@ def test_step_multiples_need_fixed_steps(name: str, multiple: int) -> None:
 def shuffle(stepping: ErrorControl, seed: int) -> Any:
     """Give the signals random roles, so that every rule applies to some."""
     random, tables = np.random.default_rng(seed), stepping._tables
-    for role in ("is_instant", "is_unread", "is_beside"):
+    for role in ("is_instant", "is_unread"):
         tables.signals[role] = random.random(len(tables.signals)) < 0.3
     stepping.control.controlled_count -= int(random.integers(len(tables.signals) // 4))
-    jumped = random.random(len(tables.signals)) < 0.5
+    jumped = random.integers(0, 12, len(tables.signals))
     tables._flags["jumped"][:] = jumped
     if isinstance(stepping, PlainErrorControl):
         stepping.jumped = jumped
-    stepping._control_error(per_unit=bool(random.random() < 0.5))
     return stepping
 
 
@@ -445,7 +445,7 @@ class Shuffled(ErrorControl):
     seed = 0
 
     def __init__(self, *arguments: Any) -> None:
-        super().__init__(*arguments)
+        super().__init__(*arguments[:-1], sampled=bool(self.seed % 2))
         shuffle(self, self.seed)
 
 
@@ -453,31 +453,34 @@ class PlainShuffled(PlainErrorControlledStepSize):
     seed = 0
 
     def stepping(self, algorithm: Any, request: Any) -> Any:
+        request = dataclasses.replace(request, sampled=bool(self.seed % 2))
         return shuffle(super().stepping(algorithm, request), self.seed)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
-    ("seed", "fails"),
-    mostly_slow([(0, False), (1, False), (2, False), (9, True)], [(0, False), (9, True)]),
+    "seed",
+    mostly_slow([0, 2, 6, 9], [6, 9]),
 )
 def test_every_rule_for_errors_is_the_same(
-    seed: int, fails: bool, fmu_folder: Path, monkeypatch: pytest.MonkeyPatch
+    seed: int, fmu_folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Also in a run that fails because no step is short enough."""
+    """In a run in which all apply."""
+    monkeypatch.setattr(control_tables, "SHORT", 1e-2)
     monkeypatch.setattr(step_size_control, "ErrorControl", Shuffled)
     monkeypatch.setattr(Shuffled, "seed", seed)
     monkeypatch.setattr(PlainShuffled, "seed", seed)
     tolerance = [1e-3, 1e-5][seed % 2]
     scenario = ec.load(
         "lift",
-        stop_time=0.0003,
+        step_size=1e-5,
+        stop_time=3e-5,
         fmus=fmu_folder,
         algorithm=["jacobi", "gauss-seidel", "strong"][seed % 3],
         extrapolation=["none", "fmu", "none"][seed % 3],
     )
-    plain = PlainShuffled(error_tolerance=tolerance, largest_step=2e-4)
+    plain = PlainShuffled(error_tolerance=tolerance, largest_step=2e-5)
     ways: list[dict[str, Any]] = [
-        {"error_tolerance": tolerance, "largest_step": 2e-4},
+        {"error_tolerance": tolerance, "largest_step": 2e-5},
         {"step_size_control": plain},
     ]
     found = []
@@ -491,8 +494,8 @@ def test_every_rule_for_errors_is_the_same(
     )
     assert (fast.problem, fast.steps, fast.end_s) == (here.problem, here.steps, here.end_s)
     assert fast.stepping == here.stepping
-    assert (here.problem is not None) == fails
-    assert fails or set(plain.made.rules) == {"jump", "beside", "crawl"}
+    assert here.problem is None
+    assert set(plain.made.rules) == {"jump", "chatter", "brief"}
 
 
 def test_events_and_watched_steps_are_the_same(faulty_fmu: Path) -> None:

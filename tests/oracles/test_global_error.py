@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from emla_cosim.base.errors import CommandError
+from emla_cosim.base.errors import CommandError, RunError
 from emla_cosim.inputs.events import input_events, row_distance
 from emla_cosim.inputs.input import Input
 from emla_cosim.master.algorithms.registry import ALGORITHMS
+from emla_cosim.master.stepping import control_tables
 from emla_cosim.master.stepping.error_control import REMARK_THRESHOLD, ErrorControl, default_largest_step
 from emla_cosim.master.stepping.timing import make_communication_points
 from emla_cosim.study.loading import load
@@ -43,18 +44,12 @@ def error_of(rows: np.ndarray, part: Part) -> float:
 # ---- the error of a whole run -------------------------------------------------------------------
 
 
-STOPS = {1e-2: 1.0, 1e-3: 0.4, 1e-4: 0.2, 1e-5: 0.1, 1e-6: 0.05}
-"""Lengths of runs in s by tolerance."""
-
-
-@pytest.mark.parametrize(
-    ("ratio", "tolerance"),
-    mostly_slow(product([1.0, 1e3], STOPS), [(1.0, 1e-2), (1e3, 1e-3), (1e3, 1e-6)]),
-)
+@pytest.mark.parametrize("tolerance", mostly_slow([1e-2, 1e-3], [1e-2]))
+@pytest.mark.parametrize("ratio", [1.0, 3e3])
 def test_followed_inputs_keep_the_error_of_a_run_near_the_tolerance(ratio: float, tolerance: float) -> None:
     """A load that answers an acceleration with a force, as heavy as what drives it and much heavier."""
     part = rigid_load(ratio)
-    stepping = controlled(part, "strong", "fmu", tolerance, STOPS[tolerance])
+    stepping = controlled(part, "strong", "fmu", tolerance, 1.0)
     found = error_of(recorded(stepping), part)
     assert 1e-3 * tolerance < found < 10.0 * tolerance
     assert stepping.remarks() == []
@@ -73,17 +68,37 @@ def test_error_keeps_its_bound_as_a_run_becomes_longer() -> None:
     assert error_of(recorded(controlled(part, "strong", "fmu", 0.1, 20.0, 0.05)), part) < 1.0
 
 
-@pytest.mark.parametrize("tolerance", mostly_slow([1e-2, 1e-3], [1e-2]))
-def test_held_inputs_get_a_remark_with_the_ratio(tolerance: float) -> None:
-    """The errors of all steps add up to no less than what the run makes, and not to far more."""
-    part = rigid_load(1.0)
-    stepping = controlled(part, "strong", "none", tolerance, 2.0)
+@pytest.mark.parametrize(("name", "extrapolation"), [*product(ALGORITHMS, ["none", "master"])])
+def test_held_inputs_get_a_remark_with_the_ratio(
+    name: str, extrapolation: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where steps would become too short, the errors of all steps add up to about what the run makes."""
+    monkeypatch.setattr(control_tables, "SHORT", 1e-3)
+    part, tolerance = elastic_load(), 1e-4
+    stepping = controlled(part, name, extrapolation, tolerance, 2.0)
     found = error_of(recorded(stepping), part)
     (remark,) = stepping.remarks()
     estimated = stepping.report()["estimated_error"]
     assert found > REMARK_THRESHOLD * tolerance
-    assert 0.3 * found < estimated < 10.0 * found
+    assert 0.5 * found < estimated < 10.0 * found
     assert f"{estimated / tolerance:.2g} times the error tolerance {tolerance:g}" in remark
+
+
+@pytest.mark.parametrize(("name", "ratio"), [("jacobi", 1.5), ("gauss-seidel", 1.5), ("gauss-seidel", 3e3)])
+@pytest.mark.parametrize("extrapolation", ["none", "fmu"])
+def test_coupling_that_diverges_at_every_step_advises_strong(
+    name: str, ratio: float, extrapolation: str
+) -> None:
+    stepping = controlled(rigid_load(ratio), name, extrapolation, 1e-3, 1.0)
+    with pytest.raises(RunError, match=r"even with a step of .* s") as caught:
+        recorded(stepping)
+    assert "Use the algorithm strong" in f"{caught.value} {stepping.algorithm.warning()}"
+
+
+def test_notes_say_before_the_run_what_the_tolerance_does_not_bound() -> None:
+    part = elastic_load()
+    held, followed = (controlled(part, "strong", way, 1e-2, 0.05).notes() for way in ("none", "fmu"))
+    assert "inputs are held" in held[0] and followed == []
 
 
 def test_accurate_held_inputs_get_no_remark() -> None:

@@ -68,8 +68,8 @@ class LinearSlave(FakeSlave):
 def connected(slaves: Sequence[LinearSlave], wires: Sequence[Wire]) -> Network:
     """The slaves wired together; an input is direct where a connected output shows it at once."""
     used = [sorted({w[1] for w in wires if w[0] == i}) for i in range(len(slaves))]
-    direct = [slaves[target].D[used[target], i].any() for _, _, target, i in wires]
-    links = [Link(*wire, bool(d), bool(d)) for wire, d in zip(wires, direct, strict=True)]
+    shown = [tuple(k for k in used[target] if slaves[target].D[k, i]) for _, _, target, i in wires]
+    links = [Link(*wire, bool(k), bool(k), through=k) for wire, k in zip(wires, shown, strict=True)]
     return Network(slaves, links)
 
 

@@ -8,14 +8,14 @@ import numpy as np
 from emla_cosim.base.errors import RunError
 from emla_cosim.master.algorithms.snapshot import Snapshot
 from emla_cosim.master.instances.fmu_instance import DiscardedStepError
-from emla_cosim.master.stepping.control_tables import JUST_BEFORE, SHORT, UNREAD
+from emla_cosim.master.stepping.control_tables import JUST_BEFORE, SHORT
 from emla_cosim.master.stepping.error_control import ErrorControl
 from emla_cosim.master.stepping.step_size_control import ErrorControlledStepSize, StepRequest
 from emla_cosim.master.stepping.stepping_base import RowSink, Stepping
 from tests.support.plain_stepper import PlainStepper
 from tests.support.step_control import StepControl
 
-EARLY, ONCE, ROUNDING_ERROR, CRAWLING, CRAWLING_STEPS = 10.0, 0.1, 1e-12, 1e-2, 200
+ONCE, DIVERGENCE, ROUNDING_ERROR, CHATTERING = 0.1, 0.1, 1e-12, 10
 
 
 class PlainErrorControl(ErrorControl):
@@ -24,8 +24,11 @@ class PlainErrorControl(ErrorControl):
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
         self.stepper, self.start = PlainStepper(self.algorithm), Snapshot(self.algorithm)
+        if self.control.is_per_unit:
+            self.stepper.coupling_tolerance = min(self.stepper.coupling_tolerance, SHORT * self.tolerance)
+        self.coarse, self.next_coarse = np.zeros((2, len(self.algorithm.restored)))
         self.first: tuple[float, np.ndarray] | None = None
-        self.jumped = np.zeros(len(self._tables.signals), dtype=bool)
+        self.jumped = np.zeros(len(self._tables.signals), dtype=int)
         self.rules = Counter[str]()
         """How often each rule for errors has applied."""
 
@@ -46,6 +49,7 @@ class PlainErrorControl(ErrorControl):
             self._points += output
             if is_event:
                 self.algorithm.exchange.begin(end)
+                control.coarse_time = np.nan
         if self._output is None or (is_met and output):
             self.record(rows)
         return 1
@@ -71,34 +75,38 @@ class PlainErrorControl(ErrorControl):
         count, allowed = len(errors), self.tolerance
         signals = tables.signals[:count]
         if control.is_per_unit:
-            passed = self.time - self.times.start + step + EARLY * self.times.step
+            passed = self.time - self.times.start + step + control.longest
             allowed = max(self.tolerance * step / passed, ROUNDING_ERROR)
-        jumps = np.zeros(len(errors), dtype=bool)
+        is_unread, is_instant = signals["is_unread"] != 0, signals["is_instant"] != 0
+        jumps = np.zeros(count, dtype=bool)
         if self.first is not None and step <= 0.5 * self.first[0]:
-            jumps = (errors > allowed) & (errors > 0.9 * self.first[1]) & ~self.jumped[:count]
+            may_jump = is_unread | (self.jumped[:count] == 0)
+            jumps = (errors > allowed) & (errors > 0.9 * self.first[1]) & may_jump
             self.rules["jump"] += int(jumps.any())
-        is_beside, is_instant = signals["is_beside"] != 0, signals["is_instant"] != 0
-        if step < UNREAD * self.times.step:
-            jumps |= is_beside
-            self.rules["beside"] += 1
-        judged = np.where(jumps, 0.0, errors)
-        once = is_instant | (step < SHORT * self.times.step)
-        shares = judged / np.where(once, max(ONCE * self.tolerance, allowed), allowed)
+        chatters = is_unread & (self.jumped[:count] >= CHATTERING)
+        self.rules["chatter"] += int(chatters.any())
+        judged = np.where(jumps | chatters, 0.0, errors)
+        once = max(ONCE * self.tolerance, allowed)
+        usual = float((judged / np.where(is_instant, once, allowed)).max(initial=0.0))
+        brief = judged / np.where(is_instant, DIVERGENCE if control.is_per_unit else once, once)
+        if control.is_per_unit:
+            brief[is_unread] = 0.0
+        self.rules["brief"] += int(step <= control.short_limit and usual > 1.0)
         try:
-            is_accepted = self.use(sizes, sizes.judge, step, float(shares.max(initial=0.0)))
+            is_accepted = self.use(sizes, sizes.judge, step, usual, float(brief.max(initial=0.0)))
         except RunError:
-            control.worst, control.end = int(signals["signal"][shares.argmax()]), end
+            control.worst, control.end = int(signals["signal"][brief.argmax()]), end
             raise self._too_short_error() from None
         if not is_accepted:
             self.first = self.first or (step, errors)
             self.start.restore()
             return False
-        self.first, self.jumped = None, jumps & ~is_beside
-        tables.total[:count] += np.where(is_instant & bool(control.is_per_unit), 0.0, judged)
-        control.short_steps = control.short_steps + 1 if step < CRAWLING * self.times.step else 0
-        if control.is_per_unit and control.short_steps == CRAWLING_STEPS:
-            self.rules["crawl"] += 1
-            self._judge_each_step()
+        self.first = None
+        if control.is_per_unit:
+            self.coarse[:], control.coarse_time = self.next_coarse, end
+        self.jumped[:count] = jumps + np.where(is_unread, self.jumped[:count], 0)
+        total, sizes_now = tables.total[:count], self.algorithm.scale.sizes(signals["signal"])
+        total[:] = np.where(is_instant, np.maximum(total, judged * sizes_now), total + judged * sizes_now)
         return True
 
     def sizes(self) -> StepControl:
@@ -112,6 +120,7 @@ class PlainErrorControl(ErrorControl):
             control.accepted,
             control.rejected,
             control.last_error,
+            control.short_limit,
         )
 
     def use(self, sizes: StepControl, call: Any, *arguments: float) -> Any:
@@ -129,7 +138,10 @@ class PlainErrorControl(ErrorControl):
         controlled = self._tables.signals[: self.control.controlled_count]
         middle = time + 0.5 * (end - time)
         which = controlled["signal"]
+        if self.control.coarse_time == time:
+            self.algorithm.restored[:] = self.coarse
         self.stepper.step(time, end - time)
+        self.next_coarse[:] = self.algorithm.restored
         whole = signals[which]
         self.start.restore()
         self.stepper.step(time, middle - time)

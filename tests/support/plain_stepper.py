@@ -34,6 +34,7 @@ class PlainStepper:
         self.algorithm, self.network = algorithm, algorithm.network
         self.exchange, self.history = algorithm.exchange, algorithm.exchange.history
         self.states: dict[tuple[int, int], Any] = {}
+        self.coupling_tolerance = algorithm.coupling_tolerance
 
     def step(self, time: float, length: float, times: CommunicationPoints | None = None) -> None:
         """Do one step, in s. With step multiples, `times` has the points of the long steps."""
@@ -213,7 +214,7 @@ class PlainStepper:
             self.algorithm.sweeps += 1
             answers.append(signals[which].copy())
             residuals.append(answers[-1] - guess)
-            agreed = bool((np.abs(residuals[-1]) / sizes <= self.algorithm.coupling_tolerance).all())
+            agreed = bool((np.abs(residuals[-1]) / sizes <= self.coupling_tolerance).all())
             if not np.isfinite(residuals[-1]).all():
                 break
             if 0 < k <= len(which) or not agreed:

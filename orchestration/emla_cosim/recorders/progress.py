@@ -7,13 +7,15 @@ from .recorder import Outline, Pause, Recorder
 
 
 class ProgressRecorder(Recorder):
-    """Report the number of finished steps."""
+    """Report notes on the run, and then the number of finished steps."""
 
     def __init__(self, progress: Progress) -> None:
         self._progress = progress
 
     def begin(self, outline: Outline, memory: Any = None) -> None:
         """Report the begin of the simulation."""
+        for note in outline.notes:
+            self._progress.note(f"Note: {note}.")
         self._reported = 0
         self._progress.begin("simulating", outline.times.steps)
 

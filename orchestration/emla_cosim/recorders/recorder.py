@@ -38,6 +38,7 @@ class Outline:
         multiples: step multiples by component, without those that are 1.
         types: types of the signals by name; Real for those without an entry.
         texts: the texts of the run.
+        notes: what a reader should know before the run, without full stops.
     """
 
     names: Sequence[str]
@@ -55,6 +56,7 @@ class Outline:
     multiples: Mapping[str, int] = field(default_factory=dict)
     types: Mapping[str, SignalType] = field(default_factory=dict)
     texts: Texts = field(default_factory=Texts)
+    notes: Sequence[str] = ()
 
     @property
     def text_columns(self) -> list[int]:

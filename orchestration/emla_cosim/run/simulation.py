@@ -393,6 +393,7 @@ class Simulation:
                 },
                 types={n: t for n, t in types.items() if t.is_discrete and place[n] not in assembly.shown},
                 texts=assembly.network.observer.texts,
+                notes=stepping.notes(),
             )
             if required:
                 check_requirements(required, MetricsRecorder.before(outline), run_figures())

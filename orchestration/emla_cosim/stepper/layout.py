@@ -202,7 +202,7 @@ class Stepper(ctypes.Structure):
     )
 
 
-CONTROLLED = _record(signal=_WHOLE, is_unread=_WHOLE, is_beside=_WHOLE, is_instant=_WHOLE)
+CONTROLLED = _record(signal=_WHOLE, is_unread=_WHOLE, is_instant=_WHOLE)
 
 
 class Control(ctypes.Structure):
@@ -213,11 +213,8 @@ class Control(ctypes.Structure):
         ("tolerance", _DOUBLE),
         ("divisor", _DOUBLE),
         ("start", _DOUBLE),
-        ("first_step", _DOUBLE),
         ("leap_limit", _DOUBLE),
-        ("unread_limit", _DOUBLE),
         ("short_limit", _DOUBLE),
-        ("crawling_limit", _DOUBLE),
         ("shortest", _DOUBLE),
         ("longest", _DOUBLE),
         ("controlled_count", _INT),
@@ -225,6 +222,8 @@ class Control(ctypes.Structure):
         ("states", _POINTER),
         ("memory", _POINTER),
         ("copy", _POINTER),
+        ("coarse", _POINTER),
+        ("next_coarse", _POINTER),
         ("memory_count", _LONG),
         ("whole", _POINTER),
         ("errors", _POINTER),
@@ -238,9 +237,9 @@ class Control(ctypes.Structure):
         ("last_error", _DOUBLE),
         ("exponent", _DOUBLE),
         ("first_rejected", _DOUBLE),
+        ("coarse_time", _DOUBLE),
         ("accepted", _LONG),
         ("rejected", _LONG),
-        ("short_steps", _LONG),
         ("is_per_unit", _INT),
         ("is_event", _INT),
         ("point", _DOUBLE),
@@ -251,9 +250,7 @@ class Control(ctypes.Structure):
         ("tried", _LONG),
         ("end", _DOUBLE),
         ("is_met", _INT),
-        ("crawls", _INT),
         ("worst", _INT),
-        ("unused", _INT),
     )
 
 

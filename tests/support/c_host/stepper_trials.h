@@ -26,7 +26,6 @@ static Control *build_control(System *system) {
         if (happens(dice, 0.6))
             signals[n++] = (Controlled){.signal = k,
                                         .is_unread = happens(dice, 0.4),
-                                        .is_beside = happens(dice, 0.2),
                                         .is_instant = happens(dice, 0.2)};
     const double first = system->step * uniform(dice, 0.05, 1.0);
     const int32_t order = between(dice, 1, 2), is_per_unit = happens(dice, 0.5);
@@ -35,17 +34,16 @@ static Control *build_control(System *system) {
                    .tolerance = pow(10.0, uniform(dice, -4.0, -1.0)),
                    .divisor = order == 1 ? 1.0 : 3.0,
                    .start = s->at[0],
-                   .first_step = first,
                    .leap_limit = 0.05 * first,
-                   .unread_limit = 1e-2 * first,
-                   .short_limit = 1e-3 * first,
-                   .crawling_limit = happens(dice, 0.2) ? first : 1e-2 * first,
+                   .short_limit = (happens(dice, 0.5) ? 1e-1 : 1e-3) * first,
                    .shortest = pow(10.0, uniform(dice, -5.0, -1.0)) * first,
                    .longest = system->step, /* longer ones are steps of several */
                    .n_instances = system->n_instances,
                    .states = system->trial_states,
                    .memory = system->memory,
                    .copy = own_doubles(system, system->n_memory),
+                   .coarse = own_doubles(system, system->n_memory),
+                   .next_coarse = own_doubles(system, system->n_memory),
                    .n_memory = system->n_memory,
                    .whole = own_doubles(system, n),
                    .errors = own_doubles(system, n),
@@ -59,8 +57,10 @@ static Control *build_control(System *system) {
                    .last_error = 1.0,
                    .exponent = 1.0 / (order + !is_per_unit),
                    .first_rejected = (double)NAN,
+                   .coarse_time = (double)NAN,
                    .is_per_unit = is_per_unit};
     for (int32_t j = 0; j < n; j++) c->jumped[j] = 0;
+    system->control = c;
     return c;
 }
 
@@ -94,7 +94,7 @@ static void check_trials(const System *system, const Control *c, const Control *
         REQUIRE(rows[(size_t)(s->recorded - 1) * width] == c->time, "the time of a row is wrong");
     if (s->failure == DONE)
         REQUIRE(c->is_met || c->tried == most || c->time >= c->enough || (rows != NULL && s->recorded == room) ||
-                    (c->watch_room > 0 && c->n_watched == c->watch_room) || c->short_steps == CRAWLING_STEPS,
+                    (c->watch_room > 0 && c->n_watched == c->watch_room),
                 "it ends without a reason");
     if (s->failure == TOO_SHORT)
         REQUIRE(c->step < c->shortest && !system->must_fail, "the step is long enough");
@@ -168,7 +168,7 @@ static int32_t draw_room(System *system, int way) {
 
 /* Keep what must not depend on the way. */
 static void copy_control(Outcome *outcome, const System *system, const Control *c) {
-    const double numbers[] = {c->time, c->step, c->last_error, (double)c->rejected, (double)c->short_steps};
+    const double numbers[] = {c->time, c->step, c->last_error, (double)c->rejected};
     const size_t n_numbers = sizeof numbers / sizeof *numbers, n_memory = (size_t)system->n_memory;
     outcome->n_vector_values = n_memory + (size_t)c->n_controlled + n_numbers;
     outcome->vectors = allocate(outcome->n_vector_values, sizeof(double));

@@ -137,12 +137,15 @@ class Exchange:
             and network.instances[x.target].continuous_inputs[x.input]
         )
 
-    def _is_first_order(self, link: Link) -> bool:
+    def is_of_middle(self, link: Link) -> bool:
+        """Return whether an input has one value throughout a step that is that of the middle of the step."""
         known = self.known[link.target][link.input]
-        if known in (Known.NOT_KNOWN, Known.MEAN):
-            mode = Mode.MIDDLE if known == Known.MEAN else self.modes[link.target]
-            return mode == Mode.HOLD or (mode == Mode.MIDDLE and link.direct)
-        return False
+        return known == Known.MEAN or (known == Known.NOT_KNOWN and self.modes[link.target] == Mode.MIDDLE)
+
+    def _is_first_order(self, link: Link) -> bool:
+        is_known = self.known[link.target][link.input] != Known.NOT_KNOWN
+        is_held = not is_known and self.modes[link.target] == Mode.HOLD
+        return is_held or (link.direct and self.is_of_middle(link))
 
     def use_known(self, tables: Collection[int], rare: Collection[int]) -> None:
         """Read the signals of these instances as known in advance; they step before all others.

@@ -10,24 +10,18 @@ from ..algorithms.algorithm import Algorithm
 from .saved_states import SavedStates
 from .timing import CommunicationPoints
 
-SMALLEST = 1e-6
-"""Smallest step, as a fraction of the first step."""
+SMALLEST = 1e-12
+"""Smallest step, as a fraction of the largest absolute time: shorter ones are lost in its rounding."""
 
 JUST_BEFORE = 1e-5
 """Length of the step that ends at an event, as a fraction of the first step."""
 
-SHORT = 1e-5
-"""Steps shorter than this fraction of the first one may have an error of a tenth of the tolerance.
+SHORT = 1e-6
+"""Length of a very short step, as a fraction of the run's time.
 
-Inputs that jump at an unknown time cause errors in proportion to the step, as is what a step is allowed.
-No step would be short enough.
+Steps become shorter only if a single one is inaccurate: so many steps are as many as anybody waits for, and a
+jump at an unknown time causes errors in proportion to the step, as is what a step is allowed.
 """
-
-UNREAD = 1e-2
-"""Unread outputs shorten no step below this fraction of the first one, if others of the FMU are read."""
-
-CRAWLING = 1e-2
-"""Step length, as a fraction of the first step. Many shorter ones show a jump at every point."""
 
 WATCHED = 500
 """Largest number of steps in a call if `Stepping.watch` gets each of them."""
@@ -46,7 +40,8 @@ class ControlTables:
     Attributes:
         control: The record that the functions in C get.
         signals: The records of the controlled signals.
-        total: Sum of the errors of all steps so far, per controlled signal.
+        total: Absolute errors of all steps so far, per controlled signal: their sum, or the largest if
+            they do not add up.
         watched: Room for time and signals of watched steps.
     """
 
@@ -59,11 +54,12 @@ class ControlTables:
         states: SavedStates,
     ) -> None:
         network, step = algorithm.network, times.step
-        self.signals = find_controlled_signals(algorithm)
+        self.signals, self._read_count = find_controlled_signals(algorithm)
         count = len(self.signals)
         self._states = states
         self.watched = np.zeros((0, 1 + len(network.signals)))
-        self._copy = algorithm.restored.copy()
+        size = len(algorithm.restored)
+        self._copies = {name: np.zeros(size) for name in ("copy", "coarse", "next_coarse")}
         self._errors = {name: np.zeros(count) for name in ("total", "first_errors")}
         self._rooms = {name: np.zeros(count) for name in ("whole", "errors", "judged")}
         self._flags = {name: np.zeros(count, dtype=np.int32) for name in ("jumps", "jumped")}
@@ -71,21 +67,25 @@ class ControlTables:
         self.control = control = Control()
         control.controlled, control.controlled_count = self.signals.ctypes.data, count
         control.states, control.instance_count = states.records.ctypes.data, len(states.records)
-        control.memory, control.copy = algorithm.restored.ctypes.data, self._copy.ctypes.data
-        control.memory_count = len(self._copy)
-        for name, values in {**self._errors, **self._rooms, **self._flags}.items():
+        control.memory, control.memory_count = algorithm.restored.ctypes.data, size
+        for name, values in {**self._copies, **self._errors, **self._rooms, **self._flags}.items():
             setattr(control, name, values.ctypes.data)
         control.tolerance, control.divisor = tolerance, 2.0**algorithm.accuracy - 1.0
-        control.start, control.first_step, control.time = times.start, step, times.start
-        control.leap_limit, control.unread_limit = 2.0 * JUST_BEFORE * step, UNREAD * step
-        control.short_limit, control.crawling_limit = SHORT * step, CRAWLING * step
-        control.shortest, control.longest = SMALLEST * step, longest
-        control.step, control.last_error = min(step, longest), 1.0
-        control.first_rejected = np.nan
+        control.start, control.time = times.start, times.start
+        control.leap_limit, control.short_limit = 2.0 * JUST_BEFORE * step, SHORT * (times.stop - times.start)
+        control.shortest = SMALLEST * max(abs(times.start), abs(times.stop))
+        control.longest, control.step, control.last_error = longest, min(step, longest), 1.0
+        control.first_rejected = control.coarse_time = np.nan
+        self.control_error(algorithm.accuracy, per_unit=True)
 
-    def leave_out_unread_signals(self) -> None:
-        """Control unread signals, such as noise, only in instances without any signal that is read."""
-        self.control.controlled_count = int((self.signals["is_beside"] == 0).sum())
+    def control_error(self, order: int, per_unit: bool) -> None:
+        """Control the error per unit step of an algorithm of this order, or that of each step.
+
+        In the latter case, unread signals, such as noise, are only controlled in instances without others.
+        """
+        self.control.is_per_unit, self.control.exponent = per_unit, 1.0 / (order + (not per_unit))
+        if not per_unit:
+            self.control.controlled_count, self.control.short_limit = self._read_count, 0.0
 
     def watch(self, most: int) -> None:
         """Keep time and signals of at most so many steps in a call."""
@@ -96,41 +96,62 @@ class ControlTables:
     def memory(self) -> dict[str, Vector]:
         """Return what steps have changed, as arrays by name."""
         numbers = np.array([float(getattr(self.control, name)) for name in _NUMBERS + _COUNTS])
-        arrays = {**self._errors, "jumped": self._flags["jumped"].astype(float)}
-        return {"control": numbers} | {f"control/{name}": values for name, values in arrays.items()}
+        return {"control": numbers} | {
+            f"control/{x}": values.astype(float) for x, values in self._kept().items()
+        }
 
     def remember(self, memory: Any) -> None:
         """Continue from what `memory` returned."""
         for name, number in zip(_NUMBERS + _COUNTS, memory["control"], strict=True):
             setattr(self.control, name, int(number) if name in _COUNTS else float(number))
-        for name, values in {**self._errors, "jumped": self._flags["jumped"]}.items():
+        for name, values in self._kept().items():
             values[:] = memory[f"control/{name}"]
 
+    def _kept(self) -> dict[str, Any]:
+        """Return the arrays that later steps depend on."""
+        return {**self._errors, "jumped": self._flags["jumped"], "coarse": self._copies["coarse"]}
 
-_NUMBERS = ("time", "step", "last_error", "exponent", "first_rejected")
-_COUNTS = ("accepted", "rejected", "short_steps", "is_per_unit")
+
+_NUMBERS = ("time", "step", "last_error", "first_rejected", "coarse_time")
+_COUNTS = ("accepted", "rejected")
 """Fields of `Control` that steps change: numbers, and whole numbers."""
 
 
-def find_controlled_signals(algorithm: Algorithm) -> Any:
+def find_controlled_signals(algorithm: Algorithm) -> tuple[Any, int]:
     """Return the CONTROLLED records: all continuous signals, as unread ones also depend on states.
 
     Args:
         algorithm: An algorithm after `setup`.
 
     Returns:
-        The records; unread signals of instances with others that are read come last.
+        The records; unread signals of instances with others that are read come last. And how many others
+        there are.
     """
     network, exchange = algorithm.network, algorithm.exchange
-    found = np.flatnonzero(exchange.smooth)
-    is_unread = ~np.isin(found, network.read)
+    is_unread = ~np.isin(np.arange(len(network.signals)), network.read)
     is_read = np.zeros(len(network.instances), dtype=bool)
     is_read[exchange.owners[network.read]] = True
-    is_beside = is_unread & is_read[exchange.owners[found]]
-    late = {link.target for link in algorithm.late_links() if link.direct}
+    is_beside = is_unread & is_read[exchange.owners]
     order = np.argsort(is_beside, kind="stable")
-    found, is_unread, is_beside = found[order], is_unread[order], is_beside[order]
-    records = np.zeros(len(found), CONTROLLED)
-    records["signal"], records["is_unread"], records["is_beside"] = found, is_unread, is_beside
-    records["is_instant"] = np.isin(exchange.owners[found], list(late))
-    return records
+    chosen = order[exchange.smooth[order]]
+    records = np.zeros(len(chosen), CONTROLLED)
+    records["signal"], records["is_unread"] = chosen, is_unread[chosen]
+    records["is_instant"] = _follow_late_inputs(algorithm, is_unread)[chosen]
+    return records, int((~is_beside[chosen]).sum())
+
+
+def _follow_late_inputs(algorithm: Algorithm, is_unread: Any) -> Any:
+    """Return whether each signal depends directly on an input of another time, perhaps through others.
+
+    Of unread outputs this is not known; all of instances with such inputs count.
+    """
+    network, exchange = algorithm.network, algorithm.exchange
+    late = {id(link) for link in algorithm.late_links()}
+    is_late, count = np.zeros(len(network.signals), dtype=bool), -1
+    while count < (count := int(is_late.sum())):
+        for link in network.links:
+            if id(link) in late or exchange.is_of_middle(link) or is_late[network.signal(link)]:
+                part = network.parts[link.target]
+                is_late[part] |= is_unread[part]
+                is_late[[part.start + k for k in link.through]] = True
+    return is_late

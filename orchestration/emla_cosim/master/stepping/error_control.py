@@ -12,7 +12,7 @@ from ...base.arrays import Vector
 from ...base.errors import CommandError, RunError
 from ...stepper.layout import Failure
 from ..algorithms.algorithm import Algorithm, require
-from .control_tables import JUST_BEFORE, WATCHED, ControlTables
+from .control_tables import JUST_BEFORE, SHORT, WATCHED, ControlTables
 from .stepping_base import LONGEST, ROUNDING, RowSink, Stepping
 from .timing import CommunicationPoints, make_clock
 
@@ -31,17 +31,18 @@ class ErrorControl(Stepping):
     sizes of all continuous signals; see `Scale`. The error of a signal is ignored at its jumps, once the
     step is short.
 
-    With order 2, the error *per unit step* is controlled: a step of length h from t may have the error
+    The error *per unit step* is controlled: a step of length h from t may have the error
 
-        tolerance h / (t - t_start + h + 10 h_first)
+        tolerance h / (t - t_start + h + h_longest)
 
-    All steps together then add up to at most tolerance ln(1 + T / 10 h_first) in the time T. That is seven
-    times the tolerance after 10,000 first steps, wherever the run stops.
+    All steps together then add up to at most tolerance ln(1 + T / h_longest) in the time T, wherever the run
+    stops: four times the tolerance with the default for h_longest. `remarks` reports the sum if it is larger.
+    It may be in runs of a million steps: with order 1 (held inputs) steps are in proportion to the tolerance.
+    Steps shorter than a millionth of the run are only done where a single one is inaccurate.
 
-    With order 1 (held inputs) this would need steps in proportion to the tolerance. There every step may
-    have an error of the tolerance, and `remarks` reports the sum of all errors. The same applies if a
-    component is `sampled`, or if the step sizes show a jump at every point. Then only connected outputs
-    are controlled, and all outputs of instances without connected outputs.
+    If a component is `sampled`, every communication point may be a jump. There every step may have an error
+    of the tolerance. Then only connected outputs are controlled, and all outputs of instances without
+    connected outputs.
 
     The first trial step is the step of `times`. With an `interval` in s, its multiples are reached
     exactly, and only they are recorded. Without it, every accepted step is recorded.
@@ -90,17 +91,13 @@ class ErrorControl(Stepping):
         self._tables = ControlTables(algorithm, times, tolerance, longest, self._states)
         self.control = self._tables.control
         if sampled:
-            self._tables.leave_out_unread_signals()
-        self._control_error(algorithm.accuracy > 1 and not sampled)
+            self._tables.control_error(algorithm.accuracy, per_unit=False)
+        else:
+            self.loop.tighten(SHORT * tolerance)  # which steps of this length are allowed
         self._events = _event_points(events, times)
         self._output = None if interval is None else make_clock(times.start, interval)
         self._end = _last_point(times, interval)
         self._points = 0
-
-    def _control_error(self, per_unit: bool) -> None:
-        """Control the error per unit step, or that of each step; see the class."""
-        self.control.is_per_unit = per_unit
-        self.control.exponent = 1.0 / (self.algorithm.accuracy + (0 if per_unit else 1))
 
     @property
     def time(self) -> float:
@@ -140,8 +137,6 @@ class ErrorControl(Stepping):
         if self.watch is not None:
             for row in self._tables.watched[: control.watched_count]:
                 self.watch(float(row[0]), row[1:])
-        if control.crawls:
-            self._judge_each_step()
         if block is not None and (recorded := self.loop.recorded):
             rows.commit(recorded)
         if ended == Failure.TOO_SHORT:
@@ -152,6 +147,7 @@ class ErrorControl(Stepping):
             self._points += output
             if is_event:
                 self.algorithm.exchange.begin(self.time)  # do not extrapolate across a jump
+                control.coarse_time = math.nan
         if (control.is_met and output and not records_each) or (one_by_one and control.accepted > accepted):
             self.record(rows)
         return int(control.tried)
@@ -162,39 +158,62 @@ class ErrorControl(Stepping):
         return super().report() | {
             "rejected_steps": int(control.rejected),
             "largest_step_s": float(control.longest),
-            "estimated_error": float(self._tables.total.max(initial=0.0)),
+            "estimated_error": float(self._errors().max(initial=0.0)),
             "error_per_unit_step": bool(control.is_per_unit),
         }
 
+    def _errors(self) -> Vector:
+        """Return the errors of all steps, relative to the sizes of the controlled signals."""
+        return self.algorithm.scale.relative(self._tables.total, self._tables.signals["signal"])
+
+    def notes(self) -> list[str]:
+        """Say before the run if the tolerance may not bound the error of the run."""
+        if self._sampled:
+            return ["a component samples: the error tolerance bounds the error of a step, not of the run"]
+        if self.algorithm.accuracy == 1:
+            return [
+                "inputs are held during a step, or extrapolated by the master: the error of a run is in "
+                "proportion to its steps. If a million steps are not enough for the error tolerance, a "
+                "remark gives the error"
+            ]
+        return []
+
     def remarks(self) -> list[str]:
         """Return a remark if the errors of all steps add up to far more than the tolerance."""
-        sums = self._tables.total
-        if self._sampled or not sums.max(initial=0.0) > REMARK_THRESHOLD * self.tolerance:
+        errors = self._errors()
+        total = errors.max(initial=0.0)
+        if not total > REMARK_THRESHOLD * self.tolerance:
             return []
-        worst, total = self._name(int(self._tables.signals["signal"][sums.argmax()])), sums.max()
-        reason = (
-            "inputs bend or jump too often. Set a smaller tolerance, or shorter steps with --largest-step."
-            if self.control.is_per_unit
-            else "with held inputs the tolerance bounds the error of one step only. Set --extrapolation fmu "
-            "if the FMUs interpolate inputs, or a smaller tolerance."
-        )
+        if self._sampled:
+            reason = (
+                "a component samples, and the tolerance bounds the error of one step only. If the motion is "
+                "damped, the error of the run is smaller than the sum."
+            )
+        elif self.algorithm.accuracy == 1:
+            reason = (
+                "held inputs would need more than a million steps. Set --extrapolation fmu if the FMUs "
+                "interpolate inputs, or a larger tolerance."
+            )
+        else:
+            reason = (
+                "signals bend or jump too often, or more than a million steps are needed. Set "
+                "--largest-step, or another tolerance."
+            )
         return [
-            f"the errors of all steps add up to {total:.2g} of the size of {worst}, which is "
+            f"the errors of all steps add up to {total:.2g} of the size of "
+            f"{self._name(int(self._tables.signals['signal'][errors.argmax()]))}, which is "
             f"{total / self.tolerance:.2g} times the error tolerance {self.tolerance:.3g}: {reason}"
         ]
 
     def memory(self) -> dict[str, Vector]:
         """Add the state of error control to the memory."""
-        progress = np.array([float(self._points), float(self._sampled)])
-        return super().memory() | self._tables.memory() | {"control/points": progress}
+        points = np.array([float(self._points)])
+        return super().memory() | self._tables.memory() | {"control/points": points}
 
     def remember(self, memory: Mapping[str, Vector]) -> None:
         """Restore the state from `memory` of an error control with the same algorithm."""
         super().remember(memory)
-        points, was_sampled = memory["control/points"]
-        if was_sampled and not self._sampled:
-            self._judge_each_step()
-        self._points = int(points)
+        self._points = int(memory["control/points"][0])
         self._tables.remember(memory)
 
     def close(self) -> None:
@@ -215,19 +234,15 @@ class ErrorControl(Stepping):
             return event, False, True
         return recorded, True, event == recorded
 
-    def _judge_each_step(self) -> None:
-        """Control the error of each step instead of the error per unit step; see the class."""
-        self._sampled = True
-        self._control_error(per_unit=False)
-        self._tables.leave_out_unread_signals()
-
     def _too_short_error(self) -> RunError:
         control = self.control
         failure = self.algorithm.network.find_nonfinite_signal(control.end)
-        return failure or RunError(
+        text = (
             f"the error exceeds its tolerance even with a step of {control.step:.2g} s. "
             f"{self._name(control.worst)} differs most."
         )
+        warning = None if self.steps else self.algorithm.warning()  # later, that of any failure is reported
+        return failure or RunError(text if warning is None else f"{text} {warning}")
 
     def _name(self, signal: int) -> str:
         return self.algorithm.network.names[signal]

@@ -108,6 +108,10 @@ class NativeLoop:
         algorithm.steps += stepper.reached - first
         return int(stepper.recorded), self._error(failure, clock.point(stepper.reached + 1))
 
+    def tighten(self, tolerance: float) -> None:
+        """Let values that loops exchange agree to at least this fraction of each signal's size."""
+        self._stepper.coupling_tolerance = min(self._stepper.coupling_tolerance, tolerance)
+
     def control(self, control: Control, most: int, rows: Vector | None) -> tuple[Failure, RunError | None]:
         """Try steps under error control.
 

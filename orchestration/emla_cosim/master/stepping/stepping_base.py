@@ -93,6 +93,10 @@ class Stepping(ABC):
         found, reason = {"steps": self.steps, **self.algorithm.report()}, self.loop.why_not_kept()
         return found | ({"compiled_code_not_kept": reason} if reason else {})
 
+    def notes(self) -> list[str]:
+        """Return what a reader should know before the run, without full stops."""
+        return []
+
     def remarks(self) -> list[str]:
         """Return notes on the steps that a reader of the results needs."""
         return self.algorithm.remarks()

@@ -15,14 +15,15 @@
 /* Errors below this fraction of a signal are rounding errors. Shorter steps do not reduce them. */
 #define ROUNDING_ERROR 1e-12
 
-/* Number of first steps that is added to the elapsed time when the tolerance is shared among steps. */
-#define EARLY 10.0
-
-/* Fraction of the tolerance for the error of a very short step, and for errors that do not add up. */
+/* Fraction of the tolerance for errors that do not add up, and for those of a very short step. */
 #define ONCE 0.1
 
-/* Number of successive short steps that show a jump at every point. */
-#define CRAWLING_STEPS 200
+/* Largest error, as a fraction of a signal, that does not add up in a very short step: a coupling that diverges has
+   larger ones in steps of any length. */
+#define DIVERGENCE 0.1
+
+/* Number of jumps from which on a signal that nobody reads is not controlled any more. */
+#define CHATTERING 10
 
 #define LEAST_ERROR 1e-10 /* relative to the allowed one: the step grows no faster below it */
 
@@ -45,12 +46,19 @@ static int32_t put_back(Stepper *s, const Control *c) {
     return DONE;
 }
 
-/* Do the step to `end` as a whole and in halves, and compute the errors relative to the sizes of the signals. */
+static double size_of(const Stepper *s, int32_t signal) { return s->largest[signal] + s->signals[signal].floor; }
+
+/* Do the step to `end` as a whole and in halves, and compute the errors relative to the sizes of the signals. The
+   whole step begins with the signals of the whole step before it: an output that is late by a part of the step is so
+   in all steps, and would not differ otherwise. */
 static int32_t try_doubled_step(Stepper *s, Control *c, double end) {
+    const size_t size = (size_t)c->n_memory * sizeof(double);
     const double *now = s->stores[SIGNALS];
     const double time = c->time, middle = time + 0.5 * (end - time);
+    if (c->coarse_time == time) memcpy(c->memory, c->coarse, size);
     int32_t failure = work_through(s, 0, time, end - time);
     if (failure != DONE) return failure;
+    memcpy(c->next_coarse, c->memory, size);
     for (int32_t j = 0; j < c->n_controlled; j++) c->whole[j] = now[c->controlled[j].signal];
     failure = put_back(s, c);
     if (failure == DONE) failure = work_through(s, 0, time, middle - time);
@@ -59,35 +67,46 @@ static int32_t try_doubled_step(Stepper *s, Control *c, double end) {
     for (int32_t j = 0; j < c->n_controlled; j++) {
         const int32_t signal = c->controlled[j].signal;
         const double difference = (now[signal] - c->whole[j]) / c->divisor;
-        const double error = fabs(difference) / (s->largest[signal] + s->signals[signal].floor);
+        const double error = fabs(difference) / size_of(s, signal);
         c->errors[j] = c->controlled[j].is_unread && !isfinite(error) ? 0.0 : error; /* it may be infinite */
     }
     return DONE;
 }
 
-/* Compare the errors with what is allowed, and return the largest quotient; NaN if one is. */
-static double compare_errors(Control *c, double step) {
-    const double passed = c->time - c->start + step + EARLY * c->first_step;
-    const double allowed = c->is_per_unit ? fmax(c->tolerance * step / passed, ROUNDING_ERROR) : c->tolerance;
-    const double once = fmax(ONCE * c->tolerance, allowed);
+/* What is allowed in a step. */
+typedef struct {
+    double adding, once; /* for errors that add up, and for those that do not */
+} Allowed;
+
+/* Return the larger quotient of error and allowed error; NaN if one is. */
+static double larger(double share, double error, const Controlled *signal, Allowed allowed) {
+    const double other = error / (signal->is_instant ? allowed.once : allowed.adding);
+    return other > share || isnan(other) ? other : share; /* nothing is larger than NaN */
+}
+
+/* Compare the errors with what is allowed. Sets the largest quotient, and the one for a very short step. */
+static void compare_errors(Control *c, double step, double *share, double *short_share) {
+    const double passed = c->time - c->start + step + c->longest;
+    const double unit = c->is_per_unit ? fmax(c->tolerance * step / passed, ROUNDING_ERROR) : c->tolerance;
+    const double once = fmax(ONCE * c->tolerance, unit);
+    const Allowed usual = {unit, once}, brief = {once, c->is_per_unit ? DIVERGENCE : once};
     const int can_jump = step <= 0.5 * c->first_rejected; /* not if it is NaN */
-    double largest = 0.0;
+    *share = *short_share = 0.0;
     c->worst = 0;
     for (int32_t j = 0; j < c->n_controlled; j++) {
         const Controlled *signal = &c->controlled[j];
-        const double error = c->errors[j];
-        /* A signal jumps if its error is as large as in a much longer step, but not twice in a row: an unstable
-           coupling would look the same. */
-        c->jumps[j] = (can_jump && error > allowed && error > 0.9 * c->first_errors[j] && !c->jumped[j]) ||
-                      (step < c->unread_limit && signal->is_beside);
-        c->judged[j] = c->jumps[j] ? 0.0 : error;
-        const double share = c->judged[j] / (signal->is_instant || step < c->short_limit ? once : allowed);
-        if (share > largest || isnan(share)) { /* nothing is larger than NaN */
-            largest = share;
-            c->worst = signal->signal;
-        }
+        const double error = c->errors[j], earlier = *short_share;
+        /* A signal jumps if its error is as large as in a much longer step. One that is read may not do so twice in a
+           row: an unstable coupling would look the same. */
+        c->jumps[j] = can_jump && error > unit && error > 0.9 * c->first_errors[j] &&
+                      (signal->is_unread || !c->jumped[j]);
+        const int is_ignored = c->jumps[j] || (signal->is_unread && c->jumped[j] >= CHATTERING);
+        c->judged[j] = is_ignored ? 0.0 : error;
+        *share = larger(*share, c->judged[j], signal, usual);
+        if (!c->is_per_unit || !signal->is_unread) /* no step becomes very short for what nobody reads */
+            *short_share = larger(*short_share, c->judged[j], signal, brief);
+        if (*short_share > earlier || isnan(*short_share)) c->worst = signal->signal;
     }
-    return largest;
 }
 
 /* Propose the next step, stretched if it would leave a sliver. */
@@ -103,32 +122,44 @@ static int32_t shrink(Control *c, double step, double factor) {
     return c->step < c->shortest ? TOO_SHORT : DONE;
 }
 
-static void grow(Control *c, double step, double error) {
-    double growth = SAFETY * pow(error, -c->exponent);
+static double growth_of(const Control *c, double error) {
+    return fmin(LARGEST_GROWTH, fmax(LARGEST_CUT, SAFETY * pow(error, -c->exponent)));
+}
+
+/* Choose the step after one with this error, relative to the allowed one, and to that of a very short step. */
+static void grow(Control *c, double step, double error, double short_error) {
+    double growth = growth_of(c, error);
     if (step >= c->step) { /* else it was cut to end at a given point: its small error is no trend */
         growth = SAFETY * pow(error, -0.7 * c->exponent) * pow(c->last_error, 0.4 * c->exponent);
+        growth = fmin(LARGEST_GROWTH, fmax(LARGEST_CUT, growth));
         c->last_error = error;
     }
-    double next = fmax(step * fmin(LARGEST_GROWTH, fmax(LARGEST_CUT, growth)), c->shortest);
-    next = fmin(next, fmax(c->longest, step));
+    double next = fmax(step * growth, fmin(c->short_limit, step * growth_of(c, short_error)));
+    next = fmin(fmax(next, c->shortest), fmax(c->longest, step));
     /* a step that was cut very short says little about the next one */
     c->step = step >= 0.5 * c->step ? next : fmax(next, c->step);
 }
 
-static void accept(Control *c, double step) {
+static void accept(const Stepper *s, Control *c, double end) {
     c->accepted++;
+    if (c->is_per_unit) {
+        memcpy(c->coarse, c->next_coarse, (size_t)c->n_memory * sizeof(double));
+        c->coarse_time = end;
+    }
     c->first_rejected = NAN;
     for (int32_t j = 0; j < c->n_controlled; j++) {
-        c->jumped[j] = c->jumps[j] && !c->controlled[j].is_beside;
-        if (!(c->controlled[j].is_instant && c->is_per_unit)) c->total[j] += c->judged[j];
+        const Controlled *signal = &c->controlled[j];
+        const double error = c->judged[j] * size_of(s, signal->signal);
+        c->jumped[j] = c->jumps[j] + (signal->is_unread ? c->jumped[j] : 0);
+        c->total[j] = signal->is_instant ? fmax(c->total[j], error) : c->total[j] + error;
     }
-    c->short_steps = step < c->crawling_limit ? c->short_steps + 1 : 0;
 }
 
 static int32_t reject(Stepper *s, Control *c, double step, double error) {
     const double factor = error < INFINITY ? SAFETY * pow(error, -c->exponent) : LARGEST_CUT; /* NaN, too */
     const int32_t failure = shrink(c, step, factor);
     if (failure != DONE) return failure;
+    if (step > c->short_limit) c->step = fmax(c->step, fmin(SAFETY * step, c->short_limit));
     if (isnan(c->first_rejected)) {
         memcpy(c->first_errors, c->errors, (size_t)c->n_controlled * sizeof(double));
         c->first_rejected = step;
@@ -158,11 +189,12 @@ static int32_t try_step(Stepper *s, Control *c, double step, double end, int is_
         c->accepted++;
         return DONE;
     }
-    double error = compare_errors(c, step);
-    if (error < LEAST_ERROR) error = LEAST_ERROR;
-    if (!(error <= 1.0)) return reject(s, c, step, error); /* NaN, too */
-    grow(c, step, error);
-    accept(c, step);
+    double error, short_error;
+    compare_errors(c, step, &error, &short_error);
+    const double judged = step > c->short_limit ? error : short_error;
+    if (!(judged <= 1.0)) return reject(s, c, step, judged); /* NaN, too */
+    grow(c, step, fmax(error, LEAST_ERROR), fmax(short_error, LEAST_ERROR));
+    accept(s, c, end);
     return DONE;
 }
 
@@ -183,7 +215,6 @@ int32_t stepper_control(Stepper *s, Control *c, int64_t most, int64_t room, doub
     c->n_watched = 0;
     c->tried = 0;
     c->is_met = 0;
-    c->crawls = 0;
     while (c->tried < most) {
         const int64_t accepted = c->accepted;
         const double step = propose(c);
@@ -200,8 +231,7 @@ int32_t stepper_control(Stepper *s, Control *c, int64_t most, int64_t room, doub
             c->is_met = is_met;
             if (c->watch_room > 0) show(s, c);
             if (rows != NULL && (s->failure = record(s, end, rows)) != DONE) return s->failure;
-            c->crawls = c->is_per_unit && c->short_steps == CRAWLING_STEPS;
-            if (is_met || c->crawls || end >= c->point || end >= c->enough || (rows != NULL && s->recorded == room) ||
+            if (is_met || end >= c->point || end >= c->enough || (rows != NULL && s->recorded == room) ||
                 (c->watch_room > 0 && c->n_watched == c->watch_room))
                 return DONE;
         }

@@ -236,7 +236,6 @@ typedef struct {
 typedef struct {
     int32_t signal;
     int32_t is_unread;  /* by any instance */
-    int32_t is_beside;  /* unread, but others of its instance are read */
     int32_t is_instant; /* it depends directly on an extrapolated input: its errors do not add up */
 } Controlled;
 
@@ -244,21 +243,24 @@ typedef struct {
 typedef struct {
     /* tables */
     Controlled *controlled;
-    double tolerance, divisor, start, first_step;
-    double leap_limit, unread_limit, short_limit, crawling_limit; /* steps from which on rules hold */
+    double tolerance, divisor, start;
+    double leap_limit, short_limit; /* lengths of steps: to just before an event, and very short ones */
     double shortest, longest;
     int32_t n_controlled, n_instances;
 
     /* memory */
     SavedState *states;     /* of the instances at the start of a trial */
     double *memory, *copy;  /* what a trial changes besides */
+    double *coarse, *next_coarse; /* the same after the whole step of the last step, and of the trial */
     int64_t n_memory;
-    double *whole, *errors, *judged, *total;
-    double *first_errors;    /* of the first step that was rejected at this time */
-    int32_t *jumps, *jumped; /* signals that jump in this step, and in the last one */
+    double *whole, *errors, *judged; /* of a trial */
+    double *total;                   /* absolute errors of all steps: their sum, or the largest if they do not add up */
+    double *first_errors;            /* of the first step that was rejected at this time */
+    int32_t *jumps, *jumped;         /* jumps of each signal in this step, and in the last one; if unread, so far */
     double time, step, last_error, exponent;
     double first_rejected; /* its length; NaN without one */
-    int64_t accepted, rejected, short_steps;
+    double coarse_time;    /* of `coarse`; NaN without it */
+    int64_t accepted, rejected;
     int32_t is_per_unit; /* whether the error per unit step is controlled */
 
     /* where to go */
@@ -271,9 +273,7 @@ typedef struct {
     int64_t n_watched, tried;
     double end; /* of the last trial */
     int32_t is_met; /* whether `point` is reached */
-    int32_t crawls; /* whether many steps in a row were short: a signal jumps at every point */
     int32_t worst;  /* signal with the largest error */
-    int32_t unused;
 } Control;
 
 /* Sizes of Call, FmuInstance, Input, Signal, Operation, Combination, Term, Group, Stepper, Controlled, Control,
