@@ -22,6 +22,7 @@ _POINTER, _NUMBER, _REAL = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
 
 _FUNCTIONS: dict[str, tuple[tuple[Any, ...], Any]] = {
     "stepper_run": ((_POINTER, _NUMBER, _NUMBER, _NUMBER, _POINTER), ctypes.c_int32),
+    "stepper_run_halves": ((_POINTER, _POINTER, _NUMBER, _NUMBER, _NUMBER, _POINTER), ctypes.c_int32),
     "stepper_control": ((_POINTER, _POINTER, _NUMBER, _NUMBER, _POINTER), ctypes.c_int32),
     "lanes_start": ((_POINTER, _POINTER, ctypes.c_int32), _POINTER),
     "lanes_run": ((_POINTER, _NUMBER, _NUMBER, _NUMBER, _POINTER), ctypes.c_int32),
@@ -50,6 +51,8 @@ class StepperLibrary:
     Attributes:
         run: Does steps: address of a `Stepper`, number of the first step, number of steps, distance of rows
             in steps, and address of the rows. Returns a `Failure`.
+        run_halves: Does steps as `run` does, those of continuous instances in halves: address of a `Stepper`,
+            address of the part of the step per operation, and what `run` gets.
         control: Tries steps under error control: addresses of a `Stepper` and a `Control`, number of trials,
             number of rows, and their address or None. Returns a `Failure`.
         start_lanes: Starts threads: address of a `Stepper`, address of a LANE per thread, and number of
@@ -71,6 +74,7 @@ class StepperLibrary:
     """
 
     run: Any
+    run_halves: Any
     control: Any
     start_lanes: Any
     run_lanes: Any

@@ -4,7 +4,7 @@ import ctypes
 import math
 import threading
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from functools import cached_property, partial
 from typing import Any
 
@@ -12,11 +12,12 @@ import numpy as np
 
 from ...base.arrays import Vector
 from ...base.errors import RunError
-from ...stepper.layout import Control, Failure
+from ...stepper.layout import Control, Failure, Stepper
 from ...stepper.library import StepperLibrary, address_of_clock
 from ..algorithms.algorithm import Algorithm
 from ..algorithms.program import Call
 from ..algorithms.tasks import StepTask
+from ..coupling.halved_program import HalvedProgram, halve
 from ..instances.fmu_instance import EntryPoints
 from ..instances.measured_calls import KINDS, Calls
 from .lane_threads import LaneThreads
@@ -107,6 +108,48 @@ class NativeLoop:
         self.seconds_beside += (self.threads - 1) * (time.perf_counter() - start)
         algorithm.steps += stepper.reached - first
         return int(stepper.recorded), self._error(failure, clock.point(stepper.reached + 1))
+
+    def repeat(
+        self, first: int, count: int, clock: Clock, program: HalvedProgram | None = None
+    ) -> tuple[Vector, RunError | None]:
+        """Do steps for an estimate: without recorded variables, threads and measurements.
+
+        Args:
+            first: Number of the first step.
+            count: Number of steps.
+            clock: The communication points.
+            program: Operations of a step and their parts. Default: those of the algorithm.
+
+        Returns:
+            The signals after each step, shape (steps, signals), and the error that ended the steps early;
+            None without one. Ctrl-C also ends them early.
+        """
+        rows = np.empty((count, 1 + len(self._algorithm.network.signals)))
+        before, efforts = Stepper.from_buffer_copy(self._stepper), self.measured
+        stepper, recorded, failure = self._stepper, 0, Failure.LATE
+        stepper.activity, stepper.observer_count, stepper.observed_count = None, 0, 0
+        stepper.clock[:] = clock
+        run, parts = self._library.run, ()
+        if program is not None:
+            run, parts = self._library.run_halves, (program.parts.ctypes.data,)
+            stepper.operations = program.operations.ctypes.data
+            stepper.operation_count = len(program.operations)
+        self.measure(())
+        try:
+            done = first
+            while failure == Failure.LATE and done < first + count:
+                place = rows.ctypes.data + recorded * rows.itemsize * rows.shape[1]
+                address = ctypes.addressof(stepper)
+                failure = self._call(run, address, *parts, done, first + count - done, 1, place)
+                done, recorded = int(stepper.reached), recorded + int(stepper.recorded)
+            return rows[:recorded, 1:], self._error(failure, clock.point(done + 1))
+        finally:
+            self.measure(efforts)
+            ctypes.memmove(ctypes.addressof(stepper), ctypes.addressof(before), ctypes.sizeof(Stepper))
+
+    def halve(self, sampling: Collection[int]) -> HalvedProgram | None:
+        """Return the program of the algorithm in halves; see `halved_program.halve`."""
+        return halve(self._algorithm, self._tables.operations, sampling)
 
     def control(self, control: Control, most: int, rows: Vector | None) -> tuple[Failure, RunError | None]:
         """Try steps under error control.

@@ -51,6 +51,7 @@ class StepperTables:
         residuals: Per group, room for the residuals of all sweeps.
         instances: The records of the instances.
         inputs: The records of all inputs.
+        operations: The records of the operations of a step.
         efforts: The records of measured calls, per instance; an instance has none unless it is measured.
         stores: The addresses of the vectors of the program.
         passing: What passes Strings and Binary values on before each step; None without any.
@@ -123,8 +124,8 @@ class StepperTables:
                 combinations.append((each.instance, into, len(terms), count))
                 terms += [(factor, self._positions[name], 0) for name, factor in each.terms.items()]
         rows += self._rows(algorithm.operations) if algorithm.is_plain else []
-        stepper = self.stepper
-        stepper.operations, stepper.operation_count = self._keep(np.array(rows, dtype=OPERATION)), len(rows)
+        stepper, self.operations = self.stepper, np.array(rows, dtype=OPERATION)
+        stepper.operations, stepper.operation_count = self._keep(self.operations), len(rows)
         stepper.combinations = self._keep(np.array(combinations, dtype=COMBINATION))
         stepper.terms = self._keep(np.array(terms, dtype=TERM))
 
