@@ -111,6 +111,8 @@ class CouplingSummary:
         if error.not_estimated:
             return found | {"not_estimated": error.not_estimated}
         worst = self._find_worst(error)
+        if (remark := self._describe(error)) is not None:
+            found["remark"] = remark
         return found | {
             "estimated_error": error.errors[worst.signal],
             "worst_connection": worst.name,
@@ -136,8 +138,8 @@ class CouplingSummary:
             )
         if error.is_fault:
             found.append(f"The coupling error is not estimated: {error.not_estimated.rstrip('.')}.")
-        elif error.errors and error.errors[self._find_worst(error).signal] > LARGEST_ERROR:
-            found.append(self._describe(error))
+        elif error.errors and (remark := self._describe(error)) is not None:
+            found.append(remark)
         return found
 
     def _summarize(self, error: CouplingError) -> str | None:
@@ -155,9 +157,12 @@ class CouplingSummary:
         )
         return None if is_expected else f"Coupling error not estimated: {error.not_estimated}"
 
-    def _describe(self, error: CouplingError) -> str:
+    def _describe(self, error: CouplingError) -> str | None:
+        """Return the remark on an estimated error; None if it is small."""
         worst, order = self._find_worst(error), self.algorithm.accuracy
         size, signal = error.errors[worst.signal], self._signal(worst)
+        if size <= LARGEST_ERROR:
+            return None
         use = f"{worst.name} is {_USES[Mode(worst.mode), worst.is_late]} during each step"
         if error.repeated not in ("the whole run", "windows"):
             return (

@@ -130,7 +130,7 @@ class Algorithm(ABC):
             self._sample(each)
         names, count = name_own_vectors(program), len(self.network.signals)
         self.stores = {name: np.zeros(count) for name in names}
-        self.groups = [self._group(list(x.members)) for x in program if isinstance(x, Solve)]
+        self.groups = [self.make_group(list(x.members)) for x in program if isinstance(x, Solve)]
         self._gather_memory()
 
     def _gather_memory(self) -> None:
@@ -188,7 +188,8 @@ class Algorithm(ABC):
             or any(x.store != SIGNALS for x in self.operations)
         )
 
-    def _group(self, members: list[int]) -> CoupledGroup:
+    def make_group(self, members: list[int]) -> CoupledGroup:
+        """Return what is known of a group; CommandError if its members cannot be solved together."""
         instances = [self.network.instances[i] for i in members]
         if not members or any(self.multiples[i] > 1 for i in members):
             raise CommandError("a group needs members without step multiples.")

@@ -196,9 +196,7 @@ class CouplingEstimate:
             return CouplingError(not_estimated="inputs were set during the run")
         self._program = self._loop.halve(self._sampling)
         if self._program is None:
-            return CouplingError(
-                not_estimated="a loop that is solved has components that sample, and others that do not"
-            )
+            return CouplingError(not_estimated="the algorithm combines signals, and some components sample")
         memory, sweeps = algorithm.block.copy(), algorithm.sweeps
         try:
             self._pace = MOST_COST * pace

@@ -12,7 +12,7 @@ import numpy as np
 
 from ...base.arrays import Vector
 from ...base.errors import RunError
-from ...stepper.layout import Control, Failure, Stepper
+from ...stepper.layout import Control, Failure, Halves, Stepper
 from ...stepper.library import StepperLibrary, address_of_clock
 from ..algorithms.algorithm import Algorithm
 from ..algorithms.program import Call
@@ -63,6 +63,7 @@ class NativeLoop:
     def __init__(self, algorithm: Algorithm, points: Sequence[EntryPoints], library: StepperLibrary) -> None:
         self._algorithm, self._library = algorithm, library
         self._tables = StepperTables(algorithm, points)
+        self._groups, self._halving = algorithm.groups, ()
         self._points, self._calls = points, [p.calls for p in points]
         in_groups = [o for group in algorithm.groups for o in group.operations]
         order = [*in_groups, *algorithm.operations]
@@ -129,27 +130,45 @@ class NativeLoop:
         stepper, recorded, failure = self._stepper, 0, Failure.LATE
         stepper.activity, stepper.observer_count, stepper.observed_count = None, 0, 0
         stepper.clock[:] = clock
-        run, parts = self._library.run, ()
+        halves, states = Halves(), None
         if program is not None:
-            run, parts = self._library.run_halves, (program.parts.ctypes.data,)
-            stepper.operations = program.operations.ctypes.data
-            stepper.operation_count = len(program.operations)
+            states = self._use_halves(program, halves)
+            run = partial(self._library.run_halves, ctypes.addressof(stepper), ctypes.addressof(halves))
+        else:
+            run = partial(self._library.run, ctypes.addressof(stepper))
         self.measure(())
         try:
             done = first
             while failure == Failure.LATE and done < first + count:
                 place = rows.ctypes.data + recorded * rows.itemsize * rows.shape[1]
-                address = ctypes.addressof(stepper)
-                failure = self._call(run, address, *parts, done, first + count - done, 1, place)
+                failure = self._call(run, done, first + count - done, 1, place)
                 done, recorded = int(stepper.reached), recorded + int(stepper.recorded)
             return rows[:recorded, 1:], self._error(failure, clock.point(done + 1))
         finally:
+            if states is not None:
+                states.free(self._algorithm.network.instances)
             self.measure(efforts)
             ctypes.memmove(ctypes.addressof(stepper), ctypes.addressof(before), ctypes.sizeof(Stepper))
 
+    def _use_halves(self, program: HalvedProgram, halves: Halves) -> SavedStates:
+        """Fill in how steps are done in halves, and return the places of states, which the caller frees."""
+        stepper, network, states = self._stepper, self._algorithm.network, self.make_states()
+        kept = np.zeros(2 * (len(network.signals) + len(network.instances)))
+        self._halving = groups, _ = np.concatenate([self._tables.groups, program.group_records]), kept
+        stepper.operations, stepper.operation_count = program.operations.ctypes.data, len(program.operations)
+        stepper.groups, stepper.group_count = groups.ctypes.data, len(groups)
+        halves.parts, halves.continuous = program.parts.ctypes.data, program.continuous.ctypes.data
+        halves.states, halves.kept = states.records.ctypes.data, kept.ctypes.data
+        halves.continuous_count, halves.instance_count = len(program.continuous), len(network.instances)
+        return states
+
     def halve(self, sampling: Collection[int]) -> HalvedProgram | None:
         """Return the program of the algorithm in halves; see `halved_program.halve`."""
-        return halve(self._algorithm, self._tables.operations, sampling)
+        program = halve(self._algorithm, self._tables.operations, sampling)
+        if program is not None:
+            self._groups = [*self._algorithm.groups, *program.groups]
+            program.group_records = self._tables.list_groups(program.groups)
+        return program
 
     def control(self, control: Control, most: int, rows: Vector | None) -> tuple[Failure, RunError | None]:
         """Try steps under error control.
@@ -337,7 +356,7 @@ class NativeLoop:
         if failure == Failure.NOT_FINITE:
             return network.find_nonfinite_signal(end)
         if failure == Failure.NO_AGREEMENT:
-            group, n = self._algorithm.groups[stepper.group], stepper.group_sweeps
+            group, n = self._groups[stepper.group], stepper.group_sweeps
             gap = self._tables.residuals[stepper.group].reshape(-1, len(group.coupling_variables))[n - 1]
             return group.disagreement_error(stepper.time, stepper.length, gap, n)
         step = f"doStep at t = {stepper.time:.9g} s"
