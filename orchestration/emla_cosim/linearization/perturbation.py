@@ -116,7 +116,7 @@ class Perturbation:
         return self._repeat(place, amplitude, at) - before
 
     def _begin(self) -> None:
-        self._simulation.start(recorders=[])
+        self._simulation.start(recorders=[], estimate_coupling=False)
         self._simulation.advance(self.at)
         check_reached(self._simulation, self.at)
 

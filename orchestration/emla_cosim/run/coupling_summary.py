@@ -106,12 +106,13 @@ class CouplingSummary:
             "order": self.algorithm.accuracy,
             "connections": {x.name: _USES[Mode(x.mode), x.is_late] for x in self.connections},
         }
-        if (summary := self._summarize(error)) is not None:
+        remark = self._describe(error) if error.errors else None
+        if (summary := self._summarize(error)) is not None and remark is None:
             found["summary"] = summary
         if error.not_estimated:
             return found | {"not_estimated": error.not_estimated}
         worst = self._find_worst(error)
-        if (remark := self._describe(error)) is not None:
+        if remark is not None:
             found["remark"] = remark
         return found | {
             "estimated_error": error.errors[worst.signal],
