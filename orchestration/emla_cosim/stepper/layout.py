@@ -254,7 +254,7 @@ class Control(ctypes.Structure):
 
 
 class Halves(ctypes.Structure):
-    """How steps are done in halves: see halves.h."""
+    """How steps are done in halves: see halves.c."""
 
     _fields_ = (
         ("parts", _POINTER),

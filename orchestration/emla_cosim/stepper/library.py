@@ -16,13 +16,13 @@ from ..base.files import CacheError, cache_folder, temporary_folder, write_atomi
 from .event_layout import EVENT_SIZES
 from .layout import HALVES_SIZE, LANES_SIZES, SIZES
 
-_MAINS = ("library.c", "system.c")
+_MAINS = ("library.c", "halves.c", "system.c")
 
 _POINTER, _NUMBER, _REAL = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
 
 _FUNCTIONS: dict[str, tuple[tuple[Any, ...], Any]] = {
     "stepper_run": ((_POINTER, _NUMBER, _NUMBER, _NUMBER, _POINTER), ctypes.c_int32),
-    "stepper_run_halves": ((_POINTER, _POINTER, _NUMBER, _NUMBER, _NUMBER, _POINTER), ctypes.c_int32),
+    "stepper_run_halves": ((_POINTER, _POINTER, _NUMBER, _NUMBER, _POINTER), ctypes.c_int32),
     "stepper_control": ((_POINTER, _POINTER, _NUMBER, _NUMBER, _POINTER), ctypes.c_int32),
     "lanes_start": ((_POINTER, _POINTER, ctypes.c_int32), _POINTER),
     "lanes_run": ((_POINTER, _NUMBER, _NUMBER, _NUMBER, _POINTER), ctypes.c_int32),
@@ -51,8 +51,8 @@ class StepperLibrary:
     Attributes:
         run: Does steps: address of a `Stepper`, number of the first step, number of steps, distance of rows
             in steps, and address of the rows. Returns a `Failure`.
-        run_halves: Does steps as `run` does, those of continuous instances in halves: addresses of a
-            `Stepper` and of `Halves`, and what `run` gets.
+        run_halves: Does steps in halves: addresses of a `Stepper` and of `Halves`, number of the first step,
+            number of steps, and address of a row for each. Returns a `Failure`.
         control: Tries steps under error control: addresses of a `Stepper` and a `Control`, number of trials,
             number of rows, and their address or None. Returns a `Failure`.
         start_lanes: Starts threads: address of a `Stepper`, address of a LANE per thread, and number of

@@ -19,7 +19,7 @@ from ..algorithms.group import CoupledGroup
 
 
 class Part(IntEnum):
-    """What an operation does in a step, as in halves.h."""
+    """What an operation does in a step, as in halves.c."""
 
     WHOLE = 0
     FIRST_HALF = 1

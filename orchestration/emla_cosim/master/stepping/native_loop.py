@@ -141,7 +141,8 @@ class NativeLoop:
             done = first
             while failure == Failure.LATE and done < first + count:
                 place = rows.ctypes.data + recorded * rows.itemsize * rows.shape[1]
-                failure = self._call(run, done, first + count - done, 1, place)
+                how = (1, place) if program is None else (place,)  # each step has a row
+                failure = self._call(run, done, first + count - done, *how)
                 done, recorded = int(stepper.reached), recorded + int(stepper.recorded)
             return rows[:recorded, 1:], self._error(failure, clock.point(done + 1))
         finally:

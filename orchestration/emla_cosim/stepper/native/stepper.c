@@ -80,5 +80,3 @@ int32_t stepper_run(Stepper *s, int64_t first, int64_t count, int64_t every, dou
 }
 
 #include "control.h"
-
-#include "halves.h"
