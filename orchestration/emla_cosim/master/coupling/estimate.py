@@ -60,6 +60,10 @@ agrees with that of finer ones up to the factor `AGREES`, or is `NEGLIGIBLE`."""
 LEAST_GROWTH = 0.02
 """Growth in a quarter of a window, relative to the error, below which the error does not grow."""
 
+UNSEEN = 0.7
+"""Exponent of the path along which errors are assumed to add up where windows do not show whether they do. It
+lies between those of errors that all add up, 1, and of errors that are forgotten, 0."""
+
 SHORTEST_WINDOW = 4
 """Least number of steps of a window."""
 
@@ -150,6 +154,9 @@ class CouplingEstimate:
         self._program: HalvedProgram | None = None
         self._is_void = False
         instances = enumerate(algorithm.network.instances)
+        # other processes on this machine should not change what is repeated
+        is_apart = any(s.steps_apart for s in algorithm.network.instances)
+        self._clock = time.perf_counter if is_apart else time.thread_time
         self._can_restore = all(s.rolls_back and (s.varies_step or i in sampling) for i, s in instances)
         if self._can_restore:
             loop.allow_way_back()
@@ -168,10 +175,10 @@ class CouplingEstimate:
             self._kept = KeptRows(first, end, self._begins, columns, is_coarse)
             self._kept.take(first, self._algorithm.network.signals[None])
         if self._can_restore and first in self._begins and first not in self._snapshots:
-            began = time.perf_counter()
+            began = self._clock()
             self._snapshots[first] = Snapshot(self._algorithm, learned=True)
             self._snapshots[first].take()
-            if time.perf_counter() - began > SLOWEST_SAVE:
+            if self._clock() - began > SLOWEST_SAVE:
                 self._begins = self._begins[:1]
         return next((b for b in self._begins if first < b < last), last)
 
@@ -250,13 +257,13 @@ class CouplingEstimate:
     def _measure_cost(self, first: int, last: int, allowed: float) -> None:
         """Measure what a step in halves costs, and whether longer steps cost less than those they replace."""
         count, ratio = min(max(int(0.1 * allowed / self._pace), 2), MEASURED, last - first), GROWTH**2
-        began = time.perf_counter()
+        began = self._clock()
         self._repeat(first, count, program=self._program)
-        halved = time.perf_counter()
+        halved = self._clock()
         self._pace = min((halved - began) / count, self._pace)
         if not self._sampling and count >= ratio:
             self._repeat(first, max(count // ratio, 1), ratio)
-            coarse = (time.perf_counter() - halved) / (max(count // ratio, 1) * ratio)
+            coarse = (self._clock() - halved) / (max(count // ratio, 1) * ratio)
             self._is_coarse = coarse < WORTHWHILE * self._pace
 
     def _combine_windows(self, first: int, last: int, allowed: float) -> Vector:
@@ -266,29 +273,32 @@ class CouplingEstimate:
         windows = [self._repeat_window(b, last, allowed / len(begins)) for b in begins]
         reached = np.max([w.reached for w in windows], axis=0)
         growth, path = (np.sum(x, axis=0) for x in ([w.growth for w in windows], [w.path for w in windows]))
+        whole, seen = self._kept.path, np.minimum(2.0 * path / len(windows), 1.0)
         with np.errstate(all="ignore"):
             rate = np.where(growth > 0.0, growth / path, 0.0)
-        return reached + np.nan_to_num(rate * self._kept.path, nan=0.0, posinf=HUGE)
+            # windows shorter than a swing do not show whether errors add up
+            onward = np.where(whole > 1.0, whole ** (UNSEEN + (1.0 - UNSEEN) * seen), whole)
+        return reached + np.nan_to_num(rate * onward, nan=0.0, posinf=HUGE)
 
     def _repeat_window(self, begin: int, last: int, allowed: float) -> _Window:
         """Return the error after a window of steps, whose repetition may take so long, in s."""
         assert self._kept is not None
-        room, deadline = len(self._kept.get(begin, 1, last - begin)), time.perf_counter() + allowed
+        room, deadline = len(self._kept.get(begin, 1, last - begin)), self._clock() + allowed
         share = 0.4 if self._is_coarse else 1.0
         count = min(_round_down(max(share * allowed / self._pace, SHORTEST_WINDOW)), room)
-        began, stride = time.perf_counter(), 1
+        began, stride = self._clock(), 1
         errors = self._halve(begin, count, 1)
-        per_step = (time.perf_counter() - began) / count
+        per_step = (self._clock() - began) / count
         order, ranges = self._algorithm.accuracy, self._kept.ranges
         while self._is_coarse and stride * len(errors) < last - begin:
             longer = stride * GROWTH
-            left = (deadline - time.perf_counter()) / (GROWTH * per_step)
+            left = (deadline - self._clock()) / (GROWTH * per_step)
             expected = self._kept.get(begin, longer, _round_down(max(min(left, last - begin), 1.0)))
             if longer * len(expected) < 2 * stride * len(errors):
                 break
-            began = time.perf_counter()
+            began = self._clock()
             change = _relative(self._repeat(begin, len(expected), longer)[: len(expected)], expected, ranges)
-            per_step = (time.perf_counter() - began) / len(expected)
+            per_step = (self._clock() - began) / len(expected)
             coarse = change / (longer**order - 1.0)
             if len(coarse) < len(expected) or not _agree(coarse, errors, longer // stride, change):
                 break
