@@ -9,7 +9,7 @@ from ..base.errors import join_names
 from ..master.algorithms.algorithm import Algorithm
 from ..master.algorithms.continuous_connections import ContinuousConnection, list_continuous_connections
 from ..master.algorithms.extrapolation import Mode
-from ..master.coupling.estimate import CouplingError, CouplingEstimate
+from ..master.coupling.estimate import DIFFERENCES, CouplingError, CouplingEstimate
 from ..master.coupling.sampling import Sampling
 from ..master.stepping.fixed_steps import FixedSteps
 from ..master.stepping.stepping_base import Stepping
@@ -148,6 +148,8 @@ class CouplingSummary:
         if error.errors:
             worst = self._find_worst(error)
             size, order = _percent(error.errors[worst.signal]), self.algorithm.accuracy
+            if error.repeated == DIFFERENCES:
+                return f"Within a step, inputs miss {self._signal(worst)} by roughly {size} of its range"
             return f"Estimated coupling error: {size} of the range of {self._signal(worst)} (order {order})"
         is_expected = error.not_estimated in (
             SWITCHED_OFF,
@@ -165,7 +167,7 @@ class CouplingSummary:
         if size <= LARGEST_ERROR:
             return None
         use = f"{worst.name} is {_USES[Mode(worst.mode), worst.is_late]} during each step"
-        if error.repeated not in ("the whole run", "windows"):
+        if error.repeated == DIFFERENCES:
             return (
                 f"Coupling error: within a step, inputs miss {signal} by roughly {_percent(size)} of its "
                 f"range ({use}). Whether such errors add up is not known, because FMUs cannot repeat "

@@ -73,6 +73,9 @@ FEW_ROWS = 16
 MOST_VALUES = 4_000_000
 """Largest number of values of repeated steps that are kept at a time."""
 
+DIFFERENCES = "differences of rows"
+"""What an estimate without repeated steps is made from."""
+
 HUGE = 1e6
 """Error relative to the range that stands for all larger ones."""
 
@@ -153,11 +156,13 @@ class CouplingEstimate:
         self._repeated, self._pace, self._is_coarse = 0, 0.0, False
         self._program: HalvedProgram | None = None
         self._is_void = False
-        instances = enumerate(algorithm.network.instances)
+        instances = algorithm.network.instances
         # other processes on this machine should not change what is repeated
-        is_apart = any(s.steps_apart for s in algorithm.network.instances)
-        self._clock = time.perf_counter if is_apart else time.thread_time
-        self._can_restore = all(s.rolls_back and (s.varies_step or i in sampling) for i, s in instances)
+        self._clock = time.perf_counter if any(s.steps_apart for s in instances) else time.thread_time
+        self._can_restore = all(
+            s.rolls_back and not s.restarts_when_saved and (s.varies_step or i in sampling)
+            for i, s in enumerate(instances)
+        )
         if self._can_restore:
             loop.allow_way_back()
 
@@ -198,7 +203,7 @@ class CouplingEstimate:
         if kept is None or last <= kept.first:
             return CouplingError(not_estimated="there were no steps")
         if not self._can_restore:
-            return self._named(self._measure_differences(kept), "differences of rows")
+            return self._named(self._measure_differences(kept), DIFFERENCES)
         if self._is_void:
             return CouplingError(not_estimated="inputs were set during the run")
         self._program = self._loop.halve(self._sampling)
