@@ -11,6 +11,7 @@ from scipy.linalg import expm
 import emla_cosim as ec
 from emla_cosim.fmu.file import FmuFile
 from emla_cosim.run.coupling_summary import LARGEST_ERROR
+from emla_cosim.study.loading import load
 from tests.support.coupled_systems import (
     DRIVE_WIRES,
     DigitalController,
@@ -84,6 +85,28 @@ def test_heavy_load(fmu_folder: Path) -> None:
     result = run(case.system, fmu_folder, 6.5e-3, 307 * 6.5e-3, **how)
     assert case.error(result) > 0.05
     assert is_remark(result.remarks[0])
+
+
+@pytest.mark.parametrize(
+    ("name", "stop"),
+    [
+        ("lift", 0.1),
+        ("prototype", 0.5),
+        ("hdrm-replay", 0.5),
+        ("hdrm-coupled", 0.1),
+        pytest.param("study", None, marks=pytest.mark.slow),
+        pytest.param("study-drive", None, marks=pytest.mark.slow),
+        pytest.param("published-true-states", None, marks=pytest.mark.slow),
+        pytest.param("hdrm-replay", None, marks=pytest.mark.slow),
+        pytest.param("hdrm-coupled", None, marks=pytest.mark.slow),
+        pytest.param("hdrm-merged", None, marks=pytest.mark.slow),
+    ],
+)
+def test_built_in_scenarios_have_no_remark(fmu_folder: Path, name: str, stop: float | None) -> None:
+    options = {} if stop is None else {"stop_time": stop}
+    with load(name, fmus=fmu_folder, **options).prepare() as simulation:
+        result = simulation.attempt(recorders=[])
+    assert not any(is_remark(text) for text in result.remarks)
 
 
 def test_explicit_coupling_that_is_unstable(fmu_folder: Path) -> None:

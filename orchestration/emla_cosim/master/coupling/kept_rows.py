@@ -61,11 +61,13 @@ class KeptRows:
                 if not is_coarse or stride * longest >= last - begin:
                     break
                 stride *= GROWTH
+        self._open = list(self._series)
 
     def take(self, first: int, block: Vector) -> None:
         """Take signals, shape (steps, signals), of successive steps from `first` on."""
-        for series in self._series:
+        for series in self._open:
             series.take(first, block, self.columns)
+        self._open = [series for series in self._open if series.count < len(series.rows)]
 
     def get(self, first: int, stride: int, most: int) -> Vector:
         """Return rows at steps first + stride, first + 2 stride and so on: at most `most`, maybe none."""
