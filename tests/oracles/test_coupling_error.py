@@ -39,7 +39,7 @@ CASES = [
 
 
 def is_remark(text: str) -> bool:
-    return text.startswith("Coupling error: about ")
+    return text.startswith("Coupling error: ")
 
 
 def run(system: ec.System, folder: Path, step: float, stop: float, **options: Any) -> ec.Result:

@@ -20,6 +20,9 @@ LARGEST_ERROR = 0.01
 AIM = 0.005
 """Error at which a recommended step aims."""
 
+LARGEST_SHOWN = 10.0
+"""Largest error that is written as a number."""
+
 DIVERGES = 1.0
 """Error from which on an explicit exchange in a loop may be unstable at any step."""
 
@@ -173,10 +176,10 @@ class CouplingSummary:
                 f"range ({use}). Whether such errors add up is not known, because FMUs cannot repeat "
                 f"steps. {self._advise(size)}"
             )
-        half = size * (1.0 - 0.5**order)
+        half, about = size * (1.0 - 0.5**order), "about " if size <= LARGEST_SHOWN else ""
         return (
-            f"Coupling error: about {_percent(size)} of the range of {signal}; half the step would change it "
-            f"by {_percent(half)} ({use}, order {order}). {self._advise(size)}"
+            f"Coupling error: {about}{_percent(size)} of the range of {signal}; half the step would change "
+            f"it by {_percent(half)} ({use}, order {order}). {self._advise(size)}"
         )
 
     def _advise(self, size: float) -> str:
@@ -202,13 +205,9 @@ class CouplingSummary:
 
 
 def _percent(share: float) -> str:
-    return (
-        f"{100.0 * share:.2g} %"
-        if share < 1.0
-        else "more than 100 %"
-        if share > 10.0
-        else f"{100.0 * share:.0f} %"
-    )
+    if share > LARGEST_SHOWN:
+        return f"more than {100.0 * LARGEST_SHOWN:.0f} %"
+    return f"{100.0 * share:.2g} %" if share < 1.0 else f"{100.0 * share:.0f} %"
 
 
 def _round_step(step: float) -> str:

@@ -9,8 +9,9 @@ from ...base.arrays import Indices, Vector
 POINTS = 4096
 """Largest number of rows from the whole run."""
 
-WINDOW_VALUES, LONGEST_WINDOW = 100_000, 2048
-"""Largest number of values, and of rows, that a window keeps at one distance of rows."""
+WINDOW_VALUES, LONGEST_WINDOW = 200_000, 8192
+"""Largest number of values, and of rows, that a window keeps of successive steps; of others it keeps a
+`GROWTH`-th."""
 
 GROWTH = 4
 """Ratio of the distances of rows in the series of one window."""
@@ -54,13 +55,13 @@ class KeptRows:
         self._series = [self._whole]
         longest = max(min(LONGEST_WINDOW, WINDOW_VALUES // max(len(columns), 1)), 64)
         for begin in windows if self.stride > 1 else []:
-            stride = 1
+            stride, most = 1, longest
             while True:
-                room = min((last - begin) // stride, longest) + 1
+                room = min((last - begin) // stride, most) + 1
                 self._series.append(_Series(begin, stride, np.empty((room, len(columns)))))
-                if not is_coarse or stride * longest >= last - begin:
+                if not is_coarse or stride * most >= last - begin:
                     break
-                stride *= GROWTH
+                stride, most = stride * GROWTH, longest // GROWTH
         self._open = list(self._series)
 
     def take(self, first: int, block: Vector) -> None:
