@@ -28,6 +28,7 @@ from ...base.arrays import Vector
 from ...base.errors import RunError
 from ..algorithms.algorithm import Algorithm
 from ..algorithms.snapshot import Snapshot
+from ..instances.fmu_instance import InstanceError
 from ..stepping.native_loop import NativeLoop
 from ..stepping.timing import CommunicationPoints, make_clock
 from .halved_program import HalvedProgram
@@ -345,8 +346,10 @@ class CouplingEstimate:
             first, clock = begin, times.clock
         else:
             first, clock = 0, make_clock(times.point(begin), longer * times.step)
-        rows, _ = self._loop.repeat(first, count, clock, program)
+        rows, error = self._loop.repeat(first, count, clock, program)
         self._repeated += len(rows)
+        if isinstance(error, InstanceError) and program is not None:
+            raise error  # it does not show an error of the coupling; longer steps may be refused
         return rows[stride - 1 :: stride, self._signals]
 
 

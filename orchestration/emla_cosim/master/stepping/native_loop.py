@@ -123,7 +123,10 @@ class NativeLoop:
 
         Returns:
             The signals after each step, shape (steps, signals), and the error that ended the steps early;
-            None without one. Ctrl-C also ends them early.
+            None without one.
+
+        Raises:
+            RunError: Ctrl-C was pressed.
         """
         rows = np.empty((count, 1 + len(self._algorithm.network.signals)))
         before, efforts = Stepper.from_buffer_copy(self._stepper), self.measured
@@ -144,6 +147,8 @@ class NativeLoop:
                 how = (1, place) if program is None else (place,)  # each step has a row
                 failure = self._call(run, done, first + count - done, *how)
                 done, recorded = int(stepper.reached), recorded + int(stepper.recorded)
+            if failure == Failure.INTERRUPTED:
+                raise RunError("the estimate was interrupted.")
             return rows[:recorded, 1:], self._error(failure, clock.point(done + 1))
         finally:
             if states is not None:
