@@ -107,7 +107,7 @@ class _Window:
 
     Attributes:
         reached: Error after the window, relative to the range.
-        growth: Growth of the error in the second half; 0 if it does not grow on.
+        growth: Growth of the error within half of the window; 0 if it does not grow on.
         path: Path of the signal in the second half, relative to its range.
     """
 
@@ -120,13 +120,17 @@ class _Window:
         """Return the window of errors and signals at the same points, shape (points, signals).
 
         An error grows on if it grew in both of the last quarters: one that oscillates reaches its largest
-        value sometimes, without growing.
+        value sometimes, without growing. One that shrinks counts, too: an error that follows its signal and
+        does not add up grows in some windows and shrinks in others.
         """
         third, half = (_largest(errors[: max(len(errors) * n // 4, 1)]) for n in (3, 2))
         reached = _largest(errors)
         with np.errstate(invalid="ignore"):
             is_growing = np.minimum(reached - third, third - half) > LEAST_GROWTH * reached
-            growth = np.where(is_growing, reached - half, 0.0)
+            early, late = (
+                _largest(errors[len(errors) * n // 4 : len(errors) * (n + 1) // 4]) for n in (1, 3)
+            )
+            growth = np.where(is_growing | (late < early), late - early, 0.0)
         return cls(reached, growth, measure_path(rows[max(len(errors) // 2 - 1, 0) : len(errors)], ranges))
 
 
