@@ -168,11 +168,14 @@ DIFFERENT = {"threads", "lanes", "compiled_code_not_kept", "isolated", "why_one_
 
 def outcome_of(result: ec.Result) -> Outcome:
     stepping = {k: v for k, v in result.stepping.items() if k not in DIFFERENT and not k.endswith("_us")}
-    report = {name: getattr(result, name) for name in ("steps", "end_s", "coupling", "metrics")}
+    report = {name: getattr(result, name) for name in ("steps", "end_s", "metrics")}
+    # estimates of the coupling error cost time, so that not every run has one
+    report["coupling"] = {name: x for name, x in result.coupling.items() if "estimated_error" not in x}
+    remarks = [text for text in result.remarks if not text.startswith("Coupling error")]
     report["problem"] = result.problem or result.early_end  # an FMU may end a run without a failure
     return Outcome(
         result.read(["time", *result.names]),
-        {**report, "remarks": list(result.remarks), "stepping": stepping},
+        {**report, "remarks": remarks, "stepping": stepping},
         is_whole=True,
     )
 

@@ -1,4 +1,4 @@
-"""Pairs of linear slaves stepped by an algorithm, with what their coupling cost and the exact solution."""
+"""Pairs of linear slaves stepped by an algorithm, with the energies of their bonds and the exact solution."""
 
 import json
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ from emla_cosim.master.algorithms.continuous_connections import list_continuous_
 from emla_cosim.master.algorithms.registry import ALGORITHMS
 from emla_cosim.master.stepping.fixed_steps import FixedSteps
 from emla_cosim.master.stepping.timing import make_communication_points
-from emla_cosim.recorders.coupling.coupling_cost import Coupling
+from emla_cosim.recorders.coupling.bonds import Bonds
 from emla_cosim.recorders.recorder import Outline
 from emla_cosim.system.bond import Bond
 from tests.support.linear import LinearSlave, Whole, Wire, connected
@@ -51,17 +51,17 @@ class PairRun:
         """The largest error of the first mass's position, as a part of its range."""
         return float(np.abs(self.rows[:, 1] - self.exact[:, 1]).max() / np.ptp(self.exact[:, 1]))
 
-    def cost(self, blocks: Sequence[int] = (700,), resumed: bool = False) -> Coupling:
+    def energies(self, blocks: Sequence[int] = (700,), resumed: bool = False) -> Bonds:
         """Hand the rows over in blocks of these lengths in turn, maybe with a new object for each."""
-        coupling, place, number = Coupling(self.outline), 0, 0
+        bonds, place, number = Bonds(self.outline), 0, 0
         while place < len(self.rows):
             if resumed:
-                coupling = Coupling(self.outline, json.loads(json.dumps(coupling.memory())))
+                bonds = Bonds(self.outline, json.loads(json.dumps(bonds.memory())))
             length = blocks[number % len(blocks)]
-            coupling.write(self.rows[place : place + length])
+            bonds.write(self.rows[place : place + length])
             place, number = place + length, number + 1
-        coupling.learn(self.stepping.algorithm)
-        return coupling
+        bonds.learn(self.stepping.algorithm)
+        return bonds
 
 
 def run_pair(

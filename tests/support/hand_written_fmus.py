@@ -156,6 +156,11 @@ def build_integrated_fmu(
     return _build_toy(path, "integrated_3", placeholders, macros, source="integrated")
 
 
+def build_forgetful_fmu(path: Path) -> Path:
+    """Build the FMU of FMI 2.0 whose saved states are not complete."""
+    return _build_toy(path, "forgetful", platform=fmpy.platform)
+
+
 def build_strict_fmu(path: Path, version: int = 2) -> Path:
     """Build the FMU of FMI 2.0 or 3.0 that refuses steps past its parameter `last`."""
     if version == 2:

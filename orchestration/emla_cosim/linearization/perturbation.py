@@ -52,8 +52,9 @@ class Perturbation:
             CommandError: The steps have no fixed length, or components do not sample at the same times.
             RunError: The run fails before the operating point.
         """
-        self._simulation, self._options = simulation, options
-        simulation.start(recorders=[], **options)
+        self._simulation: Simulation = simulation
+        self._options: dict[str, Any] = {**options, "estimate_coupling": False}
+        simulation.start(recorders=[], **self._options)
         stepping = simulation.stepping
         algorithm = stepping.algorithm
         samplers = [c.name for c in simulation.system.components if c.samples]

@@ -238,7 +238,7 @@ def _compute_matrices(
         )
     if free and not steady:
         raise CommandError("'free' inputs are for a steady state; set 'steady', too.")
-    simulation.start(recorders=[])
+    simulation.start(recorders=[], estimate_coupling=False)
     simulation.advance(at)
     check_reached(simulation, at)
     system = ContinuousSystem(simulation, list(dict.fromkeys([*inputs, *free])), outputs)

@@ -10,7 +10,7 @@ import numpy as np
 from ..base.arrays import Vector
 from ..base.units import LinearTransformation
 from ..base.wording import format_count
-from .coupling.coupling_cost import COUPLING, Coupling
+from .coupling.bonds import COUPLING, Bonds
 from .recorder import Outline, Pause, Recorder
 from .signal_figures import MAXIMUM, MINIMUM, SignalFigures
 
@@ -125,7 +125,7 @@ class MetricsRecorder(Recorder):
     def __init__(self) -> None:
         self.kinds: dict[str, Metrics] = {}
         self._signals: SignalFigures | None = None
-        self._coupling: Coupling | None = None
+        self._bonds: Bonds | None = None
 
     def begin(self, outline: Outline, memory: Any = None) -> None:
         """Begin all metrics, or continue from a `memory`."""
@@ -135,15 +135,15 @@ class MetricsRecorder(Recorder):
             if memory is not None:
                 metrics.remember(memory["kinds"][name])
         self._signals = SignalFigures(outline, None if memory is None else memory[SIGNALS])
-        self._coupling = Coupling(outline, None if memory is None else memory[COUPLING])
+        self._bonds = Bonds(outline, None if memory is None else memory[COUPLING])
 
     def write(self, rows: Vector) -> None:
         """Take the next rows."""
         for metrics in self.kinds.values():
             metrics.write(rows)
-        assert self._signals is not None and self._coupling is not None
+        assert self._signals is not None and self._bonds is not None
         self._signals.write(rows)
-        self._coupling.write(rows)
+        self._bonds.write(rows)
 
     def watcher(self, shown: Mapping[int, LinearTransformation]) -> Callable[[float, Vector], None]:
         """Return a function for `Stepping.watch`; see `RowBuffer` for `shown`."""
@@ -153,21 +153,21 @@ class MetricsRecorder(Recorder):
             for signal, transformation in shown.items():
                 if signal < len(signals):
                     row[1 + signal] = transformation(row[1 + signal])
-            if self._coupling is not None:
-                self._coupling.see(row)
+            if self._bonds is not None:
+                self._bonds.see(row)
 
         return watch
 
     def pause(self, run: Pause) -> None:
         """Use what the run has learned about its loops so far."""
-        if self._coupling is not None:
-            self._coupling.learn(run.stepping.algorithm)
+        if self._bonds is not None:
+            self._bonds.learn(run.stepping.algorithm)
 
     def memory(self) -> Any:
         """Return the state of all metrics."""
-        assert self._signals is not None and self._coupling is not None
+        assert self._signals is not None and self._bonds is not None
         kinds = {name: metrics.memory() for name, metrics in self.kinds.items()}
-        return {"kinds": kinds, SIGNALS: self._signals.memory(), COUPLING: self._coupling.memory()}
+        return {"kinds": kinds, SIGNALS: self._signals.memory(), COUPLING: self._bonds.memory()}
 
     @classmethod
     def before(cls, outline: Outline) -> dict[str, Figures]:
@@ -187,7 +187,7 @@ class MetricsRecorder(Recorder):
         found = [remark for metrics in self.kinds.values() for remark in metrics.remarks()]
         if (diverged := describe_divergence(self.signals())) is not None:
             found.insert(0, diverged)
-        return [*found, *(self._coupling.remarks() if self._coupling is not None else ())]
+        return found
 
     def figures(self) -> dict[str, Figures]:
         """Return the figures of all rows so far, by the name of their kind."""
@@ -198,5 +198,5 @@ class MetricsRecorder(Recorder):
         return self._signals.figures() if self._signals is not None else {}
 
     def coupling(self) -> dict[str, dict[str, float]]:
-        """Return the cost of the coupling so far, by bond and by connection; see `Coupling`."""
-        return self._coupling.figures() if self._coupling is not None else {}
+        """Return the energies of bonds so far; see `Bonds`."""
+        return self._bonds.figures() if self._bonds is not None else {}

@@ -32,6 +32,7 @@ class RunOptions(TypedDict, total=False):
     integrator_step: float | str | None
     algorithm: str | Algorithm
     step_size_control: str | StepSizeControl | None
+    estimate_coupling: bool
     threads: int | None
     real_time: float | None
     overwrite: bool
@@ -136,6 +137,7 @@ class TuneOptions(CompareOptions, total=False):
 
     controller: str | type | None
     gains: str | None
+    estimate_coupling: bool
     roles: Mapping[str, str]
     bonds: Mapping[str, str]
 

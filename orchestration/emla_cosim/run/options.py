@@ -316,6 +316,14 @@ class Options:
         stage=LOADING,
         in_sweep=SAME,
     )
+    estimate_coupling: bool = _stepping(
+        True,
+        help="Estimate the error of exchanging values only at communication points, after the run; see "
+        "docs/master.md. The results are the same.",
+        flag="--coupling-estimate",
+        commands=(RUN, SWEEP),
+        in_sweep=SAME,
+    )
     threads: int | None = _stepping(
         help="Number of threads that step FMUs. The results are the same. Default: auto, which uses all "
         "cores where this is measured to be faster.",

@@ -24,6 +24,8 @@ from ..inputs.events import input_events, row_distance
 from ..inputs.wired_inputs import DataSpan
 from ..master.algorithms.continuous_connections import list_continuous_connections
 from ..master.assembly import Assembly
+from ..master.coupling.estimate import ALLOWANCE, SHARE, CouplingError
+from ..master.coupling.sampling import Sampling, find_sampling
 from ..master.instances.integrator_settings import IntegratorSettings
 from ..master.stepping.checkpoint import checkpoint_place
 from ..master.stepping.fixed_steps import FixedSteps
@@ -33,7 +35,7 @@ from ..master.stepping.step_size_control import StepRequest
 from ..master.stepping.stepping_base import ROUNDING, Stepping
 from ..recorders.checkpoints import Checkpoints, find_resumable_checkpoint
 from ..recorders.coupling.bond_energy import select_applicable
-from ..recorders.coupling.coupling_cost import COUPLING
+from ..recorders.coupling.bonds import COUPLING
 from ..recorders.metrics import SIGNALS, MetricsRecorder
 from ..recorders.recorder import Outline, Recorder
 from ..recorders.stored import StoredRun, open_stored_run
@@ -49,6 +51,7 @@ from .agreement import (
     describe_missing_part,
     find_common_signals,
 )
+from .coupling_summary import EARLIER_RUN, CouplingSummary
 from .event_mode import describe_disabled_event_mode
 from .execution import Run
 from .fallback_signals import choose_fallback_signals
@@ -134,6 +137,9 @@ class Simulation:
         self._run: _ActiveRun | None = None
         self._error: RunError | None = None
         self._profiler: Profiler | None = None
+        self._is_worn = False  # whether an FMU failed in repeated steps
+        self._estimated_key: tuple[Any, ...] = ()  # of the run whose coupling error was estimated last
+        self._estimated, self._saved_s = CouplingError(), 0.0
         self._spent: Stepping | None = None  # freed late, because freeing an FMU may fail
         self._turn, self._busy = threading.RLock(), False
         find_stepper()  # which builds it if necessary, so that no run waits for it
@@ -189,6 +195,12 @@ class Simulation:
         """Unit of each signal by name; None where the FMU declares none."""
         outputs = self._assembly.list_outputs()
         return {name: self._unit(name) for name in outputs}
+
+    @cached_property
+    def _sampling(self) -> Sampling:
+        """Which components sample."""
+        declared = [c.name for c in self.system.components if c.samples]
+        return find_sampling(self._assembly.files, declared)
 
     def _type(self, name: str) -> SignalType:
         if name not in self._types:
@@ -325,8 +337,10 @@ class Simulation:
         assembly = self._assembly
         with show_paths_relative_to(self._unpacked):
             integrator = IntegratorSettings(method=chosen.integrator, largest=chosen.integrator_step)
-            assembly.start(system, fresh or self._error is not None, chosen.fmi_tolerance, integrator)
-        self._error = None
+            assembly.start(
+                system, fresh or self._error is not None or self._is_worn, chosen.fmi_tolerance, integrator
+            )
+        self._error, self._is_worn = None, False
         recorded, fallback = self.select_signals(chosen.signals), None
         others = assembly.unexchanged
         if not recorded:
@@ -366,9 +380,10 @@ class Simulation:
             if stored is not None:
                 _check_comparable(stored, recorded, taking)
             parameters = assembly.parameters()
-            exchanged = list_continuous_connections(
-                algorithm, [c.name for c in system.components if c.samples]
-            )
+            declared = [c.name for c in system.components if c.samples]
+            wanted = chosen.estimate_coupling
+            coupling = CouplingSummary.of(algorithm, stepping, self._sampling, wanted)
+            exchanged = list_continuous_connections(algorithm, declared)
             bonds = select_applicable(system.bonds, names, exchanged)
             place = {name: i for i, name in enumerate(names)}
             outline = Outline(
@@ -396,7 +411,10 @@ class Simulation:
                 notes=stepping.notes(),
             )
             if required:
-                check_requirements(required, MetricsRecorder.before(outline), run_figures())
+                before = MetricsRecorder.before(outline)
+                if figures := {**coupling.figures(None), **before.get(COUPLING, {})}:
+                    before[COUPLING] = figures
+                check_requirements(required, before, run_figures())
             conditions = find_stop_conditions(chosen.stop_when, names, assembly.shown)
             run = Run(stepping, outline, taking, assembly.shown, pacing, resumed, conditions, self._profiler)
             stepping.watch = metrics.watcher(assembly.shown)
@@ -415,6 +433,7 @@ class Simulation:
             notes,
             units,
             outline.types,
+            coupling,
             fallback=None if fallback is None else fallback.remark,
             margins=margins,
         )
@@ -560,6 +579,8 @@ class Simulation:
             raise CommandError(
                 f"{name} cannot be set during a run: it is no input. Set start values with `set`."
             )
+        if isinstance(stepping := self.stepping, FixedSteps) and stepping.estimate is not None:
+            stepping.estimate.note_change()
         given = alias.transformation(float(value)) if component.aliases else value
         slave.set_value(found, convert_start_value(component.name, slave.file.interface, found, given))
 
@@ -614,7 +635,7 @@ class Simulation:
         with self._abandon_on_error():
             going.run.end()
         self._run = None
-        result = self._result(going)
+        result = self._result(going, self._estimate_coupling(going))
         self._spent = going.run.stepping
         self._error = going.run.error
         if self._error is None:
@@ -623,6 +644,26 @@ class Simulation:
                 self._error = RunError(problem)
                 result = replace(result, problem=problem, record={**result.record, "status": problem})
         return result
+
+    def _estimate_coupling(self, going: "_ActiveRun") -> CouplingError:
+        """Return the coupling error of a run that has ended. Its FMUs cannot be used afterwards."""
+        run, stepping = going.run, going.run.stepping
+        estimate = stepping.estimate if isinstance(stepping, FixedSteps) else None
+        if estimate is None or run.error is not None or run.interrupted or run.requested_end is not None:
+            return going.coupling.without_estimate()
+        key = str(stepping.algorithm), stepping.times, going.definition.system, run.steps
+        if key == self._estimated_key:
+            return self._estimated
+        share = SHARE * run.wall_s
+        # preparing a first run with such steps takes far longer; the runs that follow save up their shares
+        allowed = share + (ALLOWANCE if key[:2] != self._estimated_key[:2] else self._saved_s)
+        self._saved_s = 0.0 if allowed >= ALLOWANCE else allowed
+        if allowed < ALLOWANCE:
+            return CouplingError(not_estimated=EARLIER_RUN)
+        with self._abandon_on_error():
+            found = estimate.estimate(allowed, run.wall_s / max(run.steps, 1))
+        self._is_worn, self._estimated_key, self._estimated = found.is_fault, key, found
+        return found
 
     def _abandon(self) -> None:
         """End the current run if there is one, and free the resources of the last one."""
@@ -652,7 +693,8 @@ class Simulation:
         """Return remarks on data of inputs that do not cover a run from its start to its end, in s."""
         return [text for span in self._data if (text := span.describe_held(start, end, step)) is not None]
 
-    def _result(self, going: "_ActiveRun") -> Result:
+    def _result(self, going: "_ActiveRun", error: CouplingError | None = None) -> Result:
+        figures, error = going.coupling.figures(error), error or going.coupling.without_estimate()
         run, stepping = going.run, going.run.stepping
         if run.problem is not None:
             going.metrics.ended_early(run.problem)
@@ -689,8 +731,10 @@ class Simulation:
             *([] if going.fallback is None else [going.fallback]),
             *self._held_data(stepping.times.start, stepping.time, stepping.times.step),
             *going.metrics.remarks(),
+            *going.coupling.remarks(error),
             *stepping.remarks(),
         ]
+        record["coupling"] = going.coupling.record(error)
         if going.margins is not None:
             record["margins"] = going.margins
         profile = run.profile()
@@ -719,7 +763,7 @@ class Simulation:
             record=record,
             parameters=self._assembly.parameters(),
             signals=going.metrics.signals(),
-            coupling=going.metrics.coupling(),
+            coupling={**figures, **going.metrics.coupling()},
             roles=going.definition.options.roles,
             notes=going.notes,
             profile=profile,
@@ -741,6 +785,7 @@ class _ActiveRun:
     notes: Sequence[str]
     units: Mapping[str, SiUnit | None]
     types: Mapping[str, SignalType]
+    coupling: CouplingSummary
     fallback: str | None
     margins: Mapping[str, Any] | None
 

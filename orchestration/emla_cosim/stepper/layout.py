@@ -254,6 +254,19 @@ class Control(ctypes.Structure):
     )
 
 
+class Halves(ctypes.Structure):
+    """How steps are done in halves: see halves.c."""
+
+    _fields_ = (
+        ("parts", _POINTER),
+        ("continuous", _POINTER),
+        ("states", _POINTER),
+        ("kept", _POINTER),
+        ("continuous_count", _INT),
+        ("instance_count", _INT),
+    )
+
+
 SIZES = (
     *(t.itemsize for t in (CALL, INSTANCE, INPUT, SIGNAL, OPERATION, COMBINATION, TERM, GROUP)),
     ctypes.sizeof(Stepper),
@@ -266,3 +279,6 @@ SIZES = (
 
 LANES_SIZES = tuple(t.itemsize for t in (WAIT, TASK, LANE))
 """Sizes of the records, in the order of `lanes_sizes` in C."""
+
+HALVES_SIZE = (ctypes.sizeof(Halves),)
+"""Size of `Halves`, as `halves_size` in C."""

@@ -14,14 +14,15 @@ from fmublock.platforms import TARGETS, host_platform
 from ..base.errors import RunError
 from ..base.files import CacheError, cache_folder, temporary_folder, write_atomically
 from .event_layout import EVENT_SIZES
-from .layout import LANES_SIZES, SIZES
+from .layout import HALVES_SIZE, LANES_SIZES, SIZES
 
-_MAINS = ("library.c", "system.c")
+_MAINS = ("library.c", "halves.c", "system.c")
 
 _POINTER, _NUMBER, _REAL = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
 
 _FUNCTIONS: dict[str, tuple[tuple[Any, ...], Any]] = {
     "stepper_run": ((_POINTER, _NUMBER, _NUMBER, _NUMBER, _POINTER), ctypes.c_int32),
+    "stepper_run_halves": ((_POINTER, _POINTER, _NUMBER, _NUMBER, _POINTER), ctypes.c_int32),
     "stepper_control": ((_POINTER, _POINTER, _NUMBER, _NUMBER, _POINTER), ctypes.c_int32),
     "lanes_start": ((_POINTER, _POINTER, ctypes.c_int32), _POINTER),
     "lanes_run": ((_POINTER, _NUMBER, _NUMBER, _NUMBER, _POINTER), ctypes.c_int32),
@@ -50,6 +51,8 @@ class StepperLibrary:
     Attributes:
         run: Does steps: address of a `Stepper`, number of the first step, number of steps, distance of rows
             in steps, and address of the rows. Returns a `Failure`.
+        run_halves: Does steps in halves: addresses of a `Stepper` and of `Halves`, number of the first step,
+            number of steps, and address of a row for each. Returns a `Failure`.
         control: Tries steps under error control: addresses of a `Stepper` and a `Control`, number of trials,
             number of rows, and their address or None. Returns a `Failure`.
         start_lanes: Starts threads: address of a `Stepper`, address of a LANE per thread, and number of
@@ -71,6 +74,7 @@ class StepperLibrary:
     """
 
     run: Any
+    run_halves: Any
     control: Any
     start_lanes: Any
     run_lanes: Any
@@ -184,6 +188,7 @@ def _bind(path: Path) -> StepperLibrary:
     try:
         library = ctypes.CDLL(str(path))  # which releases the interpreter's lock during calls
         expected = {"stepper_sizes": SIZES, "lanes_sizes": LANES_SIZES, "events_sizes": EVENT_SIZES}
+        expected["halves_size"] = HALVES_SIZE
         sizes = {n: tuple((ctypes.c_size_t * len(s)).in_dll(library, n)) for n, s in expected.items()}
         functions = [getattr(library, name) for name in _FUNCTIONS]
     except (AttributeError, OSError, ValueError) as error:

@@ -153,7 +153,8 @@ class VariantProcess:
                 result, status, problem = error.fields["result"], _status(error), str(error)
             if status == DONE and (diverged := describe_divergence(result.signals)) is not None:
                 status, problem = DIVERGED, diverged
-            problem = " ".join(filter(None, (problem, *describe_lost_values(result.record)))) or None
+            remarks = *describe_lost_values(result.record), result.record["coupling"].get("remark")
+            problem = " ".join(filter(None, (problem, *remarks))) or None
             try:
                 figures = measures.of(result)
             except MeasureError as error:

@@ -53,6 +53,8 @@ def describe_stepping(result: "Result") -> Iterator[str]:
     if late:
         come = format_count(len(late), "connection comes", "connections come")
         yield f"{come} one step late; run.json names {'it' if len(late) == 1 else 'them'}"
+    if (summary := result.record.get("coupling", {}).get("summary")) is not None:
+        yield summary
     if result.pacing is not None:
         kept = result.pacing
         yield (

@@ -97,6 +97,7 @@ FIXED = {
     "isolate": ('["lift.observer"]', {}),
     "fmi_tolerance": ("1e-5", {}),
     "integrate_together": ("false", {}),
+    "estimate_coupling": ("false", {}),
     "integrator": ('"adams"', {}),
     "integrator_step": ("1e-3", {"integrator_step_s": 1e-3}),
     "lenient": ("true", {}),

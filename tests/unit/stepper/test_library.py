@@ -55,13 +55,16 @@ def test_a_cache_that_cannot_be_used_is_reported(load: Load, monkeypatch: pytest
     assert "/dev/null/cache" in found.why_not_kept
 
 
+EMPTY = {"library.c": b"", "halves.c": b"int y;", "system.c": b"int z;"}
+
+
 @pytest.mark.parametrize(
     ("attribute", "value", "problem"),
     [
         ("SIZES", (1,), "the records in C have sizes"),
         ("TARGETS", {}, "there is no compiler for the platform"),
-        ("native_sources", lambda: {"library.c": b"int x = ;", "system.c": b""}, "the C compiler failed"),
-        ("native_sources", lambda: {"library.c": b"int x;", "system.c": b"int y;"}, "cannot be loaded"),
+        ("native_sources", lambda: {**EMPTY, "library.c": b"int x = ;"}, "the C compiler failed"),
+        ("native_sources", lambda: {**EMPTY, "library.c": b"int x;"}, "cannot be loaded"),
     ],
 )
 def test_what_cannot_be_built_or_loaded(

@@ -147,7 +147,7 @@ class Algorithm(ABC):
         if self.known:
             self.stores |= {f"{span} of step": np.zeros(count) for span in SPANS}
             self.exchange.use_known(self.known, np.flatnonzero(self.multiples > 1).tolist())
-        self.groups = [self._group(list(x.members)) for x in self.program if isinstance(x, Solve)]
+        self.groups = [self.make_group(list(x.members)) for x in self.program if isinstance(x, Solve)]
         self._gather_memory()
 
     def _find_known(self, program: Sequence[Instruction]) -> frozenset[int]:
@@ -213,7 +213,8 @@ class Algorithm(ABC):
             or any(x.store != SIGNALS for x in self.operations)
         )
 
-    def _group(self, members: list[int]) -> CoupledGroup:
+    def make_group(self, members: list[int]) -> CoupledGroup:
+        """Return what is known of a group; CommandError if its members cannot be solved together."""
         instances = [self.network.instances[i] for i in members]
         if not members or any(self.multiples[i] > 1 for i in members):
             raise CommandError("a group needs members without step multiples.")

@@ -39,6 +39,7 @@ class DescribedInstance(FmuInstance):
         """Whether some of them have another type than Real (Float64), or are parts of arrays."""
         integrated = file.kind == MODEL_EXCHANGE  # then the integrator does what steps need
         self.varies_step = integrated or file.has_capability("canHandleVariableCommunicationStepSize")
+        self.restarts_when_saved = integrated
         self.rolls_back = file.has_capability("canGetAndSetFMUstate")
         self.serializes = self.rolls_back and file.has_capability("canSerializeFMUstate")
         self.interpolates = (integrated or file.has_capability("canInterpolateInputs")) and not self.typed

@@ -196,6 +196,8 @@ class FmuInstance(ABC):
     differentiates = False
     steps_apart = False
     """Whether it supports `begin_step` and `end_step`, so that others can step meanwhile."""
+    restarts_when_saved = False
+    """Whether `save` changes the last digits of the next step, because an integrator restarts."""
     is_under_way = False
     """Whether a step has begun and not ended. Any call but `end_step` ends it, too, and drops its result."""
 

@@ -53,6 +53,8 @@ class IntegratedInstance(FmuInstance):
     the first one.
     """
 
+    restarts_when_saved = True
+
     def __init__(self, name: str, members: Sequence[ModelExchangeInstance]) -> None:
         """Integrate instances that are not initialized yet; the first one has the inputs and outputs."""
         first = members[0]

@@ -9,6 +9,7 @@ import numpy as np
 from ...base.errors import CommandError
 from ...sandbox.crash_page import THREADS
 from ..algorithms.algorithm import Algorithm
+from ..coupling.estimate import CouplingEstimate
 from .lanes import LaneChoice
 from .stepping_base import ROUNDING, RowSink, Stepping
 from .timing import CommunicationPoints
@@ -32,6 +33,8 @@ class FixedSteps(Stepping):
         if threads is not None and not 1 <= threads <= THREADS:
             raise CommandError(f"the number of threads must be from 1 to {THREADS}, not {threads}.")
         super().__init__(algorithm, times)
+        self.estimate: CouplingEstimate | None = None
+        """What saves states and rows for an estimate of the coupling error, if there is one."""
         self._choice = None if threads == 1 else LaneChoice(self.loop, algorithm, threads)
 
     @property
@@ -86,6 +89,12 @@ class FixedSteps(Stepping):
         """Add the use of threads to the report."""
         return super().report() | (self._choice.report() if self._choice is not None else {"threads": 1})
 
+    def close(self) -> None:
+        """Free the saved states."""
+        if self.estimate is not None:
+            self.estimate.close()
+        super().close()
+
     def _last(self, until: float) -> int:
         """Return the number of the last communication point up to a time in s, apart from rounding."""
         ahead = (min(until, self.times.stop) - self.times.start) / self.times.step
@@ -95,6 +104,8 @@ class FixedSteps(Stepping):
         first, every, observer = self.algorithm.steps, rows.every, self.algorithm.network.observer
         if observer.strings:  # C cannot read texts
             last = min(last, observer.next_due(first))
+        if self.estimate is not None:
+            last = self.estimate.count_steps(first, last)
         block = rows.room(max(last // every - first // every, 1))
         fitting = (first // every + len(block) + 1) * every - 1
         count = min(last, fitting) - first
@@ -102,6 +113,8 @@ class FixedSteps(Stepping):
         if recorded and failure is None and observer.is_due(self.algorithm.steps):
             observer.read()
             block[recorded - 1, -len(observer.values) :] = observer.values
+        if self.estimate is not None:
+            self.estimate.take(first + 1, block[:recorded])
         if recorded:
             rows.commit(recorded)
         if failure is not None:

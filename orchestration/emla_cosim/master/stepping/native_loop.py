@@ -4,7 +4,7 @@ import ctypes
 import math
 import threading
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from functools import cached_property, partial
 from typing import Any
 
@@ -12,11 +12,12 @@ import numpy as np
 
 from ...base.arrays import Vector
 from ...base.errors import RunError
-from ...stepper.layout import Control, Failure
+from ...stepper.layout import Control, Failure, Halves, Stepper
 from ...stepper.library import StepperLibrary, address_of_clock
 from ..algorithms.algorithm import Algorithm
 from ..algorithms.program import Call
 from ..algorithms.tasks import StepTask
+from ..coupling.halved_program import HalvedProgram, halve
 from ..instances.fmu_instance import EntryPoints
 from ..instances.measured_calls import KINDS, Calls
 from .lane_threads import LaneThreads
@@ -62,6 +63,7 @@ class NativeLoop:
     def __init__(self, algorithm: Algorithm, points: Sequence[EntryPoints], library: StepperLibrary) -> None:
         self._algorithm, self._library = algorithm, library
         self._tables = StepperTables(algorithm, points)
+        self._groups, self._halving = algorithm.groups, ()
         self._points, self._calls = points, [p.calls for p in points]
         in_groups = [o for group in algorithm.groups for o in group.operations]
         order = [*in_groups, *algorithm.operations]
@@ -111,6 +113,72 @@ class NativeLoop:
     def tighten(self, tolerance: float) -> None:
         """Let values that loops exchange agree to at least this fraction of each signal's size."""
         self._stepper.coupling_tolerance = min(self._stepper.coupling_tolerance, tolerance)
+
+    def repeat(
+        self, first: int, count: int, clock: Clock, program: HalvedProgram | None = None
+    ) -> tuple[Vector, RunError | None]:
+        """Do steps for an estimate: without recorded variables, threads and measurements.
+
+        Args:
+            first: Number of the first step.
+            count: Number of steps.
+            clock: The communication points.
+            program: Operations of a step and their parts. Default: those of the algorithm.
+
+        Returns:
+            The signals after each step, shape (steps, signals), and the error that ended the steps early;
+            None without one.
+
+        Raises:
+            RunError: Ctrl-C was pressed.
+        """
+        rows = np.empty((count, 1 + len(self._algorithm.network.signals)))
+        before, efforts = Stepper.from_buffer_copy(self._stepper), self.measured
+        stepper, recorded, failure = self._stepper, 0, Failure.LATE
+        stepper.activity, stepper.observer_count, stepper.observed_count = None, 0, 0
+        stepper.clock[:] = clock
+        halves, states = Halves(), None
+        if program is not None:
+            states = self._use_halves(program, halves)
+            run = partial(self._library.run_halves, ctypes.addressof(stepper), ctypes.addressof(halves))
+        else:
+            run = partial(self._library.run, ctypes.addressof(stepper))
+        self.measure(())
+        try:
+            done = first
+            while failure == Failure.LATE and done < first + count:
+                place = rows.ctypes.data + recorded * rows.itemsize * rows.shape[1]
+                how = (1, place) if program is None else (place,)  # each step has a row
+                failure = self._call(run, done, first + count - done, *how)
+                done, recorded = int(stepper.reached), recorded + int(stepper.recorded)
+            if failure == Failure.INTERRUPTED:
+                raise RunError("the estimate was interrupted.")
+            return rows[:recorded, 1:], self._error(failure, clock.point(done + 1))
+        finally:
+            if states is not None:
+                states.free(self._algorithm.network.instances)
+            self.measure(efforts)
+            ctypes.memmove(ctypes.addressof(stepper), ctypes.addressof(before), ctypes.sizeof(Stepper))
+
+    def _use_halves(self, program: HalvedProgram, halves: Halves) -> SavedStates:
+        """Fill in how steps are done in halves, and return the places of states, which the caller frees."""
+        stepper, network, states = self._stepper, self._algorithm.network, self.make_states()
+        kept = np.zeros(2 * (len(network.signals) + len(network.instances)))
+        self._halving = groups, _ = np.concatenate([self._tables.groups, program.group_records]), kept
+        stepper.operations, stepper.operation_count = program.operations.ctypes.data, len(program.operations)
+        stepper.groups, stepper.group_count = groups.ctypes.data, len(groups)
+        halves.parts, halves.continuous = program.parts.ctypes.data, program.continuous.ctypes.data
+        halves.states, halves.kept = states.records.ctypes.data, kept.ctypes.data
+        halves.continuous_count, halves.instance_count = len(program.continuous), len(network.instances)
+        return states
+
+    def halve(self, sampling: Collection[int]) -> HalvedProgram | None:
+        """Return the program of the algorithm in halves; see `halved_program.halve`."""
+        program = halve(self._algorithm, self._tables.operations, sampling)
+        if program is not None:
+            self._groups = [*self._algorithm.groups, *program.groups]
+            program.group_records = self._tables.list_groups(program.groups)
+        return program
 
     def control(self, control: Control, most: int, rows: Vector | None) -> tuple[Failure, RunError | None]:
         """Try steps under error control.
@@ -298,7 +366,7 @@ class NativeLoop:
         if failure == Failure.NOT_FINITE:
             return network.find_nonfinite_signal(end)
         if failure == Failure.NO_AGREEMENT:
-            group, n = self._algorithm.groups[stepper.group], stepper.group_sweeps
+            group, n = self._groups[stepper.group], stepper.group_sweeps
             gap = self._tables.residuals[stepper.group].reshape(-1, len(group.coupling_variables))[n - 1]
             return group.disagreement_error(stepper.time, stepper.length, gap, n)
         step = f"doStep at t = {stepper.time:.9g} s"

@@ -31,7 +31,7 @@ from ...stepper.layout import (
 from ..algorithms import program
 from ..algorithms.algorithm import Algorithm
 from ..algorithms.extrapolation import Mode
-from ..algorithms.group import HALVINGS, SWEEPS
+from ..algorithms.group import HALVINGS, SWEEPS, CoupledGroup
 from ..algorithms.overlap import overlap_steps
 from ..instances.call_codes import CALLS, code_of
 from ..instances.call_records import fill_typed_call
@@ -53,6 +53,8 @@ class StepperTables:
         residuals: Per group, room for the residuals of all sweeps.
         instances: The records of the instances.
         inputs: The records of all inputs.
+        operations: The records of the operations of a step.
+        groups: The records of the groups.
         efforts: The records of measured calls, per instance; an instance has none unless it is measured.
         stores: The addresses of the vectors of the program.
         passing: What passes Strings and Binary values on before each step; None without any.
@@ -64,7 +66,7 @@ class StepperTables:
         self.passing = PythonCalls() if algorithm.network.opaque_links else None
         self.states = SavedStates(points)
         self.efforts = np.zeros(len(points), EFFORT)
-        self.residuals = [np.zeros(SWEEPS * len(g.coupling_variables)) for g in algorithm.groups]
+        self.residuals = list[NDArray[Any]]()
         self.stepper = Stepper()
         self._fill()
 
@@ -89,7 +91,8 @@ class StepperTables:
         self.instances, self.inputs = self._instances(), self._inputs()
         stepper.instances, stepper.inputs = self._keep(self.instances), self._keep(self.inputs)
         stepper.signals = self._keep(self._signals())
-        stepper.groups, stepper.group_count = self._keep(self._groups()), len(algorithm.groups)
+        self.groups = self.list_groups(algorithm.groups)
+        stepper.groups, stepper.group_count = self._keep(self.groups), len(algorithm.groups)
         self._fill_program()
         stepper.read, stepper.read_count = self._keep(network.read.astype(np.int32)), len(network.read)
         stepper.follows = self._keep(algorithm.exchange.follows)  # filled in when the run begins
@@ -127,8 +130,8 @@ class StepperTables:
                 combinations.append((each.instance, into, len(terms), count))
                 terms += [(factor, self._positions[name], 0) for name, factor in each.terms.items()]
         rows += self._rows(algorithm.operations) if algorithm.is_plain else []
-        stepper = self.stepper
-        stepper.operations, stepper.operation_count = self._keep(np.array(rows, dtype=OPERATION)), len(rows)
+        stepper, self.operations = self.stepper, np.array(rows, dtype=OPERATION)
+        stepper.operations, stepper.operation_count = self._keep(self.operations), len(rows)
         stepper.combinations = self._keep(np.array(combinations, dtype=COMBINATION))
         stepper.terms = self._keep(np.array(terms, dtype=TERM))
 
@@ -286,17 +289,19 @@ class StepperTables:
         record["places"], record["item_count"] = self._keep(np.arange(count, dtype=np.int32)), count
         record["type"] = TRUTH_OF_FMI_2 if group.boolean else TYPES.index(kind)
 
-    def _groups(self) -> Any:
+    def list_groups(self, groups: Sequence[CoupledGroup]) -> NDArray[Any]:
+        """Return the GROUP records of groups."""
         parts = self._algorithm.network.parts
-        records = np.zeros(len(self._algorithm.groups), GROUP)
-        for record, group, residuals in zip(records, self._algorithm.groups, self.residuals, strict=True):
+        records = np.zeros(len(groups), GROUP)
+        for record, group in zip(records, groups, strict=True):
             n = len(group.coupling_variables)
             record["members"] = self._keep(np.array(group.members, dtype=np.int32))
             record["coupling"] = self._keep(group.coupling_variables.astype(np.int32))
             rows = np.array(self._rows(group.operations), dtype=OPERATION)
             record["operations"], record["operation_count"] = self._keep(rows), len(rows)
             record["jacobian"] = self._keep(group.jacobian)
-            record["residuals"] = self._keep(residuals)
+            self.residuals.append(np.zeros(SWEEPS * n))
+            record["residuals"] = self._keep(self.residuals[-1])
             room = {"guess": n, "sizes": n, "direction": n, "earlier": n * n, "basis": n * n}
             room["answers"] = SWEEPS * n
             room["kept"] = sum(2 * (parts[i].stop - parts[i].start) + 2 for i in group.members)

@@ -1,1 +1,1 @@
-"""Estimate the coupling error of a run: the cost of exchanging values only at communication points."""
+"""The energies of power bonds: what the coupling creates or destroys there."""

@@ -46,11 +46,6 @@ class BondEnergy:
         self._missed = [np.zeros(len(end.users.connections) if end.users else 0) for end in self._ends]
 
     @property
-    def connections(self) -> set[str]:
-        """Names of the connections of the bond."""
-        return {end.users.connections[end.users.own].name for end in self._ends if end.users is not None}
-
-    @property
     def uses(self) -> set[Use]:
         """How consumers use the connections of the bond."""
         return {_use(x) for end in self._ends if end.users is not None for x in end.users.connections}
@@ -124,8 +119,8 @@ class BondEnergies:
     def take(self, steps: Steps) -> None:
         """Take the next steps, with only the required `columns`."""
         powers = [np.abs(x[:, self._efforts] * x[:, self._flows]) for x in (steps.begin, steps.end)]
-        exchanged = 0.5 * steps.weighted @ (powers[0] + powers[1])
-        products = integral(steps.weighted, steps.residuals(self._uses), steps.values(self._signals))
+        exchanged = 0.5 * steps.lengths @ (powers[0] + powers[1])
+        products = integral(steps.lengths, steps.residuals(self._uses), steps.values(self._signals))
         missed = {
             key: value
             for keys, row in zip(self._keys, products.tolist(), strict=True)

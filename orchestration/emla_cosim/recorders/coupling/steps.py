@@ -34,18 +34,15 @@ class Steps:
         before: Rows at the previous points, time in s first, shape (steps, columns).
         begin: Rows at the begin of the steps.
         end: Rows at the end of the steps.
-        counts: Weight of each step: the number of steps that it represents.
 
     Attributes:
         lengths: Lengths of the steps in s.
-        weighted: Lengths times weights.
         ratio: Lengths divided by those of the previous steps; 0 for the first step.
     """
 
-    def __init__(self, before: Vector, begin: Vector, end: Vector, counts: Vector) -> None:
-        self.before, self.begin, self.end, self.counts = before, begin, end, counts
+    def __init__(self, before: Vector, begin: Vector, end: Vector) -> None:
+        self.before, self.begin, self.end = before, begin, end
         self.lengths: Vector = end[:, 0] - begin[:, 0]
-        self.weighted: Vector = counts * self.lengths
         previous = begin[:, 0] - before[:, 0]
         with np.errstate(divide="ignore", invalid="ignore"):
             self.ratio: Vector = np.where(previous > 0.0, self.lengths / previous, 0.0)[:, None]
@@ -74,7 +71,6 @@ class Steps:
             np.concatenate((earlier, self.begin)),
             np.concatenate((self.begin, half)),
             np.concatenate((half, self.end)),
-            np.concatenate((self.counts, self.counts)),
         )
 
     def _at(self, place: float) -> Vector:

@@ -1,0 +1,386 @@
+"""Estimate the coupling error of a run with fixed steps, by Richardson's extrapolation.
+
+After the last step, saved states are restored, and steps are done once more: with half the step (where
+nothing samples, also with steps of 4, 16, 64, ... lengths). If x(h) is a signal with steps of the length h,
+and p the order of the exchange, its error is
+
+    (x(h) - x(h/2)) / (1 - 2^-p)        and        (x(m h) - x(h)) / (m^p - 1)
+
+A run whose repetition in halves is cheap enough is repeated as a whole, which gives the error over the run.
+Otherwise windows that begin at several points are repeated. In each, coarser steps look further ahead as long
+as they agree with the finer ones. Where the error still grows at the end of a window, it is assumed to grow
+on with the path of its signal: that is once its range in a motion that ends, and often in an oscillation.
+
+If an FMU cannot restore its state, or cannot do a half step, differences of successive rows show what inputs
+miss during a step. They do not show whether such errors add up.
+
+L. F. Richardson: The approximate arithmetical solution by finite differences of physical problems involving
+differential equations, Phil. Trans. R. Soc. A 210 (1911), doi:10.1098/rsta.1911.0009.
+"""
+
+import time
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ...base.arrays import Vector
+from ...base.errors import RunError
+from ..algorithms.algorithm import Algorithm
+from ..algorithms.snapshot import Snapshot
+from ..instances.fmu_instance import InstanceError
+from ..stepping.native_loop import NativeLoop
+from ..stepping.timing import CommunicationPoints, make_clock
+from .halved_program import HalvedProgram
+from .kept_rows import GROWTH, KeptRows, measure_path
+
+SHARE, ALLOWANCE = 0.015, 0.02
+"""Largest wall time of an estimate: a share of the run's, plus an allowance in s for a first run, which takes
+a second with its imports and preparation."""
+
+WINDOWS = 4
+"""Number of windows in a long run."""
+
+CHECKED, MEASURED = 4, 32
+"""Number of steps that are repeated first, to see whether the restored states give the same bits, and of
+those that are done in halves to see what they cost."""
+
+SLOWEST_SAVE = 2e-3
+"""Wall time in s of saving all states above which only the first state is saved."""
+
+MOST_COST = 2.2
+"""Largest cost of a step in halves, in steps; a measurement above it was disturbed."""
+
+WORTHWHILE = 0.5
+"""Coarse steps are used if they cost less than this fraction of the steps that they replace."""
+
+ASYMPTOTIC, AGREES, NEGLIGIBLE = 0.3, 2.0, 1e-5
+"""Coarse steps count while they change no signal by more than `ASYMPTOTIC` of its range, and their error
+agrees with that of finer ones up to the factor `AGREES`, or is `NEGLIGIBLE`."""
+
+LEAST_GROWTH = 0.02
+"""Growth in a quarter of a window, relative to the error, below which the error does not grow."""
+
+UNSEEN = 0.7
+"""Exponent of the path along which errors are assumed to add up where windows do not show whether they do. It
+lies between those of errors that all add up, 1, and of errors that are forgotten, 0."""
+
+SHORTEST_WINDOW = 4
+"""Least number of steps of a window."""
+
+FEW_ROWS = 16
+"""Number of rows up to which an error in one row alone counts."""
+
+MOST_VALUES = 4_000_000
+"""Largest number of values of repeated steps that are kept at a time."""
+
+DIFFERENCES = "differences of rows"
+"""What an estimate without repeated steps is made from."""
+
+HUGE = 1e6
+"""Error relative to the range that stands for all larger ones."""
+
+
+@dataclass(frozen=True)
+class CouplingError:
+    """The estimated coupling error of a run.
+
+    Attributes:
+        errors: Error of each signal by its position, relative to its range.
+        repeated: What was repeated: "the whole run" or "windows"; "differences of rows" if FMUs cannot
+            repeat steps.
+        repeated_steps: Number of steps that were repeated.
+        not_estimated: Why there is no estimate; empty if there is one.
+        is_fault: Whether this is a fault of an FMU, which users should know.
+    """
+
+    errors: dict[int, float] = field(default_factory=dict)
+    repeated: str = ""
+    repeated_steps: int = 0
+    not_estimated: str = ""
+    is_fault: bool = False
+
+
+@dataclass(frozen=True)
+class _Window:
+    """What a window shows, per signal.
+
+    Attributes:
+        reached: Error after the window, relative to the range.
+        growth: Growth of the error within half of the window; 0 if it does not grow on.
+        path: Path of the signal in the second half, relative to its range.
+    """
+
+    reached: Vector
+    growth: Vector
+    path: Vector
+
+    @classmethod
+    def of(cls, errors: Vector, rows: Vector, ranges: Vector) -> "_Window":
+        """Return the window of errors and signals at the same points, shape (points, signals).
+
+        An error grows on if it grew in both of the last quarters: one that oscillates reaches its largest
+        value sometimes, without growing. One that shrinks counts, too: an error that follows its signal and
+        does not add up grows in some windows and shrinks in others.
+        """
+        third, half = (_largest(errors[: max(len(errors) * n // 4, 1)]) for n in (3, 2))
+        reached = _largest(errors)
+        with np.errstate(invalid="ignore"):
+            is_growing = np.minimum(reached - third, third - half) > LEAST_GROWTH * reached
+            early, late = (
+                _largest(errors[len(errors) * n // 4 : len(errors) * (n + 1) // 4]) for n in (1, 3)
+            )
+            growth = np.where(is_growing | (late < early), late - early, 0.0)
+        return cls(reached, growth, measure_path(rows[max(len(errors) // 2 - 1, 0) : len(errors)], ranges))
+
+
+class CouplingEstimate:
+    """Save states and rows during a run, and estimate its coupling error afterwards.
+
+    Args:
+        algorithm: The algorithm, after `initialize`; see `begin`.
+        loop: What does its steps.
+        times: The communication points.
+        signals: Positions of the signals that continuous instances exchange.
+        sampling: Positions of the instances that sample.
+    """
+
+    def __init__(
+        self,
+        algorithm: Algorithm,
+        loop: NativeLoop,
+        times: CommunicationPoints,
+        signals: Sequence[int],
+        sampling: Collection[int],
+    ) -> None:
+        self._algorithm, self._loop, self._times = algorithm, loop, times
+        self._signals, self._sampling = np.array(signals, dtype=np.intp), sampling
+        self._snapshots = dict[int, Snapshot]()
+        self._begins = list[int]()
+        self._kept: KeptRows | None = None
+        self._repeated, self._pace, self._is_coarse = 0, 0.0, False
+        self._program: HalvedProgram | None = None
+        self._is_void = False
+        instances = algorithm.network.instances
+        # other processes on this machine should not change what is repeated
+        self._clock = time.perf_counter if any(s.steps_apart for s in instances) else time.thread_time
+        self._can_restore = all(
+            s.rolls_back and not s.restarts_when_saved and (s.varies_step or i in sampling)
+            for i, s in enumerate(instances)
+        )
+        if self._can_restore:
+            loop.allow_way_back()
+
+    def count_steps(self, first: int, last: int) -> int:
+        """Save the state at step `first` if it is due, and return the last step before the next one that is.
+
+        Args:
+            first: The present step.
+            last: The last step that is wanted.
+        """
+        if self._kept is None:
+            end = self._times.steps
+            self._begins = sorted({first + (end - first) * n // WINDOWS for n in range(WINDOWS)})
+            columns, is_coarse = self._signals, not self._sampling
+            self._kept = KeptRows(first, end, self._begins, columns, is_coarse)
+            self._kept.take(first, self._algorithm.network.signals[None])
+        if self._can_restore and first in self._begins and first not in self._snapshots:
+            began = self._clock()
+            self._snapshots[first] = Snapshot(self._algorithm, learned=True)
+            self._snapshots[first].take()
+            if self._clock() - began > SLOWEST_SAVE:
+                self._begins = self._begins[:1]
+        return next((b for b in self._begins if first < b < last), last)
+
+    def take(self, first: int, rows: Vector) -> None:
+        """Take the rows of successive steps, of which `first` is the first: time in s, then all signals."""
+        if self._kept is not None:
+            self._kept.take(first, rows[:, 1:])
+
+    def estimate(self, allowed: float, pace: float) -> CouplingError:
+        """Return the estimate; the instances cannot continue afterwards.
+
+        Args:
+            allowed: Wall time in s that it may take.
+            pace: Wall time in s of a step of the run.
+        """
+        last, kept, algorithm = self._algorithm.steps, self._kept, self._algorithm
+        if kept is None or last <= kept.first:
+            return CouplingError(not_estimated="there were no steps")
+        if not self._can_restore:
+            return self._named(self._measure_differences(kept), DIFFERENCES)
+        if self._is_void:
+            return CouplingError(not_estimated="inputs were set during the run")
+        self._program = self._loop.halve(self._sampling)
+        if self._program is None:
+            return CouplingError(not_estimated="the algorithm combines signals, and some components sample")
+        memory, sweeps = algorithm.block.copy(), algorithm.sweeps
+        try:
+            self._pace = MOST_COST * pace
+            return self._estimate(kept.first, last, allowed)
+        except RunError as error:
+            return CouplingError(not_estimated=f"steps could not be repeated: {error}", is_fault=True)
+        finally:
+            algorithm.block[:], algorithm.steps, algorithm.sweeps = memory, last, sweeps
+
+    def note_change(self) -> None:
+        """Note that something else than a step changes the system, so that its steps cannot be repeated."""
+        self._is_void = self._kept is not None
+
+    def close(self) -> None:
+        """Free the saved states; never raises."""
+        for snapshot in self._snapshots.values():
+            snapshot.close()
+
+    def _estimate(self, first: int, last: int, allowed: float) -> CouplingError:
+        """Return the estimate for the steps from `first` to `last`."""
+        assert self._kept is not None
+        expected = self._kept.get(first, 1, min(CHECKED, last - first))
+        if not np.array_equal(self._repeat(first, len(expected)), expected):
+            why = "a restored state does not lead to the same results"
+            return CouplingError(not_estimated=why, repeated_steps=self._repeated, is_fault=True)
+        self._measure_cost(first, last, allowed)
+        values = (last - first) * len(self._algorithm.network.signals)
+        if self._pace * (last - first) <= allowed and values <= MOST_VALUES:
+            return self._named(_largest(self._halve(first, last - first, self._kept.stride)), "the whole run")
+        return self._named(self._combine_windows(first, last, allowed), "windows")
+
+    def _named(self, errors: Vector, repeated: str) -> CouplingError:
+        """Return the errors by the positions of their signals."""
+        errors = np.where(np.isfinite(errors), np.minimum(errors, HUGE), HUGE)
+        found = dict(zip(self._signals.tolist(), errors.tolist(), strict=True))
+        return CouplingError(found, repeated, self._repeated)
+
+    def _measure_differences(self, kept: KeptRows) -> Vector:
+        """Return the rms of what inputs miss during a step, from differences of successive rows.
+
+        A held input misses half of the change in a step, an extrapolated one half of the second difference.
+        """
+        order = self._algorithm.accuracy
+        begins = self._begins if kept.stride > 1 else self._begins[:1]
+        rows = [kept.get(begin - 1, 1, MOST_VALUES) for begin in begins]
+        changes = np.concatenate([np.diff(r, n=order, axis=0) for r in rows])
+        with np.errstate(all="ignore"):
+            missed = 0.5 * np.sqrt(np.mean(changes**2, axis=0)) / kept.ranges
+        return np.where(kept.ranges > 0.0, missed, 0.0) if len(changes) else np.zeros(len(kept.ranges))
+
+    def _measure_cost(self, first: int, last: int, allowed: float) -> None:
+        """Measure what a step in halves costs, and whether longer steps cost less than those they replace."""
+        count, ratio = min(max(int(0.1 * allowed / self._pace), 2), MEASURED, last - first), GROWTH**2
+        began = self._clock()
+        self._repeat(first, count, program=self._program)
+        halved = self._clock()
+        self._pace = min((halved - began) / count, self._pace)
+        if not self._sampling and count >= ratio:
+            self._repeat(first, max(count // ratio, 1), ratio)
+            coarse = (self._clock() - halved) / (max(count // ratio, 1) * ratio)
+            self._is_coarse = coarse < WORTHWHILE * self._pace
+
+    def _combine_windows(self, first: int, last: int, allowed: float) -> Vector:
+        """Return the largest errors of all windows, each continued to the end of the run."""
+        assert self._kept is not None
+        begins = [b for b in self._snapshots if b < last]
+        windows = [self._repeat_window(b, last, allowed / len(begins)) for b in begins]
+        reached = np.max([w.reached for w in windows], axis=0)
+        growth, path = (np.sum(x, axis=0) for x in ([w.growth for w in windows], [w.path for w in windows]))
+        whole, seen = self._kept.path, np.minimum(2.0 * path / len(windows), 1.0)
+        with np.errstate(all="ignore"):
+            rate = np.where(growth > 0.0, growth / path, 0.0)
+            # windows shorter than a swing do not show whether errors add up
+            onward = np.where(whole > 1.0, whole ** (UNSEEN + (1.0 - UNSEEN) * seen), whole)
+        return reached + np.nan_to_num(rate * onward, nan=0.0, posinf=HUGE)
+
+    def _repeat_window(self, begin: int, last: int, allowed: float) -> _Window:
+        """Return the error after a window of steps, whose repetition may take so long, in s."""
+        assert self._kept is not None
+        room, deadline = len(self._kept.get(begin, 1, last - begin)), self._clock() + allowed
+        share = 0.4 if self._is_coarse else 1.0
+        count = min(_round_down(max(share * allowed / self._pace, SHORTEST_WINDOW)), room)
+        began, stride = self._clock(), 1
+        errors = self._halve(begin, count, 1)
+        per_step = (self._clock() - began) / count
+        order, ranges = self._algorithm.accuracy, self._kept.ranges
+        while self._is_coarse and stride * len(errors) < last - begin:
+            longer = stride * GROWTH
+            left = (deadline - self._clock()) / (GROWTH * per_step)
+            expected = self._kept.get(begin, longer, _round_down(max(min(left, last - begin), 1.0)))
+            if longer * len(expected) < 2 * stride * len(errors):
+                break
+            began = self._clock()
+            change = _relative(self._repeat(begin, len(expected), longer)[: len(expected)], expected, ranges)
+            per_step = (self._clock() - began) / len(expected)
+            coarse = change / (longer**order - 1.0)
+            if len(coarse) < len(expected) or not _agree(coarse, errors, longer // stride, change):
+                break
+            errors, stride = coarse, longer
+        rows = self._kept.get(begin, stride, len(errors))
+        return _Window.of(errors, rows, ranges)
+
+    def _halve(self, begin: int, count: int, stride: int) -> Vector:
+        """Return the error at every `stride`-th of `count` steps that are done in halves."""
+        assert self._kept is not None
+        found = self._repeat(begin, count, None, self._program, stride)
+        expected = self._kept.get(begin, stride, len(found))
+        share = 1.0 - 0.5**self._algorithm.accuracy
+        errors = _relative(found, expected, self._kept.ranges) / share
+        if len(found) < count // stride:  # the halves failed: they end far from the run
+            errors = np.full((1, len(self._signals)), np.inf)
+        return errors
+
+    def _repeat(
+        self,
+        begin: int,
+        count: int,
+        longer: int | None = None,
+        program: HalvedProgram | None = None,
+        stride: int = 1,
+    ) -> Vector:
+        """Repeat steps from a saved state, and return the signals at every `stride`-th one.
+
+        Args:
+            begin: Step of the state.
+            count: Number of steps.
+            longer: Their length, as a multiple of a step; None for a step in the place of each.
+            program: What a step does; None for the program of the algorithm.
+            stride: Distance of the signals, in steps.
+        """
+        self._snapshots[begin].restore()
+        times = self._times
+        if longer is None:
+            first, clock = begin, times.clock
+        else:
+            first, clock = 0, make_clock(times.point(begin), longer * times.step)
+        rows, error = self._loop.repeat(first, count, clock, program)
+        self._repeated += len(rows)
+        if isinstance(error, InstanceError) and program is not None:
+            raise error  # it does not show an error of the coupling; longer steps may be refused
+        return rows[stride - 1 :: stride, self._signals]
+
+
+def _agree(coarse: Vector, fine: Vector, ratio: int, change: Vector) -> bool:
+    """Return whether the error of coarse steps can be trusted; `ratio` is that of the distances of rows."""
+    early = _largest(coarse[: max(len(fine) // ratio, 1)]).max()
+    before = _largest(fine).max()
+    is_small = max(early, before) < NEGLIGIBLE
+    return bool(change.max() <= ASYMPTOTIC and (is_small or before / AGREES <= early <= AGREES * before))
+
+
+def _relative(found: Vector, expected: Vector, ranges: Vector) -> Vector:
+    """Return the differences of signals relative to their ranges, shape (rows, signals)."""
+    with np.errstate(all="ignore"):
+        difference = np.abs(found - expected[: len(found)]) / ranges
+    return np.where(ranges > 0.0, np.nan_to_num(difference, nan=np.inf), 0.0)
+
+
+def _largest(errors: Vector) -> Vector:
+    """Return the largest error of each signal.
+
+    An error in one row alone does not count in longer series: a jump that comes a step late ends with it.
+    """
+    lasting = np.minimum(errors[:-1], errors[1:]) if len(errors) > FEW_ROWS else errors
+    return lasting.max(axis=0, initial=0.0)
+
+
+def _round_down(count: float) -> int:
+    """Return the largest power of two up to a number, so that small differences of time change nothing."""
+    return 1 << max(int(count).bit_length() - 1, 0)

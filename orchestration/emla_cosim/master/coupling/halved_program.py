@@ -1,0 +1,133 @@
+"""Order the operations of a step so that continuous instances do two halves, and others one step.
+
+Where instances sample, a step is first done as a whole, which gives what they compute. The continuous
+instances then go back, and do two halves. In these, each reads the values of samplers that it read in the
+whole step: from its start or its end, as the order of the program says. So sampling times and delays stay.
+"""
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...stepper.layout import GROUP, OPERATION, Call
+from ..algorithms.algorithm import Algorithm
+from ..algorithms.group import CoupledGroup
+
+
+class Part(IntEnum):
+    """What an operation does in a step, as in halves.c."""
+
+    WHOLE = 0
+    FIRST_HALF = 1
+    SECOND_HALF = 2
+    SAVE = 3
+    RESTORE = 4
+    SWAP = 5
+
+
+@dataclass
+class HalvedProgram:
+    """A step in halves.
+
+    Attributes:
+        operations: The OPERATION records.
+        parts: What each of them does.
+        continuous: Positions of the instances that do halves.
+        groups: Groups that the program solves besides those of the algorithm.
+        group_records: Their GROUP records.
+    """
+
+    operations: NDArray[Any]
+    parts: NDArray[np.int32]
+    continuous: NDArray[np.int32]
+    groups: list[CoupledGroup] = field(default_factory=list)
+    group_records: NDArray[Any] = field(default_factory=lambda: np.empty(0, GROUP))
+
+
+def halve(algorithm: Algorithm, operations: NDArray[Any], sampling: Collection[int]) -> HalvedProgram | None:
+    """Return a program in which all instances but those that sample do each step in two halves.
+
+    Args:
+        algorithm: The algorithm, after `setup`.
+        operations: Its OPERATION records.
+        sampling: Positions of the instances that sample.
+
+    Returns:
+        The program; None if the algorithm combines vectors while instances sample.
+    """
+    every = range(len(algorithm.network.instances))
+    continuous = np.array([i for i in every if i not in sampling], dtype=np.int32)
+    if not sampling:
+        parts = np.repeat([Part.FIRST_HALF, Part.SECOND_HALF], len(operations))
+        return HalvedProgram(np.tile(operations, 2), parts.astype(np.int32), continuous)
+    if (operations["call"] == Call.COMBINE).any():
+        return None
+    halving = _Halving(algorithm, operations, frozenset(sampling))
+    rows = list(halving.list_rows())
+    found, parts = np.array([row for row, _ in rows], OPERATION), [part for _, part in rows]
+    return HalvedProgram(found, np.array(parts, dtype=np.int32), continuous, halving.groups)
+
+
+class _Halving:
+    """The program of an algorithm in halves, with instances that sample."""
+
+    def __init__(self, algorithm: Algorithm, operations: NDArray[Any], sampling: frozenset[int]) -> None:
+        self._algorithm, self._operations, self._sampling = algorithm, operations, sampling
+        self._written = {i: n for n, x in enumerate(operations) for i in self._find_written(x)}
+        self._replaced = set[int]()  # samplers whose signals are those from the start of the step
+        self.groups = list[CoupledGroup]()
+
+    def list_rows(self) -> Iterator[tuple[Any, Part]]:
+        """Yield the operations with their parts."""
+        nothing = np.zeros((), OPERATION)
+        yield nothing, Part.SAVE
+        yield from ((x, Part.WHOLE) for x in self._operations)
+        yield nothing, Part.RESTORE
+        left = [self._leave_out(operation) for operation in self._operations]
+        halves = [(n, operation) for n, operation in enumerate(left) if operation is not None]
+        for part in (Part.FIRST_HALF, Part.SECOND_HALF):
+            for n, operation in halves:
+                yield from self._swap(self._find_old(n, operation))
+                yield operation, part
+        yield from self._swap(set())
+
+    def _swap(self, old: set[int]) -> Iterator[tuple[Any, Part]]:
+        """Yield what makes the signals of these samplers, and no others, those from the start of the step."""
+        for i in sorted(old ^ self._replaced):
+            swapped = np.zeros((), OPERATION)
+            swapped["target"] = i
+            yield swapped, Part.SWAP
+        self._replaced = old
+
+    def _leave_out(self, operation: Any) -> Any:
+        """Return an operation without instances that sample; None if nothing is left."""
+        members = self._find_members(operation)
+        left = [i for i in members if i not in self._sampling]
+        if len(left) == len(members) or not left:
+            return operation if left else None
+        solved = operation.copy()
+        solved["target"] = len(self._algorithm.groups) + len(self.groups)
+        self.groups.append(self._algorithm.make_group(left))
+        return solved
+
+    def _find_members(self, operation: Any) -> list[int]:
+        """Return the instances that an operation calls; none for what passes texts on."""
+        target = int(operation["target"])
+        if operation["call"] == Call.SOLVE:
+            return self._algorithm.groups[target].members
+        return [target] if target < len(self._algorithm.network.instances) else []
+
+    def _find_written(self, operation: Any) -> list[int]:
+        """Return the samplers whose signals an operation writes."""
+        writes = operation["call"] in (Call.SOLVE, Call.GET)
+        return [i for i in self._find_members(operation) if writes and i in self._sampling]
+
+    def _find_old(self, n: int, operation: Any) -> set[int]:
+        """Return the samplers that operation n reads before they are written; none if it reads nothing."""
+        if operation["call"] not in (Call.SET, Call.SOLVE):
+            return self._replaced
+        return {i for i, written in self._written.items() if written > n}

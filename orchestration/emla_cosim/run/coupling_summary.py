@@ -1,0 +1,216 @@
+"""What a run says about the exchange between its components: record, figures, and remarks on its error."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from ..base.errors import join_names
+from ..master.algorithms.algorithm import Algorithm
+from ..master.algorithms.continuous_connections import ContinuousConnection, list_continuous_connections
+from ..master.algorithms.extrapolation import Mode
+from ..master.coupling.estimate import DIFFERENCES, CouplingError, CouplingEstimate
+from ..master.coupling.sampling import Sampling
+from ..master.stepping.fixed_steps import FixedSteps
+from ..master.stepping.stepping_base import Stepping
+
+LARGEST_ERROR = 0.01
+"""Estimated error, as a fraction of a signal's range, above which a remark is added."""
+
+AIM = 0.005
+"""Error at which a recommended step aims."""
+
+LARGEST_SHOWN = 10.0
+"""Largest error that is written as a number."""
+
+DIVERGES = 1.0
+"""Error from which on an explicit exchange in a loop may be unstable at any step."""
+
+SWITCHED_OFF = "it is switched off"
+NO_CONNECTIONS = "no components exchange values in continuous time"
+ERROR_CONTROL = "error control has an estimate of its own"
+UNFINISHED = "the run has not reached its end"
+EARLIER_RUN = "an earlier run of this simulation has an estimate"
+"""Expected reasons for no estimate."""
+
+_USES = {
+    (Mode.HOLD, True): "held",
+    (Mode.HOLD, False): "held",
+    (Mode.MIDDLE, True): "extrapolated to the middle of the step",
+    (Mode.MIDDLE, False): "interpolated in the middle of the step",
+    (Mode.LINE, True): "extrapolated",
+    (Mode.LINE, False): "interpolated",
+}
+"""How an input changes during a step, by its mode and whether its source is late."""
+
+
+@dataclass(frozen=True)
+class CouplingSummary:
+    """The continuous connections of a run, and the estimate of their error.
+
+    Attributes:
+        algorithm: The algorithm of the run, after `setup`.
+        step: The step size in s.
+        connections: Connections between components that compute in continuous time.
+        not_estimated: Why the error is not estimated; empty if it is.
+    """
+
+    algorithm: Algorithm
+    step: float
+    connections: Sequence[ContinuousConnection] = field(default=())
+    not_estimated: str = ""
+
+    @classmethod
+    def of(
+        cls, algorithm: Algorithm, stepping: Stepping, sampling: Sampling, wanted: bool
+    ) -> "CouplingSummary":
+        """Return the summary before the first step; the stepping then saves what an estimate needs.
+
+        Args:
+            algorithm: The algorithm, after `setup`.
+            stepping: What does its steps.
+            sampling: Which components sample.
+            wanted: Whether the error is to be estimated.
+        """
+        instances = algorithm.network.instances
+        samplers, unknown = (
+            {s.name: i for i, s in enumerate(instances) if not names.isdisjoint(s.components)}
+            for names in (sampling.samplers, sampling.unknown)
+        )
+        connections = list_continuous_connections(algorithm, samplers)
+        doubtful = sorted({n for x in connections for n in (x.source, x.target)} & set(unknown))
+        reason = ""
+        if not wanted:
+            reason = SWITCHED_OFF
+        elif not connections:
+            reason = NO_CONNECTIONS
+        elif doubtful:
+            reason = (
+                f"the model description of {join_names(doubtful)} does not show whether it samples: it has "
+                "neither continuous states nor discrete variables"
+            )
+        elif not isinstance(stepping, FixedSteps):
+            reason = ERROR_CONTROL
+        else:
+            rare = {i for i, is_rare in enumerate(algorithm.exchange.rare) if is_rare}
+            multiples = {i for i, n in enumerate(algorithm.multiples) if n > 1}
+            signals = sorted({x.signal for x in connections})
+            positions = {*samplers.values(), *unknown.values()} | rare | multiples
+            stepping.estimate = CouplingEstimate(algorithm, stepping.loop, stepping.times, signals, positions)
+        return cls(algorithm, stepping.times.step, connections, reason)
+
+    def without_estimate(self) -> CouplingError:
+        """Return the result of a run whose error is not estimated."""
+        return CouplingError(not_estimated=self.not_estimated or UNFINISHED)
+
+    def record(self, error: CouplingError) -> dict[str, Any]:
+        """Return what run.json has of the exchange."""
+        found: dict[str, Any] = {
+            "order": self.algorithm.accuracy,
+            "connections": {x.name: _USES[Mode(x.mode), x.is_late] for x in self.connections},
+        }
+        remark = self._describe(error) if error.errors else None
+        if (summary := self._summarize(error)) is not None and remark is None:
+            found["summary"] = summary
+        if error.not_estimated:
+            return found | {"not_estimated": error.not_estimated}
+        worst = self._find_worst(error)
+        if remark is not None:
+            found["remark"] = remark
+        return found | {
+            "estimated_error": error.errors[worst.signal],
+            "worst_connection": worst.name,
+            "repeated": error.repeated,
+            "repeated_steps": error.repeated_steps,
+        }
+
+    def figures(self, error: CouplingError | None) -> dict[str, dict[str, float]]:
+        """Return the estimated error by connection; NaN before there is an estimate."""
+        if self.not_estimated or (error is not None and error.not_estimated):
+            return {}
+        errors: Mapping[int, float] = {} if error is None else error.errors
+        return {x.name: {"estimated_error": errors.get(x.signal, math.nan)} for x in self.connections}
+
+    def remarks(self, error: CouplingError) -> list[str]:
+        """Return remarks for users to read before the figures."""
+        found = []
+        middle = sorted({x.target for x in self.connections if x.mode == Mode.MIDDLE})
+        if self.algorithm.extrapolation == "fmu" and middle:
+            found.append(
+                f"--extrapolation fmu: {join_names(middle)} cannot interpolate inputs, so each step has the "
+                "value in the middle of the line."
+            )
+        if error.is_fault:
+            found.append(f"The coupling error is not estimated: {error.not_estimated.rstrip('.')}.")
+        elif error.errors and (remark := self._describe(error)) is not None:
+            found.append(remark)
+        return found
+
+    def _summarize(self, error: CouplingError) -> str | None:
+        """Return one line for the terminal; None if there is nothing to say."""
+        if error.errors:
+            worst = self._find_worst(error)
+            size, order = _percent(error.errors[worst.signal]), self.algorithm.accuracy
+            if error.repeated == DIFFERENCES:
+                return f"Within a step, inputs miss {self._signal(worst)} by roughly {size} of its range"
+            return f"Estimated coupling error: {size} of the range of {self._signal(worst)} (order {order})"
+        is_expected = error.not_estimated in (
+            SWITCHED_OFF,
+            NO_CONNECTIONS,
+            ERROR_CONTROL,
+            EARLIER_RUN,
+            UNFINISHED,
+        )
+        return None if is_expected else f"Coupling error not estimated: {error.not_estimated}"
+
+    def _describe(self, error: CouplingError) -> str | None:
+        """Return the remark on an estimated error; None if it is small."""
+        worst, order = self._find_worst(error), self.algorithm.accuracy
+        size, signal = error.errors[worst.signal], self._signal(worst)
+        if size <= LARGEST_ERROR:
+            return None
+        use = f"{worst.name} is {_USES[Mode(worst.mode), worst.is_late]} during each step"
+        if error.repeated == DIFFERENCES:
+            return (
+                f"Coupling error: within a step, inputs miss {signal} by roughly {_percent(size)} of its "
+                f"range ({use}). Whether such errors add up is not known, because FMUs cannot repeat "
+                f"steps. {self._advise(size)}"
+            )
+        half, about = size * (1.0 - 0.5**order), "about " if size <= LARGEST_SHOWN else ""
+        return (
+            f"Coupling error: {about}{_percent(size)} of the range of {signal}; half the step would change "
+            f"it by {_percent(half)} ({use}, order {order}). {self._advise(size)}"
+        )
+
+    def _advise(self, size: float) -> str:
+        """Return what reduces an error of this size."""
+        algorithm, instances = self.algorithm, {s.name: s for s in self.algorithm.network.instances}
+        is_loop = any(x.is_in_loop for x in self.connections)
+        if size >= DIVERGES and is_loop and not algorithm.groups:
+            if all(s.rolls_back for s in instances.values()):
+                return "The loop may be unstable with any step. Use --algorithm strong."
+            return "The loop may be unstable with any step, and its FMUs cannot repeat steps as strong needs."
+        step = _round_step(self.step * (AIM / size) ** (1.0 / algorithm.accuracy))
+        held = {x.target for x in self.connections if x.mode != Mode.LINE}
+        if algorithm.extrapolation != "fmu" and any(instances[name].interpolates for name in held):
+            return f"Use --extrapolation fmu, or a step of {step} s."
+        return f"Use a step of {step} s."
+
+    def _find_worst(self, error: CouplingError) -> ContinuousConnection:
+        """Return a connection of the signal with the largest error, a late one if there is one."""
+        return max(self.connections, key=lambda x: (error.errors[x.signal], x.is_late))
+
+    def _signal(self, connection: ContinuousConnection) -> str:
+        return self.algorithm.network.names[connection.signal]
+
+
+def _percent(share: float) -> str:
+    if share > LARGEST_SHOWN:
+        return f"more than {100.0 * LARGEST_SHOWN:.0f} %"
+    return f"{100.0 * share:.2g} %" if share < 1.0 else f"{100.0 * share:.0f} %"
+
+
+def _round_step(step: float) -> str:
+    """Return a step in s, rounded down to 1, 2 or 5 times a power of ten."""
+    power = 10.0 ** math.floor(math.log10(step))
+    return f"{max(n for n in (1, 2, 5) if n * power <= step * (1.0 + 1e-9)) * power:.0e}".replace("e-0", "e-")
