@@ -77,6 +77,9 @@ MOST_VALUES = 4_000_000
 DIFFERENCES = "differences of rows"
 """What an estimate without repeated steps is made from."""
 
+DIVERGED = 1e100
+"""Range of a signal of a run that diverged, as metrics report it."""
+
 HUGE = 1e6
 """Error relative to the range that stands for all larger ones."""
 
@@ -219,7 +222,10 @@ class CouplingEstimate:
             self._pace = MOST_COST * pace
             return self._estimate(kept.first, last, allowed)
         except RunError as error:
-            return CouplingError(not_estimated=f"steps could not be repeated: {error}", is_fault=True)
+            has_diverged = bool((kept.ranges > DIVERGED).any())  # which the run has said
+            return CouplingError(
+                not_estimated=f"steps could not be repeated: {error}", is_fault=not has_diverged
+            )
         finally:
             algorithm.block[:], algorithm.steps, algorithm.sweeps = memory, last, sweeps
 
