@@ -12,6 +12,7 @@ import numpy as np
 
 from ...base.arrays import Vector
 from ...base.errors import RunError
+from ...sandbox import crash_page
 from ...stepper.layout import Control, Failure, Halves, Stepper
 from ...stepper.library import StepperLibrary, address_of_clock
 from ..algorithms.algorithm import Algorithm
@@ -135,7 +136,11 @@ class NativeLoop:
         rows = np.empty((count, 1 + len(self._algorithm.network.signals)))
         before, efforts = Stepper.from_buffer_copy(self._stepper), self.measured
         stepper, recorded, failure = self._stepper, 0, Failure.LATE
-        stepper.activity, stepper.observer_count, stepper.observed_count = None, 0, 0
+        stepper.observer_count = stepper.observed_count = 0
+        activity = crash_page.current_activity(
+            crash_page.THREADS - 1
+        )  # names calls, and counts no rows of the run
+        stepper.activity = ctypes.addressof(activity)
         stepper.clock[:] = clock
         halves, states = Halves(), None
         if program is not None:
@@ -155,6 +160,7 @@ class NativeLoop:
                 raise RunError("the estimate was interrupted.")
             return rows[:recorded, 1:], self._error(failure, clock.point(done + 1))
         finally:
+            activity.code = 0
             if states is not None:
                 states.free(self._algorithm.network.instances)
             self.measure(efforts)
