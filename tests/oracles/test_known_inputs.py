@@ -141,8 +141,9 @@ def test_outputs_that_an_fmu_keeps_are_reported_as_late(fmus: Path) -> None:
     )
     mean = np.diff(np.interp(result.time, ROWS, integral)) / step
     assert result["c.F"][1:] == pytest.approx(400.0 * (mean - result["c.x"][1:]), abs=0.05)
-    (remark,) = (r for r in result.remarks if "half a step late" in r)
-    assert remark.startswith("outputs of c that depend directly on data")
+    for more in (result, driven(fmus / "Loop3.fmu", data, step, 2.0, error_tolerance=1e-2)):
+        (remark,) = (r for r in more.remarks if "half a step late" in r)
+        assert remark.startswith("outputs of c that depend directly on data")
     assert np.abs(result["c.F"] - force).max() > 0.01 * np.ptp(force)
 
 

@@ -179,11 +179,11 @@ class ErrorControl(Stepping):
         return []
 
     def remarks(self) -> list[str]:
-        """Return a remark if the errors of all steps add up to far more than the tolerance."""
-        errors = self._errors()
+        """Add a remark if the errors of all steps add up to far more than the tolerance."""
+        errors, others = self._errors(), super().remarks()
         total = errors.max(initial=0.0)
         if not total > REMARK_THRESHOLD * self.tolerance:
-            return []
+            return others
         if self._sampled:
             reason = (
                 "a component samples, and the tolerance bounds the error of one step only. If the motion is "
@@ -200,9 +200,10 @@ class ErrorControl(Stepping):
                 "--largest-step, or another tolerance."
             )
         return [
+            *others,
             f"the errors of all steps add up to {total:.2g} of the size of "
             f"{self._name(int(self._tables.signals['signal'][errors.argmax()]))}, which is "
-            f"{total / self.tolerance:.2g} times the error tolerance {self.tolerance:.3g}: {reason}"
+            f"{total / self.tolerance:.2g} times the error tolerance {self.tolerance:.3g}: {reason}",
         ]
 
     def memory(self) -> dict[str, Vector]:
