@@ -51,6 +51,8 @@ def test_every_completed_row_survives(
         for child in psutil.Process(process.pid).children():
             child.send_signal(signal.SIGKILL)
         _, errors = process.communicate(timeout=300.0)
+        if not process.returncode:  # it was faster
+            continue
         assert process.returncode == 1 and errors.count("Error:") == 1, errors
         assert_whole(out)
         if "before its first step" in errors or "complete" in errors:

@@ -4,11 +4,13 @@
 """
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .file import FmuFile
+if TYPE_CHECKING:  # commands that only list options do not load fmpy
+    from .file import FmuFile
 
 MODEL = "DataTable"
 """Model name of tables."""
@@ -17,12 +19,12 @@ SPANS = ("begin", "end", "mean")
 """What an output did in the last step: the line from its begin to its end, and its mean."""
 
 
-def is_table(file: FmuFile) -> bool:
+def is_table(file: "FmuFile") -> bool:
     """Return whether an FMU is a table."""
     return file.description.modelName == MODEL
 
 
-def find_span_references(file: FmuFile, outputs: Sequence[str]) -> list[NDArray[np.uint32]]:
+def find_span_references(file: "FmuFile", outputs: Sequence[str]) -> list[NDArray[np.uint32]]:
     """Return the value references of the local variables with `SPANS` of these outputs, one array for each.
 
     The list is empty for FMUs that are no tables, and for tables of discrete variables.

@@ -4,7 +4,7 @@ Components that sample keep their sampling times: they do twice as many steps at
 the error of the coupling, of which half the step removes the part 1 - 2^-p with the order p of the exchange.
 """
 
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,10 +16,8 @@ from ..master.network import Link, Network
 from ..system.model import System
 from .options import Options, read_options
 from .run_setup import run_times, steps_per_row
+from .seeds import SEEDS
 from .simulation import Simulation
-
-SEEDS: list[Callable[[Mapping[str, float]], Collection[str]]] = []
-"""Functions that return the full names of the seeds of random sequences in effect, from all parameters."""
 
 _PARTS = tuple(n * 10**k for k in range(3) for n in (2, 5, 10))
 """Numbers of parts of a step to suggest: 2, 5, 10, ..., 1000."""

@@ -2,17 +2,19 @@
 
 import math
 import time
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...base.errors import CommandError
 from ...sandbox.crash_page import THREADS
 from ..algorithms.algorithm import Algorithm
-from ..coupling.estimate import CouplingEstimate
 from .lanes import LaneChoice
 from .stepping_base import ROUNDING, RowSink, Stepping
 from .timing import CommunicationPoints
+
+if TYPE_CHECKING:  # commands that only list options do not load fmpy
+    from ..coupling.estimate import CouplingEstimate
 
 
 class FixedSteps(Stepping):
