@@ -81,9 +81,7 @@ def test_package_has_the_values_of_our_run(
     found = host(*arguments)
     assert found.shape == expected.shape and np.isfinite(expected).all()
     allowed = 1e-12 * np.abs(expected).max(axis=0)
-    if (
-        arguments[1][0][0] == "input"
-    ):  # which these tools hold over a step
+    if arguments[1][0][0] == "input":  # which these tools hold over a step
         allowed[-1] = 5e-3 * np.abs(expected[:, -1]).max()
     assert (np.abs(found - expected).max(axis=0) <= allowed).all()
     lines = "".join(capfd.readouterr()).splitlines()
