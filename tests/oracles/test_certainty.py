@@ -209,3 +209,17 @@ def test_a_shift_in_time_is_found_and_what_it_changes(late: float) -> None:
     for a, b, move in zip(alone, with_it, 10.0 * moves, strict=True):
         assert a.error is not None and b.error == pytest.approx(np.hypot(a.error, move))
     assert not find_time_shifts(samples, residuals, 10.0 * columns(0.0), [1.0], "linear", ("y",))[0]
+
+
+def test_samples_at_one_time_have_no_slope() -> None:
+    """A measurement that jumps has two; without them, the shift is the same."""
+    time = np.linspace(0.0, 4.0, 801)
+    values = 4.0 * np.sin(6.0 * (time - 0.004)) + 0.02 * np.random.default_rng(5).standard_normal(801)
+    shifts = []
+    for place in (None, 400):
+        at, of = (x if place is None else np.insert(x, place, x[place]) for x in (time, values))
+        columns = np.column_stack([np.sin(6.0 * at), np.ones_like(at)])
+        _, residuals = fitted(of, columns)
+        found, _ = find_time_shifts([measured(at, of)], residuals, 10.0 * columns, [1.0], "linear", ())
+        shifts.append(found[0].seconds)
+    assert shifts[1] == pytest.approx(shifts[0], rel=0.02) and shifts[0] == pytest.approx(0.004, rel=0.1)

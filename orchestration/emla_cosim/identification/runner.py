@@ -437,13 +437,17 @@ class _Identification:
             known={signal for kind, signal in sensors if kind == DELAY},
         )
         notes = describe_shifts(shifts, parameters, point, moves, assess(residuals))
-        assess = partial(assess, moves=moves)
+        shifted = partial(assess, moves=moves)
         halved = problem.halve_step(point)
         if isinstance(halved, str):
-            return assess(residuals), [*notes, f"the step is not judged: {halved.rstrip('.')}"]
+            return shifted(residuals), [*notes, f"the step is not judged: {halved.rstrip('.')}"]
         half = max(problem.predictor.half_steps.values(), key=lambda half: half.step)
-        found, more = judge_step(parameters, point, residuals, halved, slopes.matrix, loss, half, assess)
-        return found, [*notes, *more]
+        judged = (parameters, point, residuals, halved, slopes.matrix, loss, half)
+        found, made = judge_step(*judged, assess)
+        if made or not shifts:  # a shift that the step makes is not one of the machine
+            return found, made
+        found, made = judge_step(*judged, shifted)
+        return found, [*notes, *made]
 
     def _interrupted(self, estimator: Estimator, problem: Problem) -> IdentificationResult:
         if estimator.best is None:

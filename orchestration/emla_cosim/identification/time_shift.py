@@ -73,7 +73,9 @@ def find_time_shifts(
         part = slice(ends[k], ends[k + 1])
         predicted = one.values / deviation + residuals[part]
         if one.signal not in known and len(one.time) > 2:
-            slopes[part, k] = np.gradient(predicted, one.time)
+            with np.errstate(all="ignore"):  # two samples at one time, where the signal jumps, have no slope
+                slope = np.gradient(predicted, one.time)
+            slopes[part, k] = np.where(np.isfinite(slope), slope, 0.0)
     moved = [k for k in range(len(samples)) if slopes[:, k].any()]
     free = np.flatnonzero(np.linalg.norm(jacobian, axis=0) > 0.0)
     while moved:
@@ -83,7 +85,9 @@ def find_time_shifts(
         curvature = (every * factors[:, None] ** 2).T @ every
         change = np.linalg.lstsq(curvature, -every.T @ pulls, rcond=None)[0]
         try:
-            covariance = find_covariance(every * factors[:, None], every * pulls[:, None], pulls, lengths)
+            # what is left: the shift itself is no noise that would hide it
+            rest, weights = scale_for_loss(loss, residuals + every @ change)
+            covariance = find_covariance(every * weights[:, None], every * rest[:, None], rest, lengths)
         except np.linalg.LinAlgError:  # a shift that the parameters can make as well
             break
         errors = np.sqrt(np.diag(covariance))
