@@ -13,7 +13,7 @@ from emla_cosim.fmu import tables
 from fmublock import Block, DiscreteState, Input, Output, State
 from fmublock import table as table_fmus
 from tests.support.faulty_systems import faulty, wired
-from tests.support.hand_written_fmus import build_all_types_3_fmu, build_faulty_fmu
+from tests.support.hand_written_fmus import build_all_types_3_fmu, build_faulty_fmu, edit_description
 
 ALGORITHMS = ("jacobi", "gauss-seidel", "strong")
 EVERY = [
@@ -197,6 +197,25 @@ def test_the_order_of_the_user_does_not_delay_data(fmus: Path) -> None:
     result = driven(fmus / "Integrator.fmu", data, 0.1, 1.0, order=["c", "input"])
     assert result["c.x"] == pytest.approx(0.5 * result.time**2, abs=1e-12)
     assert result.record["stepping"]["late_connections"] == []
+
+
+def test_a_table_without_spans_is_a_component_like_others(fmus: Path, tmp_path: Path) -> None:
+    """Its values are held: with `jacobi`, those of the start of the step."""
+    content = table_fmus.TableContent(
+        np.array([0.0, 2.0]),
+        [table_fmus.TableColumn(np.array([0.0, 2.0]))],
+        [table_fmus.TableOutput("u", 0)],
+    )
+    built = table_fmus.build_table(content, tmp_path / "new.fmu")
+    old = edit_description(
+        built, tmp_path / "old.fmu", "step.begin.u", "a", "step.end.u", "b", "step.mean.u", "c"
+    )
+    for table, names in ((built, ["d.u -> c.u"]), (old, [])):
+        system = ec.System.of({"d": str(table), "c": str(fmus / "Integrator.fmu")}, ["d.u -> c.u"])
+        result = ec.load(system, step_size=0.1, stop_time=1.0, algorithm="jacobi").prepare().run()
+        assert list(result.record["stepping"].get("known_inputs", {})) == names
+        exact = 0.5 * result.time**2
+        assert result["c.x"] == pytest.approx(exact if names else exact - 0.05 * result.time, abs=1e-12)
 
 
 def test_tables_are_recognized_as_they_are_built() -> None:

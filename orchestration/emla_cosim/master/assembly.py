@@ -122,7 +122,7 @@ class Assembly:
             self.network.opaque_links.append(
                 OpaqueLink(self.instances[x.source], output, self.instances[x.target], input_)
             )
-        self.network.tables = self._positions(n for n, file in self.files.items() if is_table(file))
+        self.network.tables = self._positions(n for n, x in self.instances.items() if _is_known(x))
         self.network.samplers = self._positions(c.name for c in components if c.samples)
         for stepped in self.network.instances:
             if stepped not in self.instances.values():
@@ -342,6 +342,12 @@ def _non_default_values(component: Component, interface: Interface) -> dict[str,
         if str(default).lower() != str(value).lower() and default != value:
             found[name] = {"value": value, "default": default, "unit": None if unit is None else str(unit)}
     return found
+
+
+def _is_known(instance: DescribedInstance) -> bool:
+    """Return whether an instance is a table that says what its continuous outputs do in a step."""
+    has_spans = bool(instance.span_references) or not instance.continuous_outputs.any()
+    return is_table(instance.file) and has_spans
 
 
 def _open_files(system: System, fmus: Mapping[str, Path], folder: Path) -> dict[str, FmuFile]:

@@ -275,8 +275,8 @@ class Algorithm(ABC):
             return []
         return [
             f"outputs of {join_names(lagging)} that depend directly on data of --input are half a step late: "
-            "the FMU does not interpolate inputs, and keeps its outputs after a step. Shorten the step, or "
-            "use an FMU with canInterpolateInputs."
+            "the FMU does not interpolate inputs, and a trial at the start did not show that its outputs "
+            "follow them after a step. Shorten the step, or use an FMU with canInterpolateInputs."
         ]
 
     def warning(self) -> str | None:
