@@ -30,10 +30,9 @@ RECORD = ROOT.parent / "shared/cases/emps/emps.csv"
 """Time in s, reference and position in m, voltage: 24.84 s at 1 kHz."""
 
 
-class Emps(Block):
+class Carriage(Block):
     """A carriage on a screw, with viscous and Coulomb friction and an offset."""
 
-    F = Input(unit="N", description="Force of the motor")
     M = Parameter(60.0, unit="kg", minimum=1.0, description="Mass")
     F_v = Parameter(100.0, unit="N.s/m", description="Viscous friction")
     F_C = Parameter(10.0, unit="N", description="Coulomb friction")
@@ -41,9 +40,18 @@ class Emps(Block):
     x = State(0.0, unit="m", description="Position")
     v = State(0.0, unit="m/s", description="Speed")
 
+    def accelerate(self, v: Any, force: Any) -> Any:
+        """Return the acceleration in m/s^2 under a force of the motor in N."""
+        return (force - (v.F_v * v.v + v.F_C * tanh(v.v / SMOOTH) + v.offset)) / v.M
+
+
+class Emps(Carriage):
+    """The carriage, driven by a force."""
+
+    F = Input(unit="N", description="Force of the motor")
+
     def derivatives(self, v: Any) -> dict[str, Any]:
-        friction = v.F_v * v.v + v.F_C * tanh(v.v / SMOOTH) + v.offset
-        return {"x": v.v, "v": (v.F - friction) / v.M}
+        return {"x": v.v, "v": self.accelerate(v, v.F)}
 
 
 def wanted(time: float) -> float:
@@ -117,24 +125,17 @@ HALF = 12.4
 """Duration of each half of the record in s."""
 
 
-class EmpsLoop(Block):
+class EmpsLoop(Carriage):
     """The carriage in its loop of position and speed."""
 
     q_g = Input(unit="m", description="Reference")
-    M = Parameter(60.0, unit="kg", minimum=1.0, description="Mass")
-    F_v = Parameter(100.0, unit="N.s/m", description="Viscous friction")
-    F_C = Parameter(10.0, unit="N", description="Coulomb friction")
-    offset = Parameter(0.0, unit="N", description="Offset of friction")
-    x = State(0.0, unit="m", description="Position")
-    v = State(0.0, unit="m/s", description="Speed")
     u = Output(unit="V", description="Voltage")
 
     def voltage(self, v: Any) -> Any:
         return minimum(U_MAX, maximum(-U_MAX, K_V * (K_P * (v.q_g - v.x) - v.v)))
 
     def derivatives(self, v: Any) -> dict[str, Any]:
-        friction = v.F_v * v.v + v.F_C * tanh(v.v / SMOOTH) + v.offset
-        return {"x": v.v, "v": (GAIN * self.voltage(v) - friction) / v.M}
+        return {"x": v.v, "v": self.accelerate(v, GAIN * self.voltage(v))}
 
     def outputs(self, v: Any) -> dict[str, Any]:
         return {"u": self.voltage(v)}
