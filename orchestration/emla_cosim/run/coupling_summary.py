@@ -27,7 +27,7 @@ DIVERGES = 1.0
 """Error from which on an explicit exchange in a loop may be unstable at any step."""
 
 SWITCHED_OFF = "it is switched off"
-NO_CONNECTIONS = "no components exchange values in continuous time"
+NO_CONNECTIONS = "no connection joins two components of which neither samples"
 ERROR_CONTROL = "error control has an estimate of its own"
 UNFINISHED = "the run has not reached its end"
 EARLIER_RUN = "an earlier run of this simulation has an estimate"
