@@ -22,7 +22,7 @@ PARTS = {
         "msgspec",
     ),
     "tables: CSV and Parquet, millions of rows": ("polars",),
-    "the command line": ("typer", "rich", "shellingham", "lazy-loader"),
+    "the command line": ("click", "rich", "lazy-loader"),
     "building FMUs: symbols and a C compiler for all platforms": ("casadi", "ziglang", "pythonfmu"),
     "documents in FMUs, SSP": ("latex2mathml", "markdown-it-py", "mdit-py-plugins", "lxml"),
     "pictures and pages": ("matplotlib", "pillow", "bokeh", "jinja2", "markupsafe"),

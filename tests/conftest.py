@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
+from click.testing import CliRunner, Result
 from hypothesis import settings
-from typer.testing import CliRunner, Result
 
 from emla_cosim.cli.app import app
 from emla_cosim.fmu.models import MODELS, build, fmu_path

@@ -14,8 +14,8 @@ from typing import Any
 import fmpy
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from fmpy.fmi1 import FMICallException
-from typer.testing import CliRunner
 
 import emla_cosim as ec
 from emla_cosim.cli.app import app

@@ -14,10 +14,10 @@ import fmpy
 import lief
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from fmpy.fmi1 import FMICallException
 from fmpy.validation import validate_fmu
 from lxml import etree
-from typer.testing import CliRunner
 
 import emla_cosim as ec
 from emla_cosim.base.errors import CommandError

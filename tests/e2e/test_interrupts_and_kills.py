@@ -14,7 +14,7 @@ from typing import Any
 import polars
 import psutil
 import pytest
-from typer.testing import CliRunner
+from click.testing import CliRunner
 
 from emla_cosim.cli.app import app
 from emla_cosim.master.stepping.checkpoint import load_checkpoint

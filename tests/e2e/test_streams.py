@@ -68,8 +68,8 @@ def test_signal_at_the_start_and_end_of_a_command(code: str, end: tuple[int, str
 @pytest.mark.slow
 @pytest.mark.parametrize("error", ["KeyboardInterrupt", "MemoryError", "ImportError('no such library')"])
 def test_failed_import_is_one_line(error: str, tmp_path: Path) -> None:
-    (tmp_path / "broken").mkdir()
-    (tmp_path / "broken/typer.py").write_text(f"raise {error}\n")
+    (tmp_path / "broken/click").mkdir(parents=True)
+    (tmp_path / "broken/click/__init__.py").write_text(f"raise {error}\n")
     path = os.pathsep.join([str(tmp_path / "broken"), os.environ.get("PYTHONPATH", "")])
     code, output, errors = call(tmp_path, "list", environment={"PYTHONPATH": path})
     assert code == 1 and output == "" and len(errors.splitlines()) == 1

@@ -7,7 +7,6 @@ import io
 import json
 import math
 import os
-import re
 import sys
 import zipfile
 from collections.abc import Iterator
@@ -122,14 +121,6 @@ def last_row(path: Path) -> dict[str, float]:
     numbers = {n: v for n, v in row.items() if isinstance(v, float) and "wall" not in n}
     chosen = list(numbers)[:: 1 + len(numbers) // MOST_VALUES]
     return {name: float(f"{numbers[name]:.{DIGITS}g}") for name in chosen}
-
-
-def words(text: str) -> str:
-    """Return a help text without frames and line breaks, one option or paragraph a line."""
-    plain = re.sub(r"\x1b\[[0-9;]*m", "", text)
-    plain = re.sub(r"[╭╮╰╯│─┃━]+", " ", plain)
-    plain = re.sub(r"\s+", " ", plain).strip()
-    return re.sub(r" (?=--[a-z])", "\n", plain) + "\n"
 
 
 class Frozen:

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from scipy import signal
-from typer.testing import CliRunner
 
 import emla_cosim as ec
 from emla_cosim.cli.app import app

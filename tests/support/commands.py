@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 import pytest
-from typer.testing import Result
+from click.testing import Result
 
 from emla_cosim.views.terminal import ERR, OUT
 

@@ -26,7 +26,7 @@ from pathlib import Path
 from types import ModuleType
 from unittest.mock import patch
 
-from typer.testing import CliRunner
+from click.testing import CliRunner
 
 import emla_cosim as ec
 import emla_cosim.study.loading  # registers what the study brings, before registries are kept

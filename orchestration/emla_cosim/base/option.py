@@ -1,10 +1,11 @@
 """The definition of an option: a dataclass field that holds all information on it."""
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields, is_dataclass
 from functools import cache
 from pathlib import Path
+from types import NoneType, UnionType
 from typing import Any, Union, get_args, get_origin, get_type_hints
 
 from .errors import CommandError, check_choice
@@ -12,6 +13,9 @@ from .errors import CommandError, check_choice
 SYSTEM, STEPPING, OUTPUT = "What is run", "How it is stepped", "What comes out"
 RUNS = "Where it runs"
 """The groups of options in the help of the command line."""
+
+ARGUMENTS, OTHERS = "Arguments", "Options"
+"""The groups of what only one command has: arguments without a flag, and options without another group."""
 
 RUN, EXPORT, SWEEP, COMPARE, INFO = "run", "export", "sweep", "compare", "info"
 BUILD, PLOT, TRAJECTORY, VERIFY = "build", "plot", "trajectory", "verify"
@@ -52,6 +56,7 @@ class OptionInfo:
         parse: Converts the text of the command line, or the list of texts if the option can be repeated.
         takes: A type whose objects Python code can pass unchanged, also as entries of a table.
         alone: The value of a flag without a value on the command line.
+        negative: Whether a switch has a second flag `--no-...`.
         writes: `file` or `folder` if the value names an output.
         repeated: Whether commands that repeat a run keep the option.
         arrays: Whether a list in a table sets the elements `name[1]`, `name[2]`.
@@ -76,6 +81,7 @@ class OptionInfo:
     parse: Callable[[Any], Any] | None = None
     takes: type | None = None
     alone: str = ""
+    negative: bool = True
     writes: str = ""
     repeated: bool = True
     arrays: bool = False
@@ -125,6 +131,16 @@ def option(default: Any = None, /, help: str = "", **about: Any) -> Any:
     return field(default=default, metadata=described)
 
 
+def argument(default: Any = MISSING, /, help: str = "", metavar: str | None = None) -> Any:
+    """Declare a field of a dataclass as an argument without a flag; one without a default is required."""
+    return option(default, help=help, metavar=metavar, group=ARGUMENTS)
+
+
+def switch(help: str, group: str = OTHERS) -> Any:
+    """Declare a field of a dataclass as a flag that turns something on."""
+    return option(False, help=help, group=group, negative=False)
+
+
 @dataclass(frozen=True)
 class Option:
     """An option with its name, type and default."""
@@ -138,6 +154,72 @@ class Option:
     def flag(self) -> str:
         """Return the flag of the command line."""
         return self.about.flag or f"--{self.name.replace('_', '-')}"
+
+    @property
+    def is_required(self) -> bool:
+        """Return whether it has no default."""
+        return self.default is MISSING
+
+    @property
+    def is_table(self) -> bool:
+        """Return whether its values have names."""
+        return get_origin(self.plain_type) is Mapping
+
+    @property
+    def flags(self) -> tuple[str, ...]:
+        """Return the flag, and of a switch the flag that turns it off."""
+        if self.type is not bool or not self.about.negative:
+            return (self.flag,)
+        return self.flag, f"--no-{self.flag.removeprefix('--')}"
+
+    @property
+    def is_repeatable(self) -> bool:
+        """Return whether the command line takes it several times."""
+        return self.is_table or (get_origin(self._kinds[0]) is Sequence and self.about.parse is None)
+
+    @property
+    def text_type(self) -> Callable[[str], Any]:
+        """Return the type of a text of the command line: of the value, or of each in a list."""
+        kind = self._kinds[0]
+        (kind,) = get_args(kind) if get_origin(kind) is Sequence else (kind,)
+        return kind if kind in (int, float, Path) else str
+
+    @property
+    def _kinds(self) -> Sequence[Any]:
+        """Return the types that a value can have, without None."""
+        is_union = get_origin(self.plain_type) in (Union, UnionType)
+        kinds = get_args(self.plain_type) if is_union else (self.plain_type,)
+        return [kind for kind in kinds if kind is not NoneType]
+
+    @property
+    def placeholder(self) -> str:
+        """Return what stands for the value in the help; empty for a switch."""
+        if self.about.metavar is not None or self.type is bool:
+            return self.about.metavar or ""
+        if self.about.unit:
+            return "TIME"
+        return {Path: "PATH", float: "NUMBER", int: "N"}.get(self.text_type, "NAME")
+
+    @property
+    def headline(self) -> str:
+        """Return the flags with the placeholder of the value; of an argument the placeholder."""
+        if self.about.group != ARGUMENTS:
+            return f"{', '.join(self.flags)} {self.placeholder}".rstrip()
+        text = f"{self.placeholder}..." if self.is_repeatable else self.placeholder
+        return text if self.is_required else f"[{text}]"
+
+    @property
+    def meaning(self) -> str:
+        """Return the help text with choices, unit and default."""
+        text = self.about.help
+        if self.about.choices is not None:
+            text += f" One of {', '.join(map(str, self.about.choices()))}."
+        if self.about.unit:
+            text += f" In {self.about.unit}, or with a unit as in 0.1ms."
+        if isinstance(self.default, (str, int, float)) and not isinstance(self.default, bool):
+            default = self.default if isinstance(self.default, str) else f"{self.default:g}"
+            text += f" Default: {default} {self.about.unit}".rstrip() + "."
+        return text
 
     @property
     def record(self) -> str:
@@ -167,6 +249,11 @@ class Option:
         if self.about.takes not in inner:
             return of
         return Union[tuple(t for t in inner if t is not self.about.takes)]  # noqa: UP007
+
+    @property
+    def label(self) -> str:
+        """Return the name in messages about the command line."""
+        return self.placeholder if self.about.group == ARGUMENTS else self.flag
 
     @property
     def noun(self) -> str:

@@ -3,13 +3,13 @@
 `emla --help` needs only this module.
 """
 
+import sys
+from collections.abc import Callable
 from importlib import import_module
-from typing import Annotated, Any
+from typing import Any
 
-import typer
-from typer.core import TyperCommand, TyperGroup
+import click
 
-from .conversion import PlainCommand
 from .imports import quick_imports
 
 COMMANDS = {
@@ -34,177 +34,151 @@ COMMANDS = {
 ANSWERS = ("list", "info")
 """Commands whose output is their purpose; `--quiet` does not suppress it."""
 
-QUIET = ("--quiet", "-q")
+SETTINGS = {"help_option_names": ["-h", "--help"], "max_content_width": 100}
+"""Settings of all commands."""
 
-_SETTINGS = {"help_option_names": ["-h", "--help"]}
 
+class _FirstArgument(click.Command):
+    """A command of which only the first argument is to be completed, which needs no import of its module."""
 
-class _LazyCommand(TyperCommand):
-    """A command that is imported when it is called."""
-
-    def make_context(self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any) -> Any:
-        """Return the context of the imported command. Completion of the first argument needs no import."""
-        if extra.get("resilient_parsing") and not args:
-            return super().make_context(info_name, args, parent=parent, **extra)
-        return self._import_command(info_name, args, parent, **extra)
-
-    def shell_complete(self, ctx: Any, incomplete: str) -> Any:
-        """Complete the first argument without an import; import the command for all others."""
+    def shell_complete(self, ctx: click.Context, incomplete: str) -> Any:
+        """Return completions of the first argument; of options those of the imported command."""
         from .completion import complete_first_argument
 
-        if (
-            not incomplete.startswith("-")
-            and (names := complete_first_argument(str(self.name), incomplete)) is not None
-        ):
+        names = None if incomplete.startswith("-") else complete_first_argument(str(self.name), incomplete)
+        if names is not None:
             return names
-        meant = self._import_command(ctx.info_name, [], ctx.parent, resilient_parsing=True)
-        return meant.command.shell_complete(meant, incomplete)
-
-    def _import_command(self, info_name: str | None, args: list[str], parent: Any, **extra: Any) -> Any:
-        with quick_imports():
-            return self._make_command_context(info_name, args, parent, **extra)
-
-    def _make_command_context(self, info_name: str | None, args: list[str], parent: Any, **extra: Any) -> Any:
-        module = import_module(f"emla_cosim.cli.commands.{self.name}")
-        alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False, context_settings=_SETTINGS)
-        examples = "\n\n".join(("Examples:", *getattr(module, "EXAMPLES", ())))
-        epilog = examples if hasattr(module, "EXAMPLES") else None
-        alone.command(self.name, cls=PlainCommand, help=self.help, epilog=epilog)(
-            _bind_command(module, quiet=self.name not in ANSWERS)
-        )
-        command = typer.main.get_command(alone)
-        if self.name in ANSWERS:
-            args = [a for a in args if a not in QUIET]
-        if extra.get("resilient_parsing"):
-            from .completion import add_completion
-
-            add_completion(command)
-        if not command.params and not args:
-            command.add_help_option = False  # see `_CommandGroup.parse_args`
-        return command.make_context(info_name, _complete(module, args), parent=parent, **extra)
+        with load_command(str(self.name)).make_context(
+            self.name, [], ctx.parent, resilient_parsing=True
+        ) as real:
+            return real.command.shell_complete(real, incomplete)
 
 
-def _complete(module: Any, args: list[str]) -> list[str]:
-    """Add the values of flags that were written without one."""
-    taken = getattr(module, "OPTIONS", None)
-    if taken is None:
-        return args
-    from .commands.options import add_flag_values
+class _Commands(click.Group):
+    """All commands, which are imported when they are called."""
 
-    return add_flag_values(args, taken, getattr(module, "ALONE", {}))
+    def main(self, *args: Any, standalone_mode: bool = True, **extra: Any) -> Any:
+        """Run a command and exit. A wrong command line gives one error message and the exit code 2."""
+        try:
+            code = super().main(*args, standalone_mode=False, **extra)
+        except click.Abort as error:
+            raise KeyboardInterrupt from error
+        except click.exceptions.NoArgsIsHelpError as error:
+            error.show(sys.stdout)
+            code = error.exit_code
+        except click.UsageError as error:
+            _show_usage_error(error)
+            code = error.exit_code
+        sys.exit(code or 0)
 
-
-def _bind_command(module: Any, quiet: bool) -> Any:
-    """Add the options to the function of a command, and make it end with an error message if it fails."""
-    from .commands.error_exit import exit_on_error
-
-    command, taken = module.command, getattr(module, "OPTIONS", None)
-    if taken is not None:
-        from .commands.options import with_options
-
-        command = with_options(command, taken)
-    if quiet:
-        from .commands.verbosity import with_verbosity
-
-        command = with_verbosity(command, replaces=taken is not None and _can_replace(taken))
-    return exit_on_error(command)
-
-
-def _can_replace(taken: str) -> bool:
-    from ..run.options import list_options
-
-    return "replace" in list_options(taken)
-
-
-class _CommandGroup(TyperGroup):
-    """All commands, which are imported later."""
-
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Read what comes before the command.
-
-        If the command comes first, no option is parsed: parsing one imports more than `emla list` needs.
-        """
-        before = next((i for i, a in enumerate(args) if a not in QUIET), 0)
-        if before and args[before] in COMMANDS:
-            args = [args[before], QUIET[0], *args[before + 1 :]]
-        if args and args[0] in COMMANDS:
-            self.params, self.add_help_option = [], False
-        return super().parse_args(ctx, args)
-
-    def list_commands(self, ctx: Any) -> list[str]:
+    def list_commands(self, ctx: click.Context) -> list[str]:
         """Return the names of the commands."""
         return list(COMMANDS)
 
-    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Return the command, or None if the name is unknown."""
-        return _LazyCommand(cmd_name, help=COMMANDS[cmd_name]) if cmd_name in COMMANDS else None
+        return load_command(cmd_name) if cmd_name in COMMANDS else None
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Return name, command and other arguments of a command line.
+
+        Raises:
+            click.UsageError: There is no command of this name.
+        """
+        name, *others = args
+        if name not in COMMANDS and not ctx.resilient_parsing:
+            from ..base.errors import suggest_names
+
+            raise click.UsageError(f"there is no command '{name}'; {suggest_names(name, COMMANDS, 20)}", ctx)
+        if name in COMMANDS and ctx.resilient_parsing and not others:
+            return name, _FirstArgument(name), others
+        return super().resolve_command(ctx, args)
+
+    def shell_complete(self, ctx: click.Context, incomplete: str) -> list[Any]:
+        """Return the commands that begin with a text, or the options of `emla`."""
+        from click.shell_completion import CompletionItem
+
+        names = [CompletionItem(n, help=text) for n, text in COMMANDS.items() if n.startswith(incomplete)]
+        return names + click.Command.shell_complete(self, ctx, incomplete)
+
+    def format_help(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the help, which imports no command."""
+        from .help_text import format_help
+
+        entries = (("Commands", name, text) for name, text in COMMANDS.items())
+        formatter.write(format_help(self, ctx, entries, ("Start with", ("emla run study",)), formatter.width))
 
 
-app = typer.Typer(
-    cls=_CommandGroup,
+def load_command(name: str) -> click.Command:
+    """Import a command."""
+    with quick_imports():
+        from .command import Command
+
+        module = import_module(f"emla_cosim.cli.commands.{name}")
+        return Command(name, COMMANDS[name], module, name in ANSWERS, SETTINGS)
+
+
+def _show_usage_error(error: click.UsageError) -> None:
+    from ..views.terminal import show_error
+
+    text = error.format_message().rstrip(".")
+    if isinstance(error, click.NoSuchOption):
+        near = f"; did you mean {' or '.join(error.possibilities)}?" if error.possibilities else "."
+        text = f"there is no option '{error.option_name}'{near}"
+    end = "" if text.endswith((".", "?")) else "."
+    hint = f" See `{error.ctx.command_path} --help`." if error.ctx is not None else ""
+    show_error(f"{text}{end}{hint}")
+
+
+def _show_version(emla: click.Command) -> str:
+    from importlib.metadata import version
+
+    return f"emla-cosim {version('emla-cosim')}"
+
+
+def _install_completion(emla: click.Command) -> str:
+    from .completion import install
+
+    return install(emla)
+
+
+def _show_completion(emla: click.Command) -> str:
+    from .completion import script
+
+    return script(emla)
+
+
+def _action(flag: str, help: str, action: Callable[[click.Command], str]) -> click.Option:
+    """Return an option that prints a text in place of running a command."""
+
+    def call(ctx: click.Context, parameter: click.Parameter, is_set: bool) -> None:
+        if not is_set or ctx.resilient_parsing:
+            return
+        try:
+            click.echo(action(ctx.command))
+        except ValueError as error:
+            click.echo(f"Error: {error}.", err=True)
+            ctx.exit(1)
+        ctx.exit()
+
+    return click.Option([flag], is_flag=True, expose_value=False, is_eager=True, callback=call, help=help)
+
+
+app = _Commands(
+    "emla",
+    context_settings=SETTINGS,
     no_args_is_help=True,
-    add_completion=False,
-    pretty_exceptions_enable=False,
-    context_settings=_SETTINGS,
-    epilog="Start with: emla run study",
-)
-
-
-def _show_version(wanted: bool) -> None:
-    if wanted:
-        from importlib.metadata import version
-
-        typer.echo(f"emla-cosim {version('emla-cosim')}")
-        raise typer.Exit
-
-
-def _explain_completion(wanted: bool, install: bool) -> None:
-    if not wanted:
-        return
-    from . import completion
-
-    try:
-        typer.echo(completion.install() if install else completion.script())
-    except ValueError as error:
-        typer.echo(f"Error: {error}.", err=True)
-        raise typer.Exit(1) from error
-    raise typer.Exit
-
-
-def _install_completion(wanted: bool) -> None:
-    _explain_completion(wanted, install=True)
-
-
-def _show_completion(wanted: bool) -> None:
-    _explain_completion(wanted, install=False)
-
-
-@app.callback()
-def emla(
-    version_: Annotated[
-        bool,
-        typer.Option("--version", help="Show the version and exit.", callback=_show_version, is_eager=True),
-    ] = False,
-    quiet: Annotated[
-        bool, typer.Option("--quiet", "-q", help="Show only errors. Can also follow the command.")
-    ] = False,
-    install_completion: Annotated[
-        bool,
-        typer.Option(
+    help="Co-simulate electromechanical linear actuators as FMUs.",
+    params=[
+        _action("--version", "Show the version and exit.", _show_version),
+        click.Option(["--quiet", "-q"], is_flag=True, help="Show only errors. Can also follow the command."),
+        _action(
             "--install-completion",
-            help="Install completion of commands, options and names for your shell.",
-            callback=_install_completion,
-            is_eager=True,
+            "Install completion of commands, options and names for your shell.",
+            _install_completion,
         ),
-    ] = False,
-    show_completion: Annotated[
-        bool,
-        typer.Option(
-            "--show-completion",
-            help="Show the script that --install-completion installs.",
-            callback=_show_completion,
-            is_eager=True,
-        ),
-    ] = False,
-) -> None:
-    """Co-simulate electromechanical linear actuators as FMUs."""
+        _action("--show-completion", "Show the script that --install-completion installs.", _show_completion),
+    ],
+)

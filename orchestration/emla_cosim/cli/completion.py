@@ -2,51 +2,45 @@
 
 import os
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
 
-import typer
+import click
+from click.shell_completion import CompletionItem, get_completion_class
 
 from fmublock.files import write_atomically
 
 PROGRAM, VARIABLE = "emla", "_EMLA_COMPLETE"
 """Program to complete, and the environment variable that a shell sets to ask for completions."""
 
-SHELLS = ("bash", "zsh", "fish", "powershell", "pwsh")
+SHELLS = ("bash", "zsh", "fish")
 
 
-def answer(app: typer.Typer) -> None:
+def answer(app: click.Command) -> None:
     """Print the completions of the command line in the environment."""
-    from typer._completion_classes import completion_init
-
-    completion_init()
     try:
         app(prog_name=PROGRAM)
     except Exception:  # an error message would disturb the line that the user types
         raise SystemExit(1) from None
 
 
-def add_completion(command: Any) -> None:
-    """Add completions to the options and arguments of a command: names, or files."""
-    from typer._click.shell_completion import CompletionItem
-
-    def completing(names: Callable[[], Iterable[str]]) -> Any:
-        return lambda ctx, param, begun: [CompletionItem(n) for n in names() if n.startswith(begun)]
-
-    for parameter in command.params:
-        if parameter.name in _NAMES:
-            parameter._custom_shell_complete = completing(_NAMES[parameter.name])
-        elif not getattr(parameter, "is_flag", False):  # the shell itself completes files
-            parameter._custom_shell_complete = lambda ctx, param, begun: []
+def complete_value(ctx: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """Return completions of the value of a parameter: names, or that the shell is to complete files."""
+    option = getattr(parameter, "option", None)
+    choices = option.about.choices if option is not None else None
+    return _match(choices or _NAMES.get(str(parameter.name), tuple), incomplete)
 
 
-def complete_first_argument(command: str, begun: str) -> list[Any] | None:
+def complete_first_argument(command: str, incomplete: str) -> list[CompletionItem] | None:
     """Return completions of the first argument, or None if that needs an import of the command."""
-    from typer._click.shell_completion import CompletionItem
-
     names = _FIRST.get(command)
-    return None if names is None else [CompletionItem(n) for n in names() if n.startswith(begun)]
+    return None if names is None else _match(names, incomplete)
+
+
+def _match(names: Callable[[], Iterable[object]], incomplete: str) -> list[CompletionItem]:
+    matches = [CompletionItem(n) for n in map(str, names()) if n.startswith(incomplete)]
+    return matches or [CompletionItem(incomplete, type="file")]
 
 
 def _scenarios() -> Iterable[str]:
@@ -81,16 +75,6 @@ def _models() -> Iterable[str]:
     return MODELS
 
 
-def _choices(name: str) -> Callable[[], Iterable[str]]:
-    def found() -> Iterable[str]:
-        from ..run.options import list_options
-
-        choices = list_options()[name].about.choices
-        return choices() if choices is not None else ()
-
-    return found
-
-
 _NAMES: dict[str, Callable[[], Iterable[str]]] = {
     "scenario": _scenarios,
     "plan": _plans,
@@ -98,9 +82,8 @@ _NAMES: dict[str, Callable[[], Iterable[str]]] = {
     "controller": _controllers,
     "controllers": _controllers,
     "gains": _gains,
-    **{name: _choices(name) for name in ("algorithm", "flavour", "platform", "output_format", "plot_format")},
 }
-"""Completions by parameter name."""
+"""Completions by parameter name, of parameters without declared choices."""
 
 
 _FIRST: dict[str, Callable[[], Iterable[str]]] = {
@@ -112,7 +95,7 @@ _FIRST: dict[str, Callable[[], Iterable[str]]] = {
 """Completions of the first argument by command; an empty tuple means files."""
 
 
-def install() -> str:
+def install(app: click.Command) -> str:
     """Install completion for the user's shell, and return a message that says where.
 
     Raises:
@@ -120,20 +103,17 @@ def install() -> str:
     """
     shell = _shell()
     try:
-        place = _install_script(shell)
+        path = _install_script(app, shell)
     except (OSError, RuntimeError, ValueError) as error:  # no home folder, or one that is not writable
         reason = getattr(error, "strerror", None) or str(error).rstrip(".")
         raise ValueError(f"cannot install completion for {shell}: {reason}") from error
-    return f"Completion for {shell} is in {place}. It works in new shells."
+    return f"Completion for {shell} is in {path}. It works in new shells."
 
 
-def _install_script(shell: str) -> Path:
-    """Write the completion script, and add what loads it to the start file of the shell. May raise OSError.
-
-    typer's own function writes over the start file, which would be lost on a full disk.
-    """
+def _install_script(app: click.Command, shell: str) -> Path:
+    """Write the completion script, and make the start file of the shell load it. May raise OSError."""
     home = Path.home()
-    place, start, lines = {
+    path, start, lines = {
         "bash": (
             home / ".bash_completions" / f"{PROGRAM}.sh",
             home / ".bashrc",
@@ -145,14 +125,10 @@ def _install_script(shell: str) -> Path:
             ["fpath+=~/.zfunc; autoload -Uz compinit; compinit", "zstyle ':completion:*' menu select"],
         ),
         "fish": (home / ".config" / "fish" / "completions" / f"{PROGRAM}.fish", None, []),
-    }.get(shell, (None, None, []))
-    if place is None:  # PowerShell
-        from typer._completion_shared import install as installed
-
-        return installed(shell, PROGRAM, VARIABLE)[1]
-    place.parent.mkdir(parents=True, exist_ok=True)
-    with write_atomically(place) as stream:
-        stream.write(f"{script()}\n".encode())
+    }[shell]
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with write_atomically(path) as stream:
+        stream.write(f"{script(app)}\n".encode())
     if start is not None:
         start = Path(os.path.realpath(start))  # it may be a link to where its owner keeps such files
         before = start.read_bytes() if start.exists() else b""
@@ -161,26 +137,25 @@ def _install_script(shell: str) -> Path:
         if added := [x for x in new if x.encode() not in before]:
             with write_atomically(start) as stream:
                 stream.write(before + "\n".join(["", *added, ""]).encode())
-    return place
+    return path
 
 
-def script() -> str:
+def script(app: click.Command) -> str:
     """Return the completion script of the user's shell. Raise ValueError if the shell is not supported."""
-    from typer._completion_shared import get_completion_script
-
-    return get_completion_script(prog_name=PROGRAM, complete_var=VARIABLE, shell=_shell())
+    shell = get_completion_class(_shell())
+    assert shell is not None
+    return shell(app, {}, PROGRAM, VARIABLE).source()
 
 
 def _shell() -> str:
     """Return the shell that called this command; if that is not known, the user's login shell."""
-    import shellingham
+    import psutil
 
-    try:
-        name = shellingham.detect_shell()[0]
-    except (shellingham.ShellDetectionFailure, OSError, ValueError):
-        name = ""
-    if name not in SHELLS:  # the caller may be a script
-        name = Path(os.environ.get("SHELL", "")).name or name
+    callers = list[str]()
+    with suppress(psutil.Error):
+        callers = [process.name().removesuffix(".exe") for process in psutil.Process().parents()]
+    login = Path(os.environ.get("SHELL", "")).name
+    name = next((n for n in (*callers, login) if n in SHELLS), login)
     if name not in SHELLS:
         raise ValueError(
             f"the shell {name or '(unknown)'} is not supported; supported shells: {', '.join(SHELLS)}"

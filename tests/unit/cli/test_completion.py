@@ -16,7 +16,10 @@ from emla_cosim.run.options import list_options
 from emla_cosim.run.scenarios.built_in import SCENARIOS
 from emla_cosim.study.registration import register
 
-CALLED_FROM = "import shellingham; shellingham.detect_shell = lambda: ('{}', ''); "
+CALLED_FROM = """
+import psutil
+psutil.Process.parents = lambda _: [type("Caller", (), {{"name": lambda _: "{}"}})()]
+"""
 PROGRAM = "import sys; sys.argv[0] = 'emla'; from emla_cosim.cli.program import main; main()"
 
 Complete = Callable[..., list[str]]
@@ -27,16 +30,16 @@ def complete(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
     """Return a function that asks, in this process, how the last word of a line can be completed."""
 
     def ask(line: str, shell: str = "bash") -> list[str]:
-        variables = {"COMP_WORDS": line, "COMP_CWORD": str(len(line.split(" ")) - 1)}
-        if shell != "bash":
-            variables = {"_TYPER_COMPLETE_ARGS": line, "_TYPER_COMPLETE_FISH_ACTION": "get-args"}
-        for name, value in {VARIABLE: f"complete_{shell}", **variables}.items():
+        words = line.split(" ")
+        place = words[-1] if shell == "fish" else str(len(words) - 1)
+        variables = {"COMP_WORDS": line, "COMP_CWORD": place}
+        for name, value in {VARIABLE: f"{shell}_complete", **variables}.items():
             monkeypatch.setenv(name, value)
         with pytest.raises(SystemExit):
             answer(app)
         captured = capsys.readouterr()
         assert captured.err == ""
-        return captured.out.split("\n")[:-1]
+        return captured.out.removesuffix("\n").split("\n")
 
     return ask
 
@@ -51,24 +54,34 @@ def complete(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
         ("emla run lift --algorithm gauss", ["gauss-seidel"]),
         ("emla run lift --controller f", ["foc"]),
         ("emla run lift --gains pub", ["published"]),
-        ("emla run lift --output ", [""]),  # the shell completes files
+        ("emla run lift --extrapolation m", ["master"]),
+        ("emla run lift --set=", []),
+        ("emla --inst", ["--install-completion"]),
     ],
 )
 def test_names_complete(line: str, expected: list[str], complete: Complete) -> None:
     register()
-    assert complete(line) == expected
+    assert [item.partition(",")[2] for item in complete(line) if item.startswith("plain,")] == expected
+
+
+@pytest.mark.parametrize(
+    "line", ["emla run lift --output ", "emla plot ", "emla run mine.t", "emla verify lift.fmu a"]
+)
+def test_the_shell_completes_files(line: str, complete: Complete) -> None:
+    assert complete(line) == [f"file,{line.rpartition(' ')[2]}"]
 
 
 def test_scenarios_and_options_complete(complete: Complete) -> None:
     register()
-    assert set(complete("emla run ")) == set(SCENARIOS)
-    flags = set(complete("emla run lift --"))
+    assert set(complete("emla run ")) == {f"plain,{name}" for name in SCENARIOS}
+    flags = {item.removeprefix("plain,") for item in complete("emla run lift --")}
+    assert {item.removeprefix("plain,") for item in complete("emla run --")} == flags
     assert {o.flag for o in list_options(RUN).values()} <= flags and "--quiet" in flags
 
 
 def test_zsh_and_fish(complete: Complete) -> None:
-    assert '"lift"' in "".join(complete("emla run lif", "zsh"))
-    assert complete("emla run lif", "fish") == ["lift"]
+    assert complete("emla run lif", "zsh") == ["plain", "lift", "_"]
+    assert complete("emla run lif", "fish") == ["plain,lift"]
 
 
 # ---- the program -------------------------------------------------------------------------------------
@@ -86,10 +99,10 @@ def emla(*arguments: str, program: str = PROGRAM, **environment: str) -> subproc
 @pytest.mark.parametrize(
     "environment",
     [
-        {VARIABLE: "complete_bash", "COMP_WORDS": "emla 'run", "COMP_CWORD": "x"},
-        {VARIABLE: "complete_tcsh"},
+        {VARIABLE: "bash_complete", "COMP_WORDS": "emla 'run", "COMP_CWORD": "x"},
+        {VARIABLE: "tcsh_complete"},
         {VARIABLE: ""},
-        {VARIABLE: "complete_bash", "COMP_WORDS": "emla nope --x", "COMP_CWORD": "9"},
+        {VARIABLE: "bash_complete", "COMP_WORDS": "emla nope --x", "COMP_CWORD": "9"},
     ],
 )
 def test_invalid_requests_give_no_traceback(environment: dict[str, str]) -> None:

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 import polars
 import pytest
+from click.testing import CliRunner
+from click.testing import Result as Finished
 from fmpy.fmi2 import FMU2Slave
-from typer.testing import CliRunner
-from typer.testing import Result as Finished
 
 import emla_cosim.cli.commands.run
 import emla_cosim.recorders.checkpoints

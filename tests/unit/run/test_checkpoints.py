@@ -14,8 +14,8 @@ import hypothesis.strategies as st
 import numpy as np
 import polars
 import pytest
+from click.testing import Result
 from hypothesis import HealthCheck, given
-from typer.testing import Result
 
 import emla_cosim as ec
 import emla_cosim.recorders.checkpoints

@@ -397,10 +397,10 @@ HEAVY = {"matplotlib", "casadi", "networkx", "polars"}
 @pytest.mark.parametrize(
     ("code", "absent"),
     [
-        ("import emla_cosim", {"numpy", "fmpy", "typer", *HEAVY}),
+        ("import emla_cosim", {"numpy", "fmpy", "click", *HEAVY}),
         ("from emla_cosim.cli.app import app; app(['--help'])", {"numpy", "fmpy", *HEAVY}),
         ("from emla_cosim.cli.app import app; app(['list'])", {"fmpy", *HEAVY}),
-        (f"from emla_cosim.cli.app import app; app({UNKNOWN})", {"pydantic"}),  # which converts no options
+        (f"from emla_cosim.cli.app import app; app({UNKNOWN})", {"matplotlib", "casadi"}),
         ("import fmublock", {"numpy", *HEAVY}),
     ],
 )

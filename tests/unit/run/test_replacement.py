@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from typer.testing import Result
+from click.testing import Result
 
 import emla_cosim as ec
 from emla_cosim.base.units import SiUnit

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
+from click.testing import CliRunner
 
 from emla_cosim.cli.app import app
 from emla_cosim.fmu.unpack import LARGEST, UnsafeArchiveError, unpack

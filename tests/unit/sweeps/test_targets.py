@@ -5,10 +5,10 @@ from pathlib import Path
 import pytest
 
 from emla_cosim.base.errors import CommandError
-from emla_cosim.base.option import SWEEP
-from emla_cosim.cli.commands.options import add_flag_values
+from emla_cosim.cli.app import load_command
+from emla_cosim.cli.parameters import read_values
 from emla_cosim.master.algorithms.jacobi import Jacobi
-from emla_cosim.run.options import Options
+from emla_cosim.run.options import Options, list_options
 from emla_cosim.sweeps.targets import OPTION, Target, assign_value, format_arguments
 from emla_cosim.system.model import Replacement
 
@@ -41,7 +41,8 @@ def test_arguments_of_the_command_line() -> None:
         *["--parameters", "one.ssv", "--parameters", "two.ssv", "--order", "a,b", "--step-multiple", "a=3"],
         *["--step-size", "0.0001", "--algorithm", "jacobi", "--no-together", "--isolate"],
     ]
-    assert add_flag_values(found, SWEEP)[-1] == "--isolate=*"
+    texts = load_command("run").make_context("run", ["lift", *found]).params
+    assert read_values([list_options()["isolate"]], texts) == {"isolate": ["*"]}
 
 
 def test_objects_of_python_have_no_arguments() -> None:

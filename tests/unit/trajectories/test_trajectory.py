@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from scipy.interpolate import BSpline
-from typer.testing import CliRunner
 
 import emla_cosim as ec
 from emla_cosim.base.progress import Progress

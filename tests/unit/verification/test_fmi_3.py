@@ -5,7 +5,7 @@ from typing import Any
 
 import fmpy
 import pytest
-from typer.testing import CliRunner
+from click.testing import CliRunner
 
 import emla_cosim as ec
 from emla_cosim.cli.app import app

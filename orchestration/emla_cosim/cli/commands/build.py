@@ -1,12 +1,12 @@
 """`emla build`."""
 
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-import typer
-
-from ...base.errors import CommandError, check_choice
-from ...base.option import BUILD
+from ...base.errors import CommandError
+from ...base.option import BUILD, OTHERS, argument, option, switch
 from ...fmu.models import (
     FLAVOURS,
     FMI_VERSIONS,
@@ -22,7 +22,6 @@ from ...fmu.models import (
 )
 from ...views.progress_bars import BarProgress
 from ...views.terminal import show_file
-from .options import pairs
 
 _SUPPLY = "FMUs for other companies"
 
@@ -39,87 +38,66 @@ EXAMPLES = (
 """Examples in the help."""
 
 
-def command(
-    models: Annotated[
-        list[str] | None,
-        typer.Argument(help="Models, or blocks as FILE.py:BLOCK. Default: all built-in models."),
-    ] = None,
-    flavour: Annotated[str, typer.Option(help=f"FMU flavour: {' or '.join(FLAVOURS)}.")] = "native",
-    fmi: Annotated[
-        int,
-        typer.Option(
-            help=f"Version of FMI: {' or '.join(map(str, FMI_VERSIONS))} "
-            "(3: native FMUs only, and in another folder)."
-        ),
-    ] = 2,
-    clock: Annotated[
-        float | None,
-        typer.Option(
-            help="Interval of a periodic input clock in s, at whose ticks the block steps (FMI 3 only). "
-            "Default: no clock.",
-            metavar="SECONDS",
-        ),
-    ] = None,
-    platform: Annotated[
-        list[str] | None,
-        typer.Option(
-            help=f"FMI platform of a native FMU's binaries (repeatable): {', '.join(PLATFORMS)}. Default: "
-            "all."
-        ),
-    ] = None,
-    no_sources: Annotated[
-        bool,
-        typer.Option(
-            "--no-sources",
-            help="Leave out the C sources, and equations in the documentation.",
-            rich_help_panel=_SUPPLY,
-        ),
-    ] = False,
-    set_: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set",
-            help="Start value in the FMU (repeatable).",
-            metavar="NAME=VALUE",
-            rich_help_panel=_SUPPLY,
-        ),
-    ] = None,
-    fix: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="Parameter, or pattern, that can be seen but not set (repeatable).",
-            metavar="NAME",
-            rich_help_panel=_SUPPLY,
-        ),
-    ] = None,
-    hide: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="Parameter, or pattern, that can neither be seen nor set; leaves out the sources, too "
-            "(repeatable).",
-            metavar="NAME",
-            rich_help_panel=_SUPPLY,
-        ),
-    ] = None,
-    output: Annotated[Path, typer.Option(help="Output folder.")] = FMU_FOLDER,
-    *,
-    given: dict[str, Any],
-) -> None:
+@dataclass(frozen=True)
+class Parameters:
+    """Arguments and options of the command."""
+
+    models: Sequence[str] = argument(
+        [], help="Models, or blocks as FILE.py:BLOCK. Default: all built-in models.", metavar="MODEL"
+    )
+    output: Path = option(FMU_FOLDER, help="Output folder. Default: fmus.", group=OTHERS)
+    flavour: str = option("native", help="FMU flavour.", choices=lambda: FLAVOURS, group=OTHERS)
+    fmi: int = option(
+        2,
+        help="Version of FMI (3: native FMUs only, and in another folder).",
+        choices=lambda: FMI_VERSIONS,
+        group=OTHERS,
+    )
+    platform: Sequence[str] = option(
+        [],
+        help="FMI platform of a native FMU's binaries (repeatable). Default: all.",
+        choices=lambda: PLATFORMS,
+        group=OTHERS,
+    )
+    clock: float | None = option(
+        help="Interval of a periodic input clock, at whose ticks the block steps (FMI 3 only). "
+        "Default: no clock.",
+        unit="s",
+        group=OTHERS,
+    )
+    set: Mapping[str, str] = option(
+        {}, help="Start value in the FMU (repeatable).", metavar="NAME=VALUE", group=_SUPPLY
+    )
+    fix: Sequence[str] = option(
+        [],
+        help="Parameter, or pattern, that can be seen but not set (repeatable).",
+        metavar="NAME",
+        group=_SUPPLY,
+    )
+    hide: Sequence[str] = option(
+        [],
+        help="Parameter, or pattern, that can neither be seen nor set; leaves out the sources, too "
+        "(repeatable).",
+        metavar="NAME",
+        group=_SUPPLY,
+    )
+    no_sources: bool = switch("Leave out the C sources, and equations in the documentation.", _SUPPLY)
+
+
+def command(chosen: Parameters, given: dict[str, Any]) -> None:
     """Build the FMUs of models for other tools and all platforms."""
-    chosen = models or list(MODELS)
-    check_choice("flavour", flavour, FLAVOURS)
-    check_choice("version of FMI", str(fmi), [str(version) for version in FMI_VERSIONS])
-    if platform and flavour != "native":
+    names, flavour, fmi, output = chosen.models or list(MODELS), chosen.flavour, chosen.fmi, chosen.output
+    if chosen.platform and flavour != "native":
         raise CommandError(
             "FMUs of the flavour python contain the binaries of PythonFMU; leave out --platform."
         )
-    platforms = platform or list(PLATFORMS)
-    blocks = {name: name if name in MODELS else find_block(name) for name in chosen}
-    disclosure = Disclosure(not no_sources, pairs("--set", set_ or []), fix or (), hide or ())
-    if len(blocks) > 1 and (set_ or fix or hide):
+    platforms = chosen.platform or list(PLATFORMS)
+    blocks = {name: name if name in MODELS else find_block(name) for name in names}
+    disclosure = Disclosure(not chosen.no_sources, dict(chosen.set), tuple(chosen.fix), tuple(chosen.hide))
+    if len(blocks) > 1 and (chosen.set or chosen.fix or chosen.hide):
         raise CommandError("--set, --fix and --hide are for one model; name it.")
     for model in blocks.values():
-        check_disclosure(model, flavour, output, disclosure, fmi, clock)
+        check_disclosure(model, flavour, output, disclosure, fmi, chosen.clock)
     overwrite = given.get("overwrite", False)
     places = dict[str, str]()
     for name, model in blocks.items():
@@ -141,7 +119,7 @@ def command(
                     overwrite,
                     disclosure,
                     fmi,
-                    clock,
+                    chosen.clock,
                 )
             )
             progress.finish()

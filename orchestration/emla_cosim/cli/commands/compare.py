@@ -1,13 +1,12 @@
 """`emla compare`."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
-
-import typer
+from typing import Any
 
 from ...base.errors import CommandError, CosimError
-from ...base.option import COMPARE
+from ...base.option import COMPARE, argument, option
 from ...base.wording import format_count
 from ...comparison import certificates
 from ...comparison.data import CERTIFICATE, STABILITY, TABLES
@@ -19,7 +18,7 @@ from ...study.joint_certificates import build_certificate_table
 from ...views.output_folder import results_folder
 from ...views.progress_bars import BarProgress
 from ...views.terminal import print_line, show
-from .options import Scheduler, Workers
+from .options import scheduler, workers
 
 OPTIONS = COMPARE
 """Options of the command."""
@@ -36,87 +35,91 @@ EXAMPLES = (
 """Examples in the help."""
 
 
-def command(
-    scenario: Annotated[str, typer.Argument(help="Name of a built-in scenario, or scenario file (.toml).")],
-    given: dict[str, Any],
-    controllers: Annotated[
-        str | None,
-        typer.Option(
-            help="Controllers: names, FILE.fmu or FILE.py:BLOCK. Default: all in `emla list`.",
-            metavar="NAME,...",
-            rich_help_panel=_WHO,
-        ),
-    ] = None,
-    gains: Annotated[
-        str | None,
-        typer.Option(
-            help="Gain sets: SET for all controllers that have it, CONTROLLER/SET for one, recommended, "
-            "or all. Default: the recommended set of each controller.",
-            metavar="SET,...",
-            rich_help_panel=_WHO,
-        ),
-    ] = None,
-    table: Annotated[
-        str | None,
-        typer.Option(
-            help="paper: the paper's tables beside ours, all gain sets. robustness: many variants, with "
-            "the gain sets robust and rule too. stability: maps over delay and parameters. "
-            "margins: stability margins of each joint's loops. "
-            "certificate: the stability proof of RSBA's gain sets.",
-            metavar="|".join((*TABLES, CERTIFICATE)),
-            rich_help_panel=_WHO,
-        ),
-    ] = None,
-    seeds: Annotated[
-        int | None,
-        typer.Option(
-            help="Number of runs with random effects, with seeds that no tuning used; 0: one run with the "
-            f"scenario's seeds. Default: {SEEDS}; for {STABILITY} 0.",
-            metavar="N",
-            rich_help_panel=_WHO,
-        ),
-    ] = None,
-    reserves: Annotated[
-        str | None,
-        typer.Option(
-            help="Fractions of current and voltage that every controller keeps in reserve, such as "
-            "0.02,0.2. Default: those of its gain set.",
-            metavar="CURRENT,VOLTAGE",
-            rich_help_panel=_WHO,
-        ),
-    ] = None,
-    resolution: Annotated[
-        int | None,
-        typer.Option(
-            help=f"Points along each axis of the maps of {STABILITY}. Default: {RESOLUTION}.",
-            rich_help_panel=_WHO,
-        ),
-    ] = None,
-    scheduler: Scheduler = None,
-    workers: Workers = None,
-) -> None:
+def _split_names(text: str) -> list[str]:
+    return [part.strip() for part in text.split(",")]
+
+
+def _read_reserves(text: str) -> list[float]:
+    """Read the two numbers of an option. Raise CommandError for any other text."""
+    try:
+        return [float(part) for part in text.split(",")]
+    except ValueError:
+        raise CommandError(
+            f"the reserves are '{text}'; they must be two numbers, fractions of current and voltage, such "
+            "as 0.02,0.2."
+        ) from None
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """Arguments and options of the command."""
+
+    scenario: str = argument(
+        help="Name of a built-in scenario, or scenario file (.toml).", metavar="SCENARIO"
+    )
+    controllers: Sequence[str] | None = option(
+        help="Controllers: names, FILE.fmu or FILE.py:BLOCK. Default: all in `emla list`.",
+        metavar="NAME,...",
+        group=_WHO,
+        parse=_split_names,
+    )
+    gains: Sequence[str] | None = option(
+        help="Gain sets: SET for all controllers that have it, CONTROLLER/SET for one, recommended, "
+        "or all. Default: the recommended set of each controller.",
+        metavar="SET,...",
+        group=_WHO,
+        parse=_split_names,
+    )
+    table: str | None = option(
+        help="paper: the paper's tables beside ours, all gain sets. robustness: many variants, with "
+        "the gain sets robust and rule too. stability: maps over delay and parameters. "
+        "margins: stability margins of each joint's loops. "
+        "certificate: the stability proof of RSBA's gain sets.",
+        metavar="|".join((*TABLES, CERTIFICATE)),
+        group=_WHO,
+    )
+    seeds: int | None = option(
+        help="Number of runs with random effects, with seeds that no tuning used; 0: one run with the "
+        f"scenario's seeds. Default: {SEEDS}; for {STABILITY} 0.",
+        group=_WHO,
+    )
+    reserves: Sequence[float] | None = option(
+        help="Fractions of current and voltage that every controller keeps in reserve, such as "
+        "0.02,0.2. Default: those of its gain set.",
+        metavar="CURRENT,VOLTAGE",
+        group=_WHO,
+        parse=_read_reserves,
+    )
+    resolution: int | None = option(
+        help=f"Points along each axis of the maps of {STABILITY}. Default: {RESOLUTION}.", group=_WHO
+    )
+    scheduler: str | None = scheduler()
+    workers: int | None = workers()
+
+
+def command(chosen: Parameters, given: dict[str, Any]) -> None:
     """Compare several controllers in the same scenario."""
     output, plots = given.pop("output", None), given.pop("plots", True)
-    place = Path(output or results_folder(Path(scenario).stem))
+    place = Path(output or results_folder(Path(chosen.scenario).stem))
     overwrite = given.get("overwrite", False)
-    if table == CERTIFICATE:
-        _check_certificate(controllers, seeds, reserves, resolution, scheduler, workers)
-        _certify(scenario, _split_names(gains), certificates.CertificateFolder(place, overwrite), given)
+    if chosen.table == CERTIFICATE:
+        _check_certificate(chosen)
+        _certify(chosen.scenario, chosen.gains, certificates.CertificateFolder(place, overwrite), given)
         return
     folder = CompareFolder(place, overwrite)
     if plots:
         folder.check_files(folder.pictures)
     with BarProgress() as progress:
         result = compare(
-            scenario,
-            _split_names(controllers),
-            gains=_split_names(gains),
-            table=table,
-            seeds=seeds,
-            reserves=_numbers(reserves),
-            resolution=resolution,
-            scheduler=scheduler,
-            workers=workers,
+            chosen.scenario,
+            chosen.controllers,
+            gains=chosen.gains,
+            table=chosen.table,
+            seeds=chosen.seeds,
+            reserves=chosen.reserves,
+            resolution=chosen.resolution,
+            scheduler=chosen.scheduler,
+            workers=chosen.workers,
             output=place,
             progress=progress,
             **given,
@@ -127,10 +130,12 @@ def command(
         raise CosimError(f"interrupted; results so far are in {place}.")
 
 
-def _check_certificate(controllers: str | None, *others: Any) -> None:
+def _check_certificate(chosen: Parameters) -> None:
     """Raise CommandError for options that a certificate does not support."""
-    if controllers not in (None, "rsba"):
-        raise CommandError(f"--table certificate supports only the controller rsba, not {controllers}.")
+    if chosen.controllers not in (None, ["rsba"]):
+        names = ",".join(chosen.controllers)
+        raise CommandError(f"--table certificate supports only the controller rsba, not {names}.")
+    others = chosen.seeds, chosen.reserves, chosen.resolution, chosen.scheduler, chosen.workers
     if any(other is not None for other in others):
         raise CommandError(
             "--table certificate does not support --seeds, --reserves, --resolution, --scheduler "
@@ -154,21 +159,6 @@ def _certify(
         else:
             print_line(f"{one.gains}: {one.problem}")
     print_line(f"Wrote {folder.path}/: {certificates.CSV}, {certificates.MARKDOWN}")
-
-
-def _split_names(text: str | None) -> list[str] | None:
-    return None if text is None else [part.strip() for part in text.split(",")]
-
-
-def _numbers(text: str | None) -> list[float] | None:
-    """Read the two numbers of an option. Raise CommandError for any other text."""
-    try:
-        return None if text is None else [float(part) for part in text.split(",")]
-    except ValueError:
-        raise CommandError(
-            f"the reserves are '{text}'; they must be two numbers, fractions of current and voltage, such "
-            "as 0.02,0.2."
-        ) from None
 
 
 def _show(result: CompareResult, place: Path, pictures: Sequence[Path]) -> None:

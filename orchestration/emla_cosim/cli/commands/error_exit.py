@@ -1,10 +1,9 @@
 """Exit codes and error messages of commands that fail."""
 
+import sys
 from collections.abc import Callable
 from functools import wraps
 from typing import Any
-
-import typer
 
 from ...base.errors import CosimError, find_exit_code
 from ...base.files import get_working_folder
@@ -24,13 +23,13 @@ def exit_on_error(command: Callable[..., None]) -> Callable[..., None]:
                 command(*args, **kwargs)
         except CosimError as error:
             show_error(str(error))
-            raise typer.Exit(find_exit_code(error)) from error
+            sys.exit(find_exit_code(error))
         except OSError as error:  # of a file or folder that cannot be used now
             reason = error.strerror or error
             show_error(f"'{error.filename}' cannot be used: {reason}." if error.filename else f"{reason}.")
-            raise typer.Exit(1) from error
-        except KeyboardInterrupt as error:
+            sys.exit(1)
+        except KeyboardInterrupt:
             show_interrupted()
-            raise typer.Exit(1) from error
+            sys.exit(1)
 
     return guarded

@@ -1,17 +1,16 @@
 """`emla export`."""
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
-
-import typer
+from typing import Any
 
 from ...base.files import check_output_files
-from ...base.option import EXPORT
+from ...base.option import EXPORT, argument
 from ...run.scenarios.exported_files import FMU, SSP, C, find_kind, refuse_unsuited
 from ...study.loading import load
 from ...views.progress_bars import BarProgress
 from ...views.terminal import show_file
-from .options import SOURCE
+from .options import scenario
 
 OPTIONS = EXPORT
 """Options of the command."""
@@ -29,25 +28,28 @@ _KINDS = {SSP: "the package", FMU: "the FMU", C: "the C file"}
 """What messages call the written file."""
 
 
-def command(
-    scenario: Annotated[str, typer.Argument(help=SOURCE)],
-    file: Annotated[
-        Path, typer.Argument(help="SSP, FMU or C file to write.", metavar="FILE.ssp|FILE.fmu|FILE.c")
-    ],
-    given: dict[str, Any],
-) -> None:
+@dataclass(frozen=True)
+class Parameters:
+    """Arguments of the command."""
+
+    scenario: str = scenario()
+    file: Path = argument(help="SSP, FMU or C file to write.", metavar="FILE.ssp|FILE.fmu|FILE.c")
+
+
+def command(chosen: Parameters, given: dict[str, Any]) -> None:
     """Export a scenario as an SSP or as one FMU, or components as plain C.
 
     See docs/containers.md for an FMU, and docs/c-code.md for C.
     """
+    file = chosen.file
     kind = find_kind(file)
     refuse_unsuited(kind, given)
-    chosen = load(scenario, **given)
+    exported = load(chosen.scenario, **given)
     files = {file: _KINDS[kind]}
     if kind == C:
         files[file.with_suffix(".h")] = "the header"
-    check_output_files(files, {Path(scenario): "the scenario"} | chosen.options.files_read())
+    check_output_files(files, {Path(chosen.scenario): "the scenario"} | exported.options.files_read())
     with BarProgress() as progress:
-        chosen.export(file, progress)
-    for one in files:
-        show_file(one)
+        exported.export(file, progress)
+    for path in files:
+        show_file(path)

@@ -2,18 +2,18 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from itertools import groupby, islice
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-import typer
 from rich.box import SIMPLE_HEAD
 from rich.table import Column, Table
 from rich.text import Text
 
 from ...base.errors import CommandError
 from ...base.files import check_output_files
-from ...base.option import INFO
+from ...base.option import INFO, OTHERS, option
 from ...base.ownership import check_replaceable
 from ...inspection.collector import info
 from ...inspection.display_rows import DisplayRow, build_display_rows, format_line
@@ -23,13 +23,13 @@ from ...study.loading import load
 from ...views.pages.text import shorten_text
 from ...views.progress_bars import BarProgress
 from ...views.terminal import OUT, print_exactly, print_line, show, show_table
-from .options import SOURCE
+from .options import scenario
 
 OPTIONS = INFO
 """Options of the command."""
 
-ALONE = {"--json": "-"}
-"""Flags that may have no value, with the value they have then."""
+_SCREEN = "-"
+"""Value of `--json` that shows JSON."""
 
 _MOST_ROWS, _MOST_FMUS, _MOST_ENDS = 1000, 40, 20
 """Most rows to show; JSON has all of them."""
@@ -39,25 +39,30 @@ _WIDE = 120
 """Fewest columns of a terminal to show all columns of a table side by side."""
 
 
-def command(
-    source: Annotated[str, typer.Argument(help=SOURCE, metavar="SCENARIO")],
-    given: dict[str, Any],
-    match: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="Variables to show: a pattern of names with *, or a word in names or descriptions "
-            "(repeatable).",
-            metavar="PATTERN",
-        ),
-    ] = None,
-    json: Annotated[
-        Path | None,
-        typer.Option(help="Write JSON to a file, or show it if no file follows.", metavar="[FILE]"),
-    ] = None,
-) -> None:
+@dataclass(frozen=True)
+class Parameters:
+    """Arguments and options of the command."""
+
+    scenario: str = scenario()
+    match: Sequence[str] = option(
+        [],
+        help="Variables to show: a pattern of names with *, or a word in names or descriptions (repeatable).",
+        metavar="PATTERN",
+        group=OTHERS,
+    )
+    json: Path | None = option(
+        help="Write JSON to a file, or show it if no file follows.",
+        metavar="[FILE]",
+        alone=_SCREEN,
+        group=OTHERS,
+    )
+
+
+def command(chosen: Parameters, given: dict[str, Any]) -> None:
     """Show the variables of an FMU, a package or a scenario, and which of them you can set."""
+    source, json = chosen.scenario, chosen.json
     overwrite = given.get("overwrite", False)
-    to_file = json is not None and str(json) != ALONE["--json"]
+    to_file = json is not None and str(json) != _SCREEN
     if json is not None and to_file:
         used = {Path(source): "the file to show"}
         with suppress(CommandError):  # collecting the information reports it
@@ -66,10 +71,10 @@ def command(
         check_replaceable(json, JSON_FILE, is_info, overwrite)
     with BarProgress() as progress:
         found = info(source, progress, **given)
-    if match:
-        found = found.matching(*match)
+    if chosen.match:
+        found = found.matching(*chosen.match)
     if json is None:
-        _show(found, header=not match)
+        _show(found, header=not chosen.match)
     elif to_file:
         found.save_json(json, overwrite)
     else:

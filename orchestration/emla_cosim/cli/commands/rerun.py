@@ -1,13 +1,12 @@
 """`emla rerun`."""
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
-
-import typer
+from typing import Any
 
 from ...base.files import hash_if_readable, real_place
-from ...base.option import RUN, Option
+from ...base.option import RUN, Option, argument
 from ...run.options import list_options
 from ...run.repetition import describe_differences, find_differences
 from ...run.result import Result
@@ -27,15 +26,19 @@ EXAMPLES = (
 """Examples in the help."""
 
 
-def command(
-    run: Annotated[Path, typer.Argument(help="The run.json of the run to repeat, or its folder.")],
-    given: dict[str, Any],
-) -> None:
+@dataclass(frozen=True)
+class Parameters:
+    """Arguments of the command."""
+
+    run: Path = argument(help="The run.json of the run to repeat, or its folder.", metavar="RUN")
+
+
+def command(chosen: Parameters, given: dict[str, Any]) -> None:
     """Repeat a run into a new folder beside the old one."""
-    record = _record(run)
+    record = _record(chosen.run)
     recorded = load_recorded_run(record, given)
-    chosen = load(recorded.source, **recorded.with_options(given))
-    table_name = f"results.{chosen.options.output_format}"
+    scenario = load(recorded.source, **recorded.with_options(given))
+    table_name = f"results.{scenario.options.output_format}"
     before = hash_if_readable(record.parent / table_name)  # the new run may replace it
     folder = given.get("output") or _beside(record)
 
@@ -50,7 +53,7 @@ def command(
             what = "is the same as that" if same else "differs from that"
             print_line(f"{table_name} {what} of {record.parent}{', to the last bit' * same}")
 
-    run_into(chosen, folder, None if "output" in given else record, compare)
+    run_into(scenario, folder, None if "output" in given else record, compare)
 
 
 def _same_table(given: Iterable[Option]) -> bool:

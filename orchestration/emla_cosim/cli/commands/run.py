@@ -2,10 +2,9 @@
 
 import contextlib
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
-
-import typer
+from typing import Any
 
 from ...base.errors import CosimError
 from ...base.files import check_output_files
@@ -24,7 +23,7 @@ from ...views.progress_bars import BarProgress
 from ...views.terminal import show_result
 from .actuators import show_actuators
 from .crash_record import CrashRecorder
-from .options import SOURCE
+from .options import scenario
 
 OPTIONS = RUN
 """Options of the command."""
@@ -37,10 +36,17 @@ EXAMPLES = (
 """Examples in the help."""
 
 
-def command(scenario: Annotated[str, typer.Argument(help=SOURCE)], given: dict[str, Any]) -> None:
+@dataclass(frozen=True)
+class Parameters:
+    """Arguments of the command."""
+
+    scenario: str = scenario()
+
+
+def command(chosen: Parameters, given: dict[str, Any]) -> None:
     """Run a scenario into an output folder."""
-    chosen = load(scenario, **given)
-    run_into(chosen, chosen.options.output or results_folder(chosen.name), Path(scenario))
+    loaded = load(chosen.scenario, **given)
+    run_into(loaded, loaded.options.output or results_folder(loaded.name), Path(chosen.scenario))
 
 
 def run_into(

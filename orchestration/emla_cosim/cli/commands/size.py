@@ -1,13 +1,12 @@
 """`emla size`."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
-
-import typer
+from typing import Any
 
 from ...base.errors import CommandError, RunError, join_names
-from ...base.option import SIZE
+from ...base.option import OUTPUT, SIZE, option, switch
 from ...base.quantities import parse_quantity
 from ...base.units import find_unit
 from ...sizing.folder import CYCLES, PAGE, RECORD, TABLE
@@ -17,12 +16,12 @@ from ...sizing.summary import format_lines, format_tables
 from ...views.output_folder import results_folder
 from ...views.progress_bars import BarProgress
 from ...views.terminal import print_line, show
-from .options import SOURCE, read_time
+from .options import scenario
 
 OPTIONS = SIZE
 """Options of the command."""
 
-_WHAT, _OUT = "What is required", "What comes out"
+_WHAT = "What is required"
 
 EXAMPLES = (
     "emla size prototype --actuator prototype=docs/actuator.toml",
@@ -33,75 +32,82 @@ EXAMPLES = (
 """Examples in the help."""
 
 
-def command(
-    scenario: Annotated[str, typer.Argument(help=SOURCE)],
-    cycle: Annotated[
-        str | None,
-        typer.Option(
-            help="Length of the cycle, which ends at the stop time and repeats. Default: the period of the "
-            "reference, otherwise the whole run.",
-            metavar="TIME",
-            rich_help_panel=_WHAT,
-        ),
-    ] = None,
-    lead_in: Annotated[
-        str | None,
-        typer.Option(
-            help="Time before the start time, in which the joints settle; it does not count. Default: 1 s.",
-            metavar="TIME",
-            rich_help_panel=_WHAT,
-        ),
-    ] = None,
-    ambient: Annotated[
-        str | None,
-        typer.Option(
-            help="Temperature around the motors, such as 40degC or 104degF. Default: 40degC.",
-            metavar="TEMPERATURE",
-            rich_help_panel=_WHAT,
-        ),
-    ] = None,
-    life: Annotated[
-        str | None,
-        typer.Option(
-            help="Time for which the cycle is to repeat, such as 20000h. Without it, the screw's life has "
-            "no verdict.",
-            metavar="TIME",
-            rich_help_panel=_WHAT,
-        ),
-    ] = None,
-    output: Annotated[
-        Path | None, typer.Option(help="Output folder. Default: results/size-SCENARIO.", rich_help_panel=_OUT)
-    ] = None,
-    plots: Annotated[bool, typer.Option(help="Draw plots of each joint.", rich_help_panel=_OUT)] = True,
-    report: Annotated[
-        bool, typer.Option("--report", help="Write a page with all results, size.html.", rich_help_panel=_OUT)
-    ] = False,
-    *,
-    given: dict[str, Any],
-) -> None:
+def _read_temperature(text: str) -> float:
+    """Return a temperature in K."""
+    quantity = parse_quantity(text, "--ambient")
+    if quantity.unit is None:
+        raise CommandError(f"--ambient is {text} without a unit; write it as 40degC, 104degF or 313K.")
+    return quantity.in_unit(find_unit("K"), "--ambient")
+
+
+def _read_life(text: str) -> float:
+    """Return a life in s. It needs a unit: people think of it in hours, and other times are in seconds."""
+    quantity = parse_quantity(text, "--life")
+    if quantity.unit is None:
+        raise CommandError(f"--life is {text} without a unit; write it as {text}h or {text}s.")
+    return quantity.in_unit(find_unit("s"), "--life")
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """Arguments and options of the command."""
+
+    scenario: str = scenario()
+    cycle: float | None = option(
+        help="Length of the cycle, which ends at the stop time and repeats. Default: the period of the "
+        "reference, otherwise the whole run.",
+        unit="s",
+        group=_WHAT,
+    )
+    lead_in: float = option(
+        LEAD_IN,
+        help="Time before the start time, in which the joints settle; it does not count.",
+        unit="s",
+        group=_WHAT,
+    )
+    ambient: float = option(
+        AMBIENT,
+        help="Temperature around the motors, such as 40degC or 104degF. Default: 40degC.",
+        metavar="TEMPERATURE",
+        parse=_read_temperature,
+        group=_WHAT,
+    )
+    life: float | None = option(
+        help="Time for which the cycle is to repeat, such as 20000h. Without it, the screw's life has no "
+        "verdict.",
+        metavar="TIME",
+        parse=_read_life,
+        group=_WHAT,
+    )
+    output: Path | None = option(help="Output folder. Default: results/size-SCENARIO.", group=OUTPUT)
+    plots: bool = option(True, help="Draw plots of each joint.", group=OUTPUT)
+    report: bool = switch("Write a page with all results, size.html.", OUTPUT)
+
+
+def command(chosen: Parameters, given: dict[str, Any]) -> None:
     """Examine whether actuators do the job of a scenario."""
-    place = output or results_folder(f"size-{Path(scenario).stem}")
+    place = chosen.output or results_folder(f"size-{Path(chosen.scenario).stem}")
     actuators, candidates = _split_candidates(given.pop("actuator", None) or {})
     if actuators:
         given["actuator"] = actuators
-    before = read_time(lead_in, "--lead-in")
     with BarProgress() as progress:
         result = size(
-            scenario,
+            chosen.scenario,
             candidates=candidates,
-            cycle=read_time(cycle, "--cycle"),
-            lead_in=LEAD_IN if before is None else before,
-            ambient=_temperature(ambient),
-            life=_life(life),
+            cycle=chosen.cycle,
+            lead_in=chosen.lead_in,
+            ambient=chosen.ambient,
+            life=chosen.life,
             output=place,
-            plots=plots,
-            report=report,
+            plots=chosen.plots,
+            report=chosen.report,
             progress=progress,
             **given,
         )
     for table in format_tables(result):
         show(table)
-    files = [RECORD, TABLE, CYCLES, *(list_pictures(result) if plots else []), *([PAGE] if report else [])]
+    files = [RECORD, TABLE, CYCLES, *(list_pictures(result) if chosen.plots else [])]
+    files += [PAGE] if chosen.report else []
     for line in (*format_lines(result), f"Wrote {place}/: {', '.join(files)}"):
         print_line(line)
     if unjudged := result.unjudged:
@@ -118,20 +124,3 @@ def _split_candidates(given: Mapping[str, Any]) -> tuple[dict[str, Any], dict[st
         {joint: one[0] for joint, one in files.items() if len(one) == 1},
         {joint: one for joint, one in files.items() if len(one) > 1},
     )
-
-
-def _temperature(text: str | None) -> float:
-    """Return a temperature in K."""
-    if text is None:
-        return AMBIENT
-    found = parse_quantity(text, "--ambient")
-    if found.unit is None:
-        raise CommandError(f"--ambient is {text} without a unit; write it as 40degC, 104degF or 313K.")
-    return found.in_unit(find_unit("K"), "--ambient")
-
-
-def _life(text: str | None) -> float | None:
-    """Return a life in s. It needs a unit: people think of it in hours, and other times are in seconds."""
-    if text is not None and parse_quantity(text, "--life").unit is None:
-        raise CommandError(f"--life is {text} without a unit; write it as {text}h or {text}s.")
-    return read_time(text, "--life")

@@ -1,14 +1,13 @@
 """`emla sweep`."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
-
-import typer
+from typing import Any
 
 from ...base.errors import CommandError, CosimError
 from ...base.files import report_write_errors
-from ...base.option import SWEEP
+from ...base.option import OUTPUT, RUNS, SWEEP, option, switch
 from ...base.progress import Progress
 from ...sweeps.data import DONE, STATUS
 from ...sweeps.distributions import FORMS
@@ -22,7 +21,7 @@ from ...sweeps.summary import format_summary, list_worst_commands
 from ...views.output_folder import results_folder
 from ...views.progress_bars import BarProgress
 from ...views.terminal import print_line, show
-from .options import PLAN, RUNS, Scheduler, Workers
+from .options import plan, scheduler, workers
 
 OPTIONS = SWEEP
 """Options of the command."""
@@ -40,62 +39,57 @@ EXAMPLES = (
 """Examples in the help."""
 
 
-def command(
-    plan: Annotated[str, typer.Argument(help=PLAN)],
-    given: dict[str, Any],
-    vary: Annotated[
-        list[str] | None,
-        typer.Option(
-            help=f"Factor and its values, as {FORMS}; * in the name matches several (repeatable).",
-            metavar="NAME=VALUES",
-            rich_help_panel=_VARIES,
-        ),
-    ] = None,
-    runs: Annotated[
-        int | None,
-        typer.Option(
-            help="Number of variants to draw. Default: all points of a grid.", rich_help_panel=_VARIES
-        ),
-    ] = None,
-    sampling: Annotated[
-        str | None,
-        typer.Option(
-            help=f"Sampling method, one of {', '.join(SAMPLINGS)}. Default: grid, or random with --runs.",
-            rich_help_panel=_VARIES,
-        ),
-    ] = None,
-    seed: Annotated[
-        int | None, typer.Option(help="Seed of random numbers. Default: 0.", rich_help_panel=_VARIES)
-    ] = None,
-    metric: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="Metric to keep, or a new one as 'NAME = EXPRESSION' (repeatable). Default: all.",
-            metavar="METRIC",
-            rich_help_panel="What comes out",
-        ),
-    ] = None,
-    signals: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="Signals to keep over time, such as 'lift.plant.*' (repeatable). Default: none.",
-            metavar="PATTERN",
-            rich_help_panel="What comes out",
-        ),
-    ] = None,
-    scheduler: Scheduler = None,
-    workers: Workers = None,
-    resume: Annotated[
-        bool,
-        typer.Option(
-            "--resume",
-            help="Continue an interrupted sweep in this output folder.",
-            rich_help_panel=RUNS,
-        ),
-    ] = False,
-) -> None:
+def _read_factors(texts: Sequence[str]) -> dict[str, str]:
+    """Return the factors with their values. Raise CommandError for texts that are none."""
+    factors = dict[str, str]()
+    for text in texts:
+        name, equals, values = (part.strip() for part in text.partition("="))
+        if not (name and equals and values):
+            raise CommandError(f"--vary {text} has no name or no values; write --vary NAME={FORMS}.")
+        if name in factors:
+            raise CommandError(f"--vary names {name} twice.")
+        factors[name] = values
+    return factors
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """Arguments and options of the command."""
+
+    plan: str = plan()
+    vary: Mapping[str, str] = option(
+        {},
+        help=f"Factor and its values, as {FORMS}; * in the name matches several (repeatable).",
+        metavar="NAME=VALUES",
+        parse=_read_factors,
+        group=_VARIES,
+    )
+    runs: int | None = option(
+        help="Number of variants to draw. Default: all points of a grid.", group=_VARIES
+    )
+    sampling: str | None = option(
+        help=f"Sampling method, one of {', '.join(SAMPLINGS)}. Default: grid, or random with --runs.",
+        group=_VARIES,
+    )
+    seed: int | None = option(help="Seed of random numbers. Default: 0.", group=_VARIES)
+    metric: Sequence[str] | None = option(
+        help="Metric to keep, or a new one as 'NAME = EXPRESSION' (repeatable). Default: all.",
+        metavar="METRIC",
+        group=OUTPUT,
+    )
+    signals: Sequence[str] | None = option(
+        help="Signals to keep over time, such as 'lift.plant.*' (repeatable). Default: none.",
+        metavar="PATTERN",
+        group=OUTPUT,
+    )
+    scheduler: str | None = scheduler()
+    workers: int | None = workers()
+    resume: bool = switch("Continue an interrupted sweep in this output folder.", RUNS)
+
+
+def command(chosen: Parameters, given: dict[str, Any]) -> None:
     """Run many variants of a scenario into an output folder."""
-    found = load_plan(plan)
+    found = load_plan(chosen.plan)
     output, plots = given.pop("output", None), given.pop("plots", True)
     place, overwrite = Path(output or results_folder(found.name)), given.pop("overwrite", False)
     folder = SweepFolder(place, overwrite)
@@ -104,17 +98,17 @@ def command(
     with BarProgress() as progress:
         result = sweep(
             found,
-            _parse_vary(vary or []),
-            runs=runs,
-            seed=seed,
-            sampling=sampling,
-            metrics=metric,
-            signals=signals,
-            scheduler=scheduler,
-            workers=workers,
+            chosen.vary,
+            runs=chosen.runs,
+            seed=chosen.seed,
+            sampling=chosen.sampling,
+            metrics=chosen.metric,
+            signals=chosen.signals,
+            scheduler=chosen.scheduler,
+            workers=chosen.workers,
             output=place,
             overwrite=overwrite,
-            resume=resume,
+            resume=chosen.resume,
             progress=progress,
             **given,
         )
@@ -156,16 +150,4 @@ def _draw_pictures(result: SweepResult, folder: SweepFolder, progress: Progress)
         found = [folder.draw(name, figure) for name, figure in draw_pictures(result)]
         folder.settle()
     progress.advance(1)
-    return found
-
-
-def _parse_vary(texts: Sequence[str]) -> dict[str, str]:
-    found = dict[str, str]()
-    for text in texts:
-        name, equals, values = (part.strip() for part in text.partition("="))
-        if not (name and equals and values):
-            raise CommandError(f"--vary {text} has no name or no values; write --vary NAME={FORMS}.")
-        if name in found:
-            raise CommandError(f"--vary names {name} twice.")
-        found[name] = values
     return found

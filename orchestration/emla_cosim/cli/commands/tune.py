@@ -1,12 +1,12 @@
 """`emla tune`."""
 
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
-
-import typer
+from typing import Any
 
 from ...base.errors import CosimError
-from ...base.option import SWEEP
+from ...base.option import SWEEP, option
 from ...sweeps.distributions import FORMS
 from ...tuning.folder import BEST, HISTORY, PICTURE, RECORD
 from ...tuning.plan import load_tuning_plan
@@ -16,7 +16,7 @@ from ...tuning.summary import format_lines, format_summary
 from ...views.output_folder import results_folder
 from ...views.progress_bars import BarProgress
 from ...views.terminal import print_line, show
-from .options import PLAN, Scheduler, Workers, pairs
+from .options import plan, scheduler, workers
 
 OPTIONS = SWEEP
 """Options of the command."""
@@ -30,86 +30,65 @@ EXAMPLES = (
 """Examples in the help."""
 
 
-def command(
-    plan: Annotated[str, typer.Argument(help=PLAN)],
-    given: dict[str, Any],
-    vary: Annotated[
-        list[str] | None,
-        typer.Option(
-            help=f"Gain and its range, as {FORMS}; the search in LOW:HIGH is logarithmic (repeatable).",
-            metavar="NAME=RANGE",
-            rich_help_panel=_TRIED,
-        ),
-    ] = None,
-    derive: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="Start value computed from the varied gains (repeatable).",
-            metavar="NAME=EXPRESSION",
-            rich_help_panel=_TRIED,
-        ),
-    ] = None,
-    objective: Annotated[
-        str | None,
-        typer.Option(
-            help="Expression over metrics to minimise, such as tilt.position_error_m.",
-            metavar="EXPRESSION",
-            rich_help_panel=_WANTED,
-        ),
-    ] = None,
-    metric: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="Additional metric over signals (repeatable).",
-            metavar="'NAME = EXPRESSION'",
-            rich_help_panel=_WANTED,
-        ),
-    ] = None,
-    tolerance: Annotated[
-        float | None,
-        typer.Option(
-            help="Fail if the objective with the validation seeds is worse by more than this fraction. "
-            "Default: no limit.",
-            metavar="NUMBER",
-            rich_help_panel=_WANTED,
-        ),
-    ] = None,
-    evaluations: Annotated[
-        int | None, typer.Option(help="Number of gain sets to try. Default: 200.", rich_help_panel=_TRIED)
-    ] = None,
-    training: Annotated[
-        int | None, typer.Option(help="Number of seeds to tune with. Default: 2.", rich_help_panel=_TRIED)
-    ] = None,
-    validation: Annotated[
-        int | None,
-        typer.Option(help="Number of other seeds to validate with. Default: 4.", rich_help_panel=_TRIED),
-    ] = None,
-    seed: Annotated[
-        int | None, typer.Option(help="Seed of random numbers. Default: 0.", rich_help_panel=_TRIED)
-    ] = None,
-    scheduler: Scheduler = None,
-    workers: Workers = None,
-) -> None:
+@dataclass(frozen=True)
+class Parameters:
+    """Arguments and options of the command."""
+
+    plan: str = plan()
+    objective: str | None = option(
+        help="Expression over metrics to minimise, such as tilt.position_error_m.",
+        metavar="EXPRESSION",
+        group=_WANTED,
+    )
+    metric: Sequence[str] | None = option(
+        help="Additional metric over signals (repeatable).", metavar="'NAME = EXPRESSION'", group=_WANTED
+    )
+    tolerance: float | None = option(
+        help="Fail if the objective with the validation seeds is worse by more than this fraction. "
+        "Default: no limit.",
+        group=_WANTED,
+    )
+    vary: Mapping[str, str] = option(
+        {},
+        help=f"Gain and its range, as {FORMS}; the search in LOW:HIGH is logarithmic (repeatable).",
+        metavar="NAME=RANGE",
+        group=_TRIED,
+    )
+    derive: Mapping[str, str] = option(
+        {},
+        help="Start value computed from the varied gains (repeatable).",
+        metavar="NAME=EXPRESSION",
+        group=_TRIED,
+    )
+    evaluations: int | None = option(help="Number of gain sets to try. Default: 200.", group=_TRIED)
+    training: int | None = option(help="Number of seeds to tune with. Default: 2.", group=_TRIED)
+    validation: int | None = option(help="Number of other seeds to validate with. Default: 4.", group=_TRIED)
+    seed: int | None = option(help="Seed of random numbers. Default: 0.", group=_TRIED)
+    scheduler: str | None = scheduler()
+    workers: int | None = workers()
+
+
+def command(chosen: Parameters, given: dict[str, Any]) -> None:
     """Tune gains of a scenario's controllers."""
-    found = load_tuning_plan(plan)
+    found = load_tuning_plan(chosen.plan)
     output, plots = given.pop("output", None), given.pop("plots", True)
     place = Path(output or results_folder(f"tune-{found.name}"))
     overwrite = given.pop("overwrite", False)
     with BarProgress() as progress:
         result = tune(
             found,
-            pairs("--vary", vary or []),
-            objective=objective,
+            chosen.vary,
+            objective=chosen.objective,
             require=given.pop("require", None),
-            derive=pairs("--derive", derive or []),
-            metrics=metric,
-            evaluations=evaluations,
-            training=training,
-            validation=validation,
-            seed=seed,
-            tolerance=tolerance,
-            scheduler=scheduler,
-            workers=workers,
+            derive=chosen.derive,
+            metrics=chosen.metric,
+            evaluations=chosen.evaluations,
+            training=chosen.training,
+            validation=chosen.validation,
+            seed=chosen.seed,
+            tolerance=chosen.tolerance,
+            scheduler=chosen.scheduler,
+            workers=chosen.workers,
             output=place,
             overwrite=overwrite,
             plots=plots,

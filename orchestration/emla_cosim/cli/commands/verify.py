@@ -1,21 +1,21 @@
 """`emla verify`."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-import typer
 from rich.markup import escape
 from rich.table import Column, Table
 
 from ...base.errors import CommandError, CosimError, check_choice
 from ...base.files import check_output_files
-from ...base.option import VERIFY
+from ...base.option import OUTPUT, VERIFY, argument, option, switch
 from ...base.ownership import IsOurs, check_replaceable
 from ...base.progress import Progress
 from ...base.wording import format_count
 from ...fmu.models import FLAVOURS, MODELS, build, documents_root
-from ...recorders.tubes.tolerance import read_tolerances
+from ...recorders.tubes.tolerance import Tolerance, read_tolerances
 from ...sandbox.interruption import catch_interrupts
 from ...verification.catalogue import CHECKS
 from ...verification.findings import Examined
@@ -29,12 +29,11 @@ from ...verification.verdict import Verdict
 from ...views.pages.text import make_visible
 from ...views.progress_bars import BarProgress
 from ...views.terminal import show
-from .options import pairs
 
 OPTIONS = VERIFY
 """Options of the command."""
 
-_WHAT, _OUT, _MAKE = "What is checked", "What comes out", "Make references"
+_WHAT, _MAKE = "What is checked", "Make references"
 _STYLE = {
     Verdict.PASSED: "green",
     Verdict.WARNING: "yellow",
@@ -49,167 +48,129 @@ EXAMPLES = (
 """Examples in the help."""
 
 
-def command(
-    given: dict[str, Any],
-    files: Annotated[
-        list[str] | None, typer.Argument(help="FMUs, SSPs, and folders of them.", metavar="[FILE]...")
-    ] = None,
-    all_: Annotated[
-        bool,
-        typer.Option("--all", help="Verify all built-in models, in both flavours.", rich_help_panel=_WHAT),
-    ] = False,
-    only: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="Check, group or pattern of checks to run (repeatable). Default: all.",
-            metavar="CHECK",
-            rich_help_panel=_WHAT,
-        ),
-    ] = None,
-    skip: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="Check, group or pattern of checks to leave out (repeatable).",
-            metavar="CHECK",
-            rich_help_panel=_WHAT,
-        ),
-    ] = None,
-    fail_on: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="Fail also for `warning` or `skip` (repeatable). Default: failed checks only.",
-            metavar="VERDICT",
-            rich_help_panel=_WHAT,
-        ),
-    ] = None,
-    must_run: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="Check, group or pattern of checks that must not be skipped (repeatable).",
-            metavar="CHECK",
-            rich_help_panel=_WHAT,
-        ),
-    ] = None,
-    explain: Annotated[
-        bool,
-        typer.Option(
-            help="Explain each check: the clause, what was done, what came back, how to repeat it.",
-            rich_help_panel=_OUT,
-        ),
-    ] = False,
-    list_: Annotated[
-        bool, typer.Option("--list", help="List all checks and exit.", rich_help_panel=_WHAT)
-    ] = False,
-    reference: Annotated[
-        Path | None,
-        typer.Option(
-            help="Folder of reference files; for a system, of results. Default: beside each FMU.",
-            metavar="FOLDER",
-            rich_help_panel=_WHAT,
-        ),
-    ] = None,
-    tolerance: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="Tolerance relative to a signal's range (repeatable). Default: 1e-3.",
-            metavar="[PATTERN=]NUMBER",
-            rich_help_panel=_WHAT,
-        ),
-    ] = None,
-    seconds: Annotated[
-        float, typer.Option(help="Time limit of one check in s.", rich_help_panel=_WHAT)
-    ] = Settings.seconds,
-    memory: Annotated[
-        float, typer.Option(help="Memory limit of one check in MiB.", rich_help_panel=_WHAT)
-    ] = Settings.memory / 2**20,
-    junit: Annotated[
-        Path | None, typer.Option(help="Write a JUnit XML report.", metavar="FILE", rich_help_panel=_OUT)
-    ] = None,
-    json: Annotated[
-        Path | None, typer.Option(help="Write a JSON report.", metavar="FILE", rich_help_panel=_OUT)
-    ] = None,
-    html: Annotated[
-        Path | None,
-        typer.Option(help="Write a report as an HTML page.", metavar="FILE", rich_help_panel=_OUT),
-    ] = None,
-    record: Annotated[
-        Path | None,
-        typer.Option(
-            help="Run the FMU and write reference files to this folder.",
-            metavar="FOLDER",
-            rich_help_panel=_MAKE,
-        ),
-    ] = None,
-    input_: Annotated[
-        Path | None,
-        typer.Option(
-            "--input", help="Inputs of the reference run.", metavar="FILE.csv", rich_help_panel=_MAKE
-        ),
-    ] = None,
-    excite: Annotated[
-        str,
-        typer.Option(help=f"Shape of the inputs without a file: {', '.join(SHAPES)}.", rich_help_panel=_MAKE),
-    ] = "steps",
-    set_: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set",
-            help="Start value of the reference run (repeatable).",
-            metavar="VARIABLE=VALUE",
-            rich_help_panel=_MAKE,
-        ),
-    ] = None,
-    stop_time: Annotated[
-        float | None, typer.Option(help="Stop time of the reference run in s.", rich_help_panel=_MAKE)
-    ] = None,
-    step_size: Annotated[
-        float | None,
-        typer.Option(help="Communication step of the reference run in s.", rich_help_panel=_MAKE),
-    ] = None,
-) -> None:
+@dataclass(frozen=True)
+class Parameters:
+    """Arguments and options of the command."""
+
+    files: Sequence[str] = argument([], help="FMUs, SSPs, and folders of them.", metavar="FILE")
+    all: bool = switch("Verify all built-in models, in both flavours.", _WHAT)
+    only: Sequence[str] = option(
+        [],
+        help="Check, group or pattern of checks to run (repeatable). Default: all.",
+        metavar="CHECK",
+        group=_WHAT,
+    )
+    skip: Sequence[str] = option(
+        [],
+        help="Check, group or pattern of checks to leave out (repeatable).",
+        metavar="CHECK",
+        group=_WHAT,
+    )
+    fail_on: Sequence[str] = option(
+        [],
+        help="Fail also for `warning` or `skip` (repeatable). Default: failed checks only.",
+        metavar="VERDICT",
+        group=_WHAT,
+    )
+    must_run: Sequence[str] = option(
+        [],
+        help="Check, group or pattern of checks that must not be skipped (repeatable).",
+        metavar="CHECK",
+        group=_WHAT,
+    )
+    list: bool = switch("List all checks and exit.", _WHAT)
+    reference: Path | None = option(
+        help="Folder of reference files; for a system, of results. Default: beside each FMU.",
+        metavar="FOLDER",
+        group=_WHAT,
+    )
+    tolerance: Mapping[str, Tolerance] = option(
+        {},
+        help="Tolerance relative to a signal's range (repeatable). Default: 1e-3.",
+        metavar="[PATTERN=]NUMBER",
+        parse=read_tolerances,
+        group=_WHAT,
+    )
+    seconds: float = option(Settings.seconds, help="Time limit of one check.", unit="s", group=_WHAT)
+    memory: float = option(Settings.memory / 2**20, help="Memory limit of one check in MiB.", group=_WHAT)
+    explain: bool = option(
+        False,
+        help="Explain each check: the clause, what was done, what came back, how to repeat it.",
+        group=OUTPUT,
+    )
+    junit: Path | None = option(help="Write a JUnit XML report.", metavar="FILE", group=OUTPUT)
+    json: Path | None = option(help="Write a JSON report.", metavar="FILE", group=OUTPUT)
+    html: Path | None = option(help="Write a report as an HTML page.", metavar="FILE", group=OUTPUT)
+    record: Path | None = option(
+        help="Run the FMU and write reference files to this folder.", metavar="FOLDER", group=_MAKE
+    )
+    input: Path | None = option(help="Inputs of the reference run.", metavar="FILE.csv", group=_MAKE)
+    excite: str = option(
+        "steps",
+        help=f"Shape of the inputs without a file: {', '.join(SHAPES)}.",
+        metavar="SHAPE",
+        group=_MAKE,
+    )
+    set: Mapping[str, str] = option(
+        {},
+        help="Start value of the reference run (repeatable).",
+        metavar="VARIABLE=VALUE",
+        group=_MAKE,
+    )
+    stop_time: float | None = option(help="Stop time of the reference run.", unit="s", group=_MAKE)
+    step_size: float | None = option(help="Communication step of the reference run.", unit="s", group=_MAKE)
+
+
+def command(chosen: Parameters, given: dict[str, Any]) -> None:
     """Verify FMUs and SSPs."""
-    if list_:
+    if chosen.list:
         show(_catalogue(), asked_for=True)
         return
-    check_choice("shape", excite, SHAPES)
+    check_choice("shape", chosen.excite, SHAPES)
     recording, overwrite = None, given.get("overwrite", False)
-    if record is not None:
-        recording = Recording(
-            record, input_, excite, stop_time, step_size, pairs("--set", set_ or []), overwrite
-        )
-    elif any((input_, stop_time, step_size, set_)):
+    experiment = chosen.stop_time, chosen.step_size, dict(chosen.set)
+    if chosen.record is not None:
+        recording = Recording(chosen.record, chosen.input, chosen.excite, *experiment, overwrite)
+    elif chosen.input or any(experiment):
         raise CommandError("--input, --set, --stop-time and --step-size need --record.")
-    named = {file: Path(file) for file in files or []}
+    named = {file: Path(file) for file in chosen.files}
     reports: list[tuple[Path | None, str, IsOurs]] = [
-        (junit, "the JUnit report", is_junit),
-        (json, "the JSON report", is_json),
-        (html, "the page", is_page),
+        (chosen.junit, "the JUnit report", is_junit),
+        (chosen.json, "the JSON report", is_json),
+        (chosen.html, "the page", is_page),
     ]
     _check_places(reports, named.values(), overwrite)
     with catch_interrupts() as interrupted, BarProgress() as progress:
-        ours = _ours(progress) if all_ else {}
-        known = documents_root() / "fmus" if all_ and reference is None else reference
+        ours = _ours(progress) if chosen.all else {}
+        references = (
+            documents_root() / "fmus" if chosen.all and chosen.reference is None else chosen.reference
+        )
         report = verify(
             named | ours,
-            reference=known,
-            only=only or [],
-            skip=skip or [],
-            tolerance=read_tolerances(tolerance or []),
-            seconds=seconds,
-            memory=memory,
+            reference=references,
+            only=chosen.only,
+            skip=chosen.skip,
+            tolerance=chosen.tolerance,
+            seconds=chosen.seconds,
+            memory=chosen.memory,
             record=recording,
-            fail_on=fail_on or [],
-            must_run=must_run or [],
+            fail_on=chosen.fail_on,
+            must_run=chosen.must_run,
             progress=progress,
             interrupted=interrupted,
         )
-    for save, path in ((report.save_junit, junit), (report.save_json, json), (report.save_html, html)):
+    writers = (
+        (report.save_junit, chosen.junit),
+        (report.save_json, chosen.json),
+        (report.save_html, chosen.html),
+    )
+    for save, path in writers:
         if path is not None:
             save(path, overwrite)
     if recording is not None:
         _show_recorded(report)
     else:
-        _show(report, explain)
+        _show(report, chosen.explain)
     if not report.passed:
         raise CosimError(_describe_verdict(report))
 

@@ -1,0 +1,65 @@
+"""A command of `emla`, made of the module that implements it."""
+
+from types import ModuleType
+from typing import Any
+
+import click
+
+from ..base.option import OUTPUT, Option, OptionInfo, options_of
+from ..run.options import list_options
+from ..views.terminal import Verbosity, use_verbosity
+from .commands.error_exit import exit_on_error
+from .help_text import format_help
+from .parameters import make_parameters, read_values
+
+_SHOW_FIT = Option(
+    "show_fit",
+    bool,
+    False,
+    OptionInfo("List the variables of a replacement FMU, even if all match.", OUTPUT, negative=False),
+)
+
+
+class Command(click.Command):
+    """A command whose module declares its parameters.
+
+    The module has a function `command`, and optionally: a dataclass `Parameters` with arguments and options
+    of this command, `OPTIONS` with the command whose options of a run it takes, and `EXAMPLES` for the help.
+    The function gets an object of `Parameters`, and the options of a run that the user wrote, by name.
+
+    Args:
+        name: Name of the command.
+        about: One sentence for the help.
+        module: Module of the command.
+        is_answer: Whether `--quiet` has no effect, because the output is the purpose of the command.
+        settings: Settings of the context.
+    """
+
+    def __init__(
+        self, name: str, about: str, module: ModuleType, is_answer: bool, settings: dict[str, Any]
+    ) -> None:
+        self._module, self._is_answer = module, is_answer
+        self._declared = options_of(module.Parameters) if hasattr(module, "Parameters") else []
+        self._shared = list(list_options(module.OPTIONS).values()) if hasattr(module, "OPTIONS") else []
+        self._fit = [_SHOW_FIT] if any(o.name == "replace" for o in self._shared) and not is_answer else []
+        self._options = [*self._declared, *self._shared, *self._fit]
+        quiet = click.Option(["--quiet", "-q"], is_flag=True, help="Show only errors.", hidden=is_answer)
+        parameters = [*make_parameters(self._options), quiet]
+        super().__init__(name, settings, exit_on_error(self._call), parameters, about)
+
+    def _call(self, quiet: bool, **texts: Any) -> None:
+        """Run the command with the texts of the command line."""
+        root = click.get_current_context().find_root().params
+        is_quiet = not self._is_answer and (quiet or root.get("quiet", False))
+        with use_verbosity(Verbosity(is_quiet, texts.get("show_fit") or False)):
+            if not hasattr(self._module, "Parameters"):
+                self._module.command()
+                return
+            parameters = self._module.Parameters(**read_values(self._declared, texts))
+            self._module.command(parameters, read_values(self._shared, texts))
+
+    def format_help(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the help."""
+        entries = [(o.about.group, o.headline, o.meaning) for o in self._options]
+        examples = getattr(self._module, "EXAMPLES", ())
+        formatter.write(format_help(self, ctx, entries, ("Examples", examples), formatter.width))
