@@ -19,9 +19,9 @@ from tests.support.paths import ROOT
 FILE = ROOT / "orchestration/emla_cosim/run/option_types.py"
 
 HEAD = '''\
-"""Types of the options that Python takes as keyword arguments, made of the table in `options.py`.
+"""Types of the options that Python takes as keyword arguments, made of the fields of `Options`.
 
-Change the table, then run `python -m tests.support.option_types`.
+Change the fields, then run `python -m tests.support.option_types`.
 """
 
 from collections.abc import Mapping, Sequence

@@ -6,6 +6,7 @@ from typing import Any
 
 import networkx
 
+from ..run.choices import resolve
 from ..sweeps.worker_payload import Preparation
 from ..system.model import System
 
@@ -31,12 +32,14 @@ def _make_subsystem(prepared: Preparation, branches: set[str]) -> Preparation:
     bonds = {name: bond for name, bond in system.bonds.items() if system.split(bond.effort)[0].name in names}
     fmus = {name: sha for name, sha in prepared.fmus.items() if name in names}
     options = prepared.options
+    layers = [
+        {name: _remove_components(value, others) for name, value in layer.items()}
+        for layer in options.resolution.layers
+    ]
     return replace(
         prepared,
         system=System(components, tuple(x for x in system.connections if x.source in names), bonds),
-        options=replace(
-            options, own={name: _remove_components(value, others) for name, value in options.own.items()}
-        ),
+        options=replace(options, resolution=resolve(layers)),
         fmus=fmus,
         interfaces={name: one for name, one in prepared.interfaces.items() if name in names},
         files={sha: path for sha, path in prepared.files.items() if sha in fmus.values()},

@@ -1,6 +1,6 @@
-"""Types of the options that Python takes as keyword arguments, made of the table in `options.py`.
+"""Types of the options that Python takes as keyword arguments, made of the fields of `Options`.
 
-Change the table, then run `python -m tests.support.option_types`.
+Change the fields, then run `python -m tests.support.option_types`.
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,32 +24,32 @@ class RunOptions(TypedDict, total=False):
 
     set: Mapping[str, Value | np.generic | Sequence[Value] | NDArray[Any]]
     follow_models: bool
-    start_time: float | str | None
     stop_time: float | str | None
     step_size: float | str | None
+    algorithm: str | Algorithm
+    start_time: float | str | None
+    stop_when: Sequence[str]
+    threads: int | None
+    real_time: float | None
     fmi_tolerance: float | None
     integrator: str
     integrator_step: float | str | None
-    algorithm: str | Algorithm
     step_size_control: str | StepSizeControl | None
     estimate_coupling: bool
-    threads: int | None
-    real_time: float | None
     overwrite: bool
-    output_format: str
     signals: Sequence[str]
     output_interval: float | str | None
-    roles: Mapping[str, str]
-    criteria: Mapping[str, float | str]
-    bonds: Mapping[str, str]
-    stop_when: Sequence[str]
+    output_format: str
     require: Sequence[str]
     reference: str | Path | None
     tolerance: Mapping[str, Tolerance | float | Mapping[str, Any]]
+    roles: Mapping[str, str]
+    criteria: Mapping[str, float | str]
+    bonds: Mapping[str, str]
     margins: str | Path | None
-    profile: bool
     checkpoint: str | Path | None
     resume: str | Path | None
+    profile: bool
     extrapolation: str
     step_multiples: Mapping[str, int]
     order: Sequence[str]
@@ -61,13 +61,16 @@ class RunOptions(TypedDict, total=False):
 class PrepareOptions(RunOptions, total=False):
     """Options of `Scenario.prepare` and `export`."""
 
-    parameters: Sequence[str | Path]
     replace: Mapping[str, Replacement | str | Path | Mapping[str, Any]]
+    input: Sequence[Input | str | Path | Mapping[str, Any]]
+    fault: Sequence[Fault | str | Mapping[str, Any]]
+    parameters: Sequence[str | Path]
     mapping: Mapping[str, str | Path]
     kind: Mapping[str, str]
     no_event_mode: Sequence[str] | bool
-    fault: Sequence[Fault | str | Mapping[str, Any]]
-    input: Sequence[Input | str | Path | Mapping[str, Any]]
+    integrate_together: bool
+    isolate: Sequence[str] | bool
+    lenient: bool
     flavour: str
     fmus: str | Path | None
     platform: Sequence[str]
@@ -76,9 +79,6 @@ class PrepareOptions(RunOptions, total=False):
     outputs: Sequence[str]
     components: Sequence[str]
     precision: str
-    integrate_together: bool
-    isolate: Sequence[str] | bool
-    lenient: bool
 
 
 class LoadOptions(PrepareOptions, total=False):
@@ -86,42 +86,42 @@ class LoadOptions(PrepareOptions, total=False):
 
     controller: str | type | None
     gains: str | None
-    trajectory: str | Path | None
     actuator: Mapping[str, str | Path | FileOrObject]
     sheet: Mapping[str, float | int | bool | str]
+    trajectory: str | Path | None
 
 
 class CompareOptions(TypedDict, total=False):
     """Options of `compare`."""
 
     set: Mapping[str, Value | np.generic | Sequence[Value] | NDArray[Any]]
-    follow_models: bool
-    parameters: Sequence[str | Path]
     replace: Mapping[str, Replacement | str | Path | Mapping[str, Any]]
-    mapping: Mapping[str, str | Path]
-    kind: Mapping[str, str]
-    no_event_mode: Sequence[str] | bool
-    fault: Sequence[Fault | str | Mapping[str, Any]]
     input: Sequence[Input | str | Path | Mapping[str, Any]]
-    trajectory: str | Path | None
     actuator: Mapping[str, str | Path | FileOrObject]
     sheet: Mapping[str, float | int | bool | str]
+    fault: Sequence[Fault | str | Mapping[str, Any]]
+    trajectory: str | Path | None
+    parameters: Sequence[str | Path]
+    mapping: Mapping[str, str | Path]
+    follow_models: bool
+    kind: Mapping[str, str]
+    no_event_mode: Sequence[str] | bool
+    integrate_together: bool
+    isolate: Sequence[str] | bool
+    lenient: bool
     flavour: str
     fmus: str | Path | None
-    start_time: float | str | None
     stop_time: float | str | None
     step_size: float | str | None
+    algorithm: str | Algorithm
+    start_time: float | str | None
+    stop_when: Sequence[str]
     fmi_tolerance: float | None
     integrator: str
     integrator_step: float | str | None
-    integrate_together: bool
-    algorithm: str | Algorithm
     step_size_control: str | StepSizeControl | None
-    isolate: Sequence[str] | bool
-    lenient: bool
     output_interval: float | str | None
     criteria: Mapping[str, float | str]
-    stop_when: Sequence[str]
     timeout: float | str | None
     patience: float | str
     extrapolation: str

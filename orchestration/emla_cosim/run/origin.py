@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from ..base.files import get_working_folder
-from .options import list_options, merge
+from .choices import resolve
+from .options import list_options
 
 
 @dataclass(frozen=True)
@@ -23,12 +24,12 @@ class RunOrigin:
     overrides: Mapping[str, Any] = field(default_factory=dict)
 
     def updated(self, given: Mapping[str, Any]) -> "RunOrigin":
-        """Return the origin with further options from `read_options`, merged as by `merge`."""
+        """Return the origin with further options from `read_options`, merged as by `resolve`."""
         if not given:
             return self
-        both = merge(self.overrides, with_gains(given))
-        names = [name for name in list_options() if name in both]
-        return replace(self, overrides={name: _make_absolute(name, both[name]) for name in names})
+        values = resolve([self.overrides, with_gains(given)]).values
+        names = [name for name in list_options() if name in values]
+        return replace(self, overrides={name: _make_absolute(name, values[name]) for name in names})
 
 
 def read_origin(path: Path, content: bytes | None) -> RunOrigin:

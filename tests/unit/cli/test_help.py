@@ -1,5 +1,6 @@
 """The help of the commands: no word is cut at any width, and examples parse."""
 
+import re
 import shlex
 from importlib import import_module
 
@@ -46,6 +47,19 @@ def test_each_option_has_a_line_with_its_placeholder() -> None:
     lines = [line.strip() for line in help_text("run").splitlines()]
     for option in list_options("run").values():
         assert " ".join((", ".join(option.flags), option.placeholder)).strip() in lines
+
+
+def test_common_options_come_first() -> None:
+    text = help_text("run")
+    groups = re.findall(r"^(\S.*):\n  (\S+)", text, re.MULTILINE)
+    assert groups == [
+        ("Arguments", "SCENARIO"),
+        ("What is run", "--set"),
+        ("How it is stepped", "--stop-time"),
+        ("What comes out", "--output"),
+        ("Options", "--quiet,"),
+        ("Examples", "emla"),
+    ]
 
 
 def test_titles_are_bold_on_terminals_with_color(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,10 +1,12 @@
 """A chosen algorithm or step-size control overrides options of the scenario that it does not have."""
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 import emla_cosim as ec
+from emla_cosim.run.choices import resolve
 from emla_cosim.run.scenarios.built_in import SCENARIOS
 
 NOTE = "the order of the scenario is not used: the algorithm jacobi has none"
@@ -13,10 +15,10 @@ NOTE = "the order of the scenario is not used: the algorithm jacobi has none"
 @pytest.mark.parametrize("name", [*SCENARIOS])
 @pytest.mark.parametrize("algorithm", ["jacobi", "strong"])
 def test_every_scenario_accepts_every_algorithm(name: str, algorithm: str) -> None:
-    scenario, own = ec.load(name, algorithm=algorithm), ec.load(name).options.own
+    scenario, own = ec.load(name, algorithm=algorithm), ec.load(name).options.class_options
     made = scenario.options.make_algorithm()
     kept = {option: value for option, value in own.items() if option != "order" or algorithm != "jacobi"}
-    assert scenario.options.own == kept
+    assert scenario.options.class_options == kept
     assert all(getattr(made, option) == value for option, value in kept.items())
     assert (NOTE in scenario.notes) == ("order" in own and algorithm == "jacobi")
     for control in ({"error_tolerance": 1e-3}, {"step_size_control": "fixed"}):
@@ -31,7 +33,7 @@ def test_order_of_the_user_is_not_overridden() -> None:
 def test_order_returns_with_an_algorithm_that_has_it() -> None:
     original = ec.load("prototype")
     again = original.with_options({"algorithm": "jacobi"}).with_options({"algorithm": "strong"})
-    assert again.options.own["order"] == original.options.own["order"]
+    assert again.options.class_options["order"] == original.options.class_options["order"]
     assert again.notes == original.notes
 
 
@@ -55,10 +57,55 @@ def test_later_files_override_earlier_ones(tmp_path: Path) -> None:
 
 def test_order_in_a_record_is_dropped_for_another_algorithm(fmu_folder: Path, tmp_path: Path) -> None:
     """The order in its record gives way to the new algorithm, too."""
-    order = list(ec.load("lift").options.own.get("order", ())) or [
+    order = list(ec.load("lift").options.class_options.get("order", ())) or [
         f"lift.{part}" for part in ("reference", "disturbance", "plant", "observer", "controller")
     ]
     ec.load("lift", order=order, fmus=fmu_folder).prepare().run(stop_time=0.001).save(tmp_path, plots=False)
     again = ec.load(tmp_path / "run.json", algorithm="jacobi")
     again.options.make_algorithm()
-    assert "order" not in again.options.own
+    assert "order" not in again.options.class_options
+
+
+JACOBI = ec.Jacobi()
+LAYERS = [
+    ([], {}, []),
+    ([{"order": ["a"]}, {"algorithm": "jacobi"}], {"algorithm": "jacobi"}, ["order"]),
+    (
+        [{"order": ["a"]}, {"algorithm": "jacobi"}, {"algorithm": "strong"}],
+        {"order": ["a"], "algorithm": "strong"},
+        [],
+    ),
+    ([{"order": ["a"]}, {"algorithm": JACOBI}], {"algorithm": JACOBI}, ["order"]),
+    ([{"algorithm": "jacobi", "order": ["a"]}], {"algorithm": "jacobi", "order": ["a"]}, []),
+    ([{"algorithm": "jacobi"}, {"order": ["a"]}], {"algorithm": "jacobi", "order": ["a"]}, []),
+    (
+        [{"largest_step": 1.0}, {"step_size_control": "fixed"}],
+        {"step_size_control": "fixed"},
+        ["largest_step"],
+    ),
+    (
+        [{"largest_step": 1.0}, {"step_size_control": "fixed"}, {"error_tolerance": 0.1}],
+        {"step_size_control": None, "error_tolerance": 0.1},
+        ["largest_step"],
+    ),
+    (
+        [{"step_size_control": "fixed"}, {"step_size_control": None, "error_tolerance": 0.1}],
+        {"step_size_control": None, "error_tolerance": 0.1},
+        [],
+    ),
+    (
+        [{"step_multiples": {"a": 2, "b": 3}}, {"step_multiples": {"b": 4}}],
+        {"step_multiples": {"a": 2, "b": 4}},
+        [],
+    ),
+    ([{"set": {"a.x": 1, "b.x": 2}}, {"set": {"a.*": 3}}], {"set": {"b.x": 2, "a.*": 3}}, []),
+    ([{"signals": ["a"]}, {"signals": []}], {"signals": []}, []),
+]
+
+
+@pytest.mark.parametrize(("layers", "values", "unused"), LAYERS)
+def test_layers_override_earlier_ones(
+    layers: list[dict[str, Any]], values: dict[str, Any], unused: list[str]
+) -> None:
+    resolution = resolve(layers)
+    assert resolution.values == values and list(resolution.unused) == unused

@@ -216,7 +216,7 @@ def test_package_of_a_scenario(
     times = {"stop_time": float(f"{20 * step:.12g}"), "output_interval": step}
     with original.prepare() as simulation:
         expected = simulation.attempt(**times)  # the printed gains diverge on a drive
-    with read.prepare(algorithm=algorithm, **original.options.own) as simulation:
+    with read.prepare(algorithm=algorithm, **original.options.class_options) as simulation:
         found = simulation.attempt(**times)
     assert found.signals.keys() == expected.signals.keys()
     for signal in expected.signals:

@@ -1,0 +1,213 @@
+"""Options of the system that runs: its components, values and data."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from ..base.option import (
+    BUILDING,
+    COMPARE,
+    EXPORT,
+    INFO,
+    LINEARIZE,
+    LOADING,
+    PREPARING,
+    RUN,
+    SAME,
+    SIZE,
+    SWEEP,
+    SYSTEM,
+    FileOrObject,
+    option,
+)
+from ..fmu.models import FLAVOURS, FMI_VERSIONS, PLATFORMS
+from ..inputs.input import Input
+from ..system.fault import Fault, read_faults
+from ..system.model import Replacement, Value
+
+ALL = (RUN, EXPORT, SWEEP, COMPARE, INFO, LINEARIZE, SIZE)
+"""Commands that load a system."""
+
+
+def read_kinds(texts: Sequence[str]) -> dict[str, str]:
+    """Read as what FMUs run, such as `me` or `plant=me`; a text without a component is for all."""
+    return {pattern or "*": kind for pattern, _, kind in (text.rpartition("=") for text in texts)}
+
+
+_system = partial(option, group=SYSTEM, commands=ALL)
+_prepared = partial(_system, stage=PREPARING)
+_exported = partial(option, group=SYSTEM, commands=(EXPORT,), in_file=False, recorded=False, stage=BUILDING)
+
+
+@dataclass(frozen=True)
+class SystemOptions:
+    """Options of the system that runs."""
+
+    set: Mapping[str, Value] = _system(
+        {},
+        help="Set a start value or parameter, optionally with a unit, such as "
+        "'lift.disturbance.load.level[*]=30 kN'. In the name, * matches any text (repeatable).",
+        metavar="COMPONENT.VARIABLE=VALUE",
+        arrays=True,
+        in_sweep=SAME,
+    )
+    replace: Mapping[str, Replacement] = _prepared(
+        {},
+        help="Replace a component with your FMU, such as lift.controller=mine.fmu (repeatable).",
+        metavar="COMPONENT=FILE.fmu",
+    )
+    input: Sequence[Input] = _prepared(
+        [],
+        help="Drive signals with data from CSV or Parquet (repeatable).",
+        metavar="FILE[:SIGNAL=COLUMN,...,end=repeat]",
+    )
+    controller: str | type | None = _prepared(
+        takes=type,
+        help="Controller of all joints: a name from `emla list`, your FMU, or your block as FILE.py:BLOCK.",
+        commands=(RUN, EXPORT, SWEEP, INFO, LINEARIZE, SIZE),
+        makes="gains",
+    )
+    gains: str | None = _prepared(
+        help="Gain set of controller and observer; `emla list` lists them. Default: the first of the "
+        "controller.",
+        commands=(RUN, EXPORT, SWEEP, INFO, LINEARIZE, SIZE),
+        makes="gains",
+    )
+    actuator: Mapping[str, Path | FileOrObject] = _prepared(
+        {},
+        help="Replace a joint's actuator with one from a data sheet; see docs/actuator.md (repeatable).",
+        metavar="JOINT=FILE.toml",
+        takes=FileOrObject,
+        makes="actuators",
+    )
+    sheet: Mapping[str, Value] = _prepared(
+        {},
+        help="Change an entry of an actuator's data sheet, such as 'prototype.screw.lead=5 mm'. Everything "
+        "that follows from the entry changes, too (repeatable).",
+        metavar="JOINT.TABLE.ENTRY=VALUE",
+        makes="actuators",
+    )
+    fault: Sequence[Fault] = _prepared(
+        [],
+        help="Inject a fault into a signal: freeze, offset, gain or constant, from START, for DURATION, "
+        "both in s. Separate several with commas.",
+        metavar="SIGNAL=KIND[:VALUE]@START[+DURATION]",
+        parse=read_faults,
+        in_sweep=SAME,
+    )
+    trajectory: Path | None = _prepared(
+        help="Motion of the manipulator: a file written by `emla trajectory`.",
+        metavar="FILE.json",
+        makes="reference",
+    )
+    parameters: Sequence[Path] = _prepared(
+        [],
+        help="Read start values from an SSP parameter file (.ssv) or a table (CSV, Parquet); see "
+        "docs/inputs.md. --set overrides them (repeatable).",
+        metavar="FILE",
+    )
+    mapping: Mapping[str, Path] = _prepared(
+        {},
+        help="SSP parameter mapping with the names that the FMU of --replace uses for its variables "
+        "(repeatable).",
+        metavar="COMPONENT=FILE.ssm",
+        in_sweep=SAME,
+    )
+    follow_models: bool = _system(
+        False,
+        help="Adapt the model parameters of controllers and observers to the plant as changed by --set "
+        "and --vary. Gains do not change.",
+    )
+    kind: Mapping[str, str] = _prepared(
+        {},
+        help="Run FMUs as co-simulation (cs) or Model Exchange (me), all or those of COMPONENT; see "
+        "docs/model-exchange.md (repeatable). Default: cs where the FMU has it.",
+        metavar="[COMPONENT=]cs|me",
+        identity="kind",
+        parse=read_kinds,
+        commands=(RUN, SWEEP, COMPARE, INFO, EXPORT, LINEARIZE, SIZE),
+        in_sweep=SAME,
+    )
+    no_event_mode: Sequence[str] | bool = _prepared(
+        [],
+        help="Run a co-simulation FMU of FMI 3.0 without event mode and early return, although it has event "
+        "mode (repeatable; * matches any text). Without a name: all components.",
+        metavar="[COMPONENT]",
+        commands=(RUN, SWEEP, COMPARE, INFO, EXPORT, LINEARIZE, SIZE),
+        takes=bool,
+        alone="*",
+        in_sweep=SAME,
+    )
+    integrate_together: bool = _system(
+        True,
+        help="Integrate FMUs that run as Model Exchange and are connected with each other together, with one "
+        "integrator; see docs/model-exchange.md.",
+        flag="--together",
+        commands=(RUN, SWEEP, COMPARE, INFO, LINEARIZE),
+        identity="integrators",
+        stage=LOADING,
+        in_sweep=SAME,
+    )
+    isolate: Sequence[str] | bool = _system(
+        [],
+        help="Run a component in a separate process, so that a crash ends only that process (repeatable; "
+        "* matches any text). Without a name: all components.",
+        metavar="[COMPONENT]",
+        commands=(RUN, SWEEP, COMPARE),
+        takes=bool,
+        alone="*",
+        stage=LOADING,
+        in_sweep=SAME,
+    )
+    lenient: bool = _system(
+        False,
+        help="Accept FMUs and packages that violate their standard where other tools accept them. The "
+        "violations are listed.",
+        commands=(RUN, EXPORT, SWEEP, COMPARE, INFO, LINEARIZE, SIZE),
+        stage=LOADING,
+        in_sweep=SAME,
+    )
+    flavour: str = _system(
+        "native",
+        help="Implementation of the built-in FMUs: compiled (native), or Python (python).",
+        choices=lambda: FLAVOURS,
+        stage=BUILDING,
+    )
+    fmus: Path | None = _system(
+        help="Folder of the built-in FMUs; missing ones are built there. Default: fmus/ if it has them, "
+        "otherwise your cache.",
+        in_file=False,
+        recorded=False,
+        writes="folder",
+        stage=BUILDING,
+    )
+    platform: Sequence[str] = _exported(
+        [],
+        help="Platform to compile the built-in FMUs for (repeatable). Default: this machine's.",
+        choices=lambda: PLATFORMS,
+    )
+    fmi: int = _exported(2, help="Version of FMI of an exported FMU.", choices=lambda: FMI_VERSIONS)
+    inputs: Sequence[str] = _exported(
+        [],
+        help="Input of an exported FMU, among those that nothing drives (repeatable; * matches any text). "
+        "Default: all of these.",
+        metavar="COMPONENT.VARIABLE",
+    )
+    outputs: Sequence[str] = _exported(
+        [],
+        help="Output of an exported FMU or C file (repeatable; * matches any text). Default: position and "
+        "reference of each joint; without joints, all outputs; in C, those that drive other components.",
+        metavar="COMPONENT.VARIABLE",
+    )
+    components: Sequence[str] = _exported(
+        [],
+        help="Component of an exported C file, such as controller or lift.controller (repeatable; * matches "
+        "any text).",
+        metavar="COMPONENT",
+    )
+    precision: str = _exported(
+        "double",
+        help="Type of the numbers in an exported C file.",
+        choices=lambda: ("double", "float"),
+    )
