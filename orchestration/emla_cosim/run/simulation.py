@@ -579,8 +579,8 @@ class Simulation:
             raise CommandError(
                 f"{name} cannot be set during a run: it is no input. Set start values with `set`."
             )
-        if isinstance(stepping := self.stepping, FixedSteps) and stepping.estimate is not None:
-            stepping.estimate.note_change()
+        if isinstance(stepping := self.stepping, FixedSteps):
+            stepping.note_change()
         given = alias.transformation(float(value)) if component.aliases else value
         slave.set_value(found, convert_start_value(component.name, slave.file.interface, found, given))
 
