@@ -205,7 +205,7 @@ def test_halved_steps_have_the_bits_of_python(build: Callable[[], Network], extr
 
 
 def refusal() -> Network:
-    """A loop whose second slave discards long steps from 0.3 s to 0.6 s, and whose first one does after 0.45 s."""
+    """A loop whose second slave discards long steps from 0.3 s to 0.6 s, and its first one after 0.45 s."""
 
     def answer(u: np.ndarray, x: np.ndarray, time: float, step: float) -> Any:
         if step > 0.02 and 0.3 < time + step < 0.6:

@@ -85,7 +85,7 @@ class PlainStepper:
             instance.set_inputs()
 
     def do_step(self, i: int, time: float, length: float, halvings: int = HALVINGS) -> None:
-        """Do a step of an instance, in halves if it discards the whole. Inputs then move along their lines."""
+        """Do a step of an instance, in halves if it discards it. Inputs then move along their lines."""
         instance, part = self.network.instances[i], self.network.input_parts[i]
         can_halve = instance.varies_step and self.divides
         state = instance.save() if can_halve else None

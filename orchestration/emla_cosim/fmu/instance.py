@@ -142,7 +142,7 @@ class FmiInstance(ABC):
         return asked == OK and bool(answer.value)
 
     def last_successful_time(self) -> float:
-        """Return the time in s that a discarded step of FMI 2.0 has reached; NaN if the FMU does not know it."""
+        """Return the time in s that a discarded step of FMI 2.0 has reached; NaN if it is not known."""
         answer = c_double(math.nan)
         status = self.status("fmi2GetRealStatus", fmi2LastSuccessfulTime, byref(answer))
         return float(answer.value) if status == OK else math.nan

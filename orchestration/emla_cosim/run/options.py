@@ -243,7 +243,9 @@ class Options:
         commands=ALL,
     )
     stop_time: float | None = _stepping(
-        help="Stop time of the simulation. Default: the scenario's.", unit="s", commands=ALL
+        help="Stop time; the same as the start time gives the initial values alone. Default: the scenario's.",
+        unit="s",
+        commands=ALL,
     )
     step_size: float | None = _stepping(
         help="Communication step: time between two exchanges of values between the FMUs. Default: the "
@@ -363,7 +365,9 @@ class Options:
         in_sweep=LEFT_OUT,
     )
     output_interval: float | None = _output(
-        help="Time between rows of the table. Default: 1 ms.", unit="s", identity="output interval"
+        help="Time between rows of the table. Default: 1 ms; in a run shorter than 10 ms, a hundredth of it.",
+        unit="s",
+        identity="output interval",
     )
     roles: Mapping[str, str] = _output(
         {},
