@@ -243,9 +243,7 @@ class Options:
         commands=ALL,
     )
     stop_time: float | None = _stepping(
-        help="Stop time; the same as the start time gives the initial values alone. Default: the scenario's.",
-        unit="s",
-        commands=ALL,
+        help="Stop time of the simulation. Default: the scenario's.", unit="s", commands=ALL
     )
     step_size: float | None = _stepping(
         help="Communication step: time between two exchanges of values between the FMUs. Default: the "
