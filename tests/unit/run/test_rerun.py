@@ -161,7 +161,7 @@ def test_record_has_the_options_of_all_calls(fmu_folder: Path) -> None:
         ("[" * 100_000, "is not JSON"),
         ('{"a": ' + "9" * 5000 + "}", "is not JSON"),
         ("{}", "is not the record of a run"),
-        ('{"settings": {}}', "does not say which scenario"),
+        ('{"settings": {}}', "is not the record of a run, or its run ended too early"),
         ('{"settings": {}, "source": 1}', "the source 1; it must be"),
         ('{"settings": {}, "source": "run.json", "changed": {}}', "the source 'run.json'"),
         ('{"settings": {}, "source": "lift"}', "no table 'changed'"),
