@@ -34,8 +34,8 @@ def load_recorded_run(path: Path, given: Mapping[str, Any]) -> RecordedRun:
         given: Options that override the recorded ones.
 
     Raises:
-        CommandError: If the file is no run.json, if its run ended too early to have settings, or if the system
-            or an option was an object of Python.
+        CommandError: If the file is no run.json, if its run ended too early to have settings, or if the
+            system or an option was an object of Python.
     """
     where = f"the record '{path}'"
     try:
