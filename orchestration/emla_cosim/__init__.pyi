@@ -47,7 +47,6 @@ from .recorders.csv_file import CsvFile as CsvFile
 from .recorders.metrics import METRICS as METRICS
 from .recorders.metrics import MetricDisplay as MetricDisplay
 from .recorders.metrics import Metrics as Metrics
-from .recorders.metrics import Shown as Shown
 from .recorders.parquet_file import ParquetFile as ParquetFile
 from .recorders.recorder import Outline as Outline
 from .recorders.recorder import Recorder as Recorder

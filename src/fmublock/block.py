@@ -229,4 +229,7 @@ def _layout(block: type[Block]) -> Layout:
         raise TypeError(
             f"{block.__name__} has the name '{wrong[0]}'; write names like speed, motor.R_s or M[1,2]"
         )
+    for scalar in scalars:
+        if (fault := scalar.range_fault) is not None:
+            raise TypeError(f"{block.__name__}.{scalar.name} {fault}")
     return Layout(*groups, scalars)

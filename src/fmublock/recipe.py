@@ -176,9 +176,12 @@ def _instance(block: Block | type[Block]) -> Block:
         made = block() if isinstance(block, type) and issubclass(block, Block) else block
         if not isinstance(made, Block) or type(made) is Block:
             raise BuildError(f"{block!r} is not a block; derive a class from fmublock.Block.")
-        made.layout()
     except TypeError as error:
         raise BuildError(f"{block!r} cannot be built: {error}.") from error
+    try:
+        made.layout()
+    except TypeError as error:
+        raise BuildError(f"{error}.") from error
     if not re.fullmatch(r"[A-Za-z_]\w*", type(made).__name__, re.ASCII):
         raise BuildError(f"the class {type(made).__name__} needs a name of the letters A to Z, digits and _.")
     return made

@@ -40,7 +40,7 @@ class Variable:
         shape: number of elements of a vector, or (rows, columns) of a matrix.
         minimum: smallest value allowed, in the unit.
         maximum: largest value allowed, in the unit.
-        nominal: typical size, in the unit.
+        nominal: typical size, in the unit; positive.
         is_difference: whether it is a difference, such as a rise of temperature; then 180 degF are 100 K.
         terminal: name of the terminal that bundles inputs and outputs, such as "drive". If the partner has
             another name for the variable, it follows after a dot, such as "sensor.x_measured".
@@ -272,6 +272,23 @@ class ScalarVariable:
     index: tuple[int, ...]
     name: str
     start: float
+
+    @property
+    def range_fault(self) -> str | None:
+        """What is wrong with its range, its nominal or its start value, as a predicate; None if nothing."""
+        low, high = self.variable.range
+        unit = f" {self.variable.unit}" if self.variable.unit else ""
+        if not low <= high:
+            return f"has the minimum {low:.12g}{unit}, above its maximum of {high:.12g}{unit}"
+        if self.variable.nominal is not None and not 0.0 < self.variable.nominal < math.inf:
+            return f"has the nominal value {self.variable.nominal:.12g}{unit}; it must be positive and finite"
+        if isinstance(self.variable, Output):  # computed from the start on
+            return None
+        if self.start < low:
+            return f"starts at {self.start:.12g}{unit}, below its minimum of {low:.12g}{unit}"
+        if self.start > high:
+            return f"starts at {self.start:.12g}{unit}, above its maximum of {high:.12g}{unit}"
+        return None
 
     @property
     def access(self) -> Access:

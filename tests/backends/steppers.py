@@ -4,6 +4,7 @@ A new stepper is one more entry of `STEPPERS`: a function that runs a task, or o
 stepper of `tests/support` is the reference for all of them.
 """
 
+import re
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import ExitStack, chdir, contextmanager
 from dataclasses import dataclass, field
@@ -37,10 +38,9 @@ INPUTS = {"none": {"held inputs"}, "master": {"held inputs"}, "fmu": {"lines"}}
 
 def fixed(algorithm: str, extrapolation: str = "none") -> Algorithm:
     has = {"fixed steps"} | ({"explicit"} if algorithm != "strong" else {"strong"})
-    lacks = {"discarded steps"} if algorithm != "strong" else set[str]()
     has |= {"extrapolation"} if extrapolation != "none" else set()
     options = {"algorithm": algorithm, "extrapolation": extrapolation}
-    return Algorithm(options, 1, has | INPUTS[extrapolation], lacks)
+    return Algorithm(options, 1, has | INPUTS[extrapolation])
 
 
 def controlled(
@@ -165,6 +165,9 @@ class Bench:
 DIFFERENT = {"threads", "lanes", "compiled_code_not_kept", "isolated", "why_one_thread"}
 """What steppers report differently."""
 
+ADVICE = re.compile(r"( Parts of| It cannot do parts| The step cannot).*| Set a smaller --step-size\.")
+"""What only the stepper in C says of discarded steps."""
+
 
 def outcome_of(result: ec.Result) -> Outcome:
     stepping = {k: v for k, v in result.stepping.items() if k not in DIFFERENT and not k.endswith("_us")}
@@ -172,7 +175,8 @@ def outcome_of(result: ec.Result) -> Outcome:
     # estimates of the coupling error cost time, so that not every run has one
     report["coupling"] = {name: x for name, x in result.coupling.items() if "estimated_error" not in x}
     remarks = [text for text in result.remarks if not text.startswith("Coupling error")]
-    report["problem"] = result.problem or result.early_end  # an FMU may end a run without a failure
+    problem = result.problem or result.early_end  # an FMU may end a run without a failure
+    report["problem"] = problem and ADVICE.sub("", problem)
     return Outcome(
         result.read(["time", *result.names]),
         {**report, "remarks": remarks, "stepping": stepping},

@@ -439,6 +439,7 @@ SYSTEMS: dict[str, Entry] = {
         fmi_2_types,
         step=0.01,
         has={"libraries", "types of FMI 2.0"},
+        lacks={"error control"},
     ),
     "events": Entry(events, step=0.125, has={"events"}),
     "clocks": Entry(clocks, **TICKS),

@@ -204,8 +204,48 @@ def test_halved_steps_have_the_bits_of_python(build: Callable[[], Network], extr
     assert memory["counts"][1] > TIMES.steps
 
 
+def refusal() -> Network:
+    """A loop whose second slave discards long steps from 0.3 s to 0.6 s, and its first one after 0.45 s."""
+
+    def answer(u: np.ndarray, x: np.ndarray, time: float, step: float) -> Any:
+        if step > 0.02 and 0.3 < time + step < 0.6:
+            raise DiscardedStepError("b", f"doStep at t = {time:g} s", "fmi2Discard", [])
+        return 0.5 * x + 3.0 * u * step
+
+    def source(u: np.ndarray, x: np.ndarray, time: float, step: float) -> Any:
+        if step > 0.01 and time > 0.45:
+            raise DiscardedStepError("a", f"doStep at t = {time:g} s", "fmi2Discard", [])
+        return x + np.cos(time) * step - 0.1 * u
+
+    a, b = FakeSlave("a", 1, [0.0], source), FakeSlave("b", 1, [0.0], answer)
+    return Network([a, b], [Link(0, 0, 1, 0, False), Link(1, 0, 0, 0, False)])
+
+
+@pytest.mark.parametrize("extrapolation", EXTRAPOLATIONS)
+@pytest.mark.parametrize("kind", [Jacobi, GaussSeidel])
+def test_steps_are_divided_from_the_first_discarded_one_on(kind: Any, extrapolation: str) -> None:
+    """The run goes back to repeat it. Rows, history and numbers of divided steps are those of Python."""
+    results = []
+    for plain in (True, False):
+        network = refusal()
+        algorithm = begun(network, kind(extrapolation), TIMES)
+        stepping = PlainSteps(algorithm, TIMES) if plain else FixedSteps(algorithm, TIMES)
+        rows, memory = recorded(stepping), stepping.memory()
+        results.append((rows, memory, stepping.report().get("divided_steps"), stepping.remarks()))
+        assert not any(s.states for s in network.instances)  # saved states that were not freed
+    (expected, memory, divided, remarks), (rows, native_memory, native_divided, native_remarks) = results
+    assert_same_bits(rows, expected)
+    for key, value in memory.items():
+        assert_same_bits(native_memory[key], value)
+    assert divided == native_divided and remarks == native_remarks
+    assert divided == {
+        "a": {"steps": 17, "shortest_part_s": 1.0 / 128.0},
+        "b": {"steps": 10, "shortest_part_s": 1.0 / 64.0},
+    }
+
+
 def test_saved_states_are_freed_and_only_kept_where_they_serve(faulty_fmu: Path) -> None:
-    """Those of the loop and of who may have to do halves; none of a sampled FMU."""
+    """Those of the loop and of who may have to do halves; one of each FMU to go back to."""
     system = loop_with_a_fault(faulty_fmu, Fault.DISCARD, 0.75)
     system = wired(
         [*system.components, faulty("j.sampled", faulty_fmu)],
@@ -219,7 +259,7 @@ def test_saved_states_are_freed_and_only_kept_where_they_serve(faulty_fmu: Path)
             stepping = PlainSteps(algorithm, TIMES) if plain else FixedSteps(algorithm, TIMES)
             table = Table(1 + len(assembly.network.signals))
             stepping.advance(table, 5)
-            assert counts.states == 3
+            assert counts.states == 3 if plain else 3 + 4  # of the loop, and one of each to go back to
             with pytest.raises(DiscardedStepError, match=r"j.bad .* t = 0.75 s"):
                 simulate(stepping, table)
             assert stepping.steps == 24

@@ -28,13 +28,19 @@ class NoAgreementError(Exception):
 
 
 class PlainStepper:
-    """Does the steps of an algorithm after its `initialize`."""
+    """Does the steps of an algorithm after its `initialize`; `divides` does discarded steps in halves."""
 
-    def __init__(self, algorithm: Algorithm) -> None:
+    def __init__(self, algorithm: Algorithm, divides: bool = False) -> None:
+        instances = algorithm.network.instances
+        self.divides = divides and all(s.rolls_back and not s.restarts_when_saved for s in instances)
         self.algorithm, self.network = algorithm, algorithm.network
         self.exchange, self.history = algorithm.exchange, algorithm.exchange.history
         self.states: dict[tuple[int, int], Any] = {}
         self.coupling_tolerance = algorithm.coupling_tolerance
+        self.discarding = -1
+        """Member of a group that has stepped last."""
+        self.divisions = np.tile([0.0, np.inf], (len(self.network.instances), 1))
+        """Steps that each instance discarded and did in parts, and the shortest part in s."""
 
     def step(self, time: float, length: float, times: CommunicationPoints | None = None) -> None:
         """Do one step, in s. With step multiples, `times` has the points of the long steps."""
@@ -67,7 +73,7 @@ class PlainStepper:
     def call(self, operation: Operation, begin: float, span: float, end: float) -> None:
         instance = self.network.instances[operation.instance]
         if operation.call == Call.STEP:
-            instance.do_step(begin, span)
+            self.do_step(operation.instance, begin, span)
         elif operation.call == Call.GET:
             self.shift(operation.instance, end)
             self.get_outputs(operation.instance)
@@ -77,6 +83,37 @@ class PlainStepper:
             instance.inputs[:] = self.vector(operation.store)[self.network.sources[operation.instance]]
             self.network.transform(operation.instance)
             instance.set_inputs()
+
+    def do_step(self, i: int, time: float, length: float, halvings: int = HALVINGS) -> None:
+        """Do a step of an instance, in halves if it discards it. Inputs then move along their lines."""
+        instance, part = self.network.instances[i], self.network.input_parts[i]
+        can_halve = instance.varies_step and self.divides
+        state = instance.save() if can_halve else None
+        try:
+            instance.do_step(time, length)
+            if halvings < HALVINGS and self.exchange.has_slopes(i):
+                instance.inputs[:] += length * self.exchange.derivatives[part]
+        except DiscardedStepError as failure:
+            if not can_halve or not halvings:
+                raise
+            instance.restore(state)
+            middle, end = time + 0.5 * length, time + length
+            self.note_division(i, middle - time, halvings == HALVINGS)
+            for begin, span in ((time, middle - time), (middle, end - middle)):
+                instance.set_inputs()
+                if self.exchange.has_slopes(i):
+                    instance.set_input_derivatives(self.exchange.derivatives[part])
+                try:
+                    self.do_step(i, begin, span, halvings - 1)
+                except DiscardedStepError:
+                    raise failure from None  # that of the whole step
+        finally:
+            if state is not None:
+                instance.forget(state)
+
+    def note_division(self, i: int, length: float, is_first: bool) -> None:
+        self.divisions[i, 0] += is_first
+        self.divisions[i, 1] = min(self.divisions[i, 1], length)
 
     # ---- the exchange of values ----
 
@@ -172,11 +209,13 @@ class PlainStepper:
                     raise group.disagreement_error(time, length, *failure.args) from failure
                 raise
             self.restore(group)
+            middle, end = time + 0.5 * length, time + length
+            if isinstance(failure, DiscardedStepError):
+                self.note_division(self.discarding, middle - time, halvings == HALVINGS)
             for i in group.members:
                 part = self.network.parts[i]
                 for values, copy, where in zip(kept, copies, (part, part, i, i), strict=True):
                     values[where] = copy[where]
-            middle, end = time + 0.5 * length, time + length
             self.solve(group, time, middle - time, halvings - 1)
             self.solve(group, middle, end - middle, halvings - 1)
 
@@ -192,6 +231,7 @@ class PlainStepper:
     def sweep(self, group: CoupledGroup, time: float, length: float) -> None:
         for i in group.members:
             self.set_inputs(i, time, length)
+            self.discarding = i
             self.network.instances[i].do_step(time, length)
             self.get_outputs(i)
 
@@ -281,7 +321,7 @@ class PlainSteps(FixedSteps):
 
     def advance(self, rows: RowSink, most: int, until: float = math.inf) -> None:
         algorithm, times, ends = self.algorithm, self.times, clock.monotonic() + LONGEST
-        self.stepper = self.stepper or PlainStepper(algorithm)
+        self.stepper = self.stepper or PlainStepper(algorithm, divides=True)
         for k in range(self.steps, min(self.steps + most, self._last(until))):
             self.stepper.step(times.point(k), times.span(k, 1), times)
             if (failure := algorithm.network.find_nonfinite_signal(times.point(k + 1))) is not None:
@@ -291,6 +331,15 @@ class PlainSteps(FixedSteps):
                 self.record(rows, algorithm.network.observer.is_due(k + 1))
             if clock.monotonic() > ends:
                 return
+
+    def memory(self) -> dict[str, Any]:
+        self.report()
+        return super().memory()
+
+    def report(self) -> dict[str, Any]:
+        if self.stepper is not None:
+            self.loop.divisions["steps"], self.loop.divisions["shortest"] = self.stepper.divisions.T
+        return super().report()
 
     def close(self) -> None:
         if self.stepper is not None:

@@ -93,6 +93,7 @@ class SystemTables:
         parts = {
             "STEPPER_EVENTS": any(part.events >= 0 for part in plan.image.parts),
             "STEPPER_GROUPS": bool(plan.groups),
+            "STEPPER_DIVISIONS": False,
             "STEPPER_WATCHED": False,
         }
         lines = [f"#define {name} {int(value)}" for name, value in parts.items()]

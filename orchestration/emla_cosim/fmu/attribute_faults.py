@@ -121,6 +121,26 @@ def _list_faults(root: Any) -> Iterator[_Fault]:
         yield from _check_references(root, variables)
     elif not is_1:
         yield from _check_indices(root, variables)
+    for variable in list_variables_without_variability(root):
+        yield False, describe_missing_variability(variable)
+
+
+def list_variables_without_variability(root: Any) -> list[Any]:
+    """Return the parameters of FMI 2.0 without `variability`, whose default is not allowed for them."""
+    if not root.get("fmiVersion", "").startswith("2."):
+        return []
+    variables = root.iterfind("ModelVariables/ScalarVariable")
+    kinds = ("parameter", "calculatedParameter")
+    return [v for v in variables if v.get("causality") in kinds and v.get("variability") is None]
+
+
+def describe_missing_variability(variable: Any) -> str:
+    """Return the fault of a parameter without `variability`."""
+    kind = "parameter" if variable.get("causality") == "parameter" else "calculated parameter"
+    return (
+        f"{_name(variable)} is a {kind} without variability; it needs fixed or tunable, as the default, "
+        "continuous, is not allowed for it"
+    )
 
 
 def _check_units(root: Any) -> Iterator[_Fault]:

@@ -1,14 +1,15 @@
 """An instance of an FMU in this process, called through fmpy."""
 
 import contextlib
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from ctypes import byref, c_int
+from ctypes import byref, c_double, c_int
 from pathlib import Path
 from typing import Any
 
 from fmpy.fmi1 import FMICallException
-from fmpy.fmi2 import FMU2Model, FMU2Slave, fmi2Terminated
+from fmpy.fmi2 import FMU2Model, FMU2Slave, fmi2LastSuccessfulTime, fmi2Terminated
 from fmpy.model_description import ModelVariable
 
 from ..base.files import restore_working_folder
@@ -139,6 +140,12 @@ class FmiInstance(ABC):
         answer = c_int(0)
         asked = self.status("fmi2GetBooleanStatus", fmi2Terminated, byref(answer))
         return asked == OK and bool(answer.value)
+
+    def last_successful_time(self) -> float:
+        """Return the time in s that a discarded step of FMI 2.0 has reached; NaN if it is not known."""
+        answer = c_double(math.nan)
+        status = self.status("fmi2GetRealStatus", fmi2LastSuccessfulTime, byref(answer))
+        return float(answer.value) if status == OK else math.nan
 
     def reset(self) -> None:
         """Reset the instance to its state after instantiation."""

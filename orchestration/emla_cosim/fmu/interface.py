@@ -4,7 +4,7 @@ import io
 import math
 import re
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -19,7 +19,11 @@ from ..base.faults import ADVICE, is_lenient, note_fault
 from ..base.signal_types import REAL, SignalType
 from ..base.units import BASE_UNITS, SiUnit
 from ..base.untrusted_xml import parse_xml, write_xml
-from .attribute_faults import find_attribute_fault
+from .attribute_faults import (
+    describe_missing_variability,
+    find_attribute_fault,
+    list_variables_without_variability,
+)
 from .clocks import CLOCK, explain_unsupported_clock
 from .dependencies import Dependencies
 from .elements import BINARY, WIDE, ElementVariable, is_supported, is_version_3, split_arrays
@@ -220,7 +224,8 @@ def read_description(
         raise_machine_fault(error, f"'{path}'")
         if (fault := find_attribute_fault(path)) is not None:
             raise CommandError(f"'{path}' is not a valid FMU: {fault}.") from error
-        raise CommandError(f"'{path}' is not an FMU that can be read: {error}.") from error
+        text = str(error).rstrip(".")
+        raise CommandError(f"'{path}' is not an FMU that can be read: {text}.") from error
     return Interface(description, clocks, without_value, structure or {})
 
 
@@ -230,9 +235,14 @@ def read_with_fmpy(path: Path, validate: bool = True) -> ModelDescription:
     Lists can have blanks at their ends and several between their entries, types of Binary variables can have
     attributes, and Clocks can have types.
 
+    Parameters without `variability`, which the standard forbids, count as fixed.
+
     Args:
         path: The FMU file.
         validate: Whether to check it against the standard.
+
+    Raises:
+        ValidationError: If `validate` finds a violation of the standard.
     """
     try:
         return fmpy.read_model_description(str(path), validate=validate)
@@ -243,13 +253,23 @@ def read_with_fmpy(path: Path, validate: bool = True) -> ModelDescription:
             present = [name for name in (_DESCRIPTION, _BUILD) if name in archive.namelist()]
             content = {name: archive.read(name) for name in present}
         root = parse_xml(content[_DESCRIPTION])
-        if not _simplify(root):
+        faults = list(_fix_parameters(root))
+        if validate and faults:
+            raise ValidationError(faults) from None
+        if not _simplify(root) and not faults:
             raise
         content[_DESCRIPTION], copy = write_xml(root), io.BytesIO()
         with zipfile.ZipFile(copy, "w") as archive:
             for name, text in content.items():
                 archive.writestr(name, text)
         return fmpy.read_model_description(copy, validate=validate)
+
+
+def _fix_parameters(root: Any) -> Iterator[str]:
+    """Make parameters of FMI 2.0 without variability fixed, and yield what is wrong with them."""
+    for variable in list_variables_without_variability(root):
+        yield describe_missing_variability(variable)
+        variable.set("variability", "fixed")
 
 
 def _simplify(root: Any) -> bool:

@@ -115,13 +115,18 @@ def build(
         check_choice("platform", platform, PLATFORMS)
     if disclosure is not None or fmi != 2 or clock is not None:
         check_disclosure(model, flavour, folder, disclosure or Disclosure(), fmi, clock)
-    name = model if isinstance(model, str) else model.__name__
+    name = model_name(model)
     try:
         return _build(_recipe(model, flavour, disclosure, fmi, clock), platforms, folder, advance, overwrite)
     except BuildError as error:
         raise RunError(f"{name} could not be built: {error}") from error
     except OSError as error:
         raise RunError(f"{name} could not be built: {error}.") from error
+
+
+def model_name(model: str | type[Block]) -> str:
+    """Return the name of a model that is one of ours, or a block."""
+    return model if isinstance(model, str) else model.__name__
 
 
 def check_disclosure(
@@ -136,8 +141,12 @@ def check_disclosure(
 
     Raises:
         CommandError: If it cannot.
+        RunError: If the declarations of the block are wrong.
     """
-    _recipe(model, flavour, disclosure, fmi, clock)
+    try:
+        _recipe(model, flavour, disclosure, fmi, clock)
+    except BuildError as error:
+        raise RunError(f"{model_name(model)} could not be built: {error}") from error
     is_other = disclosure != Disclosure() or fmi != 2
     if is_other and (folder is None or folder.resolve() == FMU_FOLDER.resolve()):
         kind = "complete FMUs" if fmi == 2 else "FMUs for FMI 2.0"
@@ -157,7 +166,7 @@ def check_build_path(
     Raises:
         CommandError: If it does.
     """
-    name = model if isinstance(model, str) else model.__name__
+    name = model_name(model)
     path = fmu_path(name, flavour, FMU_FOLDER if folder is None else folder)
     there = next((p for p in path.parents if os.path.lexists(p)), FMU_FOLDER)
     if folder is not None and not os.path.isdir(there):  # noqa: PTH112 (it raises nothing)
@@ -259,7 +268,7 @@ def _recipe(
         )
         return Recipe.of(MODELS[model], flavour, producer("MIT"), documents, disclosure, fmi, clock)
     except (DisclosureError, VersionError) as error:
-        name = model if isinstance(model, str) else model.__name__
+        name = model_name(model)
         raise CommandError(f"{name}: {error}", model=name) from error
 
 

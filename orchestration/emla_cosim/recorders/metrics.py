@@ -37,10 +37,6 @@ class MetricDisplay:
     large: str = ""
 
 
-Shown = MetricDisplay
-"""Former public name of `MetricDisplay`."""
-
-
 class Metrics(ABC):
     """Base class of metrics: computes metrics of one kind during a run.
 

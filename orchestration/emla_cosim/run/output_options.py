@@ -59,7 +59,9 @@ class OutputOptions:
         in_sweep=LEFT_OUT,
     )
     output_interval: float | None = _output(
-        help="Time between rows of the table. Default: 1 ms.", unit="s", identity="output interval"
+        help="Time between rows of the table. Default: 1 ms; in a run shorter than 10 ms, a hundredth of it.",
+        unit="s",
+        identity="output interval",
     )
     output_format: str = _output(
         "csv", help="File format of the table of results.", choices=lambda: TABLES, commands=(RUN,)

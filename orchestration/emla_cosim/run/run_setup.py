@@ -15,6 +15,9 @@ from .requirements import parse_requirement
 DEFAULT_INTERVAL = 1e-3
 """Default time between rows of a table in s."""
 
+FEW_ROWS, MANY_ROWS = 10, 100
+"""A run shorter than so many default intervals has about so many rows, or one per step."""
+
 
 def check_run(options: Options, name: str) -> None:
     """Raise CommandError for errors that can be found before anything is built."""
@@ -41,7 +44,7 @@ def run_times(options: Options, name: str) -> CommunicationPoints:
 def steps_per_row(options: Options, times: CommunicationPoints) -> int:
     """Return the number of fixed steps per output interval.
 
-    The default interval is 1 ms, or one step if 1 ms is not a whole number of steps.
+    The default interval is 1 ms, a step that is longer, or a fraction of a run that is short.
 
     Raises:
         CommandError: If the interval is not a whole number of steps.
@@ -54,6 +57,8 @@ def steps_per_row(options: Options, times: CommunicationPoints) -> int:
         raise CommandError(f"an output interval of {chosen:g} s makes more than {MAXIMUM_STEPS:g} rows.")
     if not options.make_step_size_control().is_regular:
         return 1
+    if _is_short(options, times):
+        return max(times.steps // MANY_ROWS, 1)
     every = round(min(chosen / times.step, 1e18))  # the quotient may be infinite
     if every >= 1 and abs(every * times.step - chosen) <= 1e-9 * chosen:
         return every
@@ -62,6 +67,21 @@ def steps_per_row(options: Options, times: CommunicationPoints) -> int:
     raise CommandError(
         f"the output interval {chosen:g} s is not a whole number of steps of {times.step:g} s."
     )
+
+
+def describe_interval(options: Options, times: CommunicationPoints) -> list[str]:
+    """Return a remark on the distance of rows, if the run is too short for the default one."""
+    if not (_is_short(options, times) and options.make_step_size_control().is_regular):
+        return []
+    every = steps_per_row(options, times)
+    distance = f"every {every * times.step:g} s" if every > 1 else "after each step"
+    return [f"the run is short: its rows are {distance}, not every 1 ms (--output-interval)."]
+
+
+def _is_short(options: Options, times: CommunicationPoints) -> bool:
+    """Return whether a run would have few rows at the default interval, although its steps are shorter."""
+    is_brief = times.stop - times.start < (FEW_ROWS - 0.5) * DEFAULT_INTERVAL
+    return options.output_interval is None and is_brief and times.steps > 0 and times.step < DEFAULT_INTERVAL
 
 
 def select_signals(patterns: Sequence[str], names: Sequence[str], further: Collection[str] = ()) -> list[str]:

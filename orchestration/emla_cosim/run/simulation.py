@@ -65,7 +65,13 @@ from .preparation import limit_to_data_end, prepare_system
 from .requirements import Requirement, check_requirements, describe_unmet, parse_requirement
 from .result import Result, run_figures
 from .run_record import RunDefinition, build_run_record
-from .run_setup import run_times, select_components, select_signals, steps_per_row
+from .run_setup import (
+    describe_interval,
+    run_times,
+    select_components,
+    select_signals,
+    steps_per_row,
+)
 from .stop_conditions import find_stop_conditions
 from .stored_margins import read_margins
 
@@ -439,7 +445,7 @@ class Simulation:
         )
         with self._abandon_on_error():
             # the states in a checkpoint would limit a continued run to the stop time of this run
-            run.begin(times.stop if chosen.checkpoint is None else None)
+            run.begin(times.stop if times.steps and chosen.checkpoint is None else None)
 
     def advance(self, time: float) -> None:
         """Simulate up to a time. Without `start`, this begins a run with the options of the simulation.
@@ -579,8 +585,8 @@ class Simulation:
             raise CommandError(
                 f"{name} cannot be set during a run: it is no input. Set start values with `set`."
             )
-        if isinstance(stepping := self.stepping, FixedSteps) and stepping.estimate is not None:
-            stepping.estimate.note_change()
+        if isinstance(stepping := self.stepping, FixedSteps):
+            stepping.note_change()
         given = alias.transformation(float(value)) if component.aliases else value
         slave.set_value(found, convert_start_value(component.name, slave.file.interface, found, given))
 
@@ -729,6 +735,7 @@ class Simulation:
             *describe_idle_clocks(self._assembly.idle_clocks),
             *(f"{text}." for text in self._assembly.violations),
             *([] if going.fallback is None else [going.fallback]),
+            *describe_interval(going.definition.options, stepping.times),
             *self._held_data(stepping.times.start, stepping.time, stepping.times.step),
             *going.metrics.remarks(),
             *going.coupling.remarks(error),

@@ -26,6 +26,8 @@ class Call(IntEnum):
     SOLVE = 3
     COMBINE = 4
     END = 5
+    DIVIDE = 6
+    END_DIVIDED = 7
 
 
 class Failure(IntEnum):
@@ -143,6 +145,8 @@ GROUP = _record(
 
 EFFORT = np.dtype([("now", _ADDRESS), *((n, _CODE, 5) for n in ("counts", "nanoseconds", "unused"))])
 
+DIVISION = _record(steps=_CODE, shortest=_REAL)
+
 WAIT = _record(lane=_WHOLE, tasks=_WHOLE)
 
 TASK = _record(waits=_ADDRESS, wait_count=_WHOLE, operation=_WHOLE)
@@ -185,6 +189,7 @@ class Stepper(ctypes.Structure):
         ("taken_at", _POINTER),
         ("largest", _POINTER),
         ("observed", _POINTER),
+        ("divisions", _POINTER),
         ("activity", _POINTER),
         ("stop", _POINTER),
         ("clock", 3 * _DOUBLE),
@@ -274,6 +279,7 @@ SIZES = (
     ctypes.sizeof(Control),
     SAVED_STATE.itemsize,
     EFFORT.itemsize,
+    DIVISION.itemsize,
 )
 """Sizes of the records, in the order of `stepper_sizes` in C."""
 

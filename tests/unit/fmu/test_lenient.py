@@ -76,6 +76,21 @@ def test_units_without_a_definition_are_accepted_but_not_converted(tmp_path: Pat
     assert any("taken as equal" in p for found in scenario.accepted.values() for p in found)
 
 
+def test_parameters_without_variability_are_fixed(tmp_path: Path, emla: Emla) -> None:
+    """Of all types; the message names what is missing, not its default alone."""
+    whole = build_all_types_fmu(tmp_path / "whole.fmu")
+    faulty = edit_description(whole, tmp_path / "x.fmu", ' variability="fixed"', "")
+    name = next(v.name for v in read_interface(whole).variables.values() if v.causality == "parameter")
+    text = sentence(emla("run", str(faulty), "--no-plots"), 2)
+    assert "is a parameter without variability; it needs fixed or tunable, as the default, continuous" in text
+    assert text.endswith("(`fmpy validate` shows more). `--lenient` accepts this.")
+    info = emla("info", str(faulty))
+    assert info.exit_code == 0 and name in info.stdout
+    assert emla("run", str(faulty), "--no-plots", "--output", "faulty", "--lenient").exit_code == 0
+    assert emla("run", str(whole), "--no-plots", "--output", "whole").exit_code == 0
+    assert Path("faulty/results.csv").read_text() == Path("whole/results.csv").read_text()
+
+
 def test_other_faults_need_the_option(reference: Path, tmp_path: Path, emla: Emla) -> None:
     faulty = edit_description(reference, tmp_path / "x.fmu", *UNKNOWN, *dated(reference))
     times = ("--stop-time", "0.02", "--step-size", "1 ms", "--no-plots")

@@ -8,7 +8,8 @@ from typing import Any
 
 import pytest
 
-from fmublock import Input, Parameter, State
+from fmublock import Block, Input, Instance, Output, Parameter, State
+from fmublock.errors import BuildError
 from fmublock.recipe import Recipe
 from tests.support.cart import Cart
 from tests.support.paths import ROOT
@@ -87,6 +88,33 @@ def test_a_reset_reports_anew_and_warnings_have_their_category(units: Units, kin
 def test_wrong_limits_are_refused(kind: Any, limits: Any, words: str) -> None:
     with pytest.raises(TypeError, match=words):
         kind(limits=limits)
+
+
+@pytest.mark.parametrize(
+    ("declared", "fault"),
+    [
+        (Parameter(5.0, unit="m", maximum=3.0), "starts at 5 m, above its maximum of 3 m"),
+        (Input(minimum=1.0, name="motor.u"), "starts at 0, below its minimum of 1"),
+        (Parameter([1.0, 2.0], shape=2, maximum=1.5), "starts at 2, above its maximum of 1.5"),
+        (Parameter(3, minimum=4), "starts at 3, below its minimum of 4"),
+        (State(Parameter(5.0), maximum=2.0), "starts at 5, above its maximum of 2"),
+        (Parameter(1.0, minimum=2.0, maximum=1.0), "has the minimum 2, above its maximum of 1"),
+        (Output(nominal=-1.0, unit="m"), "has the nominal value -1 m; it must be positive and finite"),
+    ],
+    ids=lambda x: "" if isinstance(x, str) else type(x).__name__,
+)
+def test_start_values_outside_of_their_range_are_refused(declared: Any, fault: str) -> None:
+    block = type("Wrong", (Block,), {"x": declared})
+    with pytest.raises(BuildError) as caught:
+        Recipe.of(block, "native")
+    assert str(caught.value).startswith("Wrong.") and str(caught.value).endswith(f" {fault}.")
+    with pytest.raises(TypeError, match=r"^Wrong\."):
+        Instance(block())
+
+
+def test_computed_outputs_have_no_start_value_to_refuse() -> None:
+    block = type("Right", (Block,), {"y": Output(minimum=1.0), "k": Parameter(2.0, minimum=2.0, maximum=2.0)})
+    assert Recipe.of(block, "native").model == "Right"
 
 
 def test_the_key_of_a_block_with_limits_is_the_same_in_every_process() -> None:

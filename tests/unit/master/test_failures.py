@@ -235,7 +235,7 @@ def test_failing_fmu_ends_a_run_that_repeats_steps(
     check_freed(counts, died=fault == Fault.FATAL)
 
 
-@pytest.mark.parametrize("options", [{"algorithm": "strong"}, {"error_tolerance": 0.5}])
+@pytest.mark.parametrize("options", [*STEPPED.values(), {"algorithm": "strong"}, {"error_tolerance": 0.5}])
 def test_step_that_is_too_long_for_an_fmu_is_divided(
     options: dict[str, Any], faulty_fmu: Path, tmp_path: Path, counts: list[Counts]
 ) -> None:
@@ -247,7 +247,25 @@ def test_step_that_is_too_long_for_an_fmu_is_divided(
     frame = table(tmp_path)
     assert frame["time"][-1] == 1.0
     np.testing.assert_allclose(frame["j.bad.z"], 2.0 * frame["time"], rtol=1e-12)
+    if "error_tolerance" not in options:
+        assert result.stepping["divided_steps"] == {"j.bad": {"steps": 8, "shortest_part_s": 0.03125}}
+        assert "j.bad discarded 8 steps, and did them in parts; the shortest was 0.0312 s" in result.remarks
     check_freed(counts)
+
+
+def test_discarded_step_that_cannot_be_divided(tmp_path: Path) -> None:
+    fmu = build_faulty_fmu(tmp_path, name="Rigid", rollback=False)
+    result = run_system(wired([faulty("j.bad", fmu, longest=0.06)]), tmp_path / "out")
+    reason = "The step cannot be repeated in parts: j.bad cannot return to an earlier state"
+    assert result.problem is not None and reason in result.problem
+    assert result.problem.endswith(" (canGetAndSetFMUstate). Set a smaller --step-size.")
+
+
+def test_state_that_is_not_restored_is_noticed(faulty_fmu: Path, tmp_path: Path) -> None:
+    """The run ends rather than go on with wrong values, if an FMU fails to restore its state."""
+    system = line_with_a_fault(faulty_fmu, Fault.SET_STATE, 0.0, longest=0.06)
+    result = run_system(system, tmp_path)
+    assert result.problem is not None and "j.bad answered setFMUstate with fmi2Error." in result.problem
 
 
 # ---- states of FMUs ----------------------------------------------------------------------------
@@ -321,7 +339,7 @@ def test_checkpoints_free_their_states(
     run_system(system, out, checkpoint=tmp_path / "c")
     resumed = run_system(system, out, stop_time=2.0, resume=tmp_path / "c", checkpoint=tmp_path / "d")
     assert resumed.problem is None
-    assert len(left) >= 4 and set(left) == {0}
+    assert len(left) >= 4 and set(left) <= {0, 3}  # the run keeps one state of each FMU
     check_freed(counts)
 
 

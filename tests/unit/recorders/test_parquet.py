@@ -17,7 +17,7 @@ from emla_cosim.recorders.recorder import Outline
 from tests.support.commands import Emla, sentence
 from tests.support.full_disk import files_of_at_most
 
-RUN = ("run", "lift", "--stop-time", "0.002", "--no-plots", "--output-format", "parquet", "--output", "o")
+RUN = ("run", "lift", "--stop-time", "0.01", "--no-plots", "--output-format", "parquet", "--output", "o")
 
 
 def begun(folder: Path) -> ParquetFile:
@@ -50,7 +50,7 @@ def test_leftovers_of_a_killed_run_are_removed(emla: Emla, tmp_path: Path) -> No
         (parts / name).write_text("left")
     assert emla(*RUN).exit_code == 0
     assert not parts.exists()
-    assert len(polars.read_parquet(tmp_path / "o" / "results.parquet")) == 3
+    assert len(polars.read_parquet(tmp_path / "o" / "results.parquet")) == 11
 
 
 def test_files_are_synced_before_they_are_renamed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -138,7 +138,7 @@ def test_plots_have_a_panel_per_unit(lift: ec.Simulation) -> None:
         ({"stop": 1.0}, "there is no option 'stop'; did you mean 'stop_time'"),
         ({"stop_time": "soon"}, "the option 'stop_time' is 'soon'; it must be a number"),
         ({"stop_time": float("nan")}, "the stop time nan s"),
-        ({"stop_time": 0.0}, "stop time 0 s"),
+        ({"stop_time": -1.0}, "the stop time -1 s must be finite, and not before the start time 0 s"),
         ({"stop_time": 1e308}, "s are more than 1e+"),
         ({"step_size": 0.0}, "step size 0 s must be a positive"),
         ({"step_size": float("nan")}, "step size nan s"),

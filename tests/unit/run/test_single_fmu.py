@@ -3,6 +3,7 @@
 import json
 import zipfile
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import example, given
@@ -93,6 +94,60 @@ def test_options_replace_a_missing_experiment(reference: Path, tmp_path: Path) -
 
 def test_long_steps_have_a_row_each(reference: Path) -> None:
     assert len(load(reference, stop_time=31536000.0, step_size=86400.0).prepare().run().time) == 366
+
+
+@pytest.mark.parametrize(
+    ("stop_time", "step_size", "rows", "text"),
+    [
+        (
+            1e-3,
+            1e-6,
+            101,
+            "the run is short: its rows are every 1e-05 s, not every 1 ms (--output-interval).",
+        ),
+        (
+            2e-3,
+            1e-4,
+            21,
+            "the run is short: its rows are after each step, not every 1 ms (--output-interval).",
+        ),
+        (0.01, 1e-4, 11, ""),
+        (2e-3, 2e-3, 2, ""),
+    ],
+)
+def test_short_runs_have_rows(
+    stop_time: float, step_size: float, rows: int, text: str, reference: Path
+) -> None:
+    with load(reference, stop_time=stop_time, step_size=step_size).prepare() as simulation:
+        result, chosen = simulation.run(), simulation.run(output_interval=stop_time)
+    assert len(result.time) == rows and result.time[-1] == stop_time
+    assert [x for x in result.remarks if "is short" in x] == ([text] if text else [])
+    assert len(chosen.time) == 2 and not any("is short" in x for x in chosen.remarks)
+
+
+@pytest.mark.parametrize("options", [{}, {"algorithm": "strong"}, {"error_tolerance": 1e-3}], ids=str)
+def test_run_without_a_span_has_the_initial_row(options: dict[str, Any], emla: Emla, reference: Path) -> None:
+    times = {"start_time": 2.0, "stop_time": 2.0}
+    with load(reference, **times, **options).prepare() as simulation:
+        result = simulation.run()
+    assert (list(result.time), result.steps, result.problem) == ([2.0], 0, None)
+    assert result.signals["Reference.x_d"]["final"] == result["Reference.x_d"][0]
+    assert emla("export", "lift", "lift.ssp").exit_code == 0
+    for source in (str(reference), "lift.ssp"):
+        assert emla("run", source, "--stop-time", "0", "--no-plots", "--output", "out").exit_code == 0
+        assert len(Path("out/results.csv").read_text().splitlines()) == 2
+
+
+def test_times_that_do_not_fit_are_explained(reference: Path, tmp_path: Path) -> None:
+    def notes(**times: float) -> tuple[str, ...]:
+        return tuple(load(with_description(reference, tmp_path / "x.fmu", experiment(**times))).notes)
+
+    stop = (
+        "the stop time of the FMU, 3 s, is not after the start at 9 s; without --stop-time it runs for 10 s"
+    )
+    step = "the step size of the FMU, 5 s, does not fit into 1 s; without --step-size it is 0.001 s"
+    assert notes(startTime=9, stopTime=3, stepSize=0.5) == (stop,)
+    assert notes(stopTime=1, stepSize=5) == (step,)
 
 
 @pytest.mark.parametrize(

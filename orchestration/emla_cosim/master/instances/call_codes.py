@@ -20,6 +20,7 @@ CALLS = (
     "getInteger",
     "getBoolean",
     "getBooleanStatus",
+    "getRealStatus",
     "getFMUstate",
     "setFMUstate",
     "freeFMUstate",

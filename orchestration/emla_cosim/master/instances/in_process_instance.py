@@ -502,6 +502,8 @@ class InProcessInstance(FmiInstance, DescribedInstance):
                 [self._step_end.complaint] if call.startswith("doStep") and self._step_end.complaint else []
             )
         error = kind(self.name, plain_name(call), answer, said)
+        if kind is DiscardedStepError and (reached := self._last_successful_time()) > self._present.time:
+            error.args = (f"{error} It did this step until t = {reached:.9g} s.",)
         if hint := explain_earlier_exception(said):
             error.args = (f"{error} {hint}",)
         return error
@@ -512,6 +514,10 @@ class InProcessInstance(FmiInstance, DescribedInstance):
             return InstanceError
         ends = self._step_end.terminates if self._library.is_version_3 else self.asks_to_end()
         return EndRequestedError if ends else DiscardedStepError
+
+    def _last_successful_time(self) -> float:
+        """Return the time in s that a discarded step has reached; NaN if the FMU does not know it."""
+        return math.nan if self._library.is_version_3 else self.last_successful_time()
 
     def messages(self) -> list[str]:
         """Return the last warnings and errors of the FMU."""

@@ -18,7 +18,7 @@ from ..algorithms.algorithm import require
 from ..network import Network
 from .stepping_base import Stepping
 
-FORMAT = 5
+FORMAT = 6
 _STATE, _MEMORY = "state/", "memory/"
 
 

@@ -2,14 +2,18 @@
 
 import math
 import time
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...base.arrays import Vector
 from ...base.errors import CommandError
 from ...sandbox.crash_page import THREADS
 from ..algorithms.algorithm import Algorithm
+from ..instances.fmu_instance import DiscardedStepError
 from .lanes import LaneChoice
+from .step_division import StepDivision
 from .stepping_base import ROUNDING, RowSink, Stepping
 from .timing import CommunicationPoints
 
@@ -37,6 +41,7 @@ class FixedSteps(Stepping):
         super().__init__(algorithm, times)
         self.estimate: CouplingEstimate | None = None
         """What saves states and rows for an estimate of the coupling error, if there is one."""
+        self._division = StepDivision(algorithm, self.loop, times)
         self._choice = None if threads == 1 else LaneChoice(self.loop, algorithm, threads)
 
     @property
@@ -75,6 +80,7 @@ class FixedSteps(Stepping):
         """
         network, first = self.algorithm.network, self.algorithm.steps
         nowhere = np.empty((0, 1 + len(network.signals) + len(network.observer.values)))
+        self._division.forget()
         self.loop.offset_input(i, j, offset)
         try:
             _, failure = self.loop.run(first, 1, self.times.clock, first + 2, nowhere)
@@ -89,12 +95,33 @@ class FixedSteps(Stepping):
 
     def report(self) -> dict[str, Any]:
         """Add the use of threads to the report."""
-        return super().report() | (self._choice.report() if self._choice is not None else {"threads": 1})
+        threads = self._choice.report() if self._choice is not None else {"threads": 1}
+        return super().report() | self._division.report() | threads
+
+    def remarks(self) -> list[str]:
+        """Add what FMUs discarded."""
+        return [*super().remarks(), *self._division.remarks()]
+
+    def memory(self) -> dict[str, Vector]:
+        """Add the discarded steps to the memory."""
+        return super().memory() | self._division.memory()
+
+    def remember(self, memory: Mapping[str, Vector]) -> None:
+        """Restore the state from `memory` of fixed steps with the same algorithm."""
+        super().remember(memory)
+        self._division.remember(memory)
+
+    def note_change(self) -> None:
+        """Note that something else than a step changes the system: earlier steps cannot be repeated."""
+        self._division.forget()
+        if self.estimate is not None:
+            self.estimate.note_change()
 
     def close(self) -> None:
         """Free the saved states."""
         if self.estimate is not None:
             self.estimate.close()
+        self._division.close()
         super().close()
 
     def _last(self, until: float) -> int:
@@ -104,6 +131,7 @@ class FixedSteps(Stepping):
 
     def _advance(self, rows: RowSink, last: int) -> None:
         first, every, observer = self.algorithm.steps, rows.every, self.algorithm.network.observer
+        self._division.save()
         if observer.strings:  # C cannot read texts
             last = min(last, observer.next_due(first))
         if self.estimate is not None:
@@ -119,7 +147,10 @@ class FixedSteps(Stepping):
             self.estimate.take(first + 1, block[:recorded])
         if recorded:
             rows.commit(recorded)
-        if failure is not None:
+        if isinstance(failure, DiscardedStepError):
+            row = (self.algorithm.steps // every * every, block[recorded - 1]) if recorded else None
+            self._division.divide(failure, row)
+        elif failure is not None:
             raise failure
 
     def _advance_measured(self, choice: LaneChoice, rows: RowSink, last: int) -> bool:

@@ -13,7 +13,8 @@ import numpy as np
 from ...base.arrays import Vector
 from ...base.errors import RunError
 from ...sandbox import crash_page
-from ...stepper.layout import Control, Failure, Halves, Stepper
+from ...stepper.layout import DIVISION, Control, Failure, Halves, Stepper
+from ...stepper.layout import Call as StepperCall
 from ...stepper.library import StepperLibrary, address_of_clock
 from ..algorithms.algorithm import Algorithm
 from ..algorithms.program import Call
@@ -59,6 +60,7 @@ class NativeLoop:
     Attributes:
         is_shared: Whether `run` uses all threads, after `share_out` among several.
         seconds_beside: Wall time in s that further threads took for steps.
+        divisions: Steps that instances discarded and did in parts, as DIVISION records, shape (instances,).
     """
 
     def __init__(self, algorithm: Algorithm, points: Sequence[EntryPoints], library: StepperLibrary) -> None:
@@ -71,6 +73,9 @@ class NativeLoop:
         self._places = {(o.call, o.instance): place for place, o in enumerate(order)}
         self._stepper, self._stop = self._tables.stepper, ctypes.c_int32()
         self._stepper.stop = ctypes.addressof(self._stop)
+        self.divisions = np.zeros(len(points), DIVISION)
+        self.divisions["shortest"] = np.inf
+        self._stepper.divisions = self.divisions.ctypes.data
         self._lanes: LaneThreads | None = None
         self.is_shared, self.seconds_beside = False, 0.0
 
@@ -317,11 +322,31 @@ class NativeLoop:
         """Tell FMUs in each step that a state from before it may be restored."""
         self._tables.instances["has_no_way_back"] = 0
 
+    def divide_steps(self, i: int) -> bool:
+        """Let instance i do the steps that it discards in parts; return False if a group steps it."""
+        operations = self._tables.operations
+        for call, divided in {
+            StepperCall.STEP: StepperCall.DIVIDE,
+            StepperCall.END: StepperCall.END_DIVIDED,
+        }.items():
+            operations["call"][(operations["call"] == call) & (operations["target"] == i)] = divided
+        return bool(((operations["call"] == StepperCall.DIVIDE) & (operations["target"] == i)).any())
+
     def offset_input(self, i: int, j: int, offset: float) -> None:
         """Add an offset to input j of instance i from now on, in its unit, instead of an earlier one."""
         network = self._algorithm.network
         place = network.input_parts[i].start + j
         self._tables.inputs["offset"][place] = network.offsets[i][j] + offset
+
+    @property
+    def failed(self) -> int:
+        """Position of the instance whose call failed last."""
+        return int(self._stepper.instance)
+
+    @property
+    def failed_length(self) -> float:
+        """Length in s of the step that failed last, which may be a part of one."""
+        return float(self._stepper.length)
 
     @property
     def recorded(self) -> int:

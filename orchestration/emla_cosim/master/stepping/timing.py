@@ -87,6 +87,8 @@ def make_communication_points(
 ) -> CommunicationPoints:
     """Return the communication points from start to stop; times in s.
 
+    If both are equal, there is one point, and no step.
+
     Raises:
         CommandError: A time is invalid, or the span is not a whole number of steps.
     """
@@ -95,9 +97,10 @@ def make_communication_points(
     span = stop_time - start_time
     if math.isfinite(span):  # from the decimal numbers, because doubles far from zero are coarse
         span = float(Fraction(repr(float(stop_time))) - Fraction(repr(float(start_time))))
-    if not 0.0 < span < float("inf"):
+    if not 0.0 <= span < float("inf"):
         raise CommandError(
-            f"the stop time {stop_time:.12g} s must be a finite number of seconds after {start_time:.12g} s."
+            f"the stop time {stop_time:.12g} s must be finite, and not before the start time "
+            f"{start_time:.12g} s."
         )
     if span / step_size > MAXIMUM_STEPS:
         raise CommandError(
@@ -105,7 +108,7 @@ def make_communication_points(
             "Set a larger step size."
         )
     steps = round(span / step_size)
-    if steps == 0 or abs(steps * step_size - span) > 1e-9 * span:
+    if (steps == 0 and span > 0.0) or abs(steps * step_size - span) > 1e-9 * span:
         whole = max(int(span / step_size), 1)
         raise CommandError(
             f"the stop time {stop_time:.12g} s is not a whole number of steps of {step_size:.12g} s; "

@@ -53,18 +53,26 @@ def choose_times(
             later = [p.stop for p in parts if p.stop is not None and p.stop > start]
             stop, origin = (max(later), ", the longest of its FMUs") if later else (start + SPAN, "")
         if stop != said.stop:
-            notes.append(
-                f"the {owner} has no stop time; without --stop-time it runs for {stop - start:g} s{origin}"
-            )
+            fault = f"the {owner} has no stop time"
+            if said.stop is not None:
+                fault = (
+                    f"the stop time of the {owner}, {said.stop:g} s, is not after the start at {start:g} s"
+                )
+            notes.append(f"{fault}; without --stop-time it runs for {stop - start:g} s{origin}")
     step = options.step_size
-    if step is None:
+    if step is None and not stop > start:  # no step is done, or the stop time is refused
+        step = said.step if said.step is not None and said.step > 0.0 else 1.0
+    elif step is None:
         step, origin = said.step, ""
         if step is None or not 0.0 < step <= stop - start:
             fitting = [p.step for p in parts if p.step is not None and 0.0 < p.step <= stop - start]
             step, origin = (
                 (min(fitting), ", the shortest of its FMUs") if fitting else ((stop - start) / STEPS, "")
             )
-            notes.append(f"the {owner} has no step size; without --step-size it is {step:g} s{origin}")
+            fault = f"the {owner} has no step size"
+            if said.step is not None:
+                fault = f"the step size of the {owner}, {said.step:g} s, does not fit into {stop - start:g} s"
+            notes.append(f"{fault}; without --step-size it is {step:g} s{origin}")
     return Times(start, stop, step), notes
 
 

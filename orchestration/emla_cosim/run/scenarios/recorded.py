@@ -34,20 +34,17 @@ def load_recorded_run(path: Path, given: Mapping[str, Any]) -> RecordedRun:
         given: Options that override the recorded ones.
 
     Raises:
-        CommandError: If the file is no run.json, if an old version wrote it without the origin of the run, or
-            if the system or an option was an object of Python.
+        CommandError: If the file is no run.json, if its run ended too early to have settings, or if the
+            system or an option was an object of Python.
     """
     where = f"the record '{path}'"
     try:
         content = json.loads(read_text(path, "the record"))
     except (ValueError, RecursionError) as error:
         raise CommandError(f"{where} is not JSON: {error}.") from error
-    if not (isinstance(content, dict) and isinstance(content.get("settings"), dict)):
-        raise CommandError(f"{where} is not the record of a run; name a run.json that `emla run` wrote.")
-    if "source" not in content:
+    if not (isinstance(content, dict) and isinstance(content.get("settings"), dict) and "source" in content):
         raise CommandError(
-            f"{where} does not say which scenario was run with which options: an earlier version wrote "
-            "it, or the run ended too early. Run the scenario itself."
+            f"{where} is not the record of a run, or its run ended too early; name another run.json."
         )
     source, changed = content["source"], content.get("changed")
     if source is None:

@@ -67,16 +67,9 @@ NOINLINE static void extrapolate_inputs(Stepper *s, const FmuInstance *instance,
     }
 }
 
-/* Set the inputs of an instance for the step from `time` of this length. Those from another vector than the
-   signals are held. */
-ALWAYS_INLINE static int32_t set_inputs(Stepper *s, int32_t i, int32_t store, double time, double length) {
+/* Pass the values of its inputs on to an instance, with their derivatives if they are not held. */
+ALWAYS_INLINE static int32_t send_inputs(Stepper *s, int32_t i, int is_held) {
     const FmuInstance *instance = &s->instances[i];
-    if (instance->n_inputs == 0) return DONE;
-    const int is_held = instance->is_held || store != SIGNALS;
-    if (is_held)
-        hold_inputs(s, instance, s->stores[store]);
-    else
-        extrapolate_inputs(s, instance, time, length);
     const int64_t start = start_clock(instance->effort);
     const int32_t status = set_values(s, instance->setters, instance->n_setters, s->input_values);
     stop_clock(instance->effort, INPUT_CALLS, start);
@@ -89,6 +82,19 @@ ALWAYS_INLINE static int32_t set_inputs(Stepper *s, int32_t i, int32_t store, do
         &s->derivatives[instance->first_input]);
     stop_clock(instance->effort, INPUT_CALLS, began);
     return is_bad(answer) ? fail(s, DERIVATIVES_FAILED, i, answer) : DONE;
+}
+
+/* Set the inputs of an instance for the step from `time` of this length. Those from another vector than the
+   signals are held. */
+ALWAYS_INLINE static int32_t set_inputs(Stepper *s, int32_t i, int32_t store, double time, double length) {
+    const FmuInstance *instance = &s->instances[i];
+    if (instance->n_inputs == 0) return DONE;
+    const int is_held = instance->is_held || store != SIGNALS;
+    if (is_held)
+        hold_inputs(s, instance, s->stores[store]);
+    else
+        extrapolate_inputs(s, instance, time, length);
+    return send_inputs(s, i, is_held);
 }
 
 ALWAYS_INLINE static int32_t get_signals(Stepper *s, int32_t i) {

@@ -9,6 +9,13 @@ static void see(Stepper *s) {
     }
 }
 
+/* Note that an instance does a step of this length, as a part of one that it has discarded. */
+static void note_division(const Stepper *s, int32_t i, double length, int is_first) {
+    if (s->divisions == NULL) return;
+    s->divisions[i].steps += is_first;
+    s->divisions[i].shortest = fmin(s->divisions[i].shortest, length);
+}
+
 /* Save what the step of a group changes: states, signals and their history. */
 static int32_t save_group(Stepper *s, const Group *group) {
     const double *now = s->stores[SIGNALS], *previous = s->stores[PREVIOUS];
@@ -143,6 +150,7 @@ static int32_t solve(Stepper *s, int32_t g, double time, double length, int32_t 
     if (restored != DONE) return restored;
     s->status = fmi2OK;
     const double middle = time + 0.5 * length, end = time + length;
+    if (is_discarded) note_division(s, s->instance, middle - time, halvings == s->halvings);
     failure = solve(s, g, time, middle - time, halvings - 1);
     return failure != DONE ? failure : solve(s, g, middle, end - middle, halvings - 1);
 }

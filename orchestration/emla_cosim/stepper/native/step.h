@@ -20,6 +20,8 @@
 
 #include "solve.h"
 
+#include "divide.h"
+
 static double point(const Stepper *s, int64_t k) {
     const double time = (s->clock.first + (double)k * s->clock.per_step) / s->clock.denominator;
     return time < s->last_point ? time : s->last_point;
@@ -40,6 +42,8 @@ ALWAYS_INLINE static int32_t operate(Stepper *s, const Operation *operation, int
         case DO_STEP: return do_step(s, operation->target, start, span);
         case END_STEP: return end_step(s, operation->target, start, span);
         case GET_OUTPUTS: shift(s, operation->target, time + length); return get_outputs(s, operation->target);
+        case DIVIDE_STEP: return STEPPER_DIVISIONS ? divide_step(s, operation->target, start, span) : DONE;
+        case END_DIVIDED_STEP: return STEPPER_DIVISIONS ? end_divided_step(s, operation->target, start, span) : DONE;
         case SOLVE: return STEPPER_GROUPS ? solve(s, operation->target, time, length, s->halvings) : DONE;
         default: combine(s, &s->combinations[operation->target]); return DONE;
     }

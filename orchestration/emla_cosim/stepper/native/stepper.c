@@ -8,7 +8,8 @@
 /* Sizes of the records, for those who fill them in another language. */
 const size_t stepper_sizes[] = {sizeof(Call), sizeof(FmuInstance), sizeof(Input), sizeof(Signal), sizeof(Operation),
                                 sizeof(Combination), sizeof(Term), sizeof(Group), sizeof(Stepper),
-                                sizeof(Controlled), sizeof(Control), sizeof(SavedState), sizeof(Effort)};
+                                sizeof(Controlled), sizeof(Control), sizeof(SavedState), sizeof(Effort),
+                                sizeof(Division)};
 
 /* Count a complete row: after its numbers, as the process can be killed at any instruction. */
 static void count_row(Activity *activity) {

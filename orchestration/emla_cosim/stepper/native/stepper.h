@@ -17,6 +17,7 @@
 #ifndef STEPPER_EVENTS /* an exported system leaves out what it has not, */
 #define STEPPER_EVENTS 1
 #define STEPPER_GROUPS 1
+#define STEPPER_DIVISIONS 1
 #define STEPPER_WATCHED 1 /* and that somebody reads what is called, and how long it takes */
 #endif
 
@@ -134,7 +135,8 @@ typedef struct {
     int32_t is_smooth; /* whether it is continuous */
 } Signal;
 
-enum { SET_INPUTS, DO_STEP, GET_OUTPUTS, SOLVE, COMBINE, END_STEP };
+/* The last two replace DO_STEP and END_STEP of an instance that has discarded a step. */
+enum { SET_INPUTS, DO_STEP, GET_OUTPUTS, SOLVE, COMBINE, END_STEP, DIVIDE_STEP, END_DIVIDED_STEP };
 
 /* `target` is an instance, a group for SOLVE, or a combination for COMBINE. */
 typedef struct {
@@ -193,6 +195,12 @@ enum {
     TOO_SHORT /* the error is too large with the shortest step */
 };
 
+/* Steps that an instance discarded as a whole, and did in parts. */
+typedef struct {
+    int64_t steps;
+    double shortest; /* part in s */
+} Division;
+
 #define OUT_OF_RANGE INT32_MIN /* a status: a value does not fit into the type of its input */
 
 typedef struct {
@@ -219,6 +227,7 @@ typedef struct {
     double *taken, *taken_at; /* signal that an input with a rare reader read last, and its time */
     double *largest;          /* absolute values of the signals so far */
     double *observed;
+    Division *divisions; /* for each instance; NULL if no steps are divided */
     Activity *activity; /* NULL if nobody reads it */
     const volatile int32_t *stop; /* ends the run before the next step if it is not 0; NULL without */
     Clock clock;
@@ -277,7 +286,7 @@ typedef struct {
 } Control;
 
 /* Sizes of Call, FmuInstance, Input, Signal, Operation, Combination, Term, Group, Stepper, Controlled, Control,
- * SavedState and Effort. */
+ * SavedState, Effort and Division. */
 extern STEPPER_API const size_t stepper_sizes[];
 
 /* Set, step and get as the program says, for one step; returns why it failed, or DONE. */
