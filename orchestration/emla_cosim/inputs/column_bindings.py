@@ -9,8 +9,9 @@ from fmublock.table import TYPES
 
 from ..base.errors import CommandError, join_names
 from ..base.patterns import matches_pattern
+from ..base.quantities import UnitTable, resolve_conversion
 from ..base.signal_types import REAL, SignalType
-from ..base.units import IDENTITY, LinearTransformation, SiUnit, find_conversion, read_turns
+from ..base.units import IDENTITY, LinearTransformation, SiUnit
 from ..fmu.interface import Interface
 from ..fmu.variables import find_variable
 from ..system.model import System
@@ -213,9 +214,10 @@ def _bind_column(
         raise CommandError(f"{signal} is discrete; a derivative cannot drive it.", signal=signal)
     if variable.type != "Real" and (column.unit or data.headers[position].unit):
         raise CommandError(f"{signal} is of the type {variable.type}, which has no unit.", signal=signal)
-    transformation, is_assumed = (
-        convert_column(data, position, column, signal, unit) if variable.type == "Real" else (IDENTITY, False)
-    )
+    transformation, is_assumed = IDENTITY, False
+    if variable.type == "Real":
+        units = interface.unit_table(end[1])
+        transformation, is_assumed = convert_column(data, position, column, signal, unit, units)
     return ColumnBinding(
         signal,
         *end,
@@ -231,7 +233,12 @@ def _bind_column(
 
 
 def convert_column(
-    data: DataTable, position: int, column: Column, signal: str, unit: SiUnit | None
+    data: DataTable,
+    position: int,
+    column: Column,
+    signal: str,
+    unit: SiUnit | None,
+    units: UnitTable | None = None,
 ) -> tuple[LinearTransformation, bool]:
     """Return the conversion of a column to the unit of a signal, and whether the column has no unit.
 
@@ -241,24 +248,19 @@ def convert_column(
         column: The column as `find_column` returns it.
         signal: The signal.
         unit: Its unit.
+        units: The units of its FMU.
 
     Raises:
         CommandError: If the units measure different things.
     """
     header = data.headers[position]
     label = f"the column '{header.text}' of {data.label}"
-    measured = parse_data_unit(column.unit, label)
+    target = rate_of(unit, -column.derivative)
+    measured = parse_data_unit(column.unit, label, target, units)
     if measured is None and header.suffix is not None and header.name != signal:
-        target = rate_of(unit, -column.derivative)
         measured = read_suffix(header.suffix, target, label, header.text)
     given = rate_of(measured, column.derivative)
-    try:
-        transformation = IDENTITY if given is None else find_conversion(read_turns(given, unit), unit)
-    except ValueError as error:
-        raise CommandError(
-            f"{label} is for {signal} and has {error}, which cannot be converted into each other.",
-            signal=signal,
-        ) from error
+    transformation = resolve_conversion(given, unit, f"{label} for {signal}")
     return transformation, given is None and unit is not None
 
 

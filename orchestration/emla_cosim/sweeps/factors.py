@@ -7,7 +7,7 @@ from typing import Any
 
 from ..base.errors import CommandError, join_names
 from ..base.patterns import is_pattern, matches_pattern
-from ..base.quantities import parse_quantity, parse_unit_name, split_quantity
+from ..base.quantities import UnitTable, parse_quantity, parse_unit_name, read_quantity, split_quantity
 from ..base.units import SiUnit
 from ..base.values import convert_value
 from ..fmu.interface import Interface
@@ -19,7 +19,6 @@ from .distributions import Distribution, parse_distribution
 from .kinds.discrete import ValueList
 from .reserved import RESERVED
 from .targets import ACTUATOR, FMU, OPTION, SHEET, START, Target, assign_value
-from .with_units import convert_units
 
 
 @dataclass(frozen=True)
@@ -122,7 +121,7 @@ class _FactorResolver:
         joints = self.system.branches
         if of is None and self.name.partition(".")[0] == ACTUATOR and ACTUATOR not in joints:
             return [self._of_actuator(given, joints)]
-        in_si = parse_distribution(convert_units(given, self._in_si, self.label), self.label)
+        in_si = parse_distribution(given, self.label, self._in_si)
         if of is None:
             names = self._names(self.name, in_si)
             return [self._factor(name, [name], self._distribution(given, [name])) for name in names]
@@ -149,11 +148,11 @@ class _FactorResolver:
         units = set[str]()
 
         def convert(text: str) -> float:
-            number, unit = split_quantity(text)
+            number, unit = split_quantity(text, self.label)
             units.add(unit)
             return number
 
-        distributed = parse_distribution(convert_units(given, convert, self.label), self.label)
+        distributed = parse_distribution(given, self.label, convert)
         if len(units) > 1:
             raise CommandError(f"{self.label} has values in different units: {join_names(sorted(units))}.")
         if distributed.relative:
@@ -165,8 +164,8 @@ class _FactorResolver:
 
     def _in_si(self, text: str) -> float:
         """Return a quantity as a number in SI units, which keeps the order of values."""
-        found = parse_quantity(text, f"{self.label}: {text}")
-        return found.in_unit(None if found.unit is None else found.unit.si, self.label)
+        units = {n: u for i in self.interfaces.values() for n, u in i.units.table(None).items()}
+        return parse_quantity(text, f"{self.label}: {text}", units=units).si_number
 
     def _distribution(self, given: Any, names: Sequence[str]) -> Distribution:
         """Return the distribution in the common unit of these names."""
@@ -176,14 +175,11 @@ class _FactorResolver:
             label = f"{self.label}: {text}"
             if len(units) > 1:
                 raise CommandError(f"{label} is for variables with different units; vary each separately.")
-            (unit,) = units
-            if unit is None:
-                raise CommandError(f"{label} has a unit, but the variable has none; write a plain number.")
-            return parse_quantity(text, label).in_unit(unit, label)
+            return read_quantity(text, label, units.pop(), self._unit_table(names[0]))
 
         if any(self._takes_text(name) for name in names):
             return parse_distribution(given, self.label)
-        return parse_distribution(convert_units(given, convert, self.label), self.label)
+        return parse_distribution(given, self.label, convert)
 
     def _takes_text(self, name: str) -> bool:
         """Return whether values that look like quantities may be texts: files, names of levels."""
@@ -268,6 +264,13 @@ class _FactorResolver:
         if number == 0.0:
             raise CommandError(f"{self.label} is relative, but {name} is 0 in the scenario; give it values.")
         return number
+
+    def _unit_table(self, name: str) -> UnitTable | None:
+        """Return the units of the FMU of a start value."""
+        if self._kind(name) != START:
+            return None
+        component, variable = self.system.split(name)
+        return self.interfaces[component.name].unit_table(component.alias(variable).variable)
 
     def _unit(self, kind: str, name: str) -> SiUnit | None:
         """Return the unit of a start value or option, or None."""

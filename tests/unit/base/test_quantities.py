@@ -46,7 +46,21 @@ def test_text_means_a_quantity(text: str, unit: SiUnit, value: float) -> None:
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
-        *((text, "") for text in ("", "kN", "1,5 kN", "0x10", "1 2 kN", "nan", "1e3e3", "30 kN kN2 m")),
+        *(
+            (text, "")
+            for text in (
+                "",
+                "kN",
+                "1.000,5 kN",
+                "1,000,500 kN",
+                "1, kN",
+                "0x10",
+                "1 2 kN",
+                "nan",
+                "1e3e3",
+                "30 kN kN2 m",
+            )
+        ),
         ("1 e3", "has the unknown unit 'e3'"),
         ("3 F", "has the unknown unit 'F'"),  # farad or Fahrenheit
         ("30 mm", "has the units mm and SI"),

@@ -82,7 +82,7 @@ def test_units_in_patterns_several_targets_and_options(fmu_folder: Path) -> None
         ({LEAD: ["10 mm", 0.02]}, "0.02 has no unit, but 10 mm has"),
         ({LEAD: "1 s:2 s:3"}, "1 s has the units s and m"),
         ({LEAD: "1 furlong:2 furlong"}, "the unknown unit 'furlong'"),
-        ({"lift.plant.motor.N_p": "4 mm,5 mm"}, "4 mm has a unit, but the variable has none"),
+        ({"lift.plant.motor.N_p": "4 mm,5 mm"}, "4 mm has a unit, but takes none"),
         ({"x": {"of": [LEAD, L_D], "distribution": "values", "values": ["1 mm"]}}, "with different units"),
         (
             {LEAD: {"distribution": "values", "values": ["90 mm"], "relative": True}},

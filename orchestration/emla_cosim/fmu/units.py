@@ -1,0 +1,67 @@
+"""The units that an FMU defines, and those in which it displays values."""
+
+from collections.abc import Collection
+from functools import cached_property
+from typing import Any
+
+from fmpy.model_description import ModelDescription
+
+from ..base.units import BASE_UNITS, SiUnit
+
+
+class FmuUnits:
+    """The units of a model description.
+
+    Args:
+        description: The model description.
+        inverse: Names of display units of FMI 3.0 that divide by the value, which a factor cannot convert.
+    """
+
+    def __init__(self, description: ModelDescription, inverse: Collection[str]) -> None:
+        self._definitions = {str(u.name): u for u in description.unitDefinitions}
+        self._inverse = inverse
+        self._definer = f"the UnitDefinitions of the FMU '{description.modelName}'"
+
+    @cached_property
+    def by_name(self) -> dict[str, SiUnit]:
+        """Units by name."""
+        return {name: self._unit(name, d.baseUnit) for name, d in self._definitions.items()}
+
+    def find(self, name: str) -> SiUnit:
+        """Return the unit of this name; it has no exponents if the FMU does not define it."""
+        return self.by_name.get(name) or self._unit(name, None)
+
+    def table(self, unit: SiUnit | None) -> dict[str, SiUnit]:
+        """Return all units and display units by name.
+
+        Args:
+            unit: Of display units with the same name, those of this unit have precedence.
+        """
+        own = {} if unit is None else self._displayed.get(unit.name, {})
+        return {n: u for units in (*self._displayed.values(), self.by_name, own) for n, u in units.items()}
+
+    def _unit(self, name: str, base: Any) -> SiUnit:
+        if base is None:
+            return SiUnit(name, definer=self._definer)
+        exponents = tuple(int(getattr(base, b)) for b in BASE_UNITS)
+        return SiUnit(name, exponents, float(base.factor), float(base.offset), definer=self._definer)
+
+    @cached_property
+    def _displayed(self) -> dict[str, dict[str, SiUnit]]:
+        """Display units by the name of their unit, and by their own name."""
+        return {
+            name: {
+                str(display.name): _display_unit(self.by_name[name], display)
+                for display in definition.displayUnits
+                if display.name not in self._inverse and float(display.factor)
+            }
+            for name, definition in self._definitions.items()
+        }
+
+
+def _display_unit(unit: SiUnit, display: Any) -> SiUnit:
+    """Return a display unit, in which a value is `factor` times the value in the unit, plus `offset`."""
+    factor = unit.factor / float(display.factor)
+    offset = unit.offset - factor * float(display.offset)
+    root = unit.name if unit.exponents is None else ""
+    return SiUnit(str(display.name), unit.exponents, factor, offset, multiple_of=root, definer=unit.definer)
