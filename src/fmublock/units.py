@@ -44,11 +44,6 @@ class SiUnit:
         return self.name
 
     @property
-    def si(self) -> "SiUnit":
-        """The SI unit of the same dimension."""
-        return replace(self, name="", factor=1.0, offset=0.0)
-
-    @property
     def powers(self) -> dict[str, int]:
         """Exponents other than 0 by base unit, as in modelDescription.xml."""
         pairs = zip(BASE_UNITS, self.exponents or (), strict=False)
@@ -111,6 +106,7 @@ _ALONE = {
     "RPM": _unit(_TURN / 60, s=-1, rad=1),
     "U/min": _unit(_TURN / 60, s=-1, rad=1),
     "krpm": _unit(1000 * _TURN / 60, s=-1, rad=1),
+    "kRPM": _unit(1000 * _TURN / 60, s=-1, rad=1),
     "rev": _unit(_TURN, rad=1),
     "cycle": _unit(),
     "cycles": _unit(),
@@ -143,6 +139,8 @@ _ALONE = {
     "t": _unit(1e3, kg=1),
     "lbm": _unit(_POUND, kg=1),
     "ozm": _unit(_POUND / 16, kg=1),
+    "Ncm": _unit(1e-2, kg=1, m=2, s=-2),
+    "Nmm": _unit(1e-3, kg=1, m=2, s=-2),
     "lbf": _unit(_POUND * _GRAVITY, kg=1, m=1, s=-2),
     "ozf": _unit(_POUND * _GRAVITY / 16, kg=1, m=1, s=-2),
     "gf": _unit(1e-3 * _GRAVITY, kg=1, m=1, s=-2),

@@ -31,7 +31,13 @@ _QUANTITY = re.compile(
 _THOUSANDS = re.compile(r"[+-]?[1-9][0-9]{0,2},[0-9]{3}")
 """A number whose comma may separate thousands."""
 
-_PRODUCT = re.compile(r"\s*[·⋅×]\s*|(?<=[^\W_])\s+(?=[^\W\d_])|(?<=[0-9])\s+(?=[^\W\d_])")
+_SPELLINGS = (
+    (re.compile(r"\s*/\s*"), "/"),
+    (re.compile(r"\b(k?g)(c?m)(?=\^?2)"), r"\1.\2"),  # kgcm2
+    (re.compile(r"(?<=[^\W\d_])-(?=[^\W\d_])"), "."),  # oz-in
+    (re.compile(r"\s*[·⋅×]\s*|(?<=[^\W_])\s+(?=[^\W\d_])"), "."),
+)
+"""How users write products and quotients, and what `find_unit` reads."""
 
 
 @dataclass(frozen=True)
@@ -151,7 +157,9 @@ def parse_unit_name(
     defined = (units or {}).get(name)
     if defined is not None and (target is None or _is_convertible(defined, target)):
         return defined
-    written = _PRODUCT.sub(".", unicodedata.normalize("NFKC", name).replace("−", "-"))
+    written = unicodedata.normalize("NFKC", name).replace("−", "-")
+    for pattern, meant in _SPELLINGS:
+        written = pattern.sub(meant, written)
     unit = find_unit(written) or _find_mass_or_force(written, name, label, target)
     if unit is not None:
         return replace(unit, name=name)

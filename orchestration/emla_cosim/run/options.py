@@ -42,7 +42,7 @@ from ..base.option import (
     options_of,
 )
 from ..base.patterns import has_wildcard, matches_pattern
-from ..base.quantities import parse_quantity, parse_unit_name
+from ..base.quantities import read_quantity
 from ..base.values import convert_value, list_elements
 from ..fmu.cvode import METHODS
 from ..fmu.models import FLAVOURS, FMI_VERSIONS, PLATFORMS
@@ -770,7 +770,7 @@ def _in_unit(text: str, unit: str, label: str) -> float:
     try:
         return float(text)
     except ValueError:
-        return parse_quantity(text, label).in_unit(parse_unit_name(unit, label), label)
+        return read_quantity(text, label, unit)
 
 
 def _suggest_option(name: str, known: Mapping[str, Option]) -> str:

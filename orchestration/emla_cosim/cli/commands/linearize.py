@@ -68,7 +68,8 @@ def command(
     duration: Annotated[
         str | None,
         typer.Option(
-            help="Length of the responses. Default: 2000 steps, at most half of the run.",
+            help="Length of the responses. Default: 2000 steps, at most half of the run. In s, or with a "
+            "unit as in 100ms.",
             metavar="TIME",
             rich_help_panel=_WHAT,
         ),

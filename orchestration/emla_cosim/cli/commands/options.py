@@ -12,7 +12,7 @@ import typer
 
 from ...base.errors import CommandError
 from ...base.option import RUNS, Option
-from ...base.quantities import parse_quantity, parse_unit_name
+from ...base.quantities import read_quantity
 from ...base.values import parse_list
 from ...run.options import list_options, read_option
 
@@ -177,4 +177,4 @@ def read_time(text: str | None, flag: str) -> float | None:
     Raises:
         CommandError: The text is no time.
     """
-    return None if text is None else parse_quantity(text, flag).in_unit(parse_unit_name("s", flag), flag)
+    return None if text is None else read_quantity(text, flag, "s")

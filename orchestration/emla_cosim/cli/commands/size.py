@@ -8,11 +8,10 @@ import typer
 
 from ...base.errors import CommandError, RunError, join_names
 from ...base.option import SIZE
-from ...base.quantities import parse_quantity
-from ...base.units import find_unit
+from ...base.quantities import read_quantity
 from ...sizing.folder import CYCLES, PAGE, RECORD, TABLE
 from ...sizing.pictures import list_pictures
-from ...sizing.runner import AMBIENT, LEAD_IN, size
+from ...sizing.runner import LEAD_IN, size
 from ...sizing.summary import format_lines, format_tables
 from ...views.output_folder import results_folder
 from ...views.progress_bars import BarProgress
@@ -39,7 +38,7 @@ def command(
         str | None,
         typer.Option(
             help="Length of the cycle, which ends at the stop time and repeats. Default: the period of the "
-            "reference, otherwise the whole run.",
+            "reference, otherwise the whole run. In s, or with a unit as in 500ms.",
             metavar="TIME",
             rich_help_panel=_WHAT,
         ),
@@ -47,19 +46,20 @@ def command(
     lead_in: Annotated[
         str | None,
         typer.Option(
-            help="Time before the start time, in which the joints settle; it does not count. Default: 1 s.",
+            help="Time before the start time, in which the joints settle; it does not count. Default: 1 s. "
+            "In s, or with a unit as in 500ms.",
             metavar="TIME",
             rich_help_panel=_WHAT,
         ),
     ] = None,
     ambient: Annotated[
-        str | None,
+        str,
         typer.Option(
-            help="Temperature around the motors, such as 40degC or 104degF. Default: 40degC.",
+            help="Temperature around the motors, such as 40degC or 104degF.",
             metavar="TEMPERATURE",
             rich_help_panel=_WHAT,
         ),
-    ] = None,
+    ] = "40degC",
     life: Annotated[
         str | None,
         typer.Option(
@@ -91,8 +91,8 @@ def command(
             candidates=candidates,
             cycle=read_time(cycle, "--cycle"),
             lead_in=LEAD_IN if before is None else before,
-            ambient=_temperature(ambient),
-            life=_life(life),
+            ambient=read_quantity(ambient, "--ambient", "K", readings=("degC", "degF", "K")),
+            life=None if life is None else read_quantity(life, "--life", "s", readings=("h", "s")),
             output=place,
             plots=plots,
             report=report,
@@ -118,20 +118,3 @@ def _split_candidates(given: Mapping[str, Any]) -> tuple[dict[str, Any], dict[st
         {joint: one[0] for joint, one in files.items() if len(one) == 1},
         {joint: one for joint, one in files.items() if len(one) > 1},
     )
-
-
-def _temperature(text: str | None) -> float:
-    """Return a temperature in K."""
-    if text is None:
-        return AMBIENT
-    found = parse_quantity(text, "--ambient")
-    if found.unit is None:
-        raise CommandError(f"--ambient is {text} without a unit; write it as 40degC, 104degF or 313K.")
-    return found.in_unit(find_unit("K"), "--ambient")
-
-
-def _life(text: str | None) -> float | None:
-    """Return a life in s. It needs a unit: people think of it in hours, and other times are in seconds."""
-    if text is not None and parse_quantity(text, "--life").unit is None:
-        raise CommandError(f"--life is {text} without a unit; write it as {text}h or {text}s.")
-    return read_time(text, "--life")
