@@ -13,6 +13,7 @@ __all__ = [
     "SiUnit",
     "UndefinedUnitError",
     "counts_turns",
+    "define_display_unit",
     "explain_contradiction",
     "find_conversion",
     "find_unit",
@@ -156,6 +157,22 @@ def explain_contradiction(unit: SiUnit) -> str | None:
     if not unit.is_difference and abs(unit.offset - by_name.offset) > _TOLERANCE * abs(by_name.offset):
         return f"the unit {unit} has the offset {unit.offset:g}, but its name means {by_name.offset:g}"
     return None
+
+
+def define_display_unit(unit: SiUnit, name: str, factor: float, offset: float) -> SiUnit:
+    """Return the unit for the display of another one.
+
+    Args:
+        unit: The other unit.
+        name: The name of the display unit.
+        factor: The displayed value is `factor` times the value, plus `offset`.
+        offset: See `factor`.
+    """
+    scale = unit.factor / factor
+    root = unit.name if unit.exponents is None else ""
+    return SiUnit(
+        name, unit.exponents, scale, unit.offset - scale * offset, multiple_of=root, definer=unit.definer
+    )
 
 
 def format_powers(unit: SiUnit) -> str:

@@ -6,7 +6,7 @@ from typing import Any
 
 from fmpy.model_description import ModelDescription
 
-from ..base.units import BASE_UNITS, SiUnit
+from ..base.units import BASE_UNITS, SiUnit, define_display_unit
 
 
 class FmuUnits:
@@ -51,17 +51,11 @@ class FmuUnits:
         """Display units by the name of their unit, and by their own name."""
         return {
             name: {
-                str(display.name): _display_unit(self.by_name[name], display)
-                for display in definition.displayUnits
-                if display.name not in self._inverse and float(display.factor)
+                str(d.name): define_display_unit(
+                    self.by_name[name], str(d.name), float(d.factor), float(d.offset)
+                )
+                for d in definition.displayUnits
+                if d.name not in self._inverse and float(d.factor)
             }
             for name, definition in self._definitions.items()
         }
-
-
-def _display_unit(unit: SiUnit, display: Any) -> SiUnit:
-    """Return a display unit, in which a value is `factor` times the value in the unit, plus `offset`."""
-    factor = unit.factor / float(display.factor)
-    offset = unit.offset - factor * float(display.offset)
-    root = unit.name if unit.exponents is None else ""
-    return SiUnit(str(display.name), unit.exponents, factor, offset, multiple_of=root, definer=unit.definer)

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from ...base.units import (
     BASE_UNITS,
     SiUnit,
-    counts_turns,
+    define_display_unit,
     explain_contradiction,
     find_unit,
     is_same_factor,
@@ -17,7 +17,6 @@ from ..messages import Breach, Problem, judge_problems
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, fmi3
 
-_TURN = 2.0 * math.pi
 _RAD = BASE_UNITS.index("rad")
 
 _UNIQUE = Clause(
@@ -116,7 +115,7 @@ def consistent(subject: Subject) -> CheckOutcome:
         for display in unit.display
         if _is_inverse(display) and _number(display, "offset", 0.0) != 0.0
     ]
-    doubts = [Breach(p, _CONVERTED) for u in units for p in (*_contradictions(u), *_wrong_display(u))]
+    doubts = [Breach(p, _CONVERTED) for u in units for p in _contradictions(u)]
     known = sum(find_unit(u.name) is not None for u in units)
     return judge_problems(
         problems, f"{known} of {len(units)} units have well-known names; all of them match.", doubts
@@ -140,29 +139,22 @@ def _finite(unit: DeclaredUnit) -> Iterator[str]:
 
 
 def _contradictions(unit: DeclaredUnit) -> Iterator[str]:
-    if unit.base is not None and (text := explain_contradiction(_read_unit(unit))) is not None:
-        yield f"{text[0].upper()}{text[1:]}."
-
-
-def _read_unit(unit: DeclaredUnit) -> SiUnit:
-    base = unit.base or {}
-    return SiUnit(unit.name, _exponents(base), _number(base, "factor", 1.0), _number(base, "offset", 0.0))
-
-
-def _wrong_display(unit: DeclaredUnit) -> Iterator[str]:
-    mine = find_unit(unit.name)
+    """Yield what contradicts the names of a unit and of its display units."""
+    base = unit.base
+    defined = find_unit(unit.name)
+    if base is not None:
+        factor, offset = _number(base, "factor", 1.0), _number(base, "offset", 0.0)
+        defined = SiUnit(unit.name, _exponents(base), factor, offset)
+        if (text := explain_contradiction(defined)) is not None:
+            yield f"{text[0].upper()}{text[1:]}."
+            return
     for display in unit.display:
-        theirs = find_unit(display["name"])
-        if mine is None or theirs is None or _is_inverse(display):
+        factor, offset = _number(display, "factor", 1.0), _number(display, "offset", 0.0)
+        if defined is None or not factor or _is_inverse(display):
             continue
-        factor = _number(display, "factor", 1.0)
-        right = mine.factor / theirs.factor
-        turning = counts_turns(unit.name) or counts_turns(display["name"])
-        allowed = [right * _TURN**k for k in ((-1, 0, 1) if turning else (0,))]
-        if not mine.has_dimension_of(theirs):
-            yield f"{display['name']} cannot be a display unit of {unit.name}: it has another dimension."
-        elif not any(is_same_factor(factor, one) for one in allowed):
-            yield f"1 {unit.name} is displayed as {factor:g} {display['name']}, but is {right:g}."
+        text = explain_contradiction(define_display_unit(defined, display["name"], factor, offset))
+        if text is not None:
+            yield f"In the display of {unit.name}, {text}."
 
 
 @check(
