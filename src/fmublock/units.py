@@ -6,6 +6,7 @@ unambiguous names are accepted.
 
 import math
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
@@ -30,6 +31,7 @@ class SiUnit:
         is_difference: whether values are differences, which convert without offset.
         multiple_of: the undefined unit of which this one is a multiple, such as EUR of kEUR.
         definer: the list in which a document must define it, for error messages.
+        alternatives: other units of its document by name, in which users can write values.
     """
 
     name: str
@@ -39,6 +41,7 @@ class SiUnit:
     is_difference: bool = field(default=False, compare=False)
     multiple_of: str = ""
     definer: str = field(default="", compare=False)
+    alternatives: Mapping[str, "SiUnit"] = field(default_factory=dict, compare=False, repr=False)
 
     def __str__(self) -> str:
         return self.name

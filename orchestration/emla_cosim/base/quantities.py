@@ -3,7 +3,7 @@
 import math
 import re
 import unicodedata
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from decimal import Decimal
 
@@ -20,9 +20,6 @@ from .units import (
     list_meanings,
     read_turns,
 )
-
-UnitTable = Mapping[str, SiUnit]
-"""Units that a document defines, by name."""
 
 _QUANTITY = re.compile(
     r"\s*(?P<number>[+-]?(?:[0-9]+(?:[.,][0-9]+|\.)?|[.,][0-9]+)(?:[eE][+-]?[0-9]+)?)"
@@ -136,17 +133,14 @@ def split_quantity(text: str, label: str) -> tuple[float, str]:
     return float(number.replace(",", ".")), unit
 
 
-def parse_unit_name(
-    name: str, label: str, target: SiUnit | None = None, units: UnitTable | None = None
-) -> SiUnit:
+def parse_unit_name(name: str, label: str, target: SiUnit | None = None) -> SiUnit:
     """Return the unit that a user writes as `kg cm^2`, `N·m/A`, `min⁻¹` or `kg.cm2`.
 
     Args:
         name: The name of the unit.
         label: What error messages call the place of the name.
-        target: The unit to convert to. Its own name is always known. It decides whether `lb` and `oz` are
-            masses or forces, and whether a unit of the FMU has precedence: if it can be converted.
-        units: The units of the FMU.
+        target: The unit to convert to. Its own name and its alternatives are known; these have precedence
+            if they can be converted. It decides whether `lb` and `oz` are masses or forces.
 
     Raises:
         CommandError: If the name is not that of a unit, or `lb` or `oz` may be a mass and a force.
@@ -154,8 +148,8 @@ def parse_unit_name(
     name = name.strip()
     if target is not None and name == target.name:
         return target
-    defined = (units or {}).get(name)
-    if defined is not None and (target is None or _is_convertible(defined, target)):
+    defined = None if target is None else target.alternatives.get(name)
+    if defined is not None and target is not None and _is_convertible(defined, target):
         return defined
     written = unicodedata.normalize("NFKC", name).replace("−", "-")
     for pattern, meant in _SPELLINGS:
@@ -165,7 +159,8 @@ def parse_unit_name(
         return replace(unit, name=name)
     if defined is not None:
         return defined  # the conversion is refused
-    alike = [n for n, u in (units or {}).items() if target is not None and _is_convertible(u, target)]
+    units = () if target is None else target.alternatives.items()
+    alike = [n for n, u in units if target is not None and _is_convertible(u, target)]
     of_fmu = f" The FMU defines {', '.join(alike[:4])}." if alike else ""
     raise CommandError(
         f"{label} has the unknown unit '{name}'; write a unit such as kN, mm/s, N.m or kg.cm2.{of_fmu}",
@@ -196,38 +191,28 @@ def _is_convertible(unit: SiUnit, target: SiUnit) -> bool:
     return True
 
 
-def parse_quantity(
-    text: str, label: str, target: SiUnit | None = None, units: UnitTable | None = None
-) -> Quantity:
+def parse_quantity(text: str, label: str, target: SiUnit | None = None) -> Quantity:
     """Parse a quantity, such as "30 kN", "-3.4e3 N", "0,5 mm" or "0.2".
 
     Args:
         text: The text.
         label: What error messages call the quantity.
         target: The unit to convert to, see `parse_unit_name`.
-        units: The units of the FMU.
 
     Raises:
         CommandError: If it is not a number with or without a unit.
     """
     number, unit = split_quantity(text, label)
-    return Quantity(number, parse_unit_name(unit, label, target, units) if unit else None)
+    return Quantity(number, parse_unit_name(unit, label, target) if unit else None)
 
 
-def read_quantity(
-    text: str,
-    label: str,
-    target: SiUnit | str | None,
-    units: UnitTable | None = None,
-    readings: Sequence[str] = (),
-) -> float:
+def read_quantity(text: str, label: str, target: SiUnit | str | None, readings: Sequence[str] = ()) -> float:
     """Return the number of a text in a unit.
 
     Args:
         text: The text, such as "30 kN". A number without a unit is in the unit `target`.
         label: What error messages call the quantity.
         target: The unit, or its name; None if the quantity takes no unit.
-        units: The units of the FMU.
         readings: Units in which users may think of it. With them, a number without a unit is refused.
 
     Raises:
@@ -241,4 +226,4 @@ def read_quantity(
         raise CommandError(f"{label} {written} has no unit; write {examples}.")
     if name and unit is None:
         raise CommandError(f"{label} has a unit, but takes none; write a plain number.")
-    return parse_quantity(text, label, unit, units).in_unit(unit, label)
+    return parse_quantity(text, label, unit).in_unit(unit, label)

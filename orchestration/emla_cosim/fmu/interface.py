@@ -85,10 +85,6 @@ class Interface:
         """Return the units that the FMU defines."""
         return FmuUnits(self.description, self.inverse_units)
 
-    def unit_table(self, name: str) -> dict[str, SiUnit]:
-        """Return the units of the FMU in which users can write a variable, by name."""
-        return self.units.table(self.unit(name))
-
     @cached_property
     def direct(self) -> Dependencies:
         """Return the dependencies of outputs at one instant."""

@@ -9,7 +9,7 @@ from fmublock.table import TYPES
 
 from ..base.errors import CommandError, join_names
 from ..base.patterns import matches_pattern
-from ..base.quantities import UnitTable, resolve_conversion
+from ..base.quantities import resolve_conversion
 from ..base.signal_types import REAL, SignalType
 from ..base.units import IDENTITY, LinearTransformation, SiUnit
 from ..fmu.interface import Interface
@@ -214,10 +214,9 @@ def _bind_column(
         raise CommandError(f"{signal} is discrete; a derivative cannot drive it.", signal=signal)
     if variable.type != "Real" and (column.unit or data.headers[position].unit):
         raise CommandError(f"{signal} is of the type {variable.type}, which has no unit.", signal=signal)
-    transformation, is_assumed = IDENTITY, False
-    if variable.type == "Real":
-        units = interface.unit_table(end[1])
-        transformation, is_assumed = convert_column(data, position, column, signal, unit, units)
+    transformation, is_assumed = (
+        convert_column(data, position, column, signal, unit) if variable.type == "Real" else (IDENTITY, False)
+    )
     return ColumnBinding(
         signal,
         *end,
@@ -233,12 +232,7 @@ def _bind_column(
 
 
 def convert_column(
-    data: DataTable,
-    position: int,
-    column: Column,
-    signal: str,
-    unit: SiUnit | None,
-    units: UnitTable | None = None,
+    data: DataTable, position: int, column: Column, signal: str, unit: SiUnit | None
 ) -> tuple[LinearTransformation, bool]:
     """Return the conversion of a column to the unit of a signal, and whether the column has no unit.
 
@@ -248,7 +242,6 @@ def convert_column(
         column: The column as `find_column` returns it.
         signal: The signal.
         unit: Its unit.
-        units: The units of its FMU.
 
     Raises:
         CommandError: If the units measure different things.
@@ -256,7 +249,7 @@ def convert_column(
     header = data.headers[position]
     label = f"the column '{header.text}' of {data.label}"
     target = rate_of(unit, -column.derivative)
-    measured = parse_data_unit(column.unit, label, target, units)
+    measured = parse_data_unit(column.unit, label, target)
     if measured is None and header.suffix is not None and header.name != signal:
         measured = read_suffix(header.suffix, target, label, header.text)
     given = rate_of(measured, column.derivative)

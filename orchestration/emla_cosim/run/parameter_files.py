@@ -103,7 +103,7 @@ def _read_column_values(
     for row, (element, number) in enumerate(zip(elements, numbers.tolist(), strict=False), 1):
         alias = component.alias(element)
         target = alias.unit or interface.unit(alias.variable)
-        given = parse_data_unit(unit, label, target, interface.unit_table(alias.variable))
+        given = parse_data_unit(unit, label, target)
         # a dimensionless value fits a variable without a unit
         value = Quantity(number, given).in_unit(target or (None if given is None else _ONE), label)
         try:
@@ -170,8 +170,8 @@ def _read_parameter_set(file: Path, system: System, interfaces: Mapping[str, Int
             unit = component.aliases[name].unit
         value = parameter.value
         if written is not None and unit is not None:
-            if written.exponents is None and name in interface.variables:
-                written = interface.unit_table(name).get(written.name, written)
+            if written.exponents is None:
+                written = unit.alternatives.get(written.name, written)
             try:
                 value = convert_documents_units(str(file), written, unit)(float(value))
             except ValueError as error:

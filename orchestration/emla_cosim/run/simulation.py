@@ -6,7 +6,7 @@ import threading
 import weakref
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Unpack
 
@@ -16,7 +16,6 @@ from ..base.files import get_working_folder
 from ..base.option import SHARING, SHOWING
 from ..base.patterns import matches_pattern
 from ..base.progress import Progress
-from ..base.quantities import read_quantity
 from ..base.signal_types import SignalType
 from ..base.units import IDENTITY, SiUnit
 from ..base.values import convert_value
@@ -212,12 +211,6 @@ class Simulation:
         if name not in self._discrete:
             self._discrete[name] = self._assembly.is_discrete(name)
         return self._discrete[name]
-
-    def _read_quantity(self, units: Mapping[str, SiUnit | None], name: str, text: str) -> float:
-        """Return the number of a text in the unit of a signal."""
-        component, variable = self.system.split(name)
-        table = self._assembly.files[component.name].interface.unit_table(component.alias(variable).variable)
-        return read_quantity(text, f"the condition on {name}", units[name], table)
 
     def _unit(self, name: str) -> SiUnit | None:
         component, variable = self.system.split(name)
@@ -422,8 +415,7 @@ class Simulation:
                 if figures := {**coupling.figures(None), **before.get(COUPLING, {})}:
                     before[COUPLING] = figures
                 check_requirements(required, before, run_figures())
-            read = partial(self._read_quantity, units)
-            conditions = find_stop_conditions(chosen.stop_when, names, assembly.shown, read)
+            conditions = find_stop_conditions(chosen.stop_when, units, assembly.shown)
             run = Run(stepping, outline, taking, assembly.shown, pacing, resumed, conditions, self._profiler)
             stepping.watch = metrics.watcher(assembly.shown)
         except BaseException:

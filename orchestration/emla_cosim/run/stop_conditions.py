@@ -1,13 +1,13 @@
 """Conditions on signals that end a run, such as `lift.plant.x_L > 0.3`."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from ..base.arrays import Vector
 from ..base.errors import CommandError, suggest_names
-from ..base.quantities import has_unit
-from ..base.units import IDENTITY, LinearTransformation
+from ..base.quantities import has_unit, read_quantity
+from ..base.units import IDENTITY, LinearTransformation, SiUnit
 from ..recorders.row_buffer import RowBuffer
 from .requirements import Requirement, parse_requirement, split_condition
 
@@ -61,23 +61,19 @@ class StopCondition:
 
 
 def find_stop_conditions(
-    texts: Sequence[str],
-    names: Sequence[str],
-    shown: Mapping[int, LinearTransformation],
-    read: Callable[[str, str], float],
+    texts: Sequence[str], units: Mapping[str, SiUnit | None], shown: Mapping[int, LinearTransformation]
 ) -> list[StopCondition]:
     """Return the conditions of a run.
 
     Args:
         texts: The conditions as users write them.
-        names: The names of the signals in rows.
+        units: The units of the signals in rows, in their order.
         shown: Transformations of signals to the units of results, by position.
-        read: Returns the number of a text with a unit, in the unit of results of a signal.
 
     Raises:
         CommandError: If a condition is invalid, or its signal does not exist.
     """
-    found = []
+    found, names = [], list(units)
     for condition, quantity in map(parse_stop_condition, texts):
         name = condition.figure
         if name not in names:
@@ -86,7 +82,9 @@ def find_stop_conditions(
             )
         place = names.index(name)
         if quantity:
-            condition = replace(condition, value=read(name, quantity))
+            condition = replace(
+                condition, value=read_quantity(quantity, f"the condition on {name}", units[name])
+            )
         found.append(StopCondition(condition, 1 + place, shown.get(place, IDENTITY)))
     return found
 

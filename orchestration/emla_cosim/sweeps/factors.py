@@ -7,10 +7,11 @@ from typing import Any
 
 from ..base.errors import CommandError, join_names
 from ..base.patterns import is_pattern, matches_pattern
-from ..base.quantities import UnitTable, parse_quantity, parse_unit_name, read_quantity, split_quantity
+from ..base.quantities import parse_unit_name, read_quantity, split_quantity
 from ..base.units import SiUnit
 from ..base.values import convert_value
 from ..fmu.interface import Interface
+from ..fmu.units import read_si_number
 from ..fmu.variables import find_variable
 from ..run.options import list_options
 from ..system.model import System, Value
@@ -164,8 +165,7 @@ class _FactorResolver:
 
     def _in_si(self, text: str) -> float:
         """Return a quantity as a number in SI units, which keeps the order of values."""
-        units = {n: u for i in self.interfaces.values() for n, u in i.units.table(None).items()}
-        return parse_quantity(text, f"{self.label}: {text}", units=units).si_number
+        return read_si_number(text, f"{self.label}: {text}", (i.units for i in self.interfaces.values()))
 
     def _distribution(self, given: Any, names: Sequence[str]) -> Distribution:
         """Return the distribution in the common unit of these names."""
@@ -175,7 +175,7 @@ class _FactorResolver:
             label = f"{self.label}: {text}"
             if len(units) > 1:
                 raise CommandError(f"{label} is for variables with different units; vary each separately.")
-            return read_quantity(text, label, units.pop(), self._unit_table(names[0]))
+            return read_quantity(text, label, units.pop())
 
         if any(self._takes_text(name) for name in names):
             return parse_distribution(given, self.label)
@@ -264,13 +264,6 @@ class _FactorResolver:
         if number == 0.0:
             raise CommandError(f"{self.label} is relative, but {name} is 0 in the scenario; give it values.")
         return number
-
-    def _unit_table(self, name: str) -> UnitTable | None:
-        """Return the units of the FMU of a start value."""
-        if self._kind(name) != START:
-            return None
-        component, variable = self.system.split(name)
-        return self.interfaces[component.name].unit_table(component.alias(variable).variable)
 
     def _unit(self, kind: str, name: str) -> SiUnit | None:
         """Return the unit of a start value or option, or None."""

@@ -92,7 +92,7 @@ def _read_value(system: System, fault: Fault, interfaces: Mapping[str, Interface
     if unit is not None and fault.kind == "offset":
         unit = replace(unit, is_difference=True)
     label = f"the value of the fault of {fault.signal}"
-    return read_quantity(str(fault.value), label, unit, interfaces[component].unit_table(name))
+    return read_quantity(str(fault.value), label, unit)
 
 
 def _end(system: System, fault: Fault) -> tuple[str, str]:

@@ -131,4 +131,4 @@ def _convert_to_unit(system: System, interfaces: Mapping[str, Interface], name: 
     if variable is None or variable.type != "Real":
         return value  # a text, or an error that is raised when it is set
     unit = alias.unit if alias is not None else interface.unit(own)
-    return read_quantity(value, f"{name} = {value}", unit, interface.unit_table(variable.name))
+    return read_quantity(value, f"{name} = {value}", unit)

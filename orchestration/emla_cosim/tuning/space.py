@@ -8,8 +8,9 @@ import numpy as np
 
 from ..base.arrays import Vector
 from ..base.errors import CommandError, join_names
-from ..base.quantities import UnitTable, has_unit, parse_quantity
+from ..base.quantities import has_unit
 from ..fmu.interface import Interface
+from ..fmu.units import FmuUnits, read_si_number
 from ..run.options import list_options
 from ..sweeps.distributions import Distribution, parse_distribution
 from ..sweeps.factors import Factor, find_start_number, resolve_factors
@@ -78,7 +79,7 @@ class Space:
 def build_space(plan: TuningPlan, system: System, interfaces: Mapping[str, Interface]) -> Space:
     """Return the space of a plan in a system; raise CommandError for a wrong name or one that cannot vary."""
     free = [name for name in plan.vary if _is_free(name, plan.vary[name], system)]
-    units = {n: u for i in interfaces.values() for n, u in i.units.table(None).items()}
+    units = [interface.units for interface in interfaces.values()]
     known = {name: _range(given, units) for name, given in plan.vary.items() if name not in free}
     found = resolve_factors(known, system, interfaces, plan.where)
     _check_start_values(found, plan.where)
@@ -131,13 +132,13 @@ def _has_targets(given: Any) -> bool:
     return isinstance(given, Mapping) and "of" in given
 
 
-def _range(given: Any, units: UnitTable) -> Any:
+def _range(given: Any, units: Sequence[FmuUnits]) -> Any:
     """Return the range of a gain; LOW:HIGH of positive numbers is logarithmic."""
     if not isinstance(given, str):
         return given
 
     def read_si(text: str) -> float:
-        return parse_quantity(text, "the range", None, units).si_number
+        return read_si_number(text, "the range", units)
 
     found = parse_distribution(given, "the range", read_si)
     if isinstance(found, Uniform) and found.low > 0:
