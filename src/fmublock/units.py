@@ -6,13 +6,15 @@ unambiguous names are accepted.
 
 import math
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 
 BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 """SI base units in the order of `SiUnit.exponents`; the radian counts as one, as in FMI and SSP."""
 
 _LONGEST = 100
-_TOKEN = re.compile(r"([./()*]|\^?[+-]?[0-9]{1,2}(?![0-9])|[^\W\d_]+|[°%])")
+_TOKEN = re.compile(r"([./()*]|\^?[+-]?[0-9]{1,2}(?![0-9])|(?:delta_|°)?[^\W\d_]+|[°%])")
 _EXPONENT = re.compile(r"\^?([+-]?[0-9]{1,2})")
 _WORD = re.compile(r"[^\W\d_]+")
 
@@ -27,6 +29,9 @@ class SiUnit:
         factor: factor to SI base units.
         offset: offset in SI base units.
         is_difference: whether values are differences, which convert without offset.
+        multiple_of: the undefined unit of which this one is a multiple, such as EUR of kEUR.
+        definer: the list in which a document must define it, for error messages.
+        alternatives: other units of its document by name, in which users can write values.
     """
 
     name: str
@@ -34,14 +39,12 @@ class SiUnit:
     factor: float = 1.0
     offset: float = 0.0
     is_difference: bool = field(default=False, compare=False)
+    multiple_of: str = ""
+    definer: str = field(default="", compare=False)
+    alternatives: Mapping[str, "SiUnit"] = field(default_factory=dict, compare=False, repr=False)
 
     def __str__(self) -> str:
         return self.name
-
-    @property
-    def si(self) -> "SiUnit":
-        """The SI unit of the same dimension."""
-        return replace(self, name="", factor=1.0, offset=0.0)
 
     @property
     def powers(self) -> dict[str, int]:
@@ -53,9 +56,13 @@ class SiUnit:
         """Return whether both units are the same except for their names."""
         return replace(self, name="") == replace(other, name="")
 
+    def has_dimension_of(self, other: "SiUnit") -> bool:
+        """Return whether both units are defined, with the same exponents except for that of the radian."""
+        return self.exponents is not None and self.exponents[:-1] == (other.exponents or ())[:-1]
 
-def _unit(factor: float = 1.0, offset: float = 0.0, **exponents: int) -> SiUnit:
-    return SiUnit("", tuple(exponents.get(base, 0) for base in BASE_UNITS), factor, offset)
+
+def _unit(factor: float = 1.0, offset: float = 0.0, is_difference: bool = False, **exponents: int) -> SiUnit:
+    return SiUnit("", tuple(exponents.get(base, 0) for base in BASE_UNITS), factor, offset, is_difference)
 
 
 _COHERENT = {
@@ -72,6 +79,9 @@ _COHERENT = {
     "Pa": _unit(kg=1, m=-1, s=-2),
     "J": _unit(kg=1, m=2, s=-2),
     "W": _unit(kg=1, m=2, s=-3),
+    "VA": _unit(kg=1, m=2, s=-3),
+    "Wh": _unit(3600.0, kg=1, m=2, s=-2),
+    "Ah": _unit(3600.0, s=1, A=1),
     "V": _unit(kg=1, m=2, s=-3, A=-1),
     "C": _unit(s=1, A=1),
     "F": _unit(kg=-1, m=-2, s=4, A=2),
@@ -89,36 +99,54 @@ _COHERENT = {
 """Units that accept prefixes and have unambiguous symbols."""
 
 _POUND, _GRAVITY = 0.45359237, 9.80665
+_TURN, _YEAR = 2 * math.pi, 365.25 * 86400.0
 
 _ALONE = {
     "Hz": _unit(s=-1),
     "kHz": _unit(1e3, s=-1),
     "MHz": _unit(1e6, s=-1),
-    "rpm": _unit(2 * math.pi / 60, s=-1, rad=1),
-    "RPM": _unit(2 * math.pi / 60, s=-1, rad=1),
-    "U/min": _unit(2 * math.pi / 60, s=-1, rad=1),
-    "krpm": _unit(2000 * math.pi / 60, s=-1, rad=1),
-    "rev": _unit(2 * math.pi, rad=1),
+    "rpm": _unit(_TURN / 60, s=-1, rad=1),
+    "RPM": _unit(_TURN / 60, s=-1, rad=1),
+    "U/min": _unit(_TURN / 60, s=-1, rad=1),
+    "krpm": _unit(1000 * _TURN / 60, s=-1, rad=1),
+    "kRPM": _unit(1000 * _TURN / 60, s=-1, rad=1),
+    "rev": _unit(_TURN, rad=1),
+    "cycle": _unit(),
+    "cycles": _unit(),
     "deg": _unit(math.pi / 180, rad=1),
     "°": _unit(math.pi / 180, rad=1),
     "Grad": _unit(math.pi / 180, rad=1),
+    "arcmin": _unit(math.pi / 180 / 60, rad=1),
+    "arcsec": _unit(math.pi / 180 / 3600, rad=1),
     "sec": _unit(s=1),
     "msec": _unit(1e-3, s=1),
     "min": _unit(60.0, s=1),
     "h": _unit(3600.0, s=1),
     "d": _unit(86400.0, s=1),
+    "a": _unit(_YEAR, s=1),
+    "yr": _unit(_YEAR, s=1),
+    "year": _unit(_YEAR, s=1),
+    "years": _unit(_YEAR, s=1),
     "%": _unit(1e-2),
+    "ppm": _unit(1e-6),
     "degC": _unit(1.0, 273.15, K=1),
     "°C": _unit(1.0, 273.15, K=1),
     "degF": _unit(5 / 9, 273.15 - 32 * 5 / 9, K=1),
     "°F": _unit(5 / 9, 273.15 - 32 * 5 / 9, K=1),
+    "delta_K": _unit(K=1, is_difference=True),
+    "delta_degC": _unit(K=1, is_difference=True),
+    "delta_degF": _unit(5 / 9, K=1, is_difference=True),
     "in": _unit(0.0254, m=1),
     "inch": _unit(0.0254, m=1),
     "ft": _unit(0.3048, m=1),
+    "t": _unit(1e3, kg=1),
     "lbm": _unit(_POUND, kg=1),
     "ozm": _unit(_POUND / 16, kg=1),
+    "Ncm": _unit(1e-2, kg=1, m=2, s=-2),
+    "Nmm": _unit(1e-3, kg=1, m=2, s=-2),
     "lbf": _unit(_POUND * _GRAVITY, kg=1, m=1, s=-2),
     "ozf": _unit(_POUND * _GRAVITY / 16, kg=1, m=1, s=-2),
+    "gf": _unit(1e-3 * _GRAVITY, kg=1, m=1, s=-2),
     "kgf": _unit(_GRAVITY, kg=1, m=1, s=-2),
     "kp": _unit(_GRAVITY, kg=1, m=1, s=-2),
     "psi": _unit(_POUND * _GRAVITY / 0.0254**2, kg=1, m=-1, s=-2),
@@ -126,7 +154,7 @@ _ALONE = {
 }
 """Units that accept no prefixes; `Grad` is a degree in German, not 10^9 rad.
 
-Pound and ounce are exact (1959), hp is 550 ft.lbf/s.
+Pound and ounce are exact (1959), hp is 550 ft.lbf/s, a year has 365.25 days. A cycle is a number, no angle.
 """
 
 MASS_OR_FORCE = {"lb": ("lbm", "lbf"), "lbs": ("lbm", "lbf"), "oz": ("ozm", "ozf")}
@@ -153,6 +181,7 @@ _AMBIGUOUS = {"C", "F", "g", "dT", "cd"}
 _TURNS = ("Hz", "kHz", "MHz", "rpm", "krpm", "rev")
 
 
+@lru_cache(1024)
 def find_unit(name: str) -> SiUnit | None:
     """Return the unit of this name; None if the name is unknown or ambiguous."""
     return None if name in _AMBIGUOUS else _read(name)

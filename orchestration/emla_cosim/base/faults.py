@@ -12,7 +12,14 @@ from pathlib import Path
 from typing import Any
 
 from .errors import CommandError
-from .units import IDENTITY, LinearTransformation, SiUnit, UndefinedUnitError, find_conversion
+from .units import (
+    IDENTITY,
+    LinearTransformation,
+    SiUnit,
+    UndefinedUnitError,
+    explain_contradiction,
+    find_conversion,
+)
 
 LENIENT = "lenient"
 """The option that accepts faults."""
@@ -113,7 +120,10 @@ def accept_if_lenient(where: str, problem: str, message: str, **fields: Any) -> 
 
 
 def convert_documents_units(where: str, source: SiUnit | None, target: SiUnit | None) -> LinearTransformation:
-    """Return the conversion of units that documents name; with `lenient`, undefined ones are taken as equal.
+    """Return the conversion of units that documents name.
+
+    With `lenient`, numbers in undefined units do not change. A unit whose definition contradicts its name is
+    reported.
 
     Args:
         where: What has the units, for the list of accepted faults.
@@ -124,9 +134,31 @@ def convert_documents_units(where: str, source: SiUnit | None, target: SiUnit | 
         ValueError: If there is no conversion; the message is a phrase.
     """
     try:
-        return find_conversion(source, target)
+        conversion = find_conversion(source, target)
     except UndefinedUnitError as error:
         if not is_lenient():
-            raise UndefinedUnitError(f"{error} ({ADVICE} as equal units)") from error
-        note_fault(where, f"{error}, are taken as equal")
+            raise UndefinedUnitError(f"{error} ({ADVICE} and does not change the number)") from error
+        note_fault(where, f"{error}; the number is not changed")
         return IDENTITY
+    except ValueError as error:
+        raise ValueError("; ".join([str(error), *_contradictions(source, target)])) from error
+    note_contradictions(where, source, target)
+    return conversion
+
+
+def note_contradictions(where: str, source: SiUnit | None, target: SiUnit | None) -> None:
+    """Report units between which values are converted and whose definitions contradict their names.
+
+    Args:
+        where: What has the units, for the list of accepted faults.
+        source: The unit of the source.
+        target: The unit of the target.
+    """
+    if problems := _contradictions(source, target):
+        note_fault(where, *(f"{text}; it is converted as declared" for text in problems))
+
+
+def _contradictions(source: SiUnit | None, target: SiUnit | None) -> list[str]:
+    if source is None or target is None or source == target:
+        return []
+    return [text for unit in (source, target) if (text := explain_contradiction(unit)) is not None]

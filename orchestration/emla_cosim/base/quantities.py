@@ -1,16 +1,40 @@
-"""Quantities as users write them: a number and the name of a unit, such as "30 kN" or "12.5 kg cm^2"."""
+"""Quantities as users write them: a number and the name of a unit, such as "30 kN" or "12,5 kg cm^2"."""
 
 import math
 import re
+import unicodedata
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from decimal import Decimal
 
 from .errors import CommandError
-from .units import LinearTransformation, SiUnit, find_conversion, find_unit, list_meanings, read_turns
+from .faults import note_contradictions
+from .units import (
+    IDENTITY,
+    LinearTransformation,
+    SiUnit,
+    UndefinedUnitError,
+    explain_contradiction,
+    find_conversion,
+    find_unit,
+    list_meanings,
+    read_turns,
+)
 
-_QUANTITY = re.compile(r"\s*([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)\s*(\S.*?)?\s*")
-_PRODUCT = re.compile(r"\s*[·⋅×]\s*|(?<=[^\W_])\s+(?=[^\W\d_])|(?<=[0-9])\s+(?=[^\W\d_])")
-_POWERS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻−", "0123456789--")
+_QUANTITY = re.compile(
+    r"\s*(?P<number>[+-]?(?:[0-9]+(?:[.,][0-9]+|\.)?|[.,][0-9]+)(?:[eE][+-]?[0-9]+)?)"
+    r"\s*(?P<unit>[^\s,].*?)?\s*"
+)
+_THOUSANDS = re.compile(r"[+-]?[1-9][0-9]{0,2},[0-9]{3}")
+"""A number whose comma may separate thousands."""
+
+_SPELLINGS = (
+    (re.compile(r"\s*/\s*"), "/"),
+    (re.compile(r"\b(k?g)(c?m)(?=\^?2)"), r"\1.\2"),  # kgcm2
+    (re.compile(r"(?<=[^\W\d_])-(?=[^\W\d_])"), "."),  # oz-in
+    (re.compile(r"\s*[·⋅×]\s*|(?<=[^\W_])\s+(?=[^\W\d_])"), "."),
+)
+"""How users write products and quotients, and what `find_unit` reads."""
 
 
 @dataclass(frozen=True)
@@ -19,6 +43,11 @@ class Quantity:
 
     number: float
     unit: SiUnit | None = None
+
+    @property
+    def si_number(self) -> float:
+        """The number in SI units."""
+        return self.number if self.unit is None else self.unit.factor * self.number + self.unit.offset
 
     def in_unit(self, unit: SiUnit | None, label: str) -> float:
         """Return the number in another unit; a number without a unit is already in it.
@@ -30,11 +59,37 @@ class Quantity:
         Raises:
             CommandError: If the units measure different things.
         """
-        try:
-            between = find_conversion(None if self.unit is None else read_turns(self.unit, unit), unit)
-        except ValueError as error:
-            raise CommandError(f"{label} has {error}, which cannot be converted into each other.") from error
-        return _scale_number(self.number, between)
+        return _scale_number(self.number, resolve_conversion(self.unit, unit, label))
+
+
+def resolve_conversion(unit: SiUnit | None, target: SiUnit | None, label: str) -> LinearTransformation:
+    """Return the conversion of a unit that a user wrote to that of a variable.
+
+    Args:
+        unit: The unit; None if the numbers are in the target's unit.
+        target: The unit to convert to.
+        label: What messages call the quantity.
+
+    Raises:
+        CommandError: If the units measure different things, or only one is of a difference of temperatures.
+    """
+    if unit is None or target is None:
+        return IDENTITY
+    written = read_turns(unit, target)
+    if unit.is_difference and not target.is_difference and target.powers == {"K": 1}:
+        raise CommandError(f"{label} is a difference, but must be a temperature; write it in degC or K.")
+    try:
+        conversion = find_conversion(written, target)
+    except UndefinedUnitError as error:
+        raise CommandError(f"{label} has {error}.") from error
+    except ValueError as error:
+        contradiction = explain_contradiction(unit) or explain_contradiction(target)
+        reason = f": {contradiction}" if contradiction else ""
+        raise CommandError(
+            f"{label} has {error}, which cannot be converted into each other{reason}."
+        ) from error
+    note_contradictions(label, written, target)
+    return conversion
 
 
 def _scale_number(number: float, between: LinearTransformation) -> float:
@@ -46,9 +101,11 @@ def _scale_number(number: float, between: LinearTransformation) -> float:
 
 
 def has_unit(value: object) -> bool:
-    """Return whether a value is a text of a number and something that may be a unit."""
-    if not isinstance(value, str) or (found := _QUANTITY.fullmatch(value)) is None or found[2] is None:
+    """Return whether a value is a text that only `parse_quantity` reads: with a unit or a decimal comma."""
+    if not isinstance(value, str) or (match := _QUANTITY.fullmatch(value)) is None:
         return False
+    if match["unit"] is None:
+        return "," in value
     try:
         float(value)  # such as 1_000, which Python reads
     except ValueError:
@@ -56,11 +113,24 @@ def has_unit(value: object) -> bool:
     return False
 
 
-def split_quantity(text: str) -> tuple[float, str]:
-    """Return the number and the rest of a text for which `has_unit` is true."""
-    found = _QUANTITY.fullmatch(text)
-    assert found is not None
-    return float(found[1]), found[2] or ""
+def split_quantity(text: str, label: str) -> tuple[float, str]:
+    """Return the number of a text, and the rest, which is not checked.
+
+    Args:
+        text: The text.
+        label: What error messages call it.
+
+    Raises:
+        CommandError: If the text does not begin with a number, or its comma is ambiguous.
+    """
+    match = _QUANTITY.fullmatch(text)
+    if match is None:
+        raise CommandError(f"{label} is '{text}'; it must be a number, or a number and a unit such as 30 kN.")
+    number, unit = match["number"], match["unit"] or ""
+    if _THOUSANDS.fullmatch(number):
+        readings = (f"'{number.replace(',', sign)}{unit and ' '}{unit}'" for sign in (".", ""))
+        raise CommandError(f"{label} is '{text}', which has two meanings; write {' or '.join(readings)}.")
+    return float(number.replace(",", ".")), unit
 
 
 def parse_unit_name(name: str, label: str, target: SiUnit | None = None) -> SiUnit:
@@ -69,49 +139,91 @@ def parse_unit_name(name: str, label: str, target: SiUnit | None = None) -> SiUn
     Args:
         name: The name of the unit.
         label: What error messages call the place of the name.
-        target: A unit of the same dimension, which decides whether `lb` and `oz` are masses or forces.
+        target: The unit to convert to. Its own name and its alternatives are known; these have precedence
+            if they can be converted. It decides whether `lb` and `oz` are masses or forces.
 
     Raises:
         CommandError: If the name is not that of a unit, or `lb` or `oz` may be a mass and a force.
     """
-    written = _PRODUCT.sub(".", name.strip().translate(_POWERS))
-    known = find_unit(written)
-    if known is None and (meanings := list_meanings(written)):
-        units = [find_unit(one) for one in meanings]
-        known = next(
-            (u for u in units if u is not None and target is not None and _is_alike(u, target)), None
-        )
-        if known is None and all(units):
-            raise CommandError(
-                f"{label} has the unit '{name}', which is a mass or a force; write {' or '.join(meanings)}.",
-                unit=name,
-            )
-    if known is None:
+    name = name.strip()
+    if target is not None and name == target.name:
+        return target
+    defined = None if target is None else target.alternatives.get(name)
+    if defined is not None and target is not None and _is_convertible(defined, target):
+        return defined
+    written = unicodedata.normalize("NFKC", name).replace("−", "-")
+    for pattern, meant in _SPELLINGS:
+        written = pattern.sub(meant, written)
+    unit = find_unit(written) or _find_mass_or_force(written, name, label, target)
+    if unit is not None:
+        return replace(unit, name=name)
+    if defined is not None:
+        return defined  # the conversion is refused
+    units = () if target is None else target.alternatives.items()
+    alike = [n for n, u in units if target is not None and _is_convertible(u, target)]
+    of_fmu = f" The FMU defines {', '.join(alike[:4])}." if alike else ""
+    raise CommandError(
+        f"{label} has the unknown unit '{name}'; write a unit such as kN, mm/s, N.m or kg.cm2.{of_fmu}",
+        unit=name,
+    )
+
+
+def _find_mass_or_force(written: str, name: str, label: str, target: SiUnit | None) -> SiUnit | None:
+    """Return the unit of a name with `lb` or `oz`, None for other names; CommandError if it is ambiguous."""
+    meanings = list_meanings(written)
+    candidates = [u for u in map(find_unit, meanings) if u is not None]
+    for unit in candidates:
+        if target is not None and unit.has_dimension_of(target):
+            return unit
+    if meanings and len(candidates) == len(meanings):
         raise CommandError(
-            f"{label} has the unknown unit '{name}'; write a unit such as kN, mm/s, N.m or kg.cm2.",
+            f"{label} has the unit '{name}', which is a mass or a force; write {' or '.join(meanings)}.",
             unit=name,
         )
-    return replace(known, name=name)
+    return None
 
 
-def _is_alike(unit: SiUnit, target: SiUnit) -> bool:
-    """Return whether units can be converted into each other."""
-    return unit.exponents is not None and unit.exponents[:-1] == (target.exponents or ())[:-1]
+def _is_convertible(unit: SiUnit, target: SiUnit) -> bool:
+    try:
+        find_conversion(unit, target)
+    except ValueError:
+        return False
+    return True
 
 
 def parse_quantity(text: str, label: str, target: SiUnit | None = None) -> Quantity:
-    """Parse a quantity, such as "30 kN", "-3.4e3 N" or "0.2".
+    """Parse a quantity, such as "30 kN", "-3.4e3 N", "0,5 mm" or "0.2".
 
     Args:
         text: The text.
         label: What error messages call the quantity.
-        target: A unit of the same dimension, see `parse_unit_name`.
+        target: The unit to convert to, see `parse_unit_name`.
 
     Raises:
         CommandError: If it is not a number with or without a unit.
     """
-    found = _QUANTITY.fullmatch(text)
-    if found is None:
-        raise CommandError(f"{label} is '{text}'; it must be a number, or a number and a unit such as 30 kN.")
-    unit = None if found[2] is None else parse_unit_name(found[2], label, target)
-    return Quantity(float(found[1]), unit)
+    number, unit = split_quantity(text, label)
+    return Quantity(number, parse_unit_name(unit, label, target) if unit else None)
+
+
+def read_quantity(text: str, label: str, target: SiUnit | str | None, readings: Sequence[str] = ()) -> float:
+    """Return the number of a text in a unit.
+
+    Args:
+        text: The text, such as "30 kN". A number without a unit is in the unit `target`.
+        label: What error messages call the quantity.
+        target: The unit, or its name; None if the quantity takes no unit.
+        readings: Units in which users may think of it. With them, a number without a unit is refused.
+
+    Raises:
+        CommandError: If the text cannot be read, or has no unit that can be converted.
+    """
+    unit = parse_unit_name(target, label) if isinstance(target, str) else target
+    _, name = split_quantity(text, label)
+    if not name and readings:
+        written = text.strip()
+        examples = " or ".join(f"'{written} {reading}'" for reading in readings)
+        raise CommandError(f"{label} {written} has no unit; write {examples}.")
+    if name and unit is None:
+        raise CommandError(f"{label} has a unit, but takes none; write a plain number.")
+    return parse_quantity(text, label, unit).in_unit(unit, label)

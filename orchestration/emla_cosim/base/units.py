@@ -11,9 +11,14 @@ __all__ = [
     "IDENTITY",
     "LinearTransformation",
     "SiUnit",
+    "UndefinedUnitError",
     "counts_turns",
+    "define_display_unit",
+    "explain_contradiction",
     "find_conversion",
     "find_unit",
+    "format_powers",
+    "is_same_factor",
     "list_meanings",
     "read_turns",
 ]
@@ -99,11 +104,78 @@ def find_conversion(source: SiUnit | None, target: SiUnit | None) -> LinearTrans
     """
     if source is None or target is None or source == target:
         return IDENTITY
-    if source.exponents is None or target.exponents is None:
-        if source.name == target.name:
-            return IDENTITY
-        raise UndefinedUnitError(f"the units {source} and {target}, one of which is not defined")
-    if source.exponents[:-1] != target.exponents[:-1]:
+    undefined = [unit for unit in (source, target) if unit.exponents is None]
+    if undefined and source.name == target.name:
+        return IDENTITY
+    roots = [unit.multiple_of or unit.name for unit in undefined]
+    if undefined and (len(undefined) == 1 or roots[0] != roots[1]):
+        missing = " and ".join(
+            f"{unit} is not defined in {unit.definer or 'its document'}" for unit in undefined
+        )
+        raise UndefinedUnitError(
+            f"the units {source} and {target}: {missing}; add a Unit with its BaseUnit there"
+        )
+    if not undefined and not source.has_dimension_of(target):
         raise ValueError(f"the units {source} and {target}")
     offset = 0.0 if source.is_difference or target.is_difference else source.offset - target.offset
     return LinearTransformation(source.factor / target.factor, offset / target.factor)
+
+
+_TOLERANCE = 1e-4
+"""Relative tolerance of equal factors: some are written with few digits."""
+
+_OTHER_MEANINGS = {"T": "t"}
+"""Names with a second meaning that documents may give them: T is also a tonne."""
+
+
+def is_same_factor(one: float, other: float) -> bool:
+    """Return whether two factors are equal except for the digits with which documents write them."""
+    return math.isclose(one, other, rel_tol=_TOLERANCE)
+
+
+def explain_contradiction(unit: SiUnit) -> str | None:
+    """Return how the definition of a unit contradicts its name, as a clause; None if it does not.
+
+    A turn is 1 for some tools and 2 pi rad for others.
+
+    Args:
+        unit: A unit as a document defines it.
+    """
+    by_name = find_unit(unit.name)
+    if by_name is None or by_name.exponents is None or unit.exponents is None:
+        return None
+    if not unit.has_dimension_of(by_name):
+        other = find_unit(_OTHER_MEANINGS.get(unit.name, ""))
+        if other is not None and unit.has_dimension_of(other):
+            return None
+        return f"the unit {unit} is declared as {format_powers(unit)}, but it is {format_powers(by_name)}"
+    turns = unit.exponents[-1] - by_name.exponents[-1]
+    powers = (-1, 0, 1) if counts_turns(unit.name) else (0, turns if abs(turns) == 1 else 0)
+    if not any(is_same_factor(unit.factor, by_name.factor * (2.0 * math.pi) ** k) for k in powers):
+        right = f"{by_name.factor:g} {format_powers(unit)}"
+        return f"the unit {unit} has the factor {unit.factor:g}, but its name means {right}"
+    if not unit.is_difference and abs(unit.offset - by_name.offset) > _TOLERANCE * abs(by_name.offset):
+        return f"the unit {unit} has the offset {unit.offset:g}, but its name means {by_name.offset:g}"
+    return None
+
+
+def define_display_unit(unit: SiUnit, name: str, factor: float, offset: float) -> SiUnit:
+    """Return the unit for the display of another one.
+
+    Args:
+        unit: The other unit.
+        name: The name of the display unit.
+        factor: The displayed value is `factor` times the value, plus `offset`.
+        offset: See `factor`.
+    """
+    scale = unit.factor / factor
+    root = unit.name if unit.exponents is None else ""
+    return SiUnit(
+        name, unit.exponents, scale, unit.offset - scale * offset, multiple_of=root, definer=unit.definer
+    )
+
+
+def format_powers(unit: SiUnit) -> str:
+    """Return the exponents of a unit, such as `kg m2 s-2`; 1 without any."""
+    powers = (f"{base}{power if power != 1 else ''}" for base, power in unit.powers.items())
+    return " ".join(powers) or "1"

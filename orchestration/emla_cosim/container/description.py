@@ -119,7 +119,7 @@ class _Units:
         """Return the name in the container of a unit of an FMU."""
         if (known := self._names.get((library.folder, unit))) is not None:
             return known
-        defined = replace(library.file.interface.units.get(unit, SiUnit(unit)), name=unit)
+        defined = replace(library.file.interface.units.find(unit), name=unit)
         name = self.add(defined)
         displays = self._displays.setdefault(name, {})
         for definition in library.file.description.unitDefinitions:

@@ -17,7 +17,7 @@ from fmpy.validation import validate_model_description
 from ..base.errors import CommandError, join_names, raise_machine_fault
 from ..base.faults import ADVICE, is_lenient, note_fault
 from ..base.signal_types import REAL, SignalType
-from ..base.units import BASE_UNITS, SiUnit
+from ..base.units import SiUnit
 from ..base.untrusted_xml import parse_xml, write_xml
 from .attribute_faults import (
     describe_missing_variability,
@@ -27,6 +27,7 @@ from .attribute_faults import (
 from .clocks import CLOCK, explain_unsupported_clock
 from .dependencies import Dependencies
 from .elements import BINARY, WIDE, ElementVariable, is_supported, is_version_3, split_arrays
+from .units import FmuUnits
 
 _DESCRIPTION, _BUILD = "modelDescription.xml", "sources/buildDescription.xml"
 CO_SIMULATION, MODEL_EXCHANGE = "CoSimulation", "ModelExchange"
@@ -49,12 +50,14 @@ class Interface:
         without_value: Types of variables that cannot be set, by name: Clocks, Binary, arrays of Strings.
         structure: Values of structural parameters that differ from their start values, by name; arrays have
             the sizes that follow from them.
+        inverse_units: Display units of FMI 3.0 that divide by the value, which a factor cannot convert.
     """
 
     description: ModelDescription
     clocks: tuple[str, ...] = ()
     without_value: Mapping[str, str] = field(default_factory=dict)
     structure: Mapping[str, int] = field(default_factory=dict)
+    inverse_units: frozenset[str] = frozenset()
 
     @cached_property
     def kinds(self) -> dict[str, Any]:
@@ -82,9 +85,9 @@ class Interface:
         return {str(v.name): v for v in self.description.modelVariables}
 
     @cached_property
-    def units(self) -> dict[str, SiUnit]:
-        """Return the units that the FMU defines, by name."""
-        return {str(u.name): _unit(u) for u in self.description.unitDefinitions}
+    def units(self) -> FmuUnits:
+        """Return the units that the FMU defines."""
+        return FmuUnits(self.description, self.inverse_units)
 
     @cached_property
     def direct(self) -> Dependencies:
@@ -147,7 +150,7 @@ class Interface:
         unit = variable.unit or (declared.unit if declared is not None else None)
         if not unit:
             return None
-        found = self.units.get(unit, SiUnit(unit))
+        found = self.units.find(unit)
         relative = variable.relativeQuantity or (declared is not None and declared.relativeQuantity)
         return replace(found, offset=0.0, is_difference=True) if relative in (True, "true") else found
 
@@ -209,7 +212,7 @@ def read_description(
             raise ValidationError(
                 [fault or "A display unit belongs to a unit that is not defined"]
             ) from error
-        _add_what_fmpy_lacks(description, path)
+        inverse_units = _add_what_fmpy_lacks(description, path)
         clocks = tuple(str(v.name) for v in description.modelVariables if v.type == "Clock")
         without_value = {
             str(v.name): f"array of {v.type}s" if v.shape else str(v.type)
@@ -226,7 +229,7 @@ def read_description(
             raise CommandError(f"'{path}' is not a valid FMU: {fault}.") from error
         text = str(error).rstrip(".")
         raise CommandError(f"'{path}' is not an FMU that can be read: {text}.") from error
-    return Interface(description, clocks, without_value, structure or {})
+    return Interface(description, clocks, without_value, structure or {}, inverse_units)
 
 
 def read_with_fmpy(path: Path, validate: bool = True) -> ModelDescription:
@@ -359,7 +362,7 @@ def _check_numbers(interface: Interface) -> None:
     """Raise an exception for numbers that are read later and that the schema would have checked."""
     if not all(kind.modelIdentifier for kind in interface.kinds.values()):
         raise ValueError("there is no model identifier")
-    for unit in interface.units.values():
+    for unit in interface.units.by_name.values():
         math.isfinite(unit.factor)
     _ = interface.direct, interface.initial  # reads them
     for variable in interface.description.modelVariables:
@@ -422,11 +425,14 @@ def _check_size(path: Path) -> None:
         raise CommandError(f"the {_DESCRIPTION} of '{path}' is larger than {_LARGEST // 2**20} MiB.")
 
 
-def _add_what_fmpy_lacks(description: ModelDescription, path: Path) -> None:
+def _add_what_fmpy_lacks(description: ModelDescription, path: Path) -> frozenset[str]:
     """Mark variables that are differences, and FMI 3.0 FMUs that have directional derivatives; read limits.
 
     fmpy (0.3.32) reads the attribute for differences for types only, the flag of FMI 2.0 only, and no
     limits of unsigned integers.
+
+    Returns:
+        The names of display units that are inverse, which fmpy does not read.
     """
     with zipfile.ZipFile(path) as archive:
         root = parse_xml(archive.read(_DESCRIPTION))
@@ -443,6 +449,8 @@ def _add_what_fmpy_lacks(description: ModelDescription, path: Path) -> None:
     for kind, known in Interface(description).kinds.items() if is_version_3(description) else ():
         flag = root.find(kind).get("providesDirectionalDerivatives")
         known.providesDirectionalDerivative = flag in ("true", "1")
+    inverse = root.iterfind("UnitDefinitions/Unit/DisplayUnit[@inverse]")
+    return frozenset(d.get("name") for d in inverse if d.get("inverse") in ("true", "1"))
 
 
 def _split_arrays(description: ModelDescription, path: Path, structure: Mapping[str, int]) -> None:
@@ -483,11 +491,3 @@ def first_problem(error: ValidationError) -> str:
 
 def _one_line(problem: str) -> str:
     return " ".join(problem.split()).rstrip(".")
-
-
-def _unit(definition: Any) -> SiUnit:
-    base = definition.baseUnit
-    if base is None:
-        return SiUnit(str(definition.name))
-    exponents = tuple(int(getattr(base, b)) for b in BASE_UNITS)
-    return SiUnit(str(definition.name), exponents, float(base.factor), float(base.offset))

@@ -9,13 +9,12 @@ import numpy as np
 
 from ..base.arrays import Vector
 from ..base.errors import CommandError
-from ..base.quantities import parse_quantity, parse_unit_name
+from ..base.quantities import parse_unit_name, read_quantity
 from ..base.units import SiUnit
 from ..sweeps.distributions import parse_distribution
 from ..sweeps.factors import Factor, find_start_number, resolve_factors
 from ..sweeps.kinds.continuous import Uniform
 from ..sweeps.targets import SHEET, START, merge_options
-from ..sweeps.with_units import convert_units
 from ..sweeps.worker_payload import Preparation
 from ..system.model import Value
 from .plan import IdentificationPlan
@@ -240,9 +239,9 @@ def _sensor(
     unit = {"offset": measured[signal], "gain": None, "delay": parse_unit_name("s", label)}[kind]
 
     def convert(text: str) -> float:
-        return parse_quantity(text, label).in_unit(unit, label)
+        return read_quantity(text, label, unit)
 
-    low, high = _ends(parse_distribution(convert_units(given, convert, label), label), label)
+    low, high = _ends(parse_distribution(given, label, convert), label)
     usual = 1.0 if kind == "gain" else 0.0
     return _with_start(name, low, high, usual, str(unit or ""), sensor=(kind, signal))
 

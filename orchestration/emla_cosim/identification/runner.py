@@ -16,7 +16,7 @@ import polars
 from ..base.arrays import Vector
 from ..base.errors import CommandError, RunError
 from ..base.progress import Progress
-from ..base.quantities import parse_quantity
+from ..base.quantities import read_quantity
 from ..base.units import SiUnit
 from ..base.values import convert_value
 from ..base.wording import format_count
@@ -286,7 +286,7 @@ def _read_sigma(asked: Mapping[str, Any], units: Mapping[str, SiUnit | None]) ->
     found = {}
     for signal, given in asked.items():
         label = f"the standard deviation of {signal}"
-        value = parse_quantity(str(given), label).in_unit(units[signal], label)
+        value = read_quantity(str(given), label, units[signal])
         if not 0.0 < value < float("inf"):
             raise CommandError(f"{label} is {given}; it must be positive.", signal=signal)
         found[signal] = value

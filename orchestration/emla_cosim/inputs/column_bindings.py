@@ -9,8 +9,9 @@ from fmublock.table import TYPES
 
 from ..base.errors import CommandError, join_names
 from ..base.patterns import matches_pattern
+from ..base.quantities import resolve_conversion
 from ..base.signal_types import REAL, SignalType
-from ..base.units import IDENTITY, LinearTransformation, SiUnit, find_conversion, read_turns
+from ..base.units import IDENTITY, LinearTransformation, SiUnit
 from ..fmu.interface import Interface
 from ..fmu.variables import find_variable
 from ..system.model import System
@@ -247,18 +248,12 @@ def convert_column(
     """
     header = data.headers[position]
     label = f"the column '{header.text}' of {data.label}"
-    measured = parse_data_unit(column.unit, label)
+    target = rate_of(unit, -column.derivative)
+    measured = parse_data_unit(column.unit, label, target)
     if measured is None and header.suffix is not None and header.name != signal:
-        target = rate_of(unit, -column.derivative)
         measured = read_suffix(header.suffix, target, label, header.text)
     given = rate_of(measured, column.derivative)
-    try:
-        transformation = IDENTITY if given is None else find_conversion(read_turns(given, unit), unit)
-    except ValueError as error:
-        raise CommandError(
-            f"{label} is for {signal} and has {error}, which cannot be converted into each other.",
-            signal=signal,
-        ) from error
+    transformation = resolve_conversion(given, unit, f"{label} for {signal}")
     return transformation, given is None and unit is not None
 
 

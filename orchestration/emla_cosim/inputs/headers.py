@@ -115,19 +115,20 @@ class Header:
         return factor.factor * numbers + factor.offset if unit is not None else numbers
 
 
-def parse_data_unit(name: str | None, label: str) -> SiUnit | None:
+def parse_data_unit(name: str | None, label: str, target: SiUnit | None = None) -> SiUnit | None:
     """Return a unit by its name, None without one.
 
     Args:
         name: The name of the unit.
         label: What error messages call the place of the name.
+        target: The unit to convert to, see `parse_unit_name`.
 
     Raises:
         CommandError: If the name is not that of a unit.
     """
     if name is None:
         return None
-    return parse_unit_name("1" if is_dimensionless(name) else name, label)
+    return parse_unit_name("1" if is_dimensionless(name) else name, label, target)
 
 
 def is_dimensionless(name: str) -> bool:

@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 
 from ..base.errors import CommandError, join_names
 from ..base.option import FileOrObject, Option, options_of
-from ..base.quantities import parse_quantity, parse_unit_name
+from ..base.quantities import read_quantity
 from ..base.values import convert_value, list_elements
 from ..master.algorithms.algorithm import Algorithm
 from ..master.algorithms.registry import ALGORITHMS
@@ -292,7 +292,7 @@ def _in_unit(text: str, unit: str, label: str) -> float:
     try:
         return float(text)
     except ValueError:
-        return parse_quantity(text, label).in_unit(parse_unit_name(unit, label), label)
+        return read_quantity(text, label, unit)
 
 
 def _suggest_option(name: str, known: Mapping[str, Option]) -> str:

@@ -99,9 +99,13 @@ def _read_column_values(
             f"{format_count(len(elements), 'element')}.",
             name=header.name,
         )
-    given, found = parse_data_unit(unit, label), dict[str, Value]()
+    found = dict[str, Value]()
     for row, (element, number) in enumerate(zip(elements, numbers.tolist(), strict=False), 1):
-        value = Quantity(number, given).in_unit(_unit(component, element, interface, given), label)
+        alias = component.alias(element)
+        target = alias.unit or interface.unit(alias.variable)
+        given = parse_data_unit(unit, label, target)
+        # a dimensionless value fits a variable without a unit
+        value = Quantity(number, given).in_unit(target or (None if given is None else _ONE), label)
         try:
             found[f"{component.name}.{element}"] = _check_value(component, element, interface, value)
         except CommandError as error:
@@ -139,12 +143,6 @@ def _elements(component: Component, name: str, interface: Interface, label: str)
     return found
 
 
-def _unit(component: Component, name: str, interface: Interface, given: SiUnit | None) -> SiUnit | None:
-    """Return the unit of a variable in the system, or dimensionless if it has none and the file gives one."""
-    alias = component.alias(name)
-    return alias.unit or interface.unit(alias.variable) or (None if given is None else _ONE)
-
-
 def _check_value(component: Component, name: str, interface: Interface, value: float) -> Value:
     """Return the value if the variable can have it. Raise CommandError otherwise."""
     alias = component.alias(name)
@@ -167,13 +165,15 @@ def _read_parameter_set(file: Path, system: System, interfaces: Mapping[str, Int
             target = f"{component.name}.{array}"
             if differ := explain_shape(parameter, array, interface.variables, target):
                 raise CommandError(f"{parameter.place}: {differ}")
-        unit = interface.unit(name) if name in interface.variables else None
+        unit, written = interface.unit(name) if name in interface.variables else None, parameter.unit
         if name in component.aliases:
             unit = component.aliases[name].unit
         value = parameter.value
-        if parameter.unit is not None and unit is not None:
+        if written is not None and unit is not None:
+            if written.exponents is None:
+                written = unit.alternatives.get(written.name, written)
             try:
-                value = convert_documents_units(str(file), parameter.unit, unit)(float(value))
+                value = convert_documents_units(str(file), written, unit)(float(value))
             except ValueError as error:
                 raise CommandError(f"'{parameter.name}' of '{file}' has {error}.") from error
         values[parameter.name] = value

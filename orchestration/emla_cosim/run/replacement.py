@@ -8,8 +8,9 @@ from fmpy.model_description import ModelVariable
 
 from ..base.compatibility import FITS, CompatibilityReport, VariableMatch
 from ..base.errors import CommandError
+from ..base.faults import convert_documents_units
 from ..base.files import read_file
-from ..base.units import IDENTITY, LinearTransformation, SiUnit, find_conversion
+from ..base.units import IDENTITY, LinearTransformation, SiUnit
 from ..fmu.interface import Interface
 from ..system.model import Alias, Component, Connection, Replacement, System
 from ..system.resolution import convert_to_fmu_terms, find_transformation
@@ -206,11 +207,11 @@ class _VariableMatcher:
 
     def _transformation(self, name: str, ours: SiUnit | None, theirs: SiUnit | None) -> LinearTransformation:
         entry = self._entries.get(name)
-        if entry is None:
-            return find_conversion(ours, theirs)
-        prescribed = entry.transformation
+        prescribed = None if entry is None else entry.transformation
         linear = prescribed if isinstance(prescribed, LinearTransformation) else IDENTITY
-        return linear if entry.suppress_unit_conversion else linear.after(find_conversion(ours, theirs))
+        if entry is not None and entry.suppress_unit_conversion:
+            return linear
+        return linear.after(convert_documents_units(f"the replacement of {name}", ours, theirs))
 
     def _say(self, kind: str, ours: str, theirs: str, verdict: str, fatal: bool = False) -> None:
         their = self._with_unit(theirs, self._other) if theirs else ""

@@ -46,11 +46,17 @@ class Requirement:
         return not math.isnan(figure) and bool(_COMPARISONS[self.sign](figure, self.value))
 
 
+def split_condition(text: str) -> tuple[str, str, str]:
+    """Return the parts of a condition around its comparison; empty ones if it is no condition."""
+    left, sign, right, *more = [part.strip() for part in _SIGN.split(text)] + ["", ""]
+    return ("", "", "") if any(more) else (left, sign, right)
+
+
 def parse_requirement(text: str) -> Requirement:
     """Parse a requirement. Raise CommandError for any other text."""
-    figure, sign, right, *more = [part.strip() for part in _SIGN.split(text)] + ["", ""]
+    figure, sign, right = split_condition(text)
     value = _value(right)
-    if any(more) or not figure or value is None:
+    if not figure or value is None:
         raise CommandError(
             f"the requirement '{text}' is invalid. Write METRIC, one of {join_names(_COMPARISONS)}, and a "
             "number, true or false, such as 'lift.position_error_m < 2e-5'.",

@@ -421,7 +421,7 @@ class Simulation:
                 if figures := {**coupling.figures(None), **before.get(COUPLING, {})}:
                     before[COUPLING] = figures
                 check_requirements(required, before, run_figures())
-            conditions = find_stop_conditions(chosen.stop_when, names, assembly.shown)
+            conditions = find_stop_conditions(chosen.stop_when, units, assembly.shown)
             run = Run(stepping, outline, taking, assembly.shown, pacing, resumed, conditions, self._profiler)
             stepping.watch = metrics.watcher(assembly.shown)
         except BaseException:

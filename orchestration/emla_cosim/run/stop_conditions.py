@@ -2,30 +2,36 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ..base.arrays import Vector
 from ..base.errors import CommandError, suggest_names
-from ..base.units import IDENTITY, LinearTransformation
+from ..base.quantities import has_unit, read_quantity
+from ..base.units import IDENTITY, LinearTransformation, SiUnit
 from ..recorders.row_buffer import RowBuffer
-from .requirements import Requirement, parse_requirement
+from .requirements import Requirement, parse_requirement, split_condition
 
 
-def parse_stop_condition(text: str) -> Requirement:
+def parse_stop_condition(text: str) -> tuple[Requirement, str]:
     """Parse a condition on a signal; it has the form of a requirement.
+
+    Returns:
+        The condition, and its value as a text if that has a unit.
 
     Raises:
         CommandError: It is anything else.
     """
+    signal, sign, right = split_condition(text)
+    quantity = right if has_unit(right) else ""
     try:
-        found = parse_requirement(text)
+        found = parse_requirement(f"{signal} {sign} 0" if quantity else text)
     except CommandError as error:
         raise CommandError(
             f"the condition '{text}' of stop_when is invalid. Write SIGNAL, a comparison such as > or <=, "
-            "and a number, such as 'lift.plant.x_L > 0.3'.",
+            "and a number, such as 'lift.plant.x_L > 0.3' or 'lift.plant.x_L > 300 mm'.",
             condition=text,
         ) from error
-    return found
+    return found, quantity
 
 
 def check_no_condition(conditions: Sequence[str], command: str) -> None:
@@ -55,26 +61,30 @@ class StopCondition:
 
 
 def find_stop_conditions(
-    texts: Sequence[str], names: Sequence[str], shown: Mapping[int, LinearTransformation]
+    texts: Sequence[str], units: Mapping[str, SiUnit | None], shown: Mapping[int, LinearTransformation]
 ) -> list[StopCondition]:
     """Return the conditions of a run.
 
     Args:
         texts: The conditions as users write them.
-        names: The names of the signals in rows.
+        units: The units of the signals in rows, in their order.
         shown: Transformations of signals to the units of results, by position.
 
     Raises:
         CommandError: If a condition is invalid, or its signal does not exist.
     """
-    found = []
-    for condition in map(parse_stop_condition, texts):
+    found, names = [], list(units)
+    for condition, quantity in map(parse_stop_condition, texts):
         name = condition.figure
         if name not in names:
             raise CommandError(
                 f"there is no signal '{name}' to stop at; {suggest_names(name, names)}", name=name
             )
         place = names.index(name)
+        if quantity:
+            condition = replace(
+                condition, value=read_quantity(quantity, f"the condition on {name}", units[name])
+            )
         found.append(StopCondition(condition, 1 + place, shown.get(place, IDENTITY)))
     return found
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 from ..base.errors import CommandError, join_names, suggest_names
-from ..base.quantities import parse_quantity, parse_unit_name
+from ..base.quantities import read_quantity
 
 ALL_JOINTS = "*"
 
@@ -72,7 +72,7 @@ def _value(place: str, value: float | str, unit: str) -> float:
     label = f"the criterion '{place}'"
     number = value
     if isinstance(value, str):
-        number = parse_quantity(value, label).in_unit(parse_unit_name(unit, label), label)
+        number = read_quantity(value, label, unit)
     number = float(number)
     if not 0.0 < number < float("inf"):
         raise CommandError(f"{label} is {value}; it must be a positive number.", criterion=place)

@@ -2,11 +2,12 @@
 
 import difflib
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING, fields
 from typing import Any, NoReturn
 
 from ..base.errors import CommandError, join_names
+from ..base.quantities import has_unit
 from ..system.model import Value
 from .kinds.continuous import LogNormal, LogUniform, Normal, Triangular, Uniform
 from .kinds.discrete import Integers, ValueList
@@ -30,23 +31,44 @@ _NAMED = re.compile(r"([\w-]+)\s*\((.*)\)", re.DOTALL)
 _WORDS: dict[str, Value] = {"true": True, "false": False}
 
 
-def parse_distribution(value: Any, where: str) -> Distribution:
+Convert = Callable[[str], Any]
+"""Convert a text with a unit to a number. Raise CommandError for an incompatible unit."""
+
+_Fields = tuple[type[Distribution], Mapping[str, Any]]
+"""A kind of distributions and its fields, unchecked."""
+
+_LIST_OR_DECIMAL = re.compile(r"(?<![\w.,])([+-]?[0-9]+),([0-9]+)\s*([^\W\d_][^,)]*)")
+"""A number with a decimal comma and a unit, or two values of a list."""
+
+
+def parse_distribution(value: Any, where: str, convert: Convert | None = None) -> Distribution:
     """Read the distribution of a factor from a plan.
 
     Args:
         value: A table with `distribution` (the name) and its fields, a list of values, a text in a short
             form (see `parse`), a number, a Boolean, or a distribution.
         where: Name of the factor in messages.
+        convert: Converts texts such as "5 mm", unless the values are factors. Default: they stay texts.
 
     Raises:
-        CommandError: The value is anything else.
+        CommandError: The value is anything else, or only some of its values have a unit.
     """
     if isinstance(value, Distribution):
         return value
-    if isinstance(value, str):
-        return parse(value, where)
     try:
-        return _read(value)
+        kind, given = _parse(value.strip()) if isinstance(value, str) else _read(value)
+        has_units = convert is not None and not given.get("relative")
+        if has_units and isinstance(value, str) and ":" not in value:
+            _check_commas(value)
+        mixed = _find_mixed_units(kind, given) if has_units else None
+        if mixed is not None:
+            raise CommandError(f"{mixed[0]} has no unit, but {mixed[1]} has; add a unit to all or none.")
+    except CommandError as error:
+        raise CommandError(f"{where}: {error}", **error.fields) from None
+    if convert is not None and not given.get("relative"):
+        given = {**given, **_map_values(kind, given, lambda x: convert(x) if _is_quantity(x) else x)}
+    try:
+        return _make_distribution(kind, given)
     except CommandError as error:
         raise CommandError(f"{where}: {error}", **error.fields) from None
 
@@ -65,21 +87,56 @@ def parse(text: str, where: str) -> Distribution:
     Raises:
         CommandError: The text has no such form. `where` names the factor.
     """
-    try:
-        return _parse(text.strip())
-    except CommandError as error:
-        raise CommandError(f"{where}: {error}", **error.fields) from None
+    return parse_distribution(text, where)
 
 
-def _read(value: Any) -> Distribution:
+def _map_values(
+    kind: type[Distribution], given: Mapping[str, Any], change: Callable[[Any], Any]
+) -> dict[str, Any]:
+    """Return the fields in the unit of what varies, changed."""
+    if kind is ValueList:
+        values = given.get("values")
+        if isinstance(values, str) or not isinstance(values, Sequence):
+            return {}
+        return {"values": [change(value) for value in values]}
+    factor = "deviation" if kind is LogNormal else ""
+    return {n: change(value) for n, value in given.items() if n not in ("points", "relative", factor)}
+
+
+def _find_mixed_units(kind: type[Distribution], given: Mapping[str, Any]) -> tuple[Any, Any] | None:
+    """Return a number without a unit, and a text with one, if there are both; 0 needs no unit."""
+    values = list[Any]()
+    _map_values(kind, given, values.append)
+    quantity = next(filter(_is_quantity, values), None)
+    numbers = (v for v in values if isinstance(v, (int, float)) and v != 0.0)
+    bare = next(numbers, None)
+    return None if quantity is None or bare is None else (bare, quantity)
+
+
+def _check_commas(text: str) -> None:
+    """Raise CommandError if a list of values can also be read as a number with a decimal comma."""
+    if ambiguous := _LIST_OR_DECIMAL.search(text):
+        whole, second, unit = (part.strip() for part in ambiguous.groups())
+        raise CommandError(
+            f"'{ambiguous[0].strip()}' has two meanings; write '{whole}.{second} {unit}', or "
+            f"'{whole} {unit}, {second} {unit}' for two values.",
+            text=text,
+        )
+
+
+def _is_quantity(value: Any) -> bool:
+    return has_unit(value) and not value.rstrip().endswith("%")
+
+
+def _read(value: Any) -> _Fields:
     if hasattr(value, "tolist"):
         value = value.tolist()  # NumPy
     if isinstance(value, Mapping):
         return _parse_table(value)
     if isinstance(value, (bool, int, float)):
-        return ValueList((value,))
+        return ValueList, {"values": (value,)}
     if isinstance(value, Sequence) and not isinstance(value, (str, bytes)):
-        return ValueList(value)
+        return ValueList, {"values": value}
     raise CommandError(
         f"what varies is {value!r}; it must be a list of values, a text such as '0.1:0.3', or a table "
         'such as { distribution = "normal", mean = 0.14, deviation = 0.01 }.',
@@ -87,14 +144,13 @@ def _read(value: Any) -> Distribution:
     )
 
 
-def _parse_table(table: Mapping[str, Any]) -> Distribution:
+def _parse_table(table: Mapping[str, Any]) -> _Fields:
     if "distribution" not in table:
         raise CommandError(
             f"the table has no distribution; write distribution = one of {join_names(DISTRIBUTIONS)}.",
             choices=list(DISTRIBUTIONS),
         )
-    kind = _kind(table["distribution"])
-    return _make_distribution(kind, {key: value for key, value in table.items() if key != "distribution"})
+    return _kind(table["distribution"]), {key: x for key, x in table.items() if key != "distribution"}
 
 
 def _kind(name: Any) -> type[Distribution]:
@@ -124,7 +180,7 @@ def list_positional_fields(kind: type[Distribution]) -> list[str]:
     return [f.name for f in fields(kind) if not f.kw_only]
 
 
-def _parse(text: str) -> Distribution:
+def _parse(text: str) -> _Fields:
     if named := _NAMED.fullmatch(text):
         return _parse_call(_kind(named[1]), _parts(text, named[2], ",") if named[2].strip() else [])
     if "(" in text or ")" in text:
@@ -136,13 +192,13 @@ def _parse(text: str) -> Distribution:
     parts = _parts(text, text, ",")
     factors = [p for p in map(_percent, parts) if p is not None]
     if not factors:
-        return ValueList([_value(part) for part in parts])
+        return ValueList, {"values": [_value(part) for part in parts]}
     if len(factors) < len(parts):
         _refuse(text)
-    return ValueList(factors, relative=True)
+    return ValueList, {"values": factors, "relative": True}
 
 
-def _parse_call(kind: type[Distribution], arguments: Sequence[str]) -> Distribution:
+def _parse_call(kind: type[Distribution], arguments: Sequence[str]) -> _Fields:
     """Parse the arguments of NAME(...): first those without a name."""
     named = [tuple(map(str.strip, a.split("=", 1))) for a in arguments if "=" in a]
     plain = [_value(a) for a in arguments if "=" not in a]
@@ -160,20 +216,20 @@ def _parse_call(kind: type[Distribution], arguments: Sequence[str]) -> Distribut
         if name in given:
             raise CommandError(f"{kind.noun} has {name} twice; once is right.", name=name)
         given[name] = _value(value)
-    return _make_distribution(kind, given)
+    return kind, given
 
 
-def _parse_tolerance(text: str) -> Distribution:
+def _parse_tolerance(text: str) -> _Fields:
     """Parse ±10%."""
     number = _value(text.removeprefix("±").removeprefix("+-").removesuffix("%").strip())
     if not text.endswith("%") or isinstance(number, (bool, str)):
         _refuse(text)
     if number <= 0:
         raise CommandError(f"the tolerance '{text}' must be more than 0 %.", text=text)
-    return Uniform((100 - number) / 100, (100 + number) / 100, relative=True)
+    return Uniform, {"low": (100 - number) / 100, "high": (100 + number) / 100, "relative": True}
 
 
-def _parse_range(text: str) -> Distribution:
+def _parse_range(text: str) -> _Fields:
     """Parse LOW:HIGH and LOW:HIGH:N."""
     low, high, *points = _parts(text, text, ":")
     if len(points) > 1:
@@ -183,11 +239,9 @@ def _parse_range(text: str) -> Distribution:
     if not relative:
         ends = [_value(low), _value(high)]
     numbers = [*ends, *map(_value, points)]
-    if any(n is None or isinstance(n, (bool, str)) for n in numbers):
+    if any(n is None or isinstance(n, (bool, str)) for n in numbers if relative or not has_unit(n)):
         _refuse(text)
-    return _make_distribution(
-        Uniform, dict(zip(("low", "high", "points"), numbers, strict=False)) | {"relative": relative}
-    )
+    return Uniform, dict(zip(("low", "high", "points"), numbers, strict=False)) | {"relative": relative}
 
 
 def _parts(text: str, inner: str, separator: str) -> list[str]:

@@ -7,10 +7,11 @@ from typing import Any
 
 from ..base.errors import CommandError, join_names
 from ..base.patterns import is_pattern, matches_pattern
-from ..base.quantities import parse_quantity, parse_unit_name, split_quantity
+from ..base.quantities import parse_unit_name, read_quantity, split_quantity
 from ..base.units import SiUnit
 from ..base.values import convert_value
 from ..fmu.interface import Interface
+from ..fmu.units import read_si_number
 from ..fmu.variables import find_variable
 from ..run.options import list_options
 from ..system.model import System, Value
@@ -19,7 +20,6 @@ from .distributions import Distribution, parse_distribution
 from .kinds.discrete import ValueList
 from .reserved import RESERVED
 from .targets import ACTUATOR, FMU, OPTION, SHEET, START, Target, assign_value
-from .with_units import convert_units
 
 
 @dataclass(frozen=True)
@@ -122,7 +122,7 @@ class _FactorResolver:
         joints = self.system.branches
         if of is None and self.name.partition(".")[0] == ACTUATOR and ACTUATOR not in joints:
             return [self._of_actuator(given, joints)]
-        in_si = parse_distribution(convert_units(given, self._in_si, self.label), self.label)
+        in_si = parse_distribution(given, self.label, self._in_si)
         if of is None:
             names = self._names(self.name, in_si)
             return [self._factor(name, [name], self._distribution(given, [name])) for name in names]
@@ -149,11 +149,11 @@ class _FactorResolver:
         units = set[str]()
 
         def convert(text: str) -> float:
-            number, unit = split_quantity(text)
+            number, unit = split_quantity(text, self.label)
             units.add(unit)
             return number
 
-        distributed = parse_distribution(convert_units(given, convert, self.label), self.label)
+        distributed = parse_distribution(given, self.label, convert)
         if len(units) > 1:
             raise CommandError(f"{self.label} has values in different units: {join_names(sorted(units))}.")
         if distributed.relative:
@@ -165,8 +165,7 @@ class _FactorResolver:
 
     def _in_si(self, text: str) -> float:
         """Return a quantity as a number in SI units, which keeps the order of values."""
-        found = parse_quantity(text, f"{self.label}: {text}")
-        return found.in_unit(None if found.unit is None else found.unit.si, self.label)
+        return read_si_number(text, f"{self.label}: {text}", (i.units for i in self.interfaces.values()))
 
     def _distribution(self, given: Any, names: Sequence[str]) -> Distribution:
         """Return the distribution in the common unit of these names."""
@@ -176,14 +175,11 @@ class _FactorResolver:
             label = f"{self.label}: {text}"
             if len(units) > 1:
                 raise CommandError(f"{label} is for variables with different units; vary each separately.")
-            (unit,) = units
-            if unit is None:
-                raise CommandError(f"{label} has a unit, but the variable has none; write a plain number.")
-            return parse_quantity(text, label).in_unit(unit, label)
+            return read_quantity(text, label, units.pop())
 
         if any(self._takes_text(name) for name in names):
             return parse_distribution(given, self.label)
-        return parse_distribution(convert_units(given, convert, self.label), self.label)
+        return parse_distribution(given, self.label, convert)
 
     def _takes_text(self, name: str) -> bool:
         """Return whether values that look like quantities may be texts: files, names of levels."""

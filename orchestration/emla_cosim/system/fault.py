@@ -5,15 +5,18 @@ import re
 from dataclasses import dataclass
 
 from ..base.errors import CommandError, check_choice
+from ..base.quantities import read_quantity, split_quantity
 
 KINDS = ("freeze", "offset", "gain", "constant")
 """The kinds of faults."""
 
-_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_QUANTITY = r"[-+]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][-+]?\d+)?\s*(?:[^\W\d][^@+]*|°[^@+]*|%)?"
 _TEXT = re.compile(
-    rf"(?P<signal>[^=]+)=(?P<kind>\w+)(?::(?P<value>{_NUMBER}))?@(?P<start>{_NUMBER})"
-    rf"(?:\+(?P<duration>{_NUMBER}))?"
+    rf"(?P<signal>[^=]+)=(?P<kind>\w+)(?::(?P<value>{_QUANTITY}))?@(?P<start>{_QUANTITY})"
+    rf"(?:\+(?P<duration>{_QUANTITY}))?"
 )
+_BETWEEN_FAULTS = re.compile(r",(?=(?:[^,@\[\]]|\[[^\]]*\])*=)")
+"""A comma before the next signal; others are in indices, such as `u[1,2]`, and decimal commas."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +30,7 @@ class Fault:
         kind: `freeze` keeps the last value, `offset` adds `value`, `gain` multiplies by it, `constant` is it.
         start: start of the fault, in s.
         duration: duration in s. Default: to the end of the run.
-        value: offset, gain or constant, in the unit of the signal.
+        value: offset, gain or constant, in the unit of the signal, or a text with a unit such as "2 mm".
 
     Raises:
         CommandError: the arguments contradict each other.
@@ -42,22 +45,28 @@ class Fault:
     kind: str
     start: float
     duration: float | None = None
-    value: float | None = None
+    value: float | str | None = None
 
     def __post_init__(self) -> None:
-        """Check the fields.
+        """Check the fields, and read a value without a unit as a number.
 
         Raises:
             CommandError: If a field is invalid.
         """
         check_choice("kind of fault", self.kind, KINDS)
         of = f"the fault of {self.signal}"
+        number = self.value
+        if isinstance(number, str):
+            number, unit = split_quantity(number, f"the value of {of}")
+            if self.kind == "gain" or not unit:
+                number = read_quantity(str(self.value), f"the value of {of}", "1")
+                object.__setattr__(self, "value", number)
         if not math.isfinite(self.start):
             raise CommandError(f"{of} begins at {self.start:g} s; that must be a finite number.")
         if self.duration is not None and not 0.0 < self.duration < math.inf:
             raise CommandError(f"{of} lasts {self.duration:g} s; that must be a positive number.")
-        if self.value is not None and not math.isfinite(self.value):
-            raise CommandError(f"{of} has the value {self.value:g}; that must be a finite number.")
+        if number is not None and not math.isfinite(number):
+            raise CommandError(f"{of} has the value {number:g}; that must be a finite number.")
         if (self.value is None) != (self.kind == "freeze"):
             needs = "keeps the last value of the signal; leave out" if self.kind == "freeze" else "needs"
             raise CommandError(f"{of} is of the kind {self.kind}, which {needs} a value.")
@@ -75,11 +84,14 @@ class Fault:
                 f"the fault '{text}' cannot be read; write SIGNAL=KIND:VALUE@START+DURATION, such as "
                 "lift.plant.x_measured=offset:1e-3@1+0.1."
             )
-        numbers = {n: None if found[n] is None else float(found[n]) for n in ("duration", "value")}
-        return cls(found["signal"].strip(), found["kind"], float(found["start"]), **numbers)
+        signal, label = found["signal"].strip(), f"the time of the fault '{text}'"
+        start = read_quantity(found["start"], label, "s")
+        length = found["duration"]
+        duration = None if length is None else read_quantity(length, label, "s")
+        return cls(signal, found["kind"], start, duration, found["value"])
 
     def __str__(self) -> str:
-        value = "" if self.value is None else f":{self.value!r}"
+        value = "" if self.value is None else f":{self.value}"
         duration = "" if self.duration is None else f"+{self.duration!r}"
         return f"{self.signal}={self.kind}{value}@{self.start!r}{duration}"
 
@@ -90,4 +102,4 @@ def read_faults(text: str) -> list[Fault]:
     Raises:
         CommandError: If one is invalid.
     """
-    return [Fault.of_text(part) for part in text.split(",")]
+    return [Fault.of_text(part) for part in _BETWEEN_FAULTS.split(text)]

@@ -137,9 +137,10 @@ def _accept_quantities(
         return
     kinds = ("a difference of temperatures", "a temperature")
     fault = f"{kinds[target.is_difference]} drives {kinds[source.is_difference]}"
+    is_scaled = transformation.factor != 1.0
     accept_if_lenient(
         str(connection),
-        f"{fault}; its number is not changed",
+        f"{fault}; its number is {'converted without an offset' if is_scaled else 'not changed'}",
         f"the connection {connection} joins different quantities: {fault} (relativeQuantity). Transform it "
         "by an offset, or correct relativeQuantity in one of the FMUs",
     )

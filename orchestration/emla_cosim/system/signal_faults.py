@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from ..base.errors import CommandError
+from ..base.quantities import read_quantity
 from ..base.units import IDENTITY
 from ..base.wording import find_free_name
 from ..fmu.interface import Interface
@@ -51,9 +52,14 @@ def wire_faults(system: System, placed: FaultComponents, interfaces: Mapping[str
         interfaces: The model descriptions by component.
 
     Raises:
-        CommandError: If a signal does not exist, is not connected, or is not continuous.
+        CommandError: If a signal does not exist, is not connected, or is not continuous, or if a unit does
+            not fit.
     """
     outputs = [name for name, fault in placed.items() if _is_output(system, fault, interfaces)]
+    for name, fault in placed.items():
+        if isinstance(fault.value, str):
+            values = _start_values(replace(fault, value=_read_value(system, fault, interfaces)))
+            system = system.with_component(replace(system.component(name), parameters=values))
     for name in reversed(outputs):  # each is connected directly to the output
         system = _behind_output(system, name, _end(system, placed[name]), interfaces)
     for name, fault in placed.items():
@@ -69,12 +75,24 @@ def wire_faults(system: System, placed: FaultComponents, interfaces: Mapping[str
 
 def _start_values(fault: Fault) -> dict[str, Value]:
     values: dict[str, Value] = {"start": fault.start}
+    if isinstance(fault.value, str):
+        return values  # `wire_faults` sets them, once the unit of the signal is known
     if fault.duration is not None:
         values["duration"] = fault.duration
     if fault.value is None:
         return values | {"freeze": True}
     effects = {"offset": {"offset": fault.value}, "gain": {"gain": fault.value}}
     return values | effects.get(fault.kind, {"gain": 0.0, "offset": fault.value})
+
+
+def _read_value(system: System, fault: Fault, interfaces: Mapping[str, Interface]) -> float:
+    """Return the value of a fault in the unit of its signal; an offset is a difference."""
+    component, name = _end(system, fault)
+    unit = interfaces[component].unit(name)
+    if unit is not None and fault.kind == "offset":
+        unit = replace(unit, is_difference=True)
+    label = f"the value of the fault of {fault.signal}"
+    return read_quantity(str(fault.value), label, unit)
 
 
 def _end(system: System, fault: Fault) -> tuple[str, str]:

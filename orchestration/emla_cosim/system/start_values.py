@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 
 from ..base.errors import CommandError, join_names
 from ..base.patterns import has_wildcard, matches_pattern
-from ..base.quantities import has_unit, parse_quantity
+from ..base.quantities import has_unit, read_quantity
 from ..fmu.interface import Interface
 from .model import Component, System, Value
 
@@ -131,6 +131,4 @@ def _convert_to_unit(system: System, interfaces: Mapping[str, Interface], name: 
     if variable is None or variable.type != "Real":
         return value  # a text, or an error that is raised when it is set
     unit = alias.unit if alias is not None else interface.unit(own)
-    if unit is None:
-        raise CommandError(f"{name} = {value} has a unit, but the variable has none; write a plain number.")
-    return parse_quantity(value, f"{name} = {value}").in_unit(unit, f"{name} = {value}")
+    return read_quantity(value, f"{name} = {value}", unit)

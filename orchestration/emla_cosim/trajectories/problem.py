@@ -99,7 +99,9 @@ def _numbers(name: str, text: str) -> Any:
     try:
         values = [float(x) for x in text.split(",")]
     except ValueError as error:
-        raise CommandError(f"'{name}' = {text}; it must be a number, or several with commas.") from error
+        raise CommandError(
+            f"'{name}' = {text}; it must be a number in SI units, or several with commas."
+        ) from error
     return values[0] if len(values) == 1 else values
 
 

@@ -8,7 +8,9 @@ import numpy as np
 
 from ..base.arrays import Vector
 from ..base.errors import CommandError, join_names
+from ..base.quantities import has_unit
 from ..fmu.interface import Interface
+from ..fmu.units import FmuUnits, read_si_number
 from ..run.options import list_options
 from ..sweeps.distributions import Distribution, parse_distribution
 from ..sweeps.factors import Factor, find_start_number, resolve_factors
@@ -77,12 +79,13 @@ class Space:
 def build_space(plan: TuningPlan, system: System, interfaces: Mapping[str, Interface]) -> Space:
     """Return the space of a plan in a system; raise CommandError for a wrong name or one that cannot vary."""
     free = [name for name in plan.vary if _is_free(name, plan.vary[name], system)]
-    known = {name: _range(given) for name, given in plan.vary.items() if name not in free}
+    units = [interface.units for interface in interfaces.values()]
+    known = {name: _range(given, units) for name, given in plan.vary.items() if name not in free}
     found = resolve_factors(known, system, interfaces, plan.where)
     _check_start_values(found, plan.where)
     axes = [GainAxis(f.name, f.distribution, f) for f in found]
     axes += [
-        GainAxis(name, parse_distribution(_range(plan.vary[name]), f"'{name}' of {plan.where}"))
+        GainAxis(name, parse_distribution(_range(plan.vary[name], units), f"'{name}' of {plan.where}"))
         for name in free
     ]
     derived = _derive_gains(plan, axes, system, interfaces)
@@ -129,14 +132,21 @@ def _has_targets(given: Any) -> bool:
     return isinstance(given, Mapping) and "of" in given
 
 
-def _range(given: Any) -> Any:
+def _range(given: Any, units: Sequence[FmuUnits]) -> Any:
     """Return the range of a gain; LOW:HIGH of positive numbers is logarithmic."""
     if not isinstance(given, str):
         return given
-    found = parse_distribution(given, "the range")
+
+    def read_si(text: str) -> float:
+        return read_si_number(text, "the range", units)
+
+    found = parse_distribution(given, "the range", read_si)
     if isinstance(found, Uniform) and found.low > 0:
+        ends = [text.strip() for text in given.split(":")]
+        if any(map(has_unit, ends[:2])) and not found.relative:
+            return {"distribution": LogUniform.name, "low": ends[0], "high": ends[1]}
         return LogUniform(found.low, found.high, found.points, relative=found.relative)
-    return found
+    return given
 
 
 def _derive_gains(

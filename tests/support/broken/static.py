@@ -133,6 +133,8 @@ STATIC: list[Broken] = [
     Broken("no-unit", "A unit that is not defined", "units.defined", without("//Unit[@name='W']")),
     Broken("wrong-exponents", "The unit N/m with the exponents of N", "units.consistent",
         setting("//Unit[@name='N/m']/BaseUnit", m="1"), verdict=Verdict.WARNING),
+    Broken("wrong-letter", "The unit W with the exponents of A", "units.consistent",
+        setting("//Unit[@name='W']/BaseUnit", kg=None, m=None, s=None, A="1"), verdict=Verdict.WARNING),
     Broken("wrong-factor", "The display unit mm with the factor 1", "units.consistent",
         setting("//DisplayUnit[@name='mm']", factor="1"), verdict=Verdict.WARNING),
     Broken("infinite-factor", "A unit with an infinite factor", "units.consistent",

@@ -265,7 +265,7 @@ def test_many_runs_do_not_overwrite_their_data(
     ("signals", "options", "message"),
     [
         ({LOAD: "Farce"}, {}, "has no column 'Farce'; did you mean Force?"),
-        ({LOAD: "x"}, {}, "is for lift.disturbance.F_L and has the units mm and N"),
+        ({LOAD: "x"}, {}, "for lift.disturbance.F_L has the units mm and N"),
         ({LOAD: "Force [N]"}, {}, "is declared to be in N; its header says otherwise"),
         ({LOAD: "der(Force)"}, {}, "needs cubic interpolation"),
         ({LOAD: "der(der(der(Force)))"}, {"interpolation": "cubic"}, "it must be 0, 1 or 2"),

@@ -379,7 +379,7 @@ def test_parameters_are_converted_to_the_units_of_their_variables(emla: Emla) ->
     [
         ("lift.plant.x", "mm", ["lift.plant has no variable 'x'", "x_L"]),
         ("lift.plant.start.x_L", "s", ["'lift.plant.start.x_L' of 'my.ssv' has the units s and m"]),
-        ("lift.plant.start.x_L", "inch", ["has the units inch and m, one of which is not defined"]),
+        ("lift.plant.start.x_L", "inch", ["units inch and m: inch is not defined in the Units of 'my.ssv'"]),
         ("lift.plant.tau_m", "mm", ["lift.plant.tau_m"]),
     ],
 )

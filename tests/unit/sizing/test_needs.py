@@ -14,7 +14,7 @@ from tests.support.commands import Emla, sentence
 @pytest.mark.parametrize("life", ["20000", "2e4"])
 def test_a_life_needs_a_unit(life: str, emla: Emla) -> None:
     message = sentence(emla("size", "prototype", "--life", life), 2)
-    assert message == f"Error: --life is {life} without a unit; write it as {life}h or {life}s."
+    assert message == f"Error: --life {life} has no unit; write '{life} h' or '{life} s'."
 
 
 def test_a_run_that_an_fmu_ends_is_not_sized(fmu_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

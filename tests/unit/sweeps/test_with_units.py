@@ -40,6 +40,8 @@ def table(vary: Any, fmu_folder: Path, **plan: Any) -> tuple[dict[str, list[Any]
         ("10 mm", [0.01]),
         ("10 mm, 0.02 m", [0.01, 0.02]),
         (["10 mm", "2 cm"], [0.01, 0.02]),
+        ("0,5 cm:1,5 cm:2", [0.005, 0.015]),
+        (["0,5 cm", "1,5 cm"], [0.005, 0.015]),
         ("log-uniform(1 mm, 100 mm, 3)", [0.001, 0.01, 0.1]),
         ("log-uniform(low = 1 mm, high = 100 mm, points = 2)", [0.001, 0.1]),
         ({"distribution": "uniform", "low": "1 mm", "high": "3 mm", "points": 3}, [0.001, 0.002, 0.003]),
@@ -80,9 +82,10 @@ def test_units_in_patterns_several_targets_and_options(fmu_folder: Path) -> None
     [
         ({LEAD: "10:20 mm:3"}, "10 has no unit, but 20 mm has; add a unit to all or none"),
         ({LEAD: ["10 mm", 0.02]}, "0.02 has no unit, but 10 mm has"),
+        ({LEAD: "0,5 mm"}, "two meanings; write '0.5 mm', or '0 mm, 5 mm' for two values"),
         ({LEAD: "1 s:2 s:3"}, "1 s has the units s and m"),
         ({LEAD: "1 furlong:2 furlong"}, "the unknown unit 'furlong'"),
-        ({"lift.plant.motor.N_p": "4 mm,5 mm"}, "4 mm has a unit, but the variable has none"),
+        ({"lift.plant.motor.N_p": "4 mm,5 mm"}, "4 mm has a unit, but takes none"),
         ({"x": {"of": [LEAD, L_D], "distribution": "values", "values": ["1 mm"]}}, "with different units"),
         (
             {LEAD: {"distribution": "values", "values": ["90 mm"], "relative": True}},

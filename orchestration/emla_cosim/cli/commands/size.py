@@ -7,8 +7,7 @@ from typing import Any
 
 from ...base.errors import CommandError, RunError, join_names
 from ...base.option import OUTPUT, SIZE, option, switch
-from ...base.quantities import parse_quantity
-from ...base.units import find_unit
+from ...base.quantities import read_quantity
 from ...sizing.folder import CYCLES, PAGE, RECORD, TABLE
 from ...sizing.pictures import list_pictures
 from ...sizing.runner import AMBIENT, LEAD_IN, size
@@ -34,18 +33,12 @@ EXAMPLES = (
 
 def _read_temperature(text: str) -> float:
     """Return a temperature in K."""
-    quantity = parse_quantity(text, "--ambient")
-    if quantity.unit is None:
-        raise CommandError(f"--ambient is {text} without a unit; write it as 40degC, 104degF or 313K.")
-    return quantity.in_unit(find_unit("K"), "--ambient")
+    return read_quantity(text, "--ambient", "K", readings=("degC", "degF", "K"))
 
 
 def _read_life(text: str) -> float:
     """Return a life in s. It needs a unit: people think of it in hours, and other times are in seconds."""
-    quantity = parse_quantity(text, "--life")
-    if quantity.unit is None:
-        raise CommandError(f"--life is {text} without a unit; write it as {text}h or {text}s.")
-    return quantity.in_unit(find_unit("s"), "--life")
+    return read_quantity(text, "--life", "s", readings=("h", "s"))
 
 
 @dataclass(frozen=True)

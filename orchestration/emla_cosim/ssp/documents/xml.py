@@ -188,7 +188,7 @@ def read_unit(element: XmlElement, units: dict[str, SiUnit], where: str) -> SiUn
         return None
     if name not in units:
         note_fault(where, f"it names the unit '{name}', which it does not define")
-    return units.get(name, SiUnit(name) if name else None)
+    return units.get(name, SiUnit(name, definer=f"the Units of '{where}'") if name else None)
 
 
 def _finite(element: XmlElement, attribute: str, default: str, where: str) -> float:

@@ -31,10 +31,9 @@ def value_of(name: str, value: Value | None, overrides: Mapping[str, Value]) -> 
     value = overrides.get(name, value)
     if isinstance(value, str):
         try:
-            read = parse_quantity(value, name)
+            return parse_quantity(value, name).si_number
         except CommandError:
             return None  # a name of an enumeration, or a unit known only with the FMU
-        return read.in_unit(None if read.unit is None else read.unit.si, name)
     return None if value is None else float(value)
 
 

@@ -25,18 +25,11 @@ _SAID = (
 """Conventions beside a unit, in the order of search: "phase to phase" contains "phase"."""
 
 _SPELLINGS = (
-    (re.compile(r"\(\s*\)|,"), " "),
-    (re.compile(r"\s*/\s*"), "/"),
-    (re.compile(r"\bNm\b"), "N m"),
-    (re.compile(r"\bkgcm"), "kg cm"),
-    (re.compile(r"\bkgm"), "kg m"),
-    (re.compile(r"\b(?:1/min|min\^?-1|min⁻¹|r/min|rev/min|RPM)(?![\w.])"), "rpm"),
-    (re.compile(r"\bkRPM\b"), "krpm"),
-    (re.compile(r"(?<=[^\W\d_])-(?=[^\W\d_])"), " "),
-    (re.compile(r"\bsec(?![A-Za-z])"), "s"),
-    (re.compile(r"\b1000 ?rpm\b"), "krpm"),
+    (re.compile(r"\(\s*\)|,(?!\d)"), " "),
+    (re.compile(r"\b(?:1 ?/ ?min|min\^?-1|min⁻¹|r ?/ ?min)(?![\w.])"), "rpm"),
+    (re.compile(r"\b1000 ?(?:rpm|RPM)\b"), "krpm"),
 )
-"""Spellings of units in data sheets. 1/min is a speed of turns."""
+"""Spellings in data sheets only: 1/min is a speed of turns."""
 
 
 @dataclass(frozen=True)
@@ -74,18 +67,17 @@ def _number(text: str, entry: SheetEntry, label: str) -> float:
     rest, factor = _read_suffix(text, entry, label)
     for pattern, meant in _SPELLINGS:
         rest = pattern.sub(meant, rest)
-    unit = parse_unit_name(entry.unit, label) if entry.unit else None
-    found = parse_quantity(rest.strip(), label, unit)
-    if unit is None:
-        return found.in_unit(parse_unit_name("%", label), label) / 100.0 if found.unit else found.number
-    if found.unit is None:
-        raise CommandError(f"{label} is '{text}' without a unit; add one, as in \"{entry.example}\".")
-    written = replace(found.unit, offset=0.0) if entry.is_difference else found.unit
-    found = replace(found, unit=written)
-    number = found.in_unit(unit, label) * factor
-    if unit.exponents is None or written.exponents is None or unit.exponents == written.exponents:
+    unit = replace(parse_unit_name(entry.unit or "1", label), is_difference=entry.is_difference)
+    quantity = parse_quantity(rest, label, unit)
+    number = quantity.in_unit(unit, label) * factor
+    if not entry.unit:
         return number
-    if entry.per_turn and written.exponents[-1] == -1:
+    if quantity.unit is None:
+        raise CommandError(f"{label} is '{text}' without a unit; add one, as in \"{entry.example}\".")
+    powers, expected = quantity.unit.powers.get("rad", 0), unit.powers.get("rad", 0)
+    if powers == expected:
+        return number
+    if entry.per_turn and powers == -1:
         return number * TURN
     raise CommandError(
         f"{label} is '{text}'; state whether it is in turns or radians: write it as \"{entry.example}\"."

@@ -12,7 +12,7 @@ from fmublock import Block
 from fmublock.variables import Variable
 
 from ...base.errors import CommandError, join_names
-from ...base.quantities import parse_quantity, parse_unit_name
+from ...base.quantities import read_quantity
 from ...base.values import as_float
 
 
@@ -148,8 +148,7 @@ def _value(value: Any, kind: Any, entry: EntryFormat, label: str) -> Any:
 def _number(value: Any, entry: EntryFormat, label: str) -> float:
     """Return a number in the unit of the entry; a text can give another unit of the same kind."""
     if isinstance(value, str):
-        unit = parse_unit_name(entry.unit, label) if entry.unit else None
-        value = parse_quantity(value, label).in_unit(unit, label)
+        value = read_quantity(value, label, entry.unit or None)
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         in_unit = f" in {entry.unit}, or a text with a unit" if entry.unit else ""
         raise CommandError(f"{label} is {value!r}; it must be a number{in_unit}.")

@@ -3,16 +3,20 @@
 import math
 from collections.abc import Iterator, Mapping
 
-from ...base.units import BASE_UNITS, counts_turns, find_unit
+from ...base.units import (
+    BASE_UNITS,
+    SiUnit,
+    define_display_unit,
+    explain_contradiction,
+    find_unit,
+    is_same_factor,
+)
 from ..check import check
 from ..declarations import Declarations, DeclaredUnit, DeclaredVariable, find_repeated
 from ..messages import Breach, Problem, judge_problems
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, fmi3
 
-_CLOSE = 1e-4
-"""Relative tolerance of equal factors: some are written with few digits."""
-_TURN = 2.0 * math.pi
 _RAD = BASE_UNITS.index("rad")
 
 _UNIQUE = Clause(
@@ -111,13 +115,7 @@ def consistent(subject: Subject) -> CheckOutcome:
         for display in unit.display
         if _is_inverse(display) and _number(display, "offset", 0.0) != 0.0
     ]
-    found = (
-        p
-        for unit in units
-        if not _means_something_else(unit)
-        for p in (*_wrong(unit), *_wrong_display(unit), *_offset(unit))
-    )
-    doubts = [Breach(p, _CONVERTED) for p in found]
+    doubts = [Breach(p, _CONVERTED) for u in units for p in _contradictions(u)]
     known = sum(find_unit(u.name) is not None for u in units)
     return judge_problems(
         problems, f"{known} of {len(units)} units have well-known names; all of them match.", doubts
@@ -140,52 +138,23 @@ def _finite(unit: DeclaredUnit) -> Iterator[str]:
             yield f"The unit {name} has the factor {factor:g} and the offset {offset:g}."
 
 
-def _means_something_else(unit: DeclaredUnit) -> bool:
-    """Return whether a letter is the name of another unit, which the standard leaves free: T for a tonne."""
-    known = find_unit(unit.name)
-    if known is None or unit.base is None or len(unit.name) > 1:
-        return False
-    return _exponents(unit.base)[:_RAD] != (known.exponents or ())[:_RAD]
-
-
-def _wrong(unit: DeclaredUnit) -> Iterator[str]:
-    known = find_unit(unit.name)
-    if known is None or unit.base is None:
-        return
-    exponents, by_name = _exponents(unit.base), known.exponents or ()
-    if exponents[:_RAD] != by_name[:_RAD]:
-        yield f"The unit {unit.name} is declared as {_format(exponents)}, but it is {_format(by_name)}."
-        return
-    factor = _number(unit.base, "factor", 1.0)
-    turns = exponents[_RAD] - by_name[_RAD]
-    powers = (-1, 0, 1) if counts_turns(unit.name) else (0, turns if abs(turns) == 1 else 0)
-    allowed = [known.factor * _TURN**k for k in powers]
-    if not any(_same(factor, one) for one in allowed):
-        yield f"The unit {unit.name} has the factor {factor:g}; it is {known.factor:g} {_format(exponents)}."
-
-
-def _wrong_display(unit: DeclaredUnit) -> Iterator[str]:
-    mine = find_unit(unit.name)
+def _contradictions(unit: DeclaredUnit) -> Iterator[str]:
+    """Yield what contradicts the names of a unit and of its display units."""
+    base = unit.base
+    defined = find_unit(unit.name)
+    if base is not None:
+        factor, offset = _number(base, "factor", 1.0), _number(base, "offset", 0.0)
+        defined = SiUnit(unit.name, _exponents(base), factor, offset)
+        if (text := explain_contradiction(defined)) is not None:
+            yield f"{text[0].upper()}{text[1:]}."
+            return
     for display in unit.display:
-        theirs = find_unit(display["name"])
-        if mine is None or theirs is None or _is_inverse(display):
+        factor, offset = _number(display, "factor", 1.0), _number(display, "offset", 0.0)
+        if defined is None or not factor or _is_inverse(display):
             continue
-        factor = _number(display, "factor", 1.0)
-        right = mine.factor / theirs.factor
-        turning = counts_turns(unit.name) or counts_turns(display["name"])
-        allowed = [right * _TURN**k for k in ((-1, 0, 1) if turning else (0,))]
-        if (mine.exponents or ())[:_RAD] != (theirs.exponents or ())[:_RAD]:
-            yield f"{display['name']} cannot be a display unit of {unit.name}: it has another dimension."
-        elif not any(_same(factor, one) for one in allowed):
-            yield f"1 {unit.name} is displayed as {factor:g} {display['name']}, but is {right:g}."
-
-
-def _offset(unit: DeclaredUnit) -> Iterator[str]:
-    known = find_unit(unit.name)
-    if known is not None and unit.base is not None:
-        offset = _number(unit.base, "offset", 0.0)
-        if abs(offset - known.offset) > _CLOSE * abs(known.offset):
-            yield f"The unit {unit.name} has the offset {offset:g}, but its name means {known.offset:g}."
+        text = explain_contradiction(define_display_unit(defined, display["name"], factor, offset))
+        if text is not None:
+            yield f"In the display of {unit.name}, {text}."
 
 
 @check(
@@ -230,7 +199,7 @@ def _agree(declared: Declarations, derivative: DeclaredVariable, of: DeclaredVar
         return True, True
     expected, found = _exponents(bases[0], per_second=True), _exponents(bases[1])
     one, other = (_number(base, "factor", 1.0) for base in (bases[0], bases[1]))
-    return expected[:_RAD] == found[:_RAD], _same(one, other)
+    return expected[:_RAD] == found[:_RAD], is_same_factor(one, other)
 
 
 def _exponents(base: Mapping[str, str], per_second: bool = False) -> tuple[int, ...]:
@@ -239,15 +208,5 @@ def _exponents(base: Mapping[str, str], per_second: bool = False) -> tuple[int, 
     return tuple(found)
 
 
-def _format(exponents: tuple[int, ...]) -> str:
-    """Format exponents: `kg m2 s-2`."""
-    pairs = zip(BASE_UNITS, exponents, strict=True)
-    return " ".join(f"{base}{power if power != 1 else ''}" for base, power in pairs if power) or "1"
-
-
 def _number(attributes: Mapping[str, str], name: str, otherwise: float) -> float:
     return float(attributes.get(name, otherwise))
-
-
-def _same(one: float, other: float) -> bool:
-    return math.isclose(one, other, rel_tol=_CLOSE)
