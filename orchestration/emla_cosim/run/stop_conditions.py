@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ..base.arrays import Vector
 from ..base.errors import CommandError, suggest_names
@@ -54,29 +54,41 @@ class StopCondition:
         return self.condition.met_by(value)
 
 
-def find_stop_conditions(
-    texts: Sequence[str], names: Sequence[str], shown: Mapping[int, LinearTransformation]
-) -> list[StopCondition]:
-    """Return the conditions of a run.
+def resolve_stop_conditions(texts: Sequence[str], names: Sequence[str], main: str = "") -> list[Requirement]:
+    """Return the conditions of a run, with the full names of their signals.
 
     Args:
         texts: The conditions as users write them.
-        names: The names of the signals in rows.
-        shown: Transformations of signals to the units of results, by position.
+        names: The names of all variables that can be recorded.
+        main: The component whose variables need no component's name; empty without one.
 
     Raises:
         CommandError: If a condition is invalid, or its signal does not exist.
     """
-    found = []
+    conditions = []
     for condition in map(parse_stop_condition, texts):
-        name = condition.figure
-        if name not in names:
+        signal = condition.figure
+        name = next((n for n in (signal, f"{main}.{signal}") if n in names), None)
+        if name is None:
             raise CommandError(
-                f"there is no signal '{name}' to stop at; {suggest_names(name, names)}", name=name
+                f"there is no signal '{signal}' to stop at; {suggest_names(signal, names)}", name=signal
             )
-        place = names.index(name)
-        found.append(StopCondition(condition, 1 + place, shown.get(place, IDENTITY)))
-    return found
+        conditions.append(replace(condition, figure=name))
+    return conditions
+
+
+def watch_signals(
+    conditions: Sequence[Requirement], names: Sequence[str], shown: Mapping[int, LinearTransformation]
+) -> list[StopCondition]:
+    """Return conditions with the positions of their signals.
+
+    Args:
+        conditions: The conditions, as `resolve_stop_conditions` returns them.
+        names: The names of the signals in rows.
+        shown: Transformations of signals to the units of results, by position.
+    """
+    positions = [(condition, names.index(condition.figure)) for condition in conditions]
+    return [StopCondition(c, 1 + i, shown.get(i, IDENTITY)) for c, i in positions]
 
 
 def describe_stop(condition: Requirement | str, time: float) -> str:

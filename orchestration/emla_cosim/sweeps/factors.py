@@ -1,22 +1,18 @@
 """Resolve the names and patterns of a plan into factors and their targets."""
 
-import difflib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
-from ..base.errors import CommandError, join_names
-from ..base.patterns import is_pattern, matches_pattern
+from ..base.errors import CommandError, join_names, suggest_names
 from ..base.quantities import parse_quantity, parse_unit_name, split_quantity
 from ..base.units import SiUnit
 from ..base.values import convert_value
 from ..fmu.interface import Interface
-from ..fmu.variables import find_variable
 from ..run.options import list_options
 from ..system.model import System, Value
-from ..system.resolution import refuse_driven
+from ..system.names import NamedVariable, Names
 from .distributions import Distribution, parse_distribution
-from .kinds.discrete import ValueList
 from .reserved import RESERVED
 from .targets import ACTUATOR, FMU, OPTION, SHEET, START, Target, assign_value
 from .with_units import convert_units
@@ -53,9 +49,9 @@ def resolve_factors(
     Raises:
         CommandError: A name does not exist, is driven or occurs twice, or a value is not a distribution.
     """
-    found = list[Factor]()
+    found, names = list[Factor](), Names(system, interfaces)
     for name, given in vary.items():
-        varying = _FactorResolver(str(name), f"'{name}' of {where}", system, interfaces)
+        varying = _FactorResolver(str(name), f"'{name}' of {where}", system, names)
         found += varying.factors(given)
     _check_names(found, where)
     return found
@@ -65,9 +61,12 @@ def find_start_values(
     pattern: str, system: System, interfaces: Mapping[str, Interface]
 ) -> dict[str, float | None]:
     """Return the names of settable numbers that match a pattern, with start values (None if unknown)."""
-    varying = _FactorResolver(pattern, f"'{pattern}'", system, interfaces)
-    names = varying._matching(pattern, ValueList((0,)))
-    return {name: find_start_number(name, system, interfaces) for name in names}
+    names = Names(system, interfaces)
+    return {v.full_name: v.start_number for v in names.match(pattern) if names.is_free(v) and _is_number(v)}
+
+
+def _is_number(variable: NamedVariable) -> bool:
+    return variable.variable.type in ("Real", "Integer")
 
 
 def _check_names(found: Sequence[Factor], where: str) -> None:
@@ -90,26 +89,17 @@ def _check_names(found: Sequence[Factor], where: str) -> None:
 
 def find_start_number(name: str, system: System, interfaces: Mapping[str, Interface]) -> float | None:
     """Return the start value of a variable in the scenario, in its unit there; None if it is not a number."""
-    component, variable = system.split(name)
-    value = component.parameters.get(variable)
-    try:
-        if value is not None:
-            return float(value)
-        alias = component.alias(variable)
-        start = interfaces[component.name].variables[alias.variable].start
-        return None if start is None else alias.transformation.inverse()(float(start))
-    except ValueError:
-        return None
+    return Names(system, interfaces).find(name).start_number
 
 
 @dataclass(frozen=True)
 class _FactorResolver:
-    """Resolves one entry of a plan, `name`, in a system. Messages call it `label`."""
+    """Resolves one entry of a plan, `name`, in a system with these `names`. Messages call it `label`."""
 
     name: str
     label: str
     system: System
-    interfaces: Mapping[str, Interface]
+    names: Names
 
     def factors(self, given: Any) -> list[Factor]:
         """Return a factor for each match of the name, or a single one for all names in `of`."""
@@ -192,9 +182,7 @@ class _FactorResolver:
             return not list_options()[name].about.unit
         if kind == FMU:
             return True
-        component, variable = self.system.split(name)
-        variables = self.interfaces[component.name].variables
-        return variables[component.alias(variable).variable].type in ("String", "Enumeration")
+        return self.names.find(name).variable.type in ("String", "Enumeration")
 
     def _factor(self, name: str, names: Sequence[str], distributed: Distribution) -> Factor:
         relative = distributed.relative
@@ -215,54 +203,26 @@ class _FactorResolver:
         kind = self._kind(name)
         if kind == OPTION and not list_options()[name].can_vary:
             raise CommandError(f"{self.label}: the option {name} cannot vary between variants.")
-        if kind == START and is_pattern(name) and (found := self._matching(name, distributed)):
-            return found
-        if kind == START:
-            self._check_start_value(name)
-        return [name]
-
-    def _matching(self, pattern: str, distributed: Distribution) -> list[str]:
-        """Return the matching Real start values, and Integer ones if all values are whole."""
-        whole = not distributed.relative and all(isinstance(end, int) for end in distributed.ends)
-        types = ("Real", "Integer") if whole else ("Real",)
-        driven = {x.ends[1] for x in self.system.connections}
-        found = list[str]()
-        for component in self.system.components:
-            named = {alias.variable: name for name, alias in component.aliases.items()}
-            interface = self.interfaces[component.name]
-            for own, variable in interface.variables.items():
-                name = f"{component.name}.{named.get(own, own)}"
-                free = interface.is_settable(own) and not interface.is_structural(own)
-                free = free and (component.name, own) not in driven
-                if free and variable.type in types and matches_pattern(name, pattern):
-                    found.append(name)
-        return found
-
-    def _check_start_value(self, name: str) -> None:
-        """Raise CommandError if a name is not a start value, or is driven or computed."""
-        if "." not in name:
+        if kind != START:
+            return [name]
+        if "." not in name and not self.names.match(name):
             everything = [*list_options(), *(c.name for c in self.system.components)]
-            near = difflib.get_close_matches(name, everything, n=2, cutoff=0.6)
-            meant = f"did you mean {' or '.join(near)}?" if near else "write it as component.variable."
+            meant = suggest_names(name, everything, "write it as component.variable.")
             raise CommandError(f"{self.label} is not an option, component or start value; {meant}", name=name)
-        component, variable = self.system.split(name)
-        interface, own = self.interfaces[component.name], component.alias(variable).variable
-        find_variable(component.name, interface.variables, own)
-        if interface.is_structural(own):
+        is_whole = not distributed.relative and all(isinstance(end, int) for end in distributed.ends)
+        types = ("Real", "Integer") if is_whole else ("Real",)
+        variables = self.names.resolve(name, self.label, "varied", lambda v: v.variable.type in types)
+        if variables[0].is_structural:
             raise CommandError(
                 f"{self.label} is a structural parameter and cannot be varied: all variants have arrays of "
                 "the same sizes. Set it in the scenario or with --set.",
                 name=name,
             )
-        if not interface.is_settable(own):
-            near = [n for n in interface.variables if n.endswith(f".{own}") and interface.is_settable(n)]
-            meant = f"; did you mean {component.name}.{near[0]}?" if near else "."
-            raise CommandError(f"{self.label} is computed by the FMU and cannot be varied{meant}", name=name)
-        refuse_driven(replace(component, parameters={own: 0.0}), self.system)
+        return [variable.full_name for variable in variables]
 
     def _nominal(self, name: str) -> float:
         """Return the start value in the scenario. Raise CommandError if it is not a number to multiply."""
-        number = find_start_number(name, self.system, self.interfaces) if self._kind(name) == START else None
+        number = self.names.find(name).start_number if self._kind(name) == START else None
         if number is None:
             raise CommandError(f"{self.label} is relative, but {name} has no number in the scenario.")
         if number == 0.0:
@@ -276,6 +236,4 @@ class _FactorResolver:
             return parse_unit_name(unit, self.label) if unit else None
         if kind == FMU:
             return None
-        component, variable = self.system.split(name)
-        alias = component.aliases.get(variable)
-        return alias.unit if alias is not None else self.interfaces[component.name].unit(variable)
+        return self.names.find(name).unit

@@ -11,10 +11,10 @@ from typing import Any
 import polars
 from polars.exceptions import PolarsError
 
-from ..base.errors import CommandError
-from ..base.patterns import matches_pattern
+from ..base.errors import CommandError, suggest_names
+from ..base.patterns import find_names
 from ..recorders.metrics import HELD, is_verdict
-from ..run.requirements import flatten_figures, suggest_figure
+from ..run.requirements import flatten_figures
 from ..run.result import Result
 from .reserved import RESERVED
 
@@ -166,6 +166,7 @@ def resolve_measures(
     further: Sequence[str],
     kept: Sequence[str],
     where: str,
+    main: str = "",
 ) -> Measures:
     """Resolve the patterns of metrics. Without metrics, keep all figures.
 
@@ -176,6 +177,7 @@ def resolve_measures(
         further: Other variables that expressions can name.
         kept: Signals to keep over time.
         where: Name of the plan in messages.
+        main: The component whose variables need no component's name; empty without one.
 
     Raises:
         CommandError: A figure does not exist, or an expression cannot be computed.
@@ -183,7 +185,7 @@ def resolve_measures(
     chosen = (
         list(figures)
         if not (asked.figures or asked.expressions or asked.functions)
-        else _matching(asked.figures, list(figures), where)
+        else _matching(asked.figures, list(figures), where, main)
     )
     for name in (*asked.expressions, *asked.functions):
         _check_name(name, chosen, where)
@@ -218,12 +220,12 @@ def reason_not_held(result: Result) -> str | None:
     return " ".join(found) or None
 
 
-def _matching(patterns: Sequence[str], figures: Sequence[str], where: str) -> list[str]:
+def _matching(patterns: Sequence[str], figures: Sequence[str], where: str, main: str) -> list[str]:
     found = list[str]()
     for pattern in patterns:
-        matching = [name for name in figures if matches_pattern(name, pattern)]
+        matching = find_names(pattern, figures, main)
         if not matching:
-            meant = suggest_figure(pattern, figures) if figures else "there are none; use an expression."
+            meant = suggest_names(pattern, figures) if figures else "there are none; use an expression."
             raise CommandError(
                 f"{where} wants the metric '{pattern}', which does not exist; {meant}", name=pattern
             )

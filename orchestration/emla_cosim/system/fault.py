@@ -15,6 +15,9 @@ _TEXT = re.compile(
     rf"(?:\+(?P<duration>{_NUMBER}))?"
 )
 
+_COMMA = re.compile(r",(?![^\[\]]*\])")
+"""A comma outside of brackets, which have the indices of an element."""
+
 
 @dataclass(frozen=True)
 class Fault:
@@ -90,4 +93,4 @@ def read_faults(text: str) -> list[Fault]:
     Raises:
         CommandError: If one is invalid.
     """
-    return [Fault.of_text(part) for part in text.split(",")]
+    return [Fault.of_text(part) for part in _COMMA.split(text)]

@@ -219,6 +219,12 @@ class System:
             return self.components[0]
         return None if self.main is None else self._by_name.get(self.main)
 
+    @property
+    def main_name(self) -> str:
+        """Name of the component of `find_main`; empty if there is none."""
+        main = self.find_main()
+        return "" if main is None else main.name
+
     def with_main(self) -> "System":
         """Return the system with its only component as `main`, so that this holds when others are added."""
         return replace(self, main=self.components[0].name) if len(self.components) == 1 else self

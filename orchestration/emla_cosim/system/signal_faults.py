@@ -7,9 +7,9 @@ from ..base.errors import CommandError
 from ..base.units import IDENTITY
 from ..base.wording import find_free_name
 from ..fmu.interface import Interface
-from ..fmu.variables import find_variable
 from .fault import Fault
 from .model import Component, Connection, System, Value
+from .names import NamedVariable, Names
 from .resolution import find_transformation
 
 MODEL = "SignalFault"
@@ -53,17 +53,17 @@ def wire_faults(system: System, placed: FaultComponents, interfaces: Mapping[str
     Raises:
         CommandError: If a signal does not exist, is not connected, or is not continuous.
     """
-    outputs = [name for name, fault in placed.items() if _is_output(system, fault, interfaces)]
+    signals = {name: _find_signal(Names(system, interfaces), fault) for name, fault in placed.items()}
+    outputs = [name for name, signal in signals.items() if signal.variable.causality == "output"]
     for name in reversed(outputs):  # each is connected directly to the output
-        system = _behind_output(system, name, _end(system, placed[name]), interfaces)
-    for name, fault in placed.items():
-        end = _end(system, fault)
+        system = _behind_output(system, name, signals[name].end, interfaces)
+    for name, signal in signals.items():
         if name in outputs:
             continue
-        if any(x.ends[1] == end for x in system.connections):
-            system = _before_input(system, name, end, interfaces)
+        if any(x.ends[1] == signal.end for x in system.connections):
+            system = _before_input(system, name, signal.end, interfaces)
         else:
-            system = _at_free_input(system, name, *system.split(fault.signal), interfaces)
+            system = _at_free_input(system, name, signal)
     return system
 
 
@@ -77,16 +77,10 @@ def _start_values(fault: Fault) -> dict[str, Value]:
     return values | effects.get(fault.kind, {"gain": 0.0, "offset": fault.value})
 
 
-def _end(system: System, fault: Fault) -> tuple[str, str]:
-    """Return component and variable of a signal, as in connections."""
-    component, name = system.split(fault.signal)
-    return component.name, component.alias(name).variable
-
-
-def _is_output(system: System, fault: Fault, interfaces: Mapping[str, Interface]) -> bool:
-    """Return whether a signal is an output; raise CommandError if it cannot have a fault."""
-    component, name = _end(system, fault)
-    variable = find_variable(component, interfaces[component].variables, name)
+def _find_signal(names: Names, fault: Fault) -> NamedVariable:
+    """Return the signal of a fault; raise CommandError if it cannot have one."""
+    signal = names.find(fault.signal)
+    variable = signal.variable
     if variable.causality not in ("output", "input"):
         raise CommandError(
             f"{fault.signal} is a {variable.causality}; a fault needs an output or an input.",
@@ -98,7 +92,7 @@ def _is_output(system: System, fault: Fault, interfaces: Mapping[str, Interface]
             f"{fault.signal} is a {variability} {variable.type}; a fault needs a continuous Real.",
             signal=fault.signal,
         )
-    return variable.causality == "output"
+    return signal
 
 
 def _behind_output(
@@ -125,19 +119,17 @@ def _before_input(
     return replace(system, connections=(*connections, Connection(name, "y", *end)))
 
 
-def _at_free_input(
-    system: System, name: str, component: Component, variable: str, interfaces: Mapping[str, Interface]
-) -> System:
+def _at_free_input(system: System, name: str, signal: NamedVariable) -> System:
     """Connect a fault to an unconnected input; the input's value becomes the fault's input value."""
-    alias, values = component.alias(variable), dict(component.parameters)
-    start = interfaces[component.name].variables[alias.variable].start
-    given = values.pop(variable, None)
-    signal = float(start or 0.0) if given is None else alias.transformation(float(given))
+    component = system.component(signal.component.name)
+    values = dict(component.parameters)
+    number = values.pop(signal.name, None)
+    to_fmu = component.alias(signal.name).transformation
+    start = float(signal.variable.start or 0.0) if number is None else to_fmu(float(number))
     fault = system.component(name)
     system = system.with_component(replace(component, parameters=values))
-    system = system.with_component(replace(fault, parameters={"u": signal, **fault.parameters}))
-    added = Connection(name, "y", component.name, alias.variable)
-    return replace(system, connections=(*system.connections, added))
+    system = system.with_component(replace(fault, parameters={"u": start, **fault.parameters}))
+    return replace(system, connections=(*system.connections, Connection(name, "y", *signal.end)))
 
 
 def _convert_connection(
