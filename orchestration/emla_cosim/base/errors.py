@@ -126,6 +126,10 @@ def join_names(names: Iterable[str]) -> str:
     return f"{', '.join(front)} and {last}" if front else last
 
 
+_SEARCHED = 20_000
+"""The largest number of names in which to search for similar ones, which is slow."""
+
+
 def suggest_names(name: str, names: Collection[str], hint: str = "", most: int = 12) -> str:
     """Return the end of an error message on an unknown name: similar names, or a list of all.
 
@@ -135,7 +139,8 @@ def suggest_names(name: str, names: Collection[str], hint: str = "", most: int =
         hint: What to say instead of the list if no name is similar.
         most: How many names to list; the message counts the others.
     """
-    near = [n for n in difflib.get_close_matches(name, names, n=4, cutoff=0.5) if n != name][:3]
+    searched = names if len(names) <= _SEARCHED else ()
+    near = [n for n in difflib.get_close_matches(name, searched, n=4, cutoff=0.5) if n != name][:3]
     if near:
         return f"did you mean {' or '.join(near)}?"
     if hint:

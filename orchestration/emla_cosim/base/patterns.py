@@ -1,6 +1,6 @@
 """Names as users write them: exact, short, or patterns with `*` for any text and `?` for any character."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from fnmatch import fnmatchcase
 
 from .errors import CommandError, suggest_names
@@ -21,20 +21,31 @@ def has_wildcard(text: str) -> bool:
     return "*" in text or "?" in text
 
 
+def find_name(text: str, names: Collection[str], main: str = "") -> str | None:
+    """Return the name that a text without wildcards means; None if there is none.
+
+    Args:
+        text: A name.
+        names: All names.
+        main: The component whose variables need no component's name; empty without one.
+    """
+    return next((name for name in (text, f"{main}.{text}") if name in names), None)
+
+
 def find_names(text: str, names: Collection[str], main: str = "") -> list[str]:
     """Return the names that a text means, in their order; none if nothing matches.
 
     Args:
         text: A name or a pattern.
         names: All names.
-        main: The component whose variables need no component's name; empty without one.
+        main: As in `find_name`.
     """
     matching = [name for name in names if matches_pattern(name, text)]
     return matching or (find_names(f"{main}.{text}", names) if main else [])
 
 
 def select_names(
-    texts: Sequence[str], names: Collection[str], kind: str, main: str = "", hint: str = ""
+    texts: Collection[str], names: Collection[str], kind: str, main: str = "", hint: str = ""
 ) -> list[str]:
     """Return the names that any of the texts means, in the order of the texts, each once.
 
@@ -42,7 +53,7 @@ def select_names(
         texts: Names or patterns.
         names: All names.
         kind: What error messages call a name, such as `signal`.
-        main: As in `find_names`.
+        main: As in `find_name`.
         hint: What the message says if no name is similar. Default: a list of the names.
 
     Raises:
@@ -52,6 +63,13 @@ def select_names(
     for text in texts:
         matching = find_names(text, names, main)
         if not matching:
-            raise CommandError(f"no {kind} matches '{text}'; {suggest_names(text, names, hint)}", name=text)
+            meant = suggest_full_names(text, names, main, hint)
+            raise CommandError(f"no {kind} matches '{text}'; {meant}", name=text)
         selected |= dict.fromkeys(matching)
     return list(selected)
+
+
+def suggest_full_names(text: str, names: Collection[str], main: str = "", hint: str = "") -> str:
+    """Return the end of an error message on an unknown name: `suggest_names`, also for a short name."""
+    is_short = main and not text.startswith(f"{main}.")
+    return suggest_names(f"{main}.{text}" if is_short else text, names, hint)

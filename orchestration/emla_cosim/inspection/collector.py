@@ -36,7 +36,7 @@ from ..system.resolution import resolve_system
 from .fmu_header import read_fmu_info
 from .info_parts import ComponentInfo, ConnectionInfo, FmuInfo
 from .system_info import Info
-from .variable_rows import ConnectionIndex, End, VariableRows, map_names, read_fmu_variables
+from .variable_rows import ConnectionIndex, End, VariableRows, read_fmu_variables
 
 
 def info(
@@ -97,7 +97,7 @@ def _collect_system(
     names = {
         (c.name, variable): f"{c.name}.{name}"
         for c in system.components
-        for variable, (name, _) in map_names(c).items()
+        for variable, (name, _) in c.by_fmu_name.items()
     }
     wired = resolve_system(system, interfaces)
     readers: dict[End, list[End]] = {}

@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from ..base.errors import CommandError, join_names, suggest_names
+from ..base.errors import CommandError, join_names
+from ..base.patterns import find_name, suggest_full_names
 
 _COMPARISONS = {
     "<=": operator.le,
@@ -81,13 +82,13 @@ def resolve_requirements(
 
 
 def _resolve(required: Requirement, values: Mapping[str, Any], main: str, is_complete: bool) -> Requirement:
-    name = next((n for n in (required.figure, f"{main}.{required.figure}") if n in values), None)
+    name = find_name(required.figure, values, main)
     if name is None and not is_complete:
         return required
     if name is None:
+        meant = suggest_full_names(required.figure, values, main)
         raise CommandError(
-            f"there is no metric '{required.figure}' to require; {suggest_names(required.figure, values)}",
-            name=required.figure,
+            f"there is no metric '{required.figure}' to require; {meant}", name=required.figure
         )
     if isinstance(values[name], bool) != isinstance(required.value, bool):
         right = "true or false" if isinstance(values[name], bool) else "a number"

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..base.arrays import Vector
 from ..base.errors import CommandError, check_choice
+from ..base.patterns import find_name
 from ..base.signal_types import REAL, SignalType
 from ..base.units import SiUnit
 from ..base.values import convert_value
@@ -148,7 +149,7 @@ class Result:
             CommandError: a signal was not kept.
         """
         known, main = self._table.names, find_main_component(self.record)
-        full_names = {n: n if n in known else f"{main}.{n}" for n in names}
+        full_names = {name: find_name(name, known, main) or name for name in names}
         for name, full in full_names.items():
             if full not in known:
                 near = difflib.get_close_matches(str(name), known, n=3, cutoff=0.5)

@@ -66,7 +66,7 @@ from .requirements import Requirement, describe_unmet, parse_requirement, resolv
 from .result import Result, run_figures
 from .run_record import RunDefinition, build_run_record
 from .run_setup import run_times, select_components, select_signals, steps_per_row
-from .stop_conditions import resolve_stop_conditions, watch_signals
+from .stop_conditions import StopCondition, resolve_stop_conditions
 from .stored_margins import read_margins
 
 
@@ -132,8 +132,6 @@ class Simulation:
             prepared = prepare_system(system, self.options, told)
             self.system = prepared.system
             self._assembly = Assembly(self.system, prepared.fmus, apart, self.options.integrate_together)
-        self._types: dict[str, SignalType] = {}
-        self._discrete: dict[str, bool] = {}
         self._finalizer = weakref.finalize(self, self._assembly.close)
         self._run: _ActiveRun | None = None
         self._error: RunError | None = None
@@ -192,42 +190,28 @@ class Simulation:
     def _resolve_stop_conditions(self, texts: Sequence[str]) -> list[Requirement]:
         if not texts:
             return []
-        names = [n for n in (*self.names, *self.further_names) if not self._type(n).is_text]
+        names = [n for n in (*self.names, *self.further_names) if not self._names.find(n).column_type.is_text]
         return resolve_stop_conditions(texts, names, self.system.main_name)
 
     def further_units(self) -> dict[str, SiUnit | None]:
         """Return the unit of each of `further_names`; None where the FMU declares none."""
-        return {name: self._unit(name) for name in self.further_names}
+        return {name: self._names.find(name).unit for name in self.further_names}
 
     @cached_property
     def units(self) -> Mapping[str, SiUnit | None]:
         """Unit of each signal by name; None where the FMU declares none."""
         outputs = self._assembly.list_outputs()
-        return {name: self._unit(name) for name in outputs}
+        return {name: self._names.find(name).unit for name in outputs}
 
-    @cached_property
+    @property
     def _names(self) -> Names:
-        """The names of all variables."""
-        return Names(self.system, {name: file.interface for name, file in self._assembly.files.items()})
+        return self._assembly.names
 
     @cached_property
     def _sampling(self) -> Sampling:
         """Which components sample."""
         declared = [c.name for c in self.system.components if c.samples]
         return find_sampling(self._assembly.files, declared)
-
-    def _type(self, name: str) -> SignalType:
-        if name not in self._types:
-            self._types[name] = self._assembly.signal_type(name)
-        return self._types[name]
-
-    def _is_discrete(self, name: str) -> bool:
-        if name not in self._discrete:
-            self._discrete[name] = self._assembly.is_discrete(name)
-        return self._discrete[name]
-
-    def _unit(self, name: str) -> SiUnit | None:
-        return self._names.find(name).unit
 
     def run(
         self,
@@ -363,8 +347,9 @@ class Simulation:
         assembly.observe([n for n in dict.fromkeys([*self.names, *recorded, *watched]) if n in others], every)
         self._profiler = Profiler(assembly.network.instances) if chosen.profile else None
         names = [*assembly.network.names, *assembly.network.observer.names]
-        units = {name: self.units[name] if name in self.units else self._unit(name) for name in names}
-        types = {name: self._type(name) for name in names}
+        signals = {name: self._names.find(name) for name in names}
+        units = {name: signal.unit for name, signal in signals.items()}
+        types = {name: signal.column_type for name, signal in signals.items()}
         algorithm.setup(assembly.network)
         sampled = any(c.samples for c in system.components)
         request = StepRequest(
@@ -429,7 +414,10 @@ class Simulation:
                 if figures := {**coupling.figures(None), **before.get(COUPLING, {})}:
                     before[COUPLING] = figures
                 required = resolve_requirements(required, before, run_figures(), system.main_name)
-            stops = watch_signals(conditions, names, assembly.shown)
+            stops = [
+                StopCondition(c, 1 + (i := place[c.figure]), assembly.shown.get(i, IDENTITY))
+                for c in conditions
+            ]
             run = Run(stepping, outline, taking, assembly.shown, pacing, resumed, stops, self._profiler)
             stepping.watch = metrics.watcher(assembly.shown)
         except BaseException:
@@ -772,7 +760,7 @@ class Simulation:
             interrupted=run.interrupted,
             stopped_when=None if run.stopped is None else str(run.stopped[0]),
             early_end=run.early_end,
-            discrete=frozenset(filter(self._is_discrete, units)),
+            discrete=frozenset(name for name in units if self._names.find(name).is_discrete),
             record=record,
             parameters=self._assembly.parameters(),
             signals=going.metrics.signals(),

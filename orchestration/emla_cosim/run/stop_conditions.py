@@ -1,12 +1,13 @@
 """Conditions on signals that end a run, such as `lift.plant.x_L > 0.3`."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from ..base.arrays import Vector
-from ..base.errors import CommandError, suggest_names
-from ..base.units import IDENTITY, LinearTransformation
+from ..base.errors import CommandError
+from ..base.patterns import find_name, suggest_full_names
+from ..base.units import LinearTransformation
 from ..recorders.row_buffer import RowBuffer
 from .requirements import Requirement, parse_requirement
 
@@ -68,27 +69,11 @@ def resolve_stop_conditions(texts: Sequence[str], names: Sequence[str], main: st
     conditions = []
     for condition in map(parse_stop_condition, texts):
         signal = condition.figure
-        name = next((n for n in (signal, f"{main}.{signal}") if n in names), None)
-        if name is None:
-            raise CommandError(
-                f"there is no signal '{signal}' to stop at; {suggest_names(signal, names)}", name=signal
-            )
+        if (name := find_name(signal, names, main)) is None:
+            meant = suggest_full_names(signal, names, main)
+            raise CommandError(f"there is no signal '{signal}' to stop at; {meant}", name=signal)
         conditions.append(replace(condition, figure=name))
     return conditions
-
-
-def watch_signals(
-    conditions: Sequence[Requirement], names: Sequence[str], shown: Mapping[int, LinearTransformation]
-) -> list[StopCondition]:
-    """Return conditions with the positions of their signals.
-
-    Args:
-        conditions: The conditions, as `resolve_stop_conditions` returns them.
-        names: The names of the signals in rows.
-        shown: Transformations of signals to the units of results, by position.
-    """
-    positions = [(condition, names.index(condition.figure)) for condition in conditions]
-    return [StopCondition(c, 1 + i, shown.get(i, IDENTITY)) for c, i in positions]
 
 
 def describe_stop(condition: Requirement | str, time: float) -> str:

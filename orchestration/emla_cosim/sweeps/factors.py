@@ -1,6 +1,6 @@
 """Resolve the names and patterns of a plan into factors and their targets."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -93,6 +93,30 @@ def find_start_number(name: str, system: System, interfaces: Mapping[str, Interf
 
 
 @dataclass(frozen=True)
+class _Subject:
+    """What varies: an option, the FMU of a component, or a start value, with its `number` in the scenario.
+
+    If it `takes_text`, values that look like quantities may be texts: files, names of levels.
+    """
+
+    name: str
+    kind: str
+    unit: SiUnit | None = None
+    takes_text: bool = False
+    number: float | None = None
+
+    def target(self, is_relative: bool, label: str) -> Target:
+        """Return the target. Raise CommandError for a relative value without a number to multiply."""
+        if not is_relative:
+            return Target(self.name, self.kind)
+        if self.number is None:
+            raise CommandError(f"{label} is relative, but {self.name} has no number in the scenario.")
+        if self.number == 0.0:
+            raise CommandError(f"{label} is relative, but {self.name} is 0 in the scenario; give it values.")
+        return Target(self.name, self.kind, self.number)
+
+
+@dataclass(frozen=True)
 class _FactorResolver:
     """Resolves one entry of a plan, `name`, in a system with these `names`. Messages call it `label`."""
 
@@ -114,10 +138,9 @@ class _FactorResolver:
             return [self._of_actuator(given, joints)]
         in_si = parse_distribution(convert_units(given, self._in_si, self.label), self.label)
         if of is None:
-            names = self._names(self.name, in_si)
-            return [self._factor(name, [name], self._distribution(given, [name])) for name in names]
-        names = list(dict.fromkeys(name for pattern in of for name in self._names(pattern, in_si)))
-        return [self._factor(self.name, names, self._distribution(given, names))]
+            return [self._factor(s.name, [s], given) for s in self._subjects(self.name, in_si)]
+        subjects = {s.name: s for pattern in of for s in self._subjects(pattern, in_si)}
+        return [self._factor(self.name, list(subjects.values()), given)]
 
     def _of_actuator(self, given: Any, joints: Sequence[str]) -> Factor:
         """Return the factor of `actuator[.JOINT]` or `actuator[.JOINT].TABLE.ENTRY`."""
@@ -158,56 +181,19 @@ class _FactorResolver:
         found = parse_quantity(text, f"{self.label}: {text}")
         return found.in_unit(None if found.unit is None else found.unit.si, self.label)
 
-    def _distribution(self, given: Any, names: Sequence[str]) -> Distribution:
-        """Return the distribution in the common unit of these names."""
-
-        def convert(text: str) -> Any:
-            units = {self._unit(self._kind(name), name) for name in names}
-            label = f"{self.label}: {text}"
-            if len(units) > 1:
-                raise CommandError(f"{label} is for variables with different units; vary each separately.")
-            (unit,) = units
-            if unit is None:
-                raise CommandError(f"{label} has a unit, but the variable has none; write a plain number.")
-            return parse_quantity(text, label).in_unit(unit, label)
-
-        if any(self._takes_text(name) for name in names):
-            return parse_distribution(given, self.label)
-        return parse_distribution(convert_units(given, convert, self.label), self.label)
-
-    def _takes_text(self, name: str) -> bool:
-        """Return whether values that look like quantities may be texts: files, names of levels."""
-        kind = self._kind(name)
-        if kind == OPTION:
-            return not list_options()[name].about.unit
-        if kind == FMU:
-            return True
-        return self.names.find(name).variable.type in ("String", "Enumeration")
-
-    def _factor(self, name: str, names: Sequence[str], distributed: Distribution) -> Factor:
-        relative = distributed.relative
-        targets = [Target(n, self._kind(n), self._nominal(n) if relative else None) for n in names]
-        if len(targets) > 1 and any(t.kind != START for t in targets):
-            raise CommandError(f"{self.label} varies several names at once; only start values can do that.")
-        units = {self._unit(target.kind, target.name) for target in targets}
-        own = units.pop() if len(units) == 1 and not (relative and len(targets) > 1) else None
-        return Factor(name, targets, distributed, "" if own is None else str(own))
-
-    def _kind(self, name: str) -> str:
-        if name in list_options():
-            return OPTION
-        return FMU if any(c.name == name for c in self.system.components) else START
-
-    def _names(self, name: str, distributed: Distribution) -> list[str]:
+    def _subjects(self, name: str, distributed: Distribution) -> list[_Subject]:
         """Return the option, component or start value of a name, or the start values of a pattern."""
-        kind = self._kind(name)
-        if kind == OPTION and not list_options()[name].can_vary:
-            raise CommandError(f"{self.label}: the option {name} cannot vary between variants.")
-        if kind != START:
-            return [name]
+        options = list_options()
+        if name in options:
+            if not options[name].can_vary:
+                raise CommandError(f"{self.label}: the option {name} cannot vary between variants.")
+            unit = options[name].about.unit
+            return [_Subject(name, OPTION, parse_unit_name(unit, self.label) if unit else None, not unit)]
+        components = [c.name for c in self.system.components]
+        if name in components:
+            return [_Subject(name, FMU, takes_text=True)]
         if "." not in name and not self.names.match(name):
-            everything = [*list_options(), *(c.name for c in self.system.components)]
-            meant = suggest_names(name, everything, "write it as component.variable.")
+            meant = suggest_names(name, [*options, *components], "write it as component.variable.")
             raise CommandError(f"{self.label} is not an option, component or start value; {meant}", name=name)
         is_whole = not distributed.relative and all(isinstance(end, int) for end in distributed.ends)
         types = ("Real", "Integer") if is_whole else ("Real",)
@@ -218,22 +204,35 @@ class _FactorResolver:
                 "the same sizes. Set it in the scenario or with --set.",
                 name=name,
             )
-        return [variable.full_name for variable in variables]
+        texts = ("String", "Enumeration")
+        return [
+            _Subject(v.full_name, START, v.unit, v.variable.type in texts, v.start_number) for v in variables
+        ]
 
-    def _nominal(self, name: str) -> float:
-        """Return the start value in the scenario. Raise CommandError if it is not a number to multiply."""
-        number = self.names.find(name).start_number if self._kind(name) == START else None
-        if number is None:
-            raise CommandError(f"{self.label} is relative, but {name} has no number in the scenario.")
-        if number == 0.0:
-            raise CommandError(f"{self.label} is relative, but {name} is 0 in the scenario; give it values.")
-        return number
+    def _factor(self, name: str, subjects: Sequence[_Subject], given: Any) -> Factor:
+        units = {subject.unit for subject in subjects}
+        distributed = self._distribution(given, subjects, units)
+        relative = distributed.relative
+        targets = [subject.target(relative, self.label) for subject in subjects]
+        if len(targets) > 1 and any(t.kind != START for t in targets):
+            raise CommandError(f"{self.label} varies several names at once; only start values can do that.")
+        unit = units.pop() if len(units) == 1 and not (relative and len(targets) > 1) else None
+        return Factor(name, targets, distributed, "" if unit is None else str(unit))
 
-    def _unit(self, kind: str, name: str) -> SiUnit | None:
-        """Return the unit of a start value or option, or None."""
-        if kind == OPTION:
-            unit = list_options()[name].about.unit
-            return parse_unit_name(unit, self.label) if unit else None
-        if kind == FMU:
-            return None
-        return self.names.find(name).unit
+    def _distribution(
+        self, given: Any, subjects: Sequence[_Subject], units: Collection[SiUnit | None]
+    ) -> Distribution:
+        """Return the distribution in the common unit of the subjects."""
+
+        def convert(text: str) -> Any:
+            label = f"{self.label}: {text}"
+            if len(units) > 1:
+                raise CommandError(f"{label} is for variables with different units; vary each separately.")
+            (unit,) = units
+            if unit is None:
+                raise CommandError(f"{label} has a unit, but the variable has none; write a plain number.")
+            return parse_quantity(text, label).in_unit(unit, label)
+
+        if any(subject.takes_text for subject in subjects):
+            return parse_distribution(given, self.label)
+        return parse_distribution(convert_units(given, convert, self.label), self.label)

@@ -11,8 +11,8 @@ from typing import Any
 import polars
 from polars.exceptions import PolarsError
 
-from ..base.errors import CommandError, suggest_names
-from ..base.patterns import find_names
+from ..base.errors import CommandError
+from ..base.patterns import find_names, suggest_full_names
 from ..recorders.metrics import HELD, is_verdict
 from ..run.requirements import flatten_figures
 from ..run.result import Result
@@ -225,7 +225,9 @@ def _matching(patterns: Sequence[str], figures: Sequence[str], where: str, main:
     for pattern in patterns:
         matching = find_names(pattern, figures, main)
         if not matching:
-            meant = suggest_names(pattern, figures) if figures else "there are none; use an expression."
+            meant = "there are none; use an expression."
+            if figures:
+                meant = suggest_full_names(pattern, figures, main)
             raise CommandError(
                 f"{where} wants the metric '{pattern}', which does not exist; {meant}", name=pattern
             )

@@ -66,6 +66,11 @@ class Component:
         """Return name and unit of a variable in the FMU."""
         return self.aliases.get(name) or Alias(name)
 
+    @property
+    def by_fmu_name(self) -> dict[str, tuple[str, Alias]]:
+        """Name and alias of each variable with another name or unit in the FMU, by its name there."""
+        return {a.variable: (n, a) for n, a in self.aliases.items() if a.transformation.factor != 0.0}
+
 
 @dataclass(frozen=True)
 class Replacement:

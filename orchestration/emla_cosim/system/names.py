@@ -10,6 +10,7 @@ from fmpy.model_description import ModelVariable
 from ..base.errors import CommandError, join_names, suggest_names
 from ..base.patterns import find_names, has_wildcard, is_pattern
 from ..base.quantities import has_unit, parse_quantity
+from ..base.signal_types import SignalType
 from ..base.units import SiUnit
 from ..fmu.interface import Interface
 from ..fmu.variables import explain_fixed, find_variable, suggest_settable
@@ -17,9 +18,6 @@ from .model import Component, System, Value
 
 _LISTED = 3
 """The number of variables that a message lists."""
-
-_SEARCHED = 20_000
-"""The largest number of names in which to search for similar ones, which is slow."""
 
 
 @dataclass(frozen=True)
@@ -61,6 +59,16 @@ class NamedVariable:
         """The unit of start values and results; None without one."""
         alias = self.component.aliases.get(self.name)
         return self.interface.unit(self.name) if alias is None else alias.unit
+
+    @property
+    def column_type(self) -> SignalType:
+        """The type in tables."""
+        return self.interface.column_type(self.fmu_name)
+
+    @property
+    def is_discrete(self) -> bool:
+        """Whether it holds its value between events."""
+        return self.interface.is_discrete(self.fmu_name)
 
     @property
     def is_structural(self) -> bool:
@@ -244,9 +252,8 @@ class Names:
                 f"'{pattern}' matches {join_names(listed)}, which cannot be set: {why}.", name=pattern
             )
         free = [name for name, v in self._all.items() if self.is_free(v)]
-        return CommandError(
-            f"no variable that can be set matches '{pattern}'; {_suggest_ends(pattern, free)}", name=pattern
-        )
+        meant = suggest_names(pattern, free, "* matches any text, ? one character.")
+        return CommandError(f"no variable that can be set matches '{pattern}'; {meant}", name=pattern)
 
 
 def _variables(component: Component, interface: Interface) -> dict[str, ModelVariable]:
@@ -272,13 +279,3 @@ def find_main_component(record: Mapping[str, Any]) -> str:
         return str(next(iter(components)))
     scenario, is_fmu = record.get("scenario"), str(record.get("source")).lower().endswith(".fmu")
     return str(scenario) if is_fmu and scenario in components else ""
-
-
-def _suggest_ends(pattern: str, names: list[str]) -> str:
-    """Return the end of a message: names whose ends are similar to a pattern."""
-    hint = "* matches any text, ? one character."
-    if len(names) > _SEARCHED:
-        return hint
-    text = pattern.replace("*", "").replace("?", "").strip(".")
-    ends = {".".join(name.split(".")[-text.count(".") - 1 :]): None for name in names}
-    return suggest_names(text, ends, hint)
