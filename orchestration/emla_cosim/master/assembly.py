@@ -21,7 +21,7 @@ from ..fmu.structure import complete_start_values, convert_structure
 from ..fmu.tables import is_table
 from ..fmu.variables import TypedValue, convert_start_values, format_value
 from ..system.model import Alias, Component, Connection, System
-from ..system.names import Names
+from ..system.names import NamedVariable, Names
 from ..system.resolution import convert_to_fmu_terms, refuse_driven, resolve_system
 from ..system.signal_faults import MODEL
 from ..system.structure import structure_of
@@ -31,7 +31,7 @@ from .instances.instance_kinds import make_instance
 from .instances.integrator_settings import IntegratorSettings
 from .instances.isolated_instance import IsolatedInstance
 from .network import Link, OpaqueLink
-from .observer import ObservedVariable, Observer
+from .observer import Observer
 
 
 class Assembly:
@@ -190,18 +190,14 @@ class Assembly:
         return Names(self.system, {name: file.interface for name, file in self.files.items()})
 
     @cached_property
-    def unexchanged(self) -> dict[str, ObservedVariable]:
+    def unexchanged(self) -> dict[str, NamedVariable]:
         """Variables besides the signals that can be recorded, by full name, in the order of the system."""
-        found, signals = {}, set(self.network.names)
-        for component in self.system.components:
-            known = component.by_fmu_name
-            for variable in self.files[component.name].variables.values():
-                own = known.get(str(variable.name), (variable.name,))[0]
-                name = f"{component.name}.{own}"
-                is_recorded = variable.causality != "independent" and variable.type != BINARY
-                if name not in signals and is_recorded:
-                    found[name] = ObservedVariable(name, component.name, variable)
-        return found
+        signals = set(self.network.names)
+        return {
+            name: v
+            for name, v in self.names.all.items()
+            if name not in signals and v.variable.causality != "independent" and v.variable.type != BINARY
+        }
 
     @property
     def violations(self) -> list[str]:
@@ -215,7 +211,7 @@ class Assembly:
         return [
             name
             for name, one in self.unexchanged.items()
-            if is_triggered_input(one.variable) and (one.component, one.variable.name) not in driven
+            if is_triggered_input(one.variable) and one.end not in driven
         ]
 
     def list_outputs(self) -> list[str]:
@@ -237,11 +233,8 @@ class Assembly:
         observer = Observer(self.instances, [self.unexchanged[name] for name in names], every)
         shown = dict(self._signals_shown)
         for i, one in enumerate(observer.variables, len(self.network.names)):
-            _, alias = self.system.component(one.component).by_fmu_name.get(
-                str(one.variable.name), ("", Alias(""))
-            )
-            if alias.transformation != IDENTITY:
-                shown[i] = alias.transformation.inverse()
+            if (to_fmu := one.component.alias(one.name).transformation) != IDENTITY:
+                shown[i] = to_fmu.inverse()
         self.network.observer, self.shown = observer, shown
 
     def parameters(self) -> dict[str, float]:

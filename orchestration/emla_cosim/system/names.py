@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import count, takewhile
 from typing import Any
 
 from fmpy.model_description import ModelVariable
@@ -132,7 +133,7 @@ class Names:
         try:
             component, name = self._system.split(text)
         except CommandError as error:
-            if full := [n for n in self._all if n.endswith(f".{text}")][:_LISTED]:
+            if full := [n for n in self.all if n.endswith(f".{text}")][:_LISTED]:
                 raise CommandError(
                     f"'{text}' is not a full name; write {' or '.join(full)}.", name=text
                 ) from error
@@ -146,11 +147,21 @@ class Names:
             find_variable(component.name, _variables(component, interface), name)
         return NamedVariable(component, name, interface)
 
+    def find_elements(self, text: str) -> list[NamedVariable]:
+        """Return the variable of a name, or the elements `[1]`, `[2]` of an array; none if it does not exist."""
+        for name in (text, f"{self._system.main_name}.{text}"):
+            if name in self.all:
+                return [self.all[name]]
+            elements = takewhile(self.all.__contains__, (f"{name}[{i}]" for i in count(1)))
+            if variables := [self.all[element] for element in elements]:
+                return variables
+        return []
+
     def match(self, text: str) -> list[NamedVariable]:
         """Return the variable of a name, or those that match a pattern; none if nothing matches."""
-        if text in self._all:
-            return [self._all[text]]
-        return [self._all[n] for n in find_names(text, self._all, self._system.main_name)]
+        if text in self.all:
+            return [self.all[text]]
+        return [self.all[n] for n in find_names(text, self.all, self._system.main_name)]
 
     def explain_fixed(self, variable: NamedVariable) -> str | None:
         """Return why a variable accepts no start value, such as `it is driven by a.y`; None if it does."""
@@ -182,7 +193,7 @@ class Names:
         Raises:
             CommandError: There is no such variable, or it accepts no start value.
         """
-        matching = self.match(text) if is_pattern(text) and text not in self._all else []
+        matching = self.match(text) if is_pattern(text) and text not in self.all else []
         if matching or has_wildcard(text):
             free = [v for v in matching if self.is_free(v) and is_suitable(v)]
             if not free:
@@ -233,7 +244,7 @@ class Names:
         return self._system.with_parameters({v.full_name: v.convert(value) for v, value in texts})
 
     @cached_property
-    def _all(self) -> dict[str, NamedVariable]:
+    def all(self) -> dict[str, NamedVariable]:
         """All variables by full name, in the order of the system."""
         return {
             f"{c.name}.{name}": NamedVariable(c, name, self._interfaces[c.name])
@@ -251,17 +262,15 @@ class Names:
             return CommandError(
                 f"'{pattern}' matches {join_names(listed)}, which cannot be set: {why}.", name=pattern
             )
-        free = [name for name, v in self._all.items() if self.is_free(v)]
+        free = [name for name, v in self.all.items() if self.is_free(v)]
         meant = suggest_names(pattern, free, "* matches any text, ? one character.")
         return CommandError(f"no variable that can be set matches '{pattern}'; {meant}", name=pattern)
 
 
 def _variables(component: Component, interface: Interface) -> dict[str, ModelVariable]:
-    """Return the variables of a component by their names in the system."""
-    names = {a.variable: name for name, a in component.aliases.items()}
-    aliases = {n: interface.variables.get(a.variable) for n, a in component.aliases.items()}
-    others = {name: v for name, v in interface.variables.items() if name not in names}
-    return {**{n: v for n, v in aliases.items() if v is not None}, **others}
+    """Return the variables of a component by their names in the system, in the order of the FMU."""
+    names = {own: name for own, (name, _) in component.by_fmu_name.items()}
+    return {names.get(own, own): variable for own, variable in interface.variables.items()}
 
 
 def find_main_component(record: Mapping[str, Any]) -> str:
