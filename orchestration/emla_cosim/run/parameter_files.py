@@ -18,7 +18,6 @@ from ..ssp.documents.parameter_sets import parse_parameter_set
 from ..ssp.reader.shapes import explain_shape
 from ..system.model import System, Value
 from ..system.names import NamedVariable, Names
-from ..system.structure import is_structural
 
 _ONE = SiUnit("1", (0,) * 8)
 
@@ -50,15 +49,16 @@ def structural_file_values(
     Raises:
         CommandError: If the file cannot be read, or a value does not fit its variable.
     """
+    names = Names(system, interfaces)
     if not file.name.lower().endswith(table_endings()):
         content = read_file(file, "the parameter set")
         parameters = parse_parameter_set(content, str(file)).parameters
-        return {p.name: p.value for p in parameters if is_structural(system, interfaces, p.name)}
+        return {p.name: p.value for p in parameters if names.is_structural(p.name)}
     data, values = read_table(file, "the parameter table"), dict[str, Value]()
     for position, header in enumerate(data.headers):
-        names = (header.name, header.suffix.name if header.suffix is not None else header.name)
-        if any(is_structural(system, interfaces, name) for name in names):
-            values |= _read_column_values(data, position, Names(system, interfaces))
+        texts = (header.name, header.suffix.name if header.suffix is not None else header.name)
+        if any(names.is_structural(name) for name in texts):
+            values |= _read_column_values(data, position, names)
     return values
 
 
@@ -105,9 +105,9 @@ def _elements_and_unit(header: Header, names: Names, label: str) -> tuple[list[N
     Raises:
         CommandError: The variable does not exist.
     """
-    if header.suffix is not None and not names.find_elements(header.name):
-        if elements := names.find_elements(header.suffix.name):
-            return elements, header.suffix.unit
+    suffix = header.suffix
+    if suffix is not None and not names.find_elements(header.name) and names.find_elements(suffix.name):
+        return names.find_elements(suffix.name), suffix.unit
     try:
         return names.find_elements(header.name) or [names.find(header.name)], header.unit
     except CommandError as error:

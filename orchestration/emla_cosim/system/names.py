@@ -148,7 +148,7 @@ class Names:
         return NamedVariable(component, name, interface)
 
     def find_elements(self, text: str) -> list[NamedVariable]:
-        """Return the variable of a name, or the elements `[1]`, `[2]` of an array; none if it does not exist."""
+        """Return the variable of a name, or the elements `[1]`, `[2]` of an array; none for other texts."""
         for name in (text, f"{self._system.main_name}.{text}"):
             if name in self.all:
                 return [self.all[name]]
@@ -162,6 +162,10 @@ class Names:
         if text in self.all:
             return [self.all[text]]
         return [self.all[n] for n in find_names(text, self.all, self._system.main_name)]
+
+    def is_structural(self, text: str) -> bool:
+        """Return whether a text is the name of a structural parameter."""
+        return any(v.is_structural for v in self.find_elements(text))
 
     def explain_fixed(self, variable: NamedVariable) -> str | None:
         """Return why a variable accepts no start value, such as `it is driven by a.y`; None if it does."""

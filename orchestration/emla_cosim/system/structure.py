@@ -35,14 +35,6 @@ def read_sized_interfaces(system: System, fmus: Mapping[str, Path]) -> dict[str,
     return set_structure(system, fmus, read_interfaces(fmus), {})[1]
 
 
-def is_structural(system: System, interfaces: Mapping[str, Interface], name: str) -> bool:
-    """Return whether a name is that of a structural parameter in `interfaces`."""
-    try:
-        return Names(system, interfaces).find(name).is_structural
-    except CommandError:
-        return False
-
-
 def set_structure(
     system: System, fmus: Mapping[str, Path], interfaces: Mapping[str, Interface], values: Mapping[str, Value]
 ) -> tuple[System, dict[str, Interface]]:
@@ -61,8 +53,9 @@ def set_structure(
         CommandError: If a structural parameter does not accept its value, or single elements of an array that
             changes its size are connected already.
     """
-    own: dict[str, Any] = {n: v for n, v in values.items() if is_structural(system, interfaces, n)}
-    changed, sized = system.with_parameters(own), dict(interfaces)
+    names = Names(system, interfaces)
+    sizes: dict[str, Any] = {n: v for n, v in values.items() if names.is_structural(n)}
+    changed, sized = system.with_parameters(sizes), dict(interfaces)
     for name, interface in interfaces.items():
         before, after = (structure_of(s.component(name), interface) for s in (system, changed))
         if before != after:
