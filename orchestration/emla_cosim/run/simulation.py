@@ -41,7 +41,6 @@ from ..recorders.stored import StoredRun, open_stored_run
 from ..recorders.table import Table
 from ..recorders.time_series import TimeSeries
 from ..stepper.library import find_stepper
-from ..system.bond import Bond
 from ..system.model import System, Value
 from ..system.names import Names
 from .agreement import (
@@ -184,9 +183,6 @@ class Simulation:
         matching = self._names.match(name) if self.system.main_name else []
         return matching[0].full_name if len(matching) == 1 else name
 
-    def _complete_bond(self, bond: Bond) -> Bond:
-        return Bond(self._complete(bond.effort), self._complete(bond.flow))
-
     def _resolve_stop_conditions(self, texts: Sequence[str]) -> list[Requirement]:
         if not texts:
             return []
@@ -313,7 +309,6 @@ class Simulation:
             raise CommandError("the simulation is closed; prepare it again.")
         values = self._read(options)
         chosen, origin = self.options.merged(values), self._origin.updated(values)
-        bonds_of_user = {name: self._complete_bond(bond) for name, bond in chosen.read_bonds().items()}
         chosen = replace(chosen, roles={role: self._complete(name) for role, name in chosen.roles.items()})
         notes = self._notes(chosen)
         self._abandon()
@@ -395,7 +390,7 @@ class Simulation:
                 chosen.roles,
                 chosen.criteria,
                 exchanged,
-                {**bonds, **bonds_of_user},
+                {**bonds, **chosen.read_bonds()},
                 watched=not control.is_regular,
                 halved=control.is_halved,
                 multiples={

@@ -12,7 +12,7 @@ import polars
 from polars.exceptions import PolarsError
 
 from ..base.errors import CommandError
-from ..base.patterns import find_names, suggest_full_names
+from ..base.patterns import select_names
 from ..recorders.metrics import HELD, is_verdict
 from ..run.requirements import flatten_figures
 from ..run.result import Result
@@ -166,7 +166,6 @@ def resolve_measures(
     further: Sequence[str],
     kept: Sequence[str],
     where: str,
-    main: str = "",
 ) -> Measures:
     """Resolve the patterns of metrics. Without metrics, keep all figures.
 
@@ -177,7 +176,6 @@ def resolve_measures(
         further: Other variables that expressions can name.
         kept: Signals to keep over time.
         where: Name of the plan in messages.
-        main: The component whose variables need no component's name; empty without one.
 
     Raises:
         CommandError: A figure does not exist, or an expression cannot be computed.
@@ -185,7 +183,7 @@ def resolve_measures(
     chosen = (
         list(figures)
         if not (asked.figures or asked.expressions or asked.functions)
-        else _matching(asked.figures, list(figures), where, main)
+        else _select_figures(asked.figures, list(figures), where)
     )
     for name in (*asked.expressions, *asked.functions):
         _check_name(name, chosen, where)
@@ -220,19 +218,12 @@ def reason_not_held(result: Result) -> str | None:
     return " ".join(found) or None
 
 
-def _matching(patterns: Sequence[str], figures: Sequence[str], where: str, main: str) -> list[str]:
-    found = list[str]()
-    for pattern in patterns:
-        matching = find_names(pattern, figures, main)
-        if not matching:
-            meant = "there are none; use an expression."
-            if figures:
-                meant = suggest_full_names(pattern, figures, main)
-            raise CommandError(
-                f"{where} wants the metric '{pattern}', which does not exist; {meant}", name=pattern
-            )
-        found += [name for name in matching if name not in found]
-    return found
+def _select_figures(patterns: Sequence[str], figures: Sequence[str], where: str) -> list[str]:
+    try:
+        return select_names(patterns, figures, "metric")
+    except CommandError as error:
+        hint = "" if figures else " Use an expression."
+        raise CommandError(f"{where}: {error}{hint}", **error.fields) from error
 
 
 def _quote_signals(text: str, signals: Sequence[str]) -> tuple[str, set[str]]:

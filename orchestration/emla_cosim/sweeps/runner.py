@@ -192,7 +192,7 @@ def _measures(
     for described in all_:
         names, further = list(described.units), list(described.further)
         kept = select_signals(plan.signals, names, further, main) if plan.signals else []
-        found_here = resolve_measures(asked, described.figures, names, further, kept, plan.where, main)
+        found_here = resolve_measures(asked, described.figures, names, further, kept, plan.where)
         each.append(with_verdicts(found_here, described.figures))
     if any(m.names != each[0].names or m.signals != each[0].signals for m in each):
         raise CommandError(
