@@ -197,8 +197,9 @@ class Names:
         Raises:
             CommandError: There is no such variable, or it accepts no start value.
         """
-        matching = self.match(text) if is_pattern(text) and text not in self.all else []
-        if matching or has_wildcard(text):
+        is_name = not is_pattern(text) or text in self.all
+        matching = [] if is_name else self.match(text)
+        if matching or (has_wildcard(text) and not is_name):
             free = [v for v in matching if self.is_free(v) and is_suitable(v)]
             if not free:
                 raise self._explain_no_match(text, matching)
@@ -266,8 +267,11 @@ class Names:
             return CommandError(
                 f"'{pattern}' matches {join_names(listed)}, which cannot be set: {why}.", name=pattern
             )
-        free = [name for name, v in self.all.items() if self.is_free(v)]
-        meant = suggest_names(pattern, free, "* matches any text, ? one character.")
+        text = pattern.replace("*", "").replace("?", "").strip(".")
+        count = text.count(".") + 1
+        words = [name.split(".") for name, v in self.all.items() if self.is_free(v)]
+        parts = {".".join(w[i : i + count]): None for w in words for i in range(len(w) - count + 1)}
+        meant = suggest_names(text, parts, "* matches any text, ? one character.")
         return CommandError(f"no variable that can be set matches '{pattern}'; {meant}", name=pattern)
 
 
