@@ -126,16 +126,25 @@ def join_names(names: Iterable[str]) -> str:
     return f"{', '.join(front)} and {last}" if front else last
 
 
-def suggest_names(name: str, names: Collection[str], most: int = 12) -> str:
+_SEARCHED = 20_000
+"""The largest number of names in which to search for similar ones, which is slow."""
+
+
+def suggest_names(name: str, names: Collection[str], hint: str = "", most: int = 12) -> str:
     """Return the end of an error message on an unknown name: similar names, or a list of all.
 
     Args:
         name: The unknown name.
         names: The known names.
+        hint: What to say instead of the list if no name is similar.
         most: How many names to list; the message counts the others.
     """
-    if near := difflib.get_close_matches(name, names, n=3, cutoff=0.5):
+    searched = names if len(names) <= _SEARCHED else ()
+    near = [n for n in difflib.get_close_matches(name, searched, n=4, cutoff=0.5) if n != name][:3]
+    if near:
         return f"did you mean {' or '.join(near)}?"
+    if hint:
+        return hint
     more = len(names) - most
     return (
         "there are "

@@ -15,7 +15,7 @@ from fmublock.symbolic import evaluate_symbolically
 from fmublock.variables import ScalarVariable
 
 from ..base.errors import CommandError, join_names
-from ..base.patterns import matches_pattern
+from ..base.patterns import matches_pattern, select_names
 from ..base.wording import find_free_name
 from ..container.plan import ContainerPlan, plan_container
 from ..fmu.models import find_block
@@ -211,10 +211,8 @@ def _choose_outputs(names: Sequence[str], patterns: Collection[str], driving: Co
     """Return the chosen outputs, else those that drive others, else all."""
     if not patterns:
         return [name for name in names if name in driving] or list(names)
-    for pattern in patterns:
-        if not any(matches_pattern(name, pattern) for name in names):
-            raise CommandError(f"no output matches '{pattern}'; there are {join_names(names)}.")
-    return [name for name in names if any(matches_pattern(name, pattern) for pattern in patterns)]
+    selected = select_names(patterns, names, "output")
+    return [name for name in names if name in selected]
 
 
 def _find_block(component: Component) -> type[Block]:

@@ -91,7 +91,9 @@ class _Commands(click.Group):
         if name not in COMMANDS and not ctx.resilient_parsing:
             from ..base.errors import suggest_names
 
-            raise click.UsageError(f"there is no command '{name}'; {suggest_names(name, COMMANDS, 20)}", ctx)
+            raise click.UsageError(
+                f"there is no command '{name}'; {suggest_names(name, COMMANDS, most=20)}", ctx
+            )
         if name in COMMANDS and ctx.resilient_parsing and not others:
             return name, _FirstArgument(name), others
         return super().resolve_command(ctx, args)

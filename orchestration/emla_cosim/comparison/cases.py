@@ -12,6 +12,7 @@ from ..sweeps.factors import find_start_values
 from ..sweeps.worker_payload import Preparation
 from ..system.fault import Fault
 from ..system.model import Value
+from ..system.names import Names
 
 
 @dataclass(frozen=True)
@@ -144,11 +145,10 @@ def _start_values(pattern: str, prepared: Preparation) -> dict[str, float | None
 
 def _scale_values(pattern: str, factor: float, prepared: Preparation) -> dict[str, Value]:
     """Return the values that match a pattern times the factor, limited to the bounds of each variable."""
-    found: dict[str, Value] = {}
+    found, names = dict[str, Value](), Names(prepared.system, prepared.interfaces)
     for name, value in _start_values(pattern, prepared).items():
         if value is not None:
-            component, variable = prepared.system.split(name)
-            declared = prepared.interfaces[component.name].variables[component.alias(variable).variable]
+            declared = names.find(name).variable
             low, high = (_bound(b, e) for b, e in ((declared.min, "-inf"), (declared.max, "inf")))
             found[name] = min(max(factor * value, low), high)
     return found

@@ -9,7 +9,7 @@ from typing import Any
 from fmpy.model_description import ModelVariable
 
 from ..base.errors import CommandError
-from ..base.patterns import matches_pattern
+from ..base.patterns import select_names
 from ..fmu.elements import ElementVariable
 from .plan import ContainerPlan
 
@@ -162,10 +162,8 @@ def _shown(variable: ContainerVariable, kept: Collection[str]) -> ContainerVaria
 
 
 def _select(kind: str, patterns: Collection[str], names: Sequence[str]) -> list[str]:
-    for pattern in patterns:
-        if not any(matches_pattern(name, pattern) for name in names):
-            hint = "see `emla info` for the outputs"
-            if kind == "input":
-                hint = f"nothing drives {', '.join(names)}" if names else "every input is connected"
-            raise CommandError(f"no {kind} matches '{pattern}'; {hint}.", name=pattern)
-    return [n for n in names if not patterns or any(matches_pattern(n, p) for p in patterns)]
+    hint = "see `emla info` for the outputs."
+    if kind == "input":
+        hint = f"nothing drives {', '.join(names)}." if names else "every input is connected."
+    selected = select_names(patterns, names, kind, hint=hint)
+    return [name for name in names if not patterns or name in selected]

@@ -405,16 +405,6 @@ def read_interfaces(fmus: Mapping[str, Path]) -> dict[str, Interface]:
     return {name: read[file] for name, file in fmus.items()}
 
 
-def may_have_structure(path: Path) -> bool:
-    """Return whether an FMU file can have structural parameters, without reading all of its description."""
-    try:
-        _check_size(path)
-        with zipfile.ZipFile(path) as archive:
-            return b"structuralParameter" in archive.read(_DESCRIPTION)
-    except (CommandError, OSError, ValueError, RuntimeError, zipfile.BadZipFile):
-        return False  # the error is reported when the file is read
-
-
 def _check_size(path: Path) -> None:
     """Raise CommandError if the model description is missing or too large."""
     with zipfile.ZipFile(path) as archive:

@@ -48,8 +48,8 @@ def find_variable(component: str, variables: Mapping[str, ModelVariable], name: 
     """
     if name in variables:
         return variables[name]
-    array, bracket, _ = name.partition("[")
-    if bracket and (elements := [n for n in variables if n.startswith(f"{array}[")]):
+    array = name.partition("[")[0]
+    if elements := [n for n in variables if n.startswith(f"{array}[")]:
         raise CommandError(
             f"{component} has no variable '{name}'; "
             f"the elements of {array} are {elements[0]} to {elements[-1]}.",
@@ -62,6 +62,31 @@ def find_variable(component: str, variables: Mapping[str, ModelVariable], name: 
     raise CommandError(
         f"{component} has no variable '{name}'{meant}", component=component, variable=name, near=near
     )
+
+
+def explain_fixed(interface: Interface, name: str) -> str | None:
+    """Return why a variable accepts no start value, such as `it is computed by the FMU`; None if it does.
+
+    Args:
+        interface: The model description.
+        name: The name of the variable.
+    """
+    if interface.is_settable(name):
+        return None
+    variable = interface.variables[name]
+    if variable.type in (CLOCK, BINARY):
+        return {CLOCK: "it is a clock", BINARY: "it is Binary"}[str(variable.type)]
+    if variable.variability == "constant":
+        return "it is a constant of the FMU"
+    if variable.causality == "independent":
+        return "it is the independent variable, the time"
+    return "it is computed by the FMU"
+
+
+def suggest_settable(component: str, interface: Interface, name: str) -> str:
+    """Return the end of an error message on a fixed variable: others of that name that can be set, if any."""
+    near = [n for n in interface.variables if n.endswith(f".{name}") and interface.is_settable(n)][:3]
+    return f"; did you mean {' or '.join(f'{component}.{n}' for n in near)}?" if near else "."
 
 
 def convert_start_value(component: str, interface: Interface, variable: ModelVariable, value: Any) -> Any:
@@ -77,14 +102,9 @@ def convert_start_value(component: str, interface: Interface, variable: ModelVar
         CommandError: If the variable does not accept the value.
     """
     name = f"{component}.{variable.name}"
-    if not interface.is_settable(variable.name):
-        near = [
-            n for n in interface.variables if n.endswith(f".{variable.name}") and interface.is_settable(n)
-        ]
-        meant = f"; did you mean {' or '.join(near)}?" if near else "."
-        why = "a constant of the FMU" if variable.variability == "constant" else "computed by the FMU"
-        why = {CLOCK: "a clock", BINARY: "Binary"}.get(str(variable.type), why)
-        raise CommandError(f"{name} is {why} and cannot be set{meant}")
+    if (reason := explain_fixed(interface, str(variable.name))) is not None:
+        near = suggest_settable(component, interface, str(variable.name))
+        raise CommandError(f"{name} cannot be set: {reason}{near}")
     if variable.type == "String":
         return str(value)
     if variable.type == "Enumeration":

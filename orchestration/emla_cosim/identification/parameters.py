@@ -12,11 +12,12 @@ from ..base.errors import CommandError
 from ..base.quantities import parse_unit_name, read_quantity
 from ..base.units import SiUnit
 from ..sweeps.distributions import parse_distribution
-from ..sweeps.factors import Factor, find_start_number, resolve_factors
+from ..sweeps.factors import Factor, resolve_factors
 from ..sweeps.kinds.continuous import Uniform
 from ..sweeps.targets import SHEET, START, merge_options
 from ..sweeps.worker_payload import Preparation
 from ..system.model import Value
+from ..system.names import Names
 from .plan import IdentificationPlan
 from .sheet_entries import SheetEntries
 
@@ -212,20 +213,18 @@ def _parameter(factor: Factor, preparation: Preparation, label: str) -> Paramete
         return _with_start(factor.name, *_ends(factor.distribution, label), None, factor.unit, factor=factor)
     if wrong := [t.name for t in factor.targets if t.kind != START]:
         raise CommandError(f"{label} cannot be estimated: {wrong[0]} is not a start value.", name=wrong[0])
+    names = Names(preparation.system, preparation.interfaces)
     for target in factor.targets:
-        component, name = preparation.system.split(target.name)
-        variable = preparation.interfaces[component.name].variables[component.alias(name).variable]
-        if variable.type != "Real":
+        if (kind := names.find(target.name).variable.type) != "Real":
             raise CommandError(
-                f"{label} cannot be estimated: {target.name} is of the type {variable.type}.",
-                name=target.name,
+                f"{label} cannot be estimated: {target.name} is of the type {kind}.", name=target.name
             )
     low, high = _ends(factor.distribution, label)
     ends = [float(x) for x in (factor.value(low), factor.value(high)) if x is not None]  # type: ignore[arg-type]
     low, high = min(ends), max(ends)
     start = None
     if len(factor.targets) == 1:
-        start = find_start_number(factor.targets[0].name, preparation.system, preparation.interfaces)
+        start = names.find(factor.targets[0].name).start_number
     elif factor.targets[0].nominal is not None:
         start = 1.0
     return _with_start(factor.name, low, high, start, factor.unit, factor=factor)

@@ -20,7 +20,6 @@ from ..base.quantities import read_quantity
 from ..base.units import SiUnit
 from ..base.values import convert_value
 from ..base.wording import format_count
-from ..fmu.variables import find_variable
 from ..inputs.input import Input
 from ..run.option_types import SweepOptions
 from ..sandbox.interruption import catch_interrupts
@@ -31,6 +30,7 @@ from ..sweeps.runner import check_cluster
 from ..sweeps.scenario_text import scenario_content
 from ..sweeps.targets import merge_options
 from ..sweeps.worker_payload import Preparation, WorkerPayload
+from ..system.names import Names
 from .certainty import Certainty, Estimate, judge
 from .design import Candidate, rank_experiments
 from .estimation import Estimator, draw_starting_points
@@ -253,15 +253,10 @@ def _extend(preparations: Sequence[Preparation], parameters: Parameters) -> list
 
 def _find_signal(preparation: Preparation, signal: str) -> tuple[str, SiUnit | None]:
     """Return full name and unit of a signal; raise CommandError if it does not exist, or is no number."""
-    component, name = preparation.system.split(signal)
-    interface = preparation.interfaces[component.name]
-    alias = component.alias(name)
-    variable = find_variable(component.name, interface.variables, alias.variable)
-    if variable.type not in ("Real", "Integer"):
-        raise CommandError(f"{signal} is of the type {variable.type}; measured signals are numbers.")
-    own = component.aliases.get(name)
-    unit = own.unit if own is not None else interface.unit(alias.variable)
-    return f"{component.name}.{name}", unit
+    found = Names(preparation.system, preparation.interfaces).find(signal)
+    if found.variable.type not in ("Real", "Integer"):
+        raise CommandError(f"{signal} is of the type {found.variable.type}; measured signals are numbers.")
+    return found.full_name, found.unit
 
 
 def _times(options: Any, found: Sequence[MeasuredSignal], late: bool) -> dict[str, Any]:

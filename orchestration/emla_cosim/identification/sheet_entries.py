@@ -5,14 +5,13 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
-from ..fmu.interface import Interface
 from ..run.followers import following_values
 from ..run.preparation import apply_parameter_files
 from ..run.scenarios.scenario import Scenario
 from ..sweeps.targets import SHEET, merge_options
 from ..sweeps.worker_payload import Preparation
 from ..system.model import Value
-from ..system.start_values import resolve_start_values
+from ..system.names import Names
 from .plan import IdentificationPlan
 
 _READ = ("input",)
@@ -43,32 +42,29 @@ class SheetEntries:
         Raises:
             CommandError: A data sheet with these entries has errors.
         """
-        before, interfaces = self._before[experiment], self.preparations[experiment].interfaces
+        before = self._before[experiment]
         plan = replace(self.plan, options=_without_data(self.plan.options))
         own = _without_data(plan.experiments[experiment].options)
         changed = plan.load_scenario(merge_options([own, {SHEET: entries}]))
-        after = _all_start_values(changed, interfaces)
+        after = _all_start_values(changed, self.preparations[experiment])
         return {name: value for name, value in after.items() if before.get(name) != value}
 
     @cached_property
     def _before(self) -> list[dict[str, Value]]:
         """Return the start values of each experiment without other entries."""
-        return [
-            _all_start_values(one.scenario, one.interfaces)
-            for one in self.preparations
-            if one.scenario is not None
-        ]
+        return [_all_start_values(one.scenario, one) for one in self.preparations if one.scenario is not None]
 
 
 def _without_data(options: Mapping[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in options.items() if name not in _READ}
 
 
-def _all_start_values(scenario: Scenario, interfaces: Mapping[str, Interface]) -> dict[str, Value]:
-    """Return the start values of a scenario with its options, by full name."""
+def _all_start_values(scenario: Scenario, preparation: Preparation) -> dict[str, Value]:
+    """Return the start values of a scenario with its options, by full name; `preparation` has its names."""
     options = scenario.options
-    system = apply_parameter_files(scenario.system, options.parameters, interfaces)
+    system = apply_parameter_files(scenario.system, options.parameters, preparation.interfaces)
     own: dict[str, Any] = {
         f"{c.name}.{name}": x for c in system.components for name, x in c.parameters.items()
     }
-    return own | resolve_start_values(system, interfaces, options.set) | following_values(system, options)
+    values = Names(preparation.system, preparation.interfaces).start_values(options.set)
+    return own | values | following_values(system, options)

@@ -33,11 +33,10 @@ from ..run.scenarios.single_fmu import make_component_name
 from ..study.loading import load
 from ..system.model import Component, System
 from ..system.resolution import resolve_system
-from ..system.structure import read_sized_interfaces
 from .fmu_header import read_fmu_info
 from .info_parts import ComponentInfo, ConnectionInfo, FmuInfo
 from .system_info import Info
-from .variable_rows import ConnectionIndex, End, VariableRows, map_names, read_fmu_variables
+from .variable_rows import ConnectionIndex, End, VariableRows, read_fmu_variables
 
 
 def info(
@@ -85,8 +84,8 @@ def info(
     ):
         faults.merge(scenario.accepted)
         told = progress or Progress()
-        system, files = prepare_system(scenario.system, scenario.options, told)
-        found = _collect_system(scenario, system, files, read_sized_interfaces(system, files))
+        prepared = prepare_system(scenario.system, scenario.options, told)
+        found = _collect_system(scenario, prepared.system, prepared.fmus, prepared.interfaces)
     told.advance(1)
     remarks = (remark.rstrip(".") for remark in faults.remarks(scenario.unpacked))
     return replace(found, notes=(*found.notes, *remarks))
@@ -98,7 +97,7 @@ def _collect_system(
     names = {
         (c.name, variable): f"{c.name}.{name}"
         for c in system.components
-        for variable, (name, _) in map_names(c).items()
+        for variable, (name, _) in c.by_fmu_name.items()
     }
     wired = resolve_system(system, interfaces)
     readers: dict[End, list[End]] = {}

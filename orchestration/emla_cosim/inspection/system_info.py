@@ -1,6 +1,5 @@
 """Information on a system."""
 
-import difflib
 import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
@@ -8,7 +7,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..base.errors import CommandError
+from ..base.errors import CommandError, suggest_names
 from ..base.ownership import has_format
 from ..base.patterns import is_pattern, matches_pattern
 from ..views.pages.plain import to_plain
@@ -61,9 +60,8 @@ class Info:
         """Return the variable of this full name; raise CommandError if it does not exist."""
         found = self._by_name.get(name)
         if found is None:
-            near = difflib.get_close_matches(name, self._by_name, n=3, cutoff=0.5)
-            meant = f"; did you mean {' or '.join(near)}?" if near else "."
-            raise CommandError(f"{self.name} has no variable '{name}'{meant}", name=name, near=near)
+            meant = suggest_names(name, self._by_name)
+            raise CommandError(f"{self.name} has no variable '{name}'; {meant}", name=name)
         return found
 
     @cached_property

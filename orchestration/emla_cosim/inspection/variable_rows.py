@@ -79,7 +79,7 @@ class VariableRows:
         """
         given = convert_to_fmu_terms(self.component).parameters
         values = {v.name: x for v, x in convert_start_values(self.component.name, self.interface, given)}
-        known = map_names(self.component)
+        known = self.component.by_fmu_name
         return [self._row(said, known.get(said.name), values.get(said.name)) for said in self.said]
 
     def _row(self, said: FmuVariable, known: tuple[str, Alias] | None, value: Any) -> VariableInfo:
@@ -114,11 +114,6 @@ class VariableRows:
             clocks=said.clocks,
             interval_variability=str(said.variable.intervalVariability or ""),
         )
-
-
-def map_names(component: Component) -> dict[str, tuple[str, Alias]]:
-    """Return the system's names and conversions of variables with another name or unit in the FMU."""
-    return {a.variable: (n, a) for n, a in component.aliases.items() if a.transformation.factor != 0.0}
 
 
 def _default(variable: ModelVariable) -> Any:

@@ -8,10 +8,10 @@ from fmpy.model_description import ModelVariable
 
 from ..base.arrays import Vector
 from ..base.errors import CommandError, join_names
-from ..fmu.variables import find_variable
 from ..master.instances.integrated_instance import IntegratedInstance
 from ..master.instances.model_exchange_instance import ModelExchangeInstance
 from ..run.simulation import Simulation
+from ..system.names import Names
 
 
 @dataclass(frozen=True)
@@ -50,6 +50,7 @@ class ContinuousSystem:
         self._check(len(instances) > len(self._parts))
         members = [(i, k, m) for i, p in enumerate(self._parts) for k, m in enumerate(p.members)]
         self._members = {m.name: (i, k, m) for i, k, m in members}
+        self._names = Names(self._system, {m.name: m.file.interface for _, _, m in members})
         self.states = [f"{m.name}.{name}" for _, _, m in members for name in _state_names(m)]
         self.nominals = np.concatenate([m.read_nominals() for _, _, m in members])
         self.nominals = np.where(self.nominals > 0.0, self.nominals, 1.0)
@@ -71,9 +72,8 @@ class ContinuousSystem:
 
     def unit(self, name: str) -> str:
         """Return the unit of a state, an input or an output; 1 if it has none."""
-        component, variable = self._system.split(name)
-        interface = self._members[component.name][2].file.interface
-        return str(interface.unit(component.alias(variable).variable) or "1")
+        found = self._names.find(name)
+        return str(found.interface.unit(found.fmu_name) or "1")
 
     def evaluate(self, states: Vector, shifts: Vector) -> tuple[Vector, Vector]:
         """Return derivatives per s, and outputs.
@@ -115,10 +115,9 @@ class ContinuousSystem:
         return float(self._parts[variable.part].members[variable.member].value(variable.own))
 
     def _find(self, name: str, is_input: bool = False) -> _Variable:
-        component, variable = self._system.split(name)
-        i, k, member = self._members[component.name]
-        own = component.alias(variable).variable
-        found = find_variable(component.name, member.file.interface.variables, own)
+        named = self._names.find(name)
+        found = named.variable
+        i, k, _ = self._members[named.component.name]
         if found.type != "Real":
             raise CommandError(f"{name} is {found.type}; state matrices need a Real.", name=name)
         if is_input and (found.causality != "input" or found.variability != "continuous"):

@@ -11,7 +11,6 @@ from fmpy.model_description import ModelVariable
 
 from ..base.errors import CommandError
 from ..base.files import temporary_folder
-from ..base.signal_types import SignalType
 from ..base.units import IDENTITY, LinearTransformation
 from ..fmu.clocks import is_triggered_input
 from ..fmu.elements import BINARY
@@ -22,6 +21,7 @@ from ..fmu.structure import complete_start_values, convert_structure
 from ..fmu.tables import is_table
 from ..fmu.variables import TypedValue, convert_start_values, format_value
 from ..system.model import Alias, Component, Connection, System
+from ..system.names import NamedVariable, Names
 from ..system.resolution import convert_to_fmu_terms, refuse_driven, resolve_system
 from ..system.signal_faults import MODEL
 from ..system.structure import structure_of
@@ -31,7 +31,7 @@ from .instances.instance_kinds import make_instance
 from .instances.integrator_settings import IntegratorSettings
 from .instances.isolated_instance import IsolatedInstance
 from .network import Link, OpaqueLink
-from .observer import ObservedVariable, Observer
+from .observer import Observer
 
 
 class Assembly:
@@ -185,18 +185,19 @@ class Assembly:
             instance.set_start_values(self._values[name][1])
 
     @cached_property
-    def unexchanged(self) -> dict[str, ObservedVariable]:
+    def names(self) -> Names:
+        """The names of all variables."""
+        return Names(self.system, {name: file.interface for name, file in self.files.items()})
+
+    @cached_property
+    def unexchanged(self) -> dict[str, NamedVariable]:
         """Variables besides the signals that can be recorded, by full name, in the order of the system."""
-        found, signals = {}, set(self.network.names)
-        for component in self.system.components:
-            known = _map_known_names(component)
-            for variable in self.files[component.name].variables.values():
-                own = known.get(str(variable.name), (variable.name,))[0]
-                name = f"{component.name}.{own}"
-                is_recorded = variable.causality != "independent" and variable.type != BINARY
-                if name not in signals and is_recorded:
-                    found[name] = ObservedVariable(name, component.name, variable)
-        return found
+        signals = set(self.network.names)
+        return {
+            name: v
+            for name, v in self.names.all.items()
+            if name not in signals and v.variable.causality != "independent" and v.variable.type != BINARY
+        }
 
     @property
     def violations(self) -> list[str]:
@@ -210,7 +211,7 @@ class Assembly:
         return [
             name
             for name, one in self.unexchanged.items()
-            if is_triggered_input(one.variable) and (one.component, one.variable.name) not in driven
+            if is_triggered_input(one.variable) and one.end not in driven
         ]
 
     def list_outputs(self) -> list[str]:
@@ -218,19 +219,9 @@ class Assembly:
         signals = self.network.names
         others = [n for n, v in self.unexchanged.items() if v.variable.causality == "output"]
         return sorted(
-            (n for n in (*signals, *others) if not self.signal_type(n).is_text),
-            key=lambda n: self.signal_type(n).is_discrete,
+            (n for n in (*signals, *others) if not self.names.find(n).column_type.is_text),
+            key=lambda n: self.names.find(n).column_type.is_discrete,
         )
-
-    def signal_type(self, name: str) -> SignalType:
-        """Return the type of a variable in tables, by its full name."""
-        component, variable = self.system.split(name)
-        return self.files[component.name].interface.column_type(component.alias(variable).variable)
-
-    def is_discrete(self, name: str) -> bool:
-        """Return whether a variable holds its value between events, by its full name."""
-        component, variable = self.system.split(name)
-        return self.files[component.name].interface.is_discrete(component.alias(variable).variable)
 
     def observe(self, names: Iterable[str], every: int = 1) -> None:
         """Choose what to record besides the signals, for runs that begin after this.
@@ -242,11 +233,8 @@ class Assembly:
         observer = Observer(self.instances, [self.unexchanged[name] for name in names], every)
         shown = dict(self._signals_shown)
         for i, one in enumerate(observer.variables, len(self.network.names)):
-            _, alias = _map_known_names(self.system.component(one.component)).get(
-                str(one.variable.name), ("", Alias(""))
-            )
-            if alias.transformation != IDENTITY:
-                shown[i] = alias.transformation.inverse()
+            if (to_fmu := one.component.alias(one.name).transformation) != IDENTITY:
+                shown[i] = to_fmu.inverse()
         self.network.observer, self.shown = observer, shown
 
     def parameters(self) -> dict[str, float]:
@@ -264,7 +252,7 @@ class Assembly:
 
     def names_in_system(self, name: str) -> dict[str, str]:
         """Return the names in the system of variables that a component's FMU calls otherwise."""
-        known = _map_known_names(self.system.component(name))
+        known = self.system.component(name).by_fmu_name
         return {own: in_system for own, (in_system, _) in known.items()}
 
     def list_non_default_values(self, component: Component) -> dict[str, dict[str, Any]]:
@@ -283,7 +271,7 @@ class Assembly:
         Each has the value that was set (`set`), the one that the FMU has instead (`read`, None if it does not
         tell it), and the unit.
         """
-        known, interface = _map_known_names(component), self.files[component.name].interface
+        known, interface = component.by_fmu_name, self.files[component.name].interface
         found = {}
         for lost in self.instances[component.name].lost_values:
             name, alias = known.get(lost.variable, (lost.variable, Alias(lost.variable)))
@@ -296,7 +284,7 @@ class Assembly:
 
     def _parameters_of(self, component: Component, start_values: Sequence[TypedValue]) -> dict[str, float]:
         found: dict[str, float] = {}
-        known, values = _map_known_names(component), {v.name: x for v, x in start_values}
+        known, values = component.by_fmu_name, {v.name: x for v, x in start_values}
         for variable in self.files[component.name].variables.values():
             value = values.get(variable.name, variable.start)
             number = variable.causality == "parameter" and variable.type in ("Real", "Integer", "Boolean")
@@ -378,18 +366,13 @@ def _signals(
     """Return the names of all signals of components, and transformations to the system's values."""
     names, shown = [], {}
     for component in components:
-        known = _map_known_names(component)
+        known = component.by_fmu_name
         for output in outputs[component.name]:
             name, alias = known.get(output, (output, Alias(output)))
             if alias.transformation != IDENTITY:
                 shown[len(names)] = alias.transformation.inverse()
             names.append(f"{component.name}.{name}")
     return names, shown
-
-
-def _map_known_names(component: Component) -> dict[str, tuple[str, Alias]]:
-    """Return name and alias of each variable that has another name or unit in the system."""
-    return {a.variable: (n, a) for n, a in component.aliases.items() if a.transformation.factor != 0.0}
 
 
 def _links(

@@ -1,7 +1,6 @@
 """Read variables that the FMUs do not exchange, for the recorders."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,22 +11,8 @@ from ..base.signal_types import Texts
 if TYPE_CHECKING:  # commands that only list options do not load fmpy
     from fmpy.model_description import ModelVariable
 
+    from ..system.names import NamedVariable
     from .instances.described_instance import DescribedInstance
-
-
-@dataclass(frozen=True)
-class ObservedVariable:
-    """A variable to record besides the signals.
-
-    Attributes:
-        name: full name in the system.
-        component: name of its component.
-        variable: the variable in its FMU.
-    """
-
-    name: str
-    component: str
-    variable: "ModelVariable"
 
 
 class Observer:
@@ -45,11 +30,11 @@ class Observer:
     def __init__(
         self,
         instances: Mapping[str, "DescribedInstance"],
-        variables: Sequence[ObservedVariable] = (),
+        variables: Sequence["NamedVariable"] = (),
         every: int = 1,
     ) -> None:
         self.variables = _sort_by_instance(variables, list(instances))
-        self.names = [v.name for v in self.variables]
+        self.names = [v.full_name for v in self.variables]
         self.values: Vector = np.full(len(self.variables), np.nan)
         self.texts, self.every = Texts(), every
         self.readers: list[tuple[DescribedInstance, slice]] = []
@@ -57,7 +42,7 @@ class Observer:
         self.strings: list[tuple[int, DescribedInstance, ModelVariable]] = []
         """Position in `values`, instance and variable of each String."""
         for name, instance in instances.items():
-            own = [i for i, v in enumerate(self.variables) if v.component == name]
+            own = [i for i, v in enumerate(self.variables) if v.component.name == name]
             texts = [i for i in own if self.variables[i].variable.type == "String"]
             numbers = [i for i in own if i not in texts]
             part = slice(numbers[0], numbers[-1] + 1) if numbers else slice(0, 0)
@@ -82,7 +67,7 @@ class Observer:
         return (steps // self.every + 1) * self.every
 
 
-def _sort_by_instance(variables: Sequence[ObservedVariable], components: list[str]) -> list[ObservedVariable]:
+def _sort_by_instance(variables: Sequence["NamedVariable"], components: list[str]) -> list["NamedVariable"]:
     """Return the variables by component, with the texts of each at its end."""
     place = {name: i for i, name in enumerate(components)}
-    return sorted(variables, key=lambda v: (place[v.component], v.variable.type == "String"))
+    return sorted(variables, key=lambda v: (place[v.component.name], v.variable.type == "String"))

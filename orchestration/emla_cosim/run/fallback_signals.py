@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from itertools import islice
 
 from ..fmu.elements import BINARY
-from ..master.observer import ObservedVariable
+from ..system.names import NamedVariable
 
 MOST = 50
 """Most signals that are recorded without being asked for."""
@@ -19,18 +19,18 @@ class FallbackSignals:
     remark: str
 
 
-def choose_fallback_signals(others: Iterable[ObservedVariable]) -> FallbackSignals:
+def choose_fallback_signals(others: Iterable[NamedVariable]) -> FallbackSignals:
     """Return the continuous states, else the local variables, at most `MOST`.
 
     Args:
         others: Variables that the option `signals` can name.
     """
     variables = [v for v in others if v.variable.type not in ("String", BINARY)]
-    rates = [(v.component, v.variable.derivative) for v in variables]
+    rates = [(v.component.name, v.variable.derivative) for v in variables]
     states = {(component, state.name) for component, state in rates if state is not None}
     of_kind = {
-        "continuous states": [v.name for v in variables if (v.component, v.variable.name) in states],
-        "local variables": [v.name for v in variables if str(v.variable.causality) == "local"],
+        "continuous states": [v.full_name for v in variables if v.end in states],
+        "local variables": [v.full_name for v in variables if str(v.variable.causality) == "local"],
     }
     said = "No FMU has an output of a number"
     for kind, names in of_kind.items():

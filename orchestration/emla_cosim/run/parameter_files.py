@@ -1,9 +1,6 @@
 """Start values from files: SSP parameter sets, and tables with columns for scalars and arrays."""
 
-import difflib
-import re
-from collections.abc import Collection, Mapping
-from itertools import count, takewhile
+from collections.abc import Mapping
 from pathlib import Path
 
 from ..base.errors import CommandError
@@ -19,10 +16,9 @@ from ..inputs.headers import Header, parse_data_unit
 from ..inputs.input import table_endings
 from ..ssp.documents.parameter_sets import parse_parameter_set
 from ..ssp.reader.shapes import explain_shape
-from ..system.model import Component, System, Value
-from ..system.structure import is_structural
+from ..system.model import System, Value
+from ..system.names import NamedVariable, Names
 
-_INDEX = re.compile(r"\[[0-9]+\]$")
 _ONE = SiUnit("1", (0,) * 8)
 
 
@@ -36,7 +32,7 @@ def file_values(file: Path, system: System, interfaces: Mapping[str, Interface])
         CommandError: If the file cannot be read, or a value does not fit its variable.
     """
     if file.name.lower().endswith(table_endings()):
-        return _read_table_values(read_table(file, "the parameter table"), system, interfaces)
+        return _read_table_values(read_table(file, "the parameter table"), Names(system, interfaces))
     return _read_parameter_set(file, system, interfaces)
 
 
@@ -53,43 +49,34 @@ def structural_file_values(
     Raises:
         CommandError: If the file cannot be read, or a value does not fit its variable.
     """
+    names = Names(system, interfaces)
     if not file.name.lower().endswith(table_endings()):
         content = read_file(file, "the parameter set")
         parameters = parse_parameter_set(content, str(file)).parameters
-        return {p.name: p.value for p in parameters if is_structural(system, interfaces, p.name)}
+        return {p.name: p.value for p in parameters if names.is_structural(p.name)}
     data, values = read_table(file, "the parameter table"), dict[str, Value]()
     for position, header in enumerate(data.headers):
-        names = (header.name, header.suffix.name if header.suffix is not None else header.name)
-        if any(is_structural(system, interfaces, name) for name in names):
-            values |= _read_column_values(data, position, system, interfaces)
+        texts = (header.name, header.suffix.name if header.suffix is not None else header.name)
+        if any(names.is_structural(name) for name in texts):
+            values |= _read_column_values(data, position, names)
     return values
 
 
-def _read_table_values(
-    data: DataTable, system: System, interfaces: Mapping[str, Interface]
-) -> dict[str, Value]:
+def _read_table_values(data: DataTable, names: Names) -> dict[str, Value]:
     values: dict[str, Value] = {}
     for position in range(len(data.headers)):
-        for name, value in _read_column_values(data, position, system, interfaces).items():
+        for name, value in _read_column_values(data, position, names).items():
             if name in values:
                 raise CommandError(f"{data.label} has a second value for {name}.", name=name)
             values[name] = value
     return values
 
 
-def _read_column_values(
-    data: DataTable, position: int, system: System, interfaces: Mapping[str, Interface]
-) -> dict[str, Value]:
+def _read_column_values(data: DataTable, position: int, names: Names) -> dict[str, Value]:
     """Read the value of a scalar, or of the first elements of an array."""
     header = data.headers[position]
     label = f"the column '{header.text}' of {data.label}"
-    name, unit = _name_and_unit(header, system, interfaces, label)
-    try:
-        component, own = system.split(name)
-    except CommandError as error:
-        raise CommandError(f"{label}: {error}", name=name) from error
-    interface = interfaces[component.name]
-    elements = _elements(component, own, interface, label)
+    elements, unit = _elements_and_unit(header, names, label)
     numbers = data.numbers(position, padded=True)
     if not len(numbers):
         raise CommandError(f"{label} has no number.", name=header.name)
@@ -101,56 +88,39 @@ def _read_column_values(
         )
     found = dict[str, Value]()
     for row, (element, number) in enumerate(zip(elements, numbers.tolist(), strict=False), 1):
-        alias = component.alias(element)
-        target = alias.unit or interface.unit(alias.variable)
-        given = parse_data_unit(unit, label, target)
+        given = parse_data_unit(unit, label, element.unit)
         # a dimensionless value fits a variable without a unit
-        value = Quantity(number, given).in_unit(target or (None if given is None else _ONE), label)
+        value = Quantity(number, given).in_unit(element.unit or (None if given is None else _ONE), label)
         try:
-            found[f"{component.name}.{element}"] = _check_value(component, element, interface, value)
+            found[element.full_name] = _check_value(element, value)
         except CommandError as error:
             raise CommandError(f"{label}, row {row}: {error}", row=row, **error.fields) from error
     return found
 
 
-def _name_and_unit(
-    header: Header, system: System, interfaces: Mapping[str, Interface], label: str
-) -> tuple[str, str | None]:
-    """Return the name of a variable, and the unit in the header: `level in kN` is no variable, `level` is."""
-    if header.suffix is None:
-        return header.name, header.unit
-    for name, unit in ((header.name, header.unit), (header.suffix.name, header.suffix.unit)):
-        try:
-            component, own = system.split(name)
-            _elements(component, own, interfaces[component.name], label)
-        except CommandError:
-            continue
-        return name, unit
-    return header.name, header.unit
+def _elements_and_unit(header: Header, names: Names, label: str) -> tuple[list[NamedVariable], str | None]:
+    """Return a variable, or the elements of an array, and the unit in the header.
+
+    `level in kN` is no variable, `level` is.
+
+    Raises:
+        CommandError: The variable does not exist.
+    """
+    suffix = header.suffix
+    if suffix is not None and not names.find_elements(header.name) and names.find_elements(suffix.name):
+        return names.find_elements(suffix.name), suffix.unit
+    try:
+        return names.find_elements(header.name) or [names.find(header.name)], header.unit
+    except CommandError as error:
+        raise CommandError(f"{label}: {error}", **error.fields) from error
 
 
-def _elements(component: Component, name: str, interface: Interface, label: str) -> list[str]:
-    """Return a variable, or the elements of an array. Raise CommandError for an unknown name."""
-    known: Collection[str] = {*component.aliases, *interface.variables}
-    if name in known:
-        return [name]
-    found = list(takewhile(known.__contains__, (f"{name}[{i}]" for i in count(1))))
-    if not found:
-        names = dict.fromkeys(_INDEX.sub("", n) for n in known)
-        near = difflib.get_close_matches(name, names, n=3, cutoff=0.5)
-        meant = f"; did you mean {' or '.join(near)}?" if near else "."
-        raise CommandError(f"{label}: {component.name} has no variable '{name}'{meant}", name=name, near=near)
-    return found
-
-
-def _check_value(component: Component, name: str, interface: Interface, value: float) -> Value:
+def _check_value(element: NamedVariable, value: float) -> Value:
     """Return the value if the variable can have it. Raise CommandError otherwise."""
-    alias = component.alias(name)
-    variable = interface.variables[alias.variable]
+    component, variable = element.component, element.variable
     plain = value if variable.type == "Real" or not value.is_integer() else int(value)
-    convert_start_value(
-        component.name, interface, variable, alias.transformation(plain) if component.aliases else plain
-    )
+    number = component.alias(element.name).transformation(plain) if component.aliases else plain
+    convert_start_value(component.name, element.interface, variable, number)
     return plain
 
 

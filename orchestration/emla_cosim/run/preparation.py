@@ -1,33 +1,21 @@
 """Prepare a system to run or to export: build FMUs, apply parameter files, replace components."""
 
 import math
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import replace
-from functools import cache, partial
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ..base.errors import CommandError, check_choice, join_names
-from ..base.patterns import matches_pattern
+from ..base.patterns import has_wildcard
 from ..base.progress import Progress
 from ..base.wording import format_count
-from ..fmu.interface import KINDS, Interface, read_interface, read_interfaces
-from ..fmu.models import build, check_build_path, find_block
+from ..fmu.interface import KINDS, Interface, read_interfaces
+from ..fmu.models import build, check_build_path
 from ..inputs.wired_inputs import LoadedInput, find_data_end, wire_inputs
 from ..system.model import Replacement, System, Value
+from ..system.names import Names
 from ..system.signal_faults import add_fault_components, wire_faults
-from ..system.start_values import (
-    has_quantities,
-    needs_interfaces,
-    resolve_quantities,
-    resolve_start_values,
-    select_plain_names,
-)
-from ..system.structure import (
-    read_sized_interfaces,
-    read_structural_interfaces,
-    set_structure,
-    structure_of,
-)
+from ..system.structure import set_structure, structure_of
 from ..system.vectors import connect_elements
 from .event_mode import disable_event_mode
 from .followers import following_values
@@ -36,13 +24,19 @@ from .replacement import replace_component
 from .run_setup import select_components
 
 
-def prepare_system(system: System, options: Options, progress: Progress) -> tuple[System, dict[str, Path]]:
+@dataclass(frozen=True)
+class PreparedSystem:
+    """A system with the changes of the options; FMU file and model description of every component."""
+
+    system: System
+    fmus: Mapping[str, Path]
+    interfaces: Mapping[str, Interface]
+
+
+def prepare_system(system: System, options: Options, progress: Progress) -> PreparedSystem:
     """Apply the options to a system, and build its FMUs.
 
     The progress of preparing has one unit more, for what the caller does next.
-
-    Returns:
-        The changed system, and the FMU file of every component.
 
     Raises:
         CommandError: If an option does not fit the system.
@@ -52,17 +46,16 @@ def prepare_system(system: System, options: Options, progress: Progress) -> tupl
     all_without = "--no-event-mode without a name means all components."
     without_events = [select_components([p], system, all_without) for p in options.without_event_mode]
     system, faults = add_fault_components(system.with_main(), options.fault)
-    system.with_parameters(select_plain_names(options.set))  # report unknown names before anything is built
     replacements = options.replacements()
-    for name in replacements:
-        system.component(name)
+    _check_components(system, [*replacements], options.set)
     fmus = _fmu_files(system, options, progress)
-    system = _set_structure(system, fmus, options)
-    system = connect_elements(system, cache(partial(_variable_names, system, fmus)))
-    looked_at = options.parameters or replacements or faults or tables or needs_interfaces(options.set)
-    looked_at = looked_at or options.kind or without_events or has_quantities(system)
-    interfaces = read_sized_interfaces(system, fmus) if looked_at else {}
-    system = apply_parameter_files(resolve_quantities(system, interfaces), options.parameters, interfaces)
+    interfaces = read_interfaces(fmus)
+    structure = _structural_values(system, options, interfaces)
+    system, interfaces = set_structure(system, fmus, interfaces, structure)
+    system = connect_elements(system, {name: i.variables for name, i in interfaces.items()})
+    others = read_interfaces({name: replacement.fmu for name, replacement in replacements.items()})
+    system = Names(system, interfaces, others).with_converted_values()
+    system = apply_parameter_files(system, options.parameters, interfaces)
     if tables:
         placed = wire_inputs(system, tables, interfaces, options.platform)
         system = placed.system
@@ -72,12 +65,12 @@ def prepare_system(system: System, options: Options, progress: Progress) -> tupl
             progress.note(f"Note: {note}")
     system = wire_faults(system, faults, interfaces)
     followers = following_values(as_made, options)
-    system = system.with_parameters(resolve_start_values(system, interfaces, options.set) | followers)
+    values = Names(system, interfaces, others).start_values(options.set)
+    system = system.with_parameters(values | followers)
     for component in system.components:
         note = component.note(system) if callable(component.note) else component.note
         if note and component.name not in replacements:
             progress.note(f"Note: {note}")
-    others = read_interfaces({name: replacement.fmu for name, replacement in replacements.items()})
     for name, replacement in replacements.items():
         system = _replace_component(system, name, replacement, others[name], interfaces, progress)
         fmus[name], interfaces[name] = replacement.fmu, others[name]
@@ -86,37 +79,32 @@ def prepare_system(system: System, options: Options, progress: Progress) -> tupl
                 f"'{replacement.fmu}' cannot replace {name}, which sets {join_names(sizes)}: the arrays of a "
                 "replacement keep their own sizes."
             )
-    system = resolve_quantities(system, interfaces)  # also of variables that only a replacement has
     system = choose_kinds(system, options.kind, interfaces)
     for names in without_events:
         system = disable_event_mode(system, names, interfaces)
-    return system, fmus
+    return PreparedSystem(system, fmus, interfaces)
 
 
-def _variable_names(system: System, fmus: Mapping[str, Path], name: str) -> Collection[str]:
-    """Return the names of a component's variables; those of an FMU file are read."""
-    component = system.component(name)
-    model = component.model
-    if not model:
-        interface = read_interface(fmus[name])
-        structure = structure_of(component, interface)
-        return (read_interface(fmus[name], structure) if structure else interface).variables
-    block = find_block(model) if isinstance(model, str) else model
-    return {scalar.name: None for scalar in block.layout().scalars}
+def _check_components(system: System, names: Sequence[str], values: Mapping[str, Value]) -> None:
+    """Raise CommandError for components that do not exist, before FMUs are built for minutes."""
+    for name in names:
+        system.component(name)
+    for name in values:
+        if "." in name and not has_wildcard(name):
+            system.split(name)
 
 
-def _set_structure(system: System, fmus: Mapping[str, Path], options: Options) -> System:
-    """Return the system with the structural parameters that the options set: names depend on them."""
-    interfaces = read_structural_interfaces({c.name: fmus[c.name] for c in system.components if c.fmu})
-    if not interfaces:
-        return system
+def _structural_values(
+    system: System, options: Options, interfaces: Mapping[str, Interface]
+) -> dict[str, Value]:
+    """Return the values among which those of structural parameters are: names depend on them."""
     values: dict[str, Value] = {}
     if options.parameters:
         from .parameter_files import structural_file_values
 
         for file in options.parameters:
             values |= structural_file_values(file, system, interfaces)
-    return set_structure(system, interfaces, values | select_plain_names(options.set))
+    return {**values, **options.set}
 
 
 def choose_kinds(system: System, kinds: Mapping[str, str], interfaces: Mapping[str, Interface]) -> System:
@@ -129,15 +117,14 @@ def choose_kinds(system: System, kinds: Mapping[str, str], interfaces: Mapping[s
     """
     for pattern, kind in kinds.items():
         check_choice("kind", kind, KINDS)
-        matching = [c for c in system.components if matches_pattern(c.name, pattern)]
-        if not matching:
-            raise CommandError(f"no component matches '{pattern}' of the option 'kind'.", name=pattern)
-        able = [c for c in matching if KINDS[kind] in interfaces[c.name].kinds]
+        names = select_components([pattern], system, "change the option 'kind'.")
+        able = [name for name in names if KINDS[kind] in interfaces[name].kinds]
         if not able:
-            names = join_names([c.name for c in matching])
-            raise CommandError(f"no FMU has {KINDS[kind]} among {names}; change the option 'kind'.")
-        for component in able:
-            system = system.with_component(replace(component, kind=kind))
+            raise CommandError(
+                f"no FMU has {KINDS[kind]} among {join_names(names)}; change the option 'kind'."
+            )
+        for name in able:
+            system = system.with_component(replace(system.component(name), kind=kind))
     return system
 
 

@@ -3,11 +3,12 @@
 import math
 import operator
 import re
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
-from ..base.errors import CommandError, join_names, suggest_names
+from ..base.errors import CommandError, join_names
+from ..base.patterns import find_name, suggest_full_names
 
 _COMPARISONS = {
     "<=": operator.le,
@@ -19,9 +20,6 @@ _COMPARISONS = {
 }
 _SIGN = re.compile(f"({'|'.join(_COMPARISONS)})")
 _WORDS = {"true": True, "false": False}
-
-RENAMED: dict[str, str] = {}
-"""Former names of metrics, each with its new name. Registered by the packages that define metrics."""
 
 Figures = Mapping[str, Mapping[str, Mapping[str, Any]]]
 """The content of metrics.json without the run: by kind, by subject, and by name."""
@@ -70,50 +68,38 @@ def parse_requirement(text: str) -> Requirement:
     return Requirement(figure, sign, value)
 
 
-def check_requirements(requirements: Sequence[Requirement], figures: Figures, run: Mapping[str, Any]) -> None:
-    """Check that a run can have the required metrics.
+def resolve_requirements(
+    requirements: Sequence[Requirement], figures: Figures, run: Mapping[str, Any], main: str = ""
+) -> list[Requirement]:
+    """Return the requirements with the full names of their metrics.
 
-    `figures` are those before the first row. If a kind has none yet, all its names are accepted.
+    Args:
+        requirements: The requirements as users write them.
+        figures: The metrics before the first row. If a kind has none yet, all names are accepted.
+        run: The metrics of the run.
+        main: The component whose variables need no component's name; empty without one.
 
     Raises:
         CommandError: If there is no such metric, or its type does not fit the condition.
     """
-    known = flatten_figures(figures, run)
-    complete = all(figures.values())
-    for required in requirements:
-        name = required.figure
-        if name not in known:
-            if not complete:
-                continue
-            raise CommandError(
-                f"there is no metric '{name}' to require; {suggest_figure(name, known)}", name=name
-            )
-        if isinstance(known[name], bool) != isinstance(required.value, bool):
-            right = "true or false" if isinstance(known[name], bool) else "a number"
-            raise CommandError(f"the requirement '{required}' does not fit: {name} is {right}.", name=name)
+    values = flatten_figures(figures, run)
+    is_complete = all(figures.values())
+    return [_resolve(required, values, main, is_complete) for required in requirements]
 
 
-def suggest_figure(name: str, known: Collection[str]) -> str:
-    """Return the end of a message on an unknown metric: its new name, or similar ones."""
-    of, _, figure = name.rpartition(".")
-    if figure in RENAMED:
-        return f"'{figure}' is now called '{of}{'.' if of else ''}{RENAMED[figure]}': docs/metrics.md."
-    return suggest_names(name, known)
-
-
-class UnknownFigureError(CommandError, KeyError):
-    """Unknown metric. The message gives the new name of a renamed one."""
-
-    __str__ = Exception.__str__  # KeyError would show the message in quotes
-
-
-class NamedFigures(dict[str, Any]):
-    """Metrics by name. For a former name, `[]` raises UnknownFigureError, a KeyError, with the new name."""
-
-    def __missing__(self, name: str) -> Any:
-        if name in RENAMED:
-            raise UnknownFigureError(f"there is no metric '{name}'; {suggest_figure(name, self)}", name=name)
-        raise KeyError(name)
+def _resolve(required: Requirement, values: Mapping[str, Any], main: str, is_complete: bool) -> Requirement:
+    name = find_name(required.figure, values, main)
+    if name is None and not is_complete:
+        return required
+    if name is None:
+        meant = suggest_full_names(required.figure, values, main)
+        raise CommandError(
+            f"there is no metric '{required.figure}' to require; {meant}", name=required.figure
+        )
+    if isinstance(values[name], bool) != isinstance(required.value, bool):
+        right = "true or false" if isinstance(values[name], bool) else "a number"
+        raise CommandError(f"the requirement '{required}' does not fit: {name} is {right}.", name=name)
+    return replace(required, figure=name)
 
 
 def describe_unmet(

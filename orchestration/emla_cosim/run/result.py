@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..base.arrays import Vector
 from ..base.errors import CommandError, check_choice
+from ..base.patterns import find_name
 from ..base.signal_types import REAL, SignalType
 from ..base.units import SiUnit
 from ..base.values import convert_value
@@ -16,6 +17,7 @@ from ..recorders.metrics import Figures, MetricDisplay
 from ..recorders.table import Table
 from ..recorders.tubes.signal_comparison import Comparison
 from ..recorders.tubes.tolerance import Tolerance
+from ..system.names import find_main_component
 from .agreement import compare_with_stored
 from .plot_formats import PLOT_FORMATS
 
@@ -137,7 +139,7 @@ class Result:
         """Return several signals.
 
         Args:
-            names: names of signals, or `time`.
+            names: names of signals, or `time`. With one FMU, the names of its variables are enough.
             most: of a table with more rows, return only every n-th row. Default: all rows.
 
         Returns:
@@ -146,14 +148,15 @@ class Result:
         Raises:
             CommandError: a signal was not kept.
         """
-        known = self._table.names
-        for name in names:
-            if name not in known:
+        known, main = self._table.names, find_main_component(self.record)
+        full_names = {name: find_name(name, known, main) or name for name in names}
+        for name, full in full_names.items():
+            if full not in known:
                 near = difflib.get_close_matches(str(name), known, n=3, cutoff=0.5)
                 meant = f"; did you mean {' or '.join(near)}?" if near else "; `names` lists those that were."
                 raise CommandError(f"the signal '{name}' was not recorded{meant}", name=name, near=near)
-        found = self._table.read(names, most)
-        return {name: self.types.get(name, REAL).convert(values) for name, values in found.items()}
+        table = self._table.read(list(dict.fromkeys(full_names.values())), most)
+        return {n: self.types.get(full, REAL).convert(table[full]) for n, full in full_names.items()}
 
     def to_polars(self) -> "polars.DataFrame":
         """Return all rows as a polars data frame, with `time` as its first column."""

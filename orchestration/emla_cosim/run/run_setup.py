@@ -1,10 +1,9 @@
 """Communication points, rows and recorded signals of a run, from its options."""
 
-import difflib
 from collections.abc import Collection, Sequence
 
 from ..base.errors import CommandError
-from ..base.patterns import matches_pattern
+from ..base.patterns import find_names, select_names
 from ..master.stepping.pacing import Pacing
 from ..master.stepping.timing import MAXIMUM_STEPS, CommunicationPoints, make_communication_points
 from ..recorders.stored import open_stored_run
@@ -84,30 +83,33 @@ def _is_short(options: Options, times: CommunicationPoints) -> bool:
     return options.output_interval is None and is_brief and times.steps > 0 and times.step < DEFAULT_INTERVAL
 
 
-def select_signals(patterns: Sequence[str], names: Sequence[str], further: Collection[str] = ()) -> list[str]:
+def select_signals(
+    patterns: Sequence[str], names: Sequence[str], further: Collection[str] = (), main: str = ""
+) -> list[str]:
     """Return the signals to keep, in the order of `names`, then of `further`.
 
     Args:
         patterns: names or patterns of signals. Without one, all `names` are kept.
         names: outputs.
         further: other variables. A name or pattern selects them if it matches no output.
+        main: component whose variables need no component's name; empty without one.
 
     Raises:
         CommandError: a pattern has no match.
     """
     if not patterns:
         return list(names)
-    own = [p for p in patterns if p not in further and any(matches_pattern(n, p) for n in names)]
-    others = [p for p in patterns if p not in own]
-    kept = [names[i] for i in _matching(own, names, "signal", "")]
-    known = [*further, *names] if others else []  # a similar name may be among both
-    return kept + [
-        known[i] for i in _matching(others, known, "signal", "without --signals, all outputs are kept.")
-    ]
+    of_outputs = [p for p in patterns if p not in further and find_names(p, names, main)]
+    others = [p for p in patterns if p not in of_outputs]
+    outputs = {*select_names(of_outputs, names, "signal", main)}
+    every = [*further, *names] if others else []  # a similar name may be among both
+    hint = "without --signals, all outputs are kept."
+    rest = {*select_names(others, every, "signal", main, hint)}
+    return [n for n in names if n in outputs] + [n for n in every if n in rest]
 
 
 def select_components(patterns: Sequence[str], system: System, otherwise: str) -> list[str]:
-    """Return the components that match patterns of an option.
+    """Return the components that match patterns of an option, in the order of the system.
 
     Args:
         patterns: Names or patterns of components.
@@ -118,17 +120,5 @@ def select_components(patterns: Sequence[str], system: System, otherwise: str) -
         CommandError: A pattern has no match.
     """
     names = [c.name for c in system.components]
-    return [names[i] for i in _matching(patterns, names, "component", otherwise)]
-
-
-def _matching(patterns: Sequence[str], names: Sequence[str], kind: str, otherwise: str) -> list[int]:
-    """Return the positions of the names that match. Raise CommandError for a pattern without a match."""
-    chosen: set[int] = set()
-    for pattern in patterns:
-        found = [i for i, name in enumerate(names) if matches_pattern(name, pattern)]
-        if not found:
-            near = difflib.get_close_matches(pattern, names, n=3, cutoff=0.5)
-            meant = f"did you mean {' or '.join(near)}?" if near else otherwise
-            raise CommandError(f"no {kind} matches '{pattern}'; {meant}", name=pattern, near=near)
-        chosen.update(found)
-    return sorted(chosen)
+    selected = {*select_names(patterns, names, "component", hint=otherwise)}
+    return [name for name in names if name in selected]

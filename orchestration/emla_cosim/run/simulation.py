@@ -14,12 +14,11 @@ from ..base.errors import CommandError, RunError, show_paths_relative_to
 from ..base.faults import accept_faults
 from ..base.files import get_working_folder
 from ..base.option import SHARING, SHOWING
-from ..base.patterns import matches_pattern
 from ..base.progress import Progress
 from ..base.signal_types import SignalType
 from ..base.units import IDENTITY, SiUnit
 from ..base.values import convert_value
-from ..fmu.variables import convert_start_value, find_variable
+from ..fmu.variables import convert_start_value
 from ..inputs.events import input_events, row_distance
 from ..inputs.wired_inputs import DataSpan
 from ..master.algorithms.continuous_connections import list_continuous_connections
@@ -43,7 +42,7 @@ from ..recorders.table import Table
 from ..recorders.time_series import TimeSeries
 from ..stepper.library import find_stepper
 from ..system.model import System, Value
-from ..system.start_values import resolve_start_values
+from ..system.names import Names
 from .agreement import (
     agreement_record,
     compare_with_stored,
@@ -62,7 +61,7 @@ from .option_types import RunOptions
 from .options import Options, list_options, read_options
 from .origin import RunOrigin
 from .preparation import limit_to_data_end, prepare_system
-from .requirements import Requirement, check_requirements, describe_unmet, parse_requirement
+from .requirements import Requirement, describe_unmet, parse_requirement, resolve_requirements
 from .result import Result, run_figures
 from .run_record import RunDefinition, build_run_record
 from .run_setup import (
@@ -72,7 +71,7 @@ from .run_setup import (
     select_signals,
     steps_per_row,
 )
-from .stop_conditions import find_stop_conditions
+from .stop_conditions import StopCondition, resolve_stop_conditions
 from .stored_margins import read_margins
 
 
@@ -135,10 +134,9 @@ class Simulation:
         apart = select_components(self.options.isolated, system, "--isolate without a name isolates all.")
         with show_paths_relative_to(unpacked), accept_faults(self.options.lenient) as self._faults:
             self._faults.merge(accepted or {})
-            self.system, fmus = prepare_system(system, self.options, told)
-            self._assembly = Assembly(self.system, fmus, apart, self.options.integrate_together)
-        self._types: dict[str, SignalType] = {}
-        self._discrete: dict[str, bool] = {}
+            prepared = prepare_system(system, self.options, told)
+            self.system = prepared.system
+            self._assembly = Assembly(self.system, prepared.fmus, apart, self.options.integrate_together)
         self._finalizer = weakref.finalize(self, self._assembly.close)
         self._run: _ActiveRun | None = None
         self._error: RunError | None = None
@@ -184,46 +182,39 @@ class Simulation:
             CommandError: a pattern has no match.
         """
         further = self.further_names if patterns else []
-        if (main := self.system.find_main()) is not None:
-            own, known = f"{main.name}.", [*self.names, *further]
-            patterns = [
-                p if p.startswith(own) or any(matches_pattern(n, p) for n in known) else own + p
-                for p in patterns
-            ]
-        return select_signals(patterns, self.names, further)
+        return select_signals(patterns, self.names, further, self.system.main_name)
+
+    def _complete(self, name: str) -> str:
+        """Return the full name of a variable of the main component; other names unchanged."""
+        matching = self._names.match(name) if self.system.main_name else []
+        return matching[0].full_name if len(matching) == 1 else name
+
+    def _resolve_stop_conditions(self, texts: Sequence[str]) -> list[Requirement]:
+        if not texts:
+            return []
+        signals = (self._names.find(name) for name in (*self.names, *self.further_names))
+        units = {signal.full_name: signal.unit for signal in signals if not signal.column_type.is_text}
+        return resolve_stop_conditions(texts, units, self.system.main_name)
 
     def further_units(self) -> dict[str, SiUnit | None]:
         """Return the unit of each of `further_names`; None where the FMU declares none."""
-        return {name: self._unit(name) for name in self.further_names}
+        return {name: self._names.find(name).unit for name in self.further_names}
 
     @cached_property
     def units(self) -> Mapping[str, SiUnit | None]:
         """Unit of each signal by name; None where the FMU declares none."""
         outputs = self._assembly.list_outputs()
-        return {name: self._unit(name) for name in outputs}
+        return {name: self._names.find(name).unit for name in outputs}
+
+    @property
+    def _names(self) -> Names:
+        return self._assembly.names
 
     @cached_property
     def _sampling(self) -> Sampling:
         """Which components sample."""
         declared = [c.name for c in self.system.components if c.samples]
         return find_sampling(self._assembly.files, declared)
-
-    def _type(self, name: str) -> SignalType:
-        if name not in self._types:
-            self._types[name] = self._assembly.signal_type(name)
-        return self._types[name]
-
-    def _is_discrete(self, name: str) -> bool:
-        if name not in self._discrete:
-            self._discrete[name] = self._assembly.is_discrete(name)
-        return self._discrete[name]
-
-    def _unit(self, name: str) -> SiUnit | None:
-        component, variable = self.system.split(name)
-        alias = component.aliases.get(variable)
-        if alias is not None:
-            return alias.unit
-        return self._assembly.files[component.name].interface.unit(variable)
 
     def run(
         self,
@@ -325,6 +316,7 @@ class Simulation:
             raise CommandError("the simulation is closed; prepare it again.")
         values = self._read(options)
         chosen, origin = self.options.merged(values), self._origin.updated(values)
+        chosen = replace(chosen, roles={role: self._complete(name) for role, name in chosen.roles.items()})
         notes = self._notes(chosen)
         self._abandon()
         required = [parse_requirement(text) for text in chosen.require]
@@ -348,15 +340,18 @@ class Simulation:
             )
         self._error, self._is_worn = None, False
         recorded, fallback = self.select_signals(chosen.signals), None
+        conditions = self._resolve_stop_conditions(chosen.stop_when)
         others = assembly.unexchanged
         if not recorded:
             fallback = choose_fallback_signals(others.values())
             recorded = fallback.names
-        assembly.observe([n for n in dict.fromkeys([*self.names, *recorded]) if n in others], every)
+        watched = [condition.figure for condition in conditions]
+        assembly.observe([n for n in dict.fromkeys([*self.names, *recorded, *watched]) if n in others], every)
         self._profiler = Profiler(assembly.network.instances) if chosen.profile else None
         names = [*assembly.network.names, *assembly.network.observer.names]
-        units = {name: self.units[name] if name in self.units else self._unit(name) for name in names}
-        types = {name: self._type(name) for name in names}
+        signals = {name: self._names.find(name) for name in names}
+        units = {name: signal.unit for name, signal in signals.items()}
+        types = {name: signal.column_type for name, signal in signals.items()}
         algorithm.setup(assembly.network)
         sampled = any(c.samples for c in system.components)
         request = StepRequest(
@@ -420,9 +415,12 @@ class Simulation:
                 before = MetricsRecorder.before(outline)
                 if figures := {**coupling.figures(None), **before.get(COUPLING, {})}:
                     before[COUPLING] = figures
-                check_requirements(required, before, run_figures())
-            conditions = find_stop_conditions(chosen.stop_when, units, assembly.shown)
-            run = Run(stepping, outline, taking, assembly.shown, pacing, resumed, conditions, self._profiler)
+                required = resolve_requirements(required, before, run_figures(), system.main_name)
+            stops = [
+                StopCondition(c, 1 + (i := place[c.figure]), assembly.shown.get(i, IDENTITY))
+                for c in conditions
+            ]
+            run = Run(stepping, outline, taking, assembly.shown, pacing, resumed, stops, self._profiler)
             stepping.watch = metrics.watcher(assembly.shown)
         except BaseException:
             _close_stepping(stepping)
@@ -550,11 +548,10 @@ class Simulation:
     def _value(self, name: str) -> Any:
         if self._run is None:
             self.start()
-        component, variable = self.system.split(name)
-        alias = component.alias(variable)
-        slave = self._assembly.instances[component.name]
-        value = slave.value(find_variable(component.name, slave.file.variables, alias.variable))
-        return alias.transformation.inverse()(value) if alias.transformation != IDENTITY else value
+        found = self._names.find(name)
+        value = self._assembly.instances[found.component.name].value(found.variable)
+        to_fmu = found.component.alias(found.name).transformation
+        return to_fmu.inverse()(value) if to_fmu != IDENTITY else value
 
     def __setitem__(self, name: str, value: Any) -> None:
         """Set an input that has no connection. It keeps the value until you set it again.
@@ -574,21 +571,22 @@ class Simulation:
     def _set(self, name: str, value: Any) -> None:
         if self._run is None:
             self.start()
-        component, variable = self.system.split(name)
-        alias = component.alias(variable)
-        slave = self._assembly.instances[component.name]
-        found = find_variable(component.name, slave.file.variables, alias.variable)
-        driver = next((x for x in self.system.into(component.name) if x.input == found.name), None)
-        if driver is not None:
-            raise CommandError(f"{name} cannot be set: it is driven by {driver.source}.{driver.output}.")
-        if found.causality != "input":
+        target = self._names.find(name)
+        if target.variable.causality != "input":
             raise CommandError(
-                f"{name} cannot be set during a run: it is no input. Set start values with `set`."
+                f"{name} cannot be set during a run: it is not an input. Set start values with `set`."
             )
+        self._names.resolve(name)
         if isinstance(stepping := self.stepping, FixedSteps):
             stepping.note_change()
-        given = alias.transformation(float(value)) if component.aliases else value
-        slave.set_value(found, convert_start_value(component.name, slave.file.interface, found, given))
+        component = target.component
+        to_fmu = component.alias(target.name).transformation
+        given = to_fmu(float(value)) if component.aliases else value
+        instance = self._assembly.instances[component.name]
+        instance.set_value(
+            target.variable,
+            convert_start_value(component.name, instance.file.interface, target.variable, given),
+        )
 
     @contextlib.contextmanager
     def _lock_use(self) -> Iterator[None]:
@@ -630,9 +628,8 @@ class Simulation:
 
     def _with_values(self, values: Mapping[str, Value], chosen: Options) -> System:
         """Return the system with further start values, and the values that follow from them."""
-        interfaces = {name: file.interface for name, file in self._assembly.files.items()}
         followers = following_values(self._as_made, chosen) if values else {}
-        return self.system.with_parameters(resolve_start_values(self.system, interfaces, values) | followers)
+        return self.system.with_parameters(self._names.start_values(values) | followers)
 
     def _ended(self) -> Result:
         """End the current run and return its result. Store the error of a failed run in `_error`."""
@@ -766,7 +763,7 @@ class Simulation:
             interrupted=run.interrupted,
             stopped_when=None if run.stopped is None else str(run.stopped[0]),
             early_end=run.early_end,
-            discrete=frozenset(filter(self._is_discrete, units)),
+            discrete=frozenset(name for name in units if self._names.find(name).is_discrete),
             record=record,
             parameters=self._assembly.parameters(),
             signals=going.metrics.signals(),

@@ -5,9 +5,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from ..base.arrays import Vector
-from ..base.errors import CommandError, suggest_names
+from ..base.errors import CommandError
+from ..base.patterns import find_name, suggest_full_names
 from ..base.quantities import has_unit, read_quantity
-from ..base.units import IDENTITY, LinearTransformation, SiUnit
+from ..base.units import LinearTransformation, SiUnit
 from ..recorders.row_buffer import RowBuffer
 from .requirements import Requirement, parse_requirement, split_condition
 
@@ -60,33 +61,30 @@ class StopCondition:
         return self.condition.met_by(value)
 
 
-def find_stop_conditions(
-    texts: Sequence[str], units: Mapping[str, SiUnit | None], shown: Mapping[int, LinearTransformation]
-) -> list[StopCondition]:
-    """Return the conditions of a run.
+def resolve_stop_conditions(
+    texts: Sequence[str], units: Mapping[str, SiUnit | None], main: str = ""
+) -> list[Requirement]:
+    """Return the conditions of a run, with the full names of their signals and values in their units.
 
     Args:
         texts: The conditions as users write them.
-        units: The units of the signals in rows, in their order.
-        shown: Transformations of signals to the units of results, by position.
+        units: The units of all variables that can be recorded, by name.
+        main: The component whose variables need no component's name; empty without one.
 
     Raises:
         CommandError: If a condition is invalid, or its signal does not exist.
     """
-    found, names = [], list(units)
+    conditions = []
     for condition, quantity in map(parse_stop_condition, texts):
-        name = condition.figure
-        if name not in names:
-            raise CommandError(
-                f"there is no signal '{name}' to stop at; {suggest_names(name, names)}", name=name
-            )
-        place = names.index(name)
+        signal = condition.figure
+        if (name := find_name(signal, units, main)) is None:
+            meant = suggest_full_names(signal, units, main)
+            raise CommandError(f"there is no signal '{signal}' to stop at; {meant}", name=signal)
+        value = condition.value
         if quantity:
-            condition = replace(
-                condition, value=read_quantity(quantity, f"the condition on {name}", units[name])
-            )
-        found.append(StopCondition(condition, 1 + place, shown.get(place, IDENTITY)))
-    return found
+            value = read_quantity(quantity, f"the condition on {name}", units[name])
+        conditions.append(replace(condition, figure=name, value=value))
+    return conditions
 
 
 def describe_stop(condition: Requirement | str, time: float) -> str:

@@ -13,7 +13,6 @@ import numpy as np
 from ..base.arrays import Vector, read_stored_array
 from ..recorders.metrics import Figures, MetricDisplay, Metrics
 from ..recorders.recorder import Outline
-from ..run.requirements import NamedFigures
 from .criteria import criteria_of
 from .metrics import EVALUATED_AFTER, TOO_SHORT, format_length
 from .roles import RoleNames, find_all_joints, find_variable
@@ -126,7 +125,7 @@ class LoadMetrics(Metrics):
 
     def figures(self) -> Figures:
         """Return the figures by joint for the recorded rows."""
-        return {joint: NamedFigures(asdict(self._figures(i))) for i, joint in enumerate(self._joints)}
+        return {joint: asdict(self._figures(i)) for i, joint in enumerate(self._joints)}
 
     def _figures(self, joint: int) -> LoadFigures:
         highest, lowest = float(self._highest[joint]), float(self._lowest[joint])

@@ -13,7 +13,6 @@ import numpy as np
 from ..base.arrays import Mask, Vector, count_true_per_row, read_stored_array
 from ..recorders.metrics import HELD, Figures, MetricDisplay, Metrics
 from ..recorders.recorder import Outline
-from ..run.requirements import NamedFigures
 from .criteria import criteria_of
 from .limits import LimitWatch, Trip
 from .oscillation import OscillationWatch
@@ -92,13 +91,6 @@ CONVERGENCE_TIME = MetricDisplay("convergence_time_s", "convergence time", 1e3, 
 """The paper's figures, for tables beside its own."""
 
 TOO_SHORT = f"too short to judge: that takes more than {EVALUATED_AFTER:g} s"
-
-RENAMED = {
-    "converged": "held",
-    "left_limits": "trip",
-    "saturated_after_convergence": "saturated_after_settling",
-}
-"""Figures of older versions, with their replacements."""
 
 
 def joint_metrics(outline: Outline) -> "JointMetrics | None":
@@ -379,7 +371,7 @@ class JointMetrics(Metrics):
 
     def figures(self) -> Figures:
         """Return the figures by joint for the recorded rows."""
-        return {joint: NamedFigures(asdict(self._figures(i, joint))) for i, joint in enumerate(self._joints)}
+        return {joint: asdict(self._figures(i, joint)) for i, joint in enumerate(self._joints)}
 
     def _figures(self, number: int, joint: str) -> JointFigures:
         largest = self._tracking.largest[:, number]

@@ -7,7 +7,6 @@ from importlib.resources import files
 from ..inputs.schedules import SCHEDULES
 from ..recorders.metrics import METRICS, TRACKED
 from ..run.followers import FOLLOWERS
-from ..run.requirements import RENAMED
 from ..run.scenarios.built_in import CHANGES, FOLLOWING, PLANS, READERS, REMARKS, SCENARIOS, SYSTEMS, TUNINGS
 from ..run.scenarios.scenario_file import KINDS, Kind
 from ..run.seeds import SEEDS
@@ -24,7 +23,6 @@ from .joint_map import JointMap
 from .joints.joint_files import list_joint_names, read_joint_text
 from .joints.schema import KEYS, KIND
 from .loads import load_metrics
-from .metrics import RENAMED as RENAMED_FIGURES
 from .metrics import joint_metrics
 from .randomness import find_seeds
 from .roles import find_tracked_joints
@@ -66,7 +64,6 @@ def register() -> None:
     METRICS[JOINTS] = joint_metrics
     METRICS[LOADS] = load_metrics
     TRACKED[JOINTS] = find_tracked_joints
-    RENAMED.update(RENAMED_FIGURES)
     FIGURES.update(JOINT_FIGURES | MACHINE_FIGURES)
     FIGURES["joints"] = JointMap()
     FIGURES["manipulator"] = ManipulatorPicture()

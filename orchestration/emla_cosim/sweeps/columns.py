@@ -1,13 +1,12 @@
 """Read columns of a sweep's table as arrays: figures, factors, outcomes."""
 
-import difflib
 from dataclasses import dataclass
 
 import numpy as np
 import polars
 
 from ..base.arrays import Indices, Vector
-from ..base.errors import CommandError, join_names
+from ..base.errors import CommandError, suggest_names
 from ..recorders.metrics import HELD, MetricDisplay, is_verdict
 from .data import DONE, STATUS, VARIANT, SweepData
 
@@ -47,10 +46,8 @@ def check_figure(result: SweepData, figure: str) -> None:
     """Raise CommandError for a figure that a sweep does not have."""
     if figure in result.figures:
         return
-    near = difflib.get_close_matches(str(figure), result.figures, n=3, cutoff=0.5)
-    there = f"there are {join_names(result.figures)}." if result.figures else "there are none."
-    meant = f"did you mean {' or '.join(near)}?" if near else there
-    raise CommandError(f"the sweep '{result.name}' has no figure '{figure}'; {meant}", name=figure, near=near)
+    meant = suggest_names(str(figure), result.figures)
+    raise CommandError(f"the sweep '{result.name}' has no figure '{figure}'; {meant}", name=figure)
 
 
 def figure_values(result: SweepData, figure: str) -> Vector:

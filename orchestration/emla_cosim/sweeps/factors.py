@@ -1,23 +1,19 @@
 """Resolve the names and patterns of a plan into factors and their targets."""
 
-import difflib
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
-from ..base.errors import CommandError, join_names
-from ..base.patterns import is_pattern, matches_pattern
+from ..base.errors import CommandError, join_names, suggest_names
 from ..base.quantities import parse_unit_name, read_quantity, split_quantity
 from ..base.units import SiUnit
 from ..base.values import convert_value
 from ..fmu.interface import Interface
 from ..fmu.units import read_si_number
-from ..fmu.variables import find_variable
 from ..run.options import list_options
 from ..system.model import System, Value
-from ..system.resolution import refuse_driven
+from ..system.names import NamedVariable, Names
 from .distributions import Distribution, parse_distribution
-from .kinds.discrete import ValueList
 from .reserved import RESERVED
 from .targets import ACTUATOR, FMU, OPTION, SHEET, START, Target, assign_value
 
@@ -53,9 +49,9 @@ def resolve_factors(
     Raises:
         CommandError: A name does not exist, is driven or occurs twice, or a value is not a distribution.
     """
-    found = list[Factor]()
+    found, names = list[Factor](), Names(system, interfaces)
     for name, given in vary.items():
-        varying = _FactorResolver(str(name), f"'{name}' of {where}", system, interfaces)
+        varying = _FactorResolver(str(name), f"'{name}' of {where}", system, names)
         found += varying.factors(given)
     _check_names(found, where)
     return found
@@ -65,9 +61,12 @@ def find_start_values(
     pattern: str, system: System, interfaces: Mapping[str, Interface]
 ) -> dict[str, float | None]:
     """Return the names of settable numbers that match a pattern, with start values (None if unknown)."""
-    varying = _FactorResolver(pattern, f"'{pattern}'", system, interfaces)
-    names = varying._matching(pattern, ValueList((0,)))
-    return {name: find_start_number(name, system, interfaces) for name in names}
+    names = Names(system, interfaces)
+    return {v.full_name: v.start_number for v in names.match(pattern) if names.is_free(v) and _is_number(v)}
+
+
+def _is_number(variable: NamedVariable) -> bool:
+    return variable.variable.type in ("Real", "Integer")
 
 
 def _check_names(found: Sequence[Factor], where: str) -> None:
@@ -90,26 +89,41 @@ def _check_names(found: Sequence[Factor], where: str) -> None:
 
 def find_start_number(name: str, system: System, interfaces: Mapping[str, Interface]) -> float | None:
     """Return the start value of a variable in the scenario, in its unit there; None if it is not a number."""
-    component, variable = system.split(name)
-    value = component.parameters.get(variable)
-    try:
-        if value is not None:
-            return float(value)
-        alias = component.alias(variable)
-        start = interfaces[component.name].variables[alias.variable].start
-        return None if start is None else alias.transformation.inverse()(float(start))
-    except ValueError:
-        return None
+    return Names(system, interfaces).find(name).start_number
+
+
+@dataclass(frozen=True)
+class _Subject:
+    """What varies: an option, the FMU of a component, or a start value, with its `number` in the scenario.
+
+    If it `takes_text`, values that look like quantities may be texts: files, names of levels.
+    """
+
+    name: str
+    kind: str
+    unit: SiUnit | None = None
+    takes_text: bool = False
+    number: float | None = None
+
+    def target(self, is_relative: bool, label: str) -> Target:
+        """Return the target. Raise CommandError for a relative value without a number to multiply."""
+        if not is_relative:
+            return Target(self.name, self.kind)
+        if self.number is None:
+            raise CommandError(f"{label} is relative, but {self.name} has no number in the scenario.")
+        if self.number == 0.0:
+            raise CommandError(f"{label} is relative, but {self.name} is 0 in the scenario; give it values.")
+        return Target(self.name, self.kind, self.number)
 
 
 @dataclass(frozen=True)
 class _FactorResolver:
-    """Resolves one entry of a plan, `name`, in a system. Messages call it `label`."""
+    """Resolves one entry of a plan, `name`, in a system with these `names`. Messages call it `label`."""
 
     name: str
     label: str
     system: System
-    interfaces: Mapping[str, Interface]
+    names: Names
 
     def factors(self, given: Any) -> list[Factor]:
         """Return a factor for each match of the name, or a single one for all names in `of`."""
@@ -124,10 +138,9 @@ class _FactorResolver:
             return [self._of_actuator(given, joints)]
         in_si = parse_distribution(given, self.label, self._in_si)
         if of is None:
-            names = self._names(self.name, in_si)
-            return [self._factor(name, [name], self._distribution(given, [name])) for name in names]
-        names = list(dict.fromkeys(name for pattern in of for name in self._names(pattern, in_si)))
-        return [self._factor(self.name, names, self._distribution(given, names))]
+            return [self._factor(s.name, [s], given) for s in self._subjects(self.name, in_si)]
+        subjects = {s.name: s for pattern in of for s in self._subjects(pattern, in_si)}
+        return [self._factor(self.name, list(subjects.values()), given)]
 
     def _of_actuator(self, given: Any, joints: Sequence[str]) -> Factor:
         """Return the factor of `actuator[.JOINT]` or `actuator[.JOINT].TABLE.ENTRY`."""
@@ -165,113 +178,59 @@ class _FactorResolver:
 
     def _in_si(self, text: str) -> float:
         """Return a quantity as a number in SI units, which keeps the order of values."""
-        return read_si_number(text, f"{self.label}: {text}", (i.units for i in self.interfaces.values()))
+        return read_si_number(
+            text, f"{self.label}: {text}", (i.units for i in self.names.interfaces.values())
+        )
 
-    def _distribution(self, given: Any, names: Sequence[str]) -> Distribution:
-        """Return the distribution in the common unit of these names."""
-
-        def convert(text: str) -> Any:
-            units = {self._unit(self._kind(name), name) for name in names}
-            label = f"{self.label}: {text}"
-            if len(units) > 1:
-                raise CommandError(f"{label} is for variables with different units; vary each separately.")
-            return read_quantity(text, label, units.pop())
-
-        if any(self._takes_text(name) for name in names):
-            return parse_distribution(given, self.label)
-        return parse_distribution(given, self.label, convert)
-
-    def _takes_text(self, name: str) -> bool:
-        """Return whether values that look like quantities may be texts: files, names of levels."""
-        kind = self._kind(name)
-        if kind == OPTION:
-            return not list_options()[name].about.unit
-        if kind == FMU:
-            return True
-        component, variable = self.system.split(name)
-        variables = self.interfaces[component.name].variables
-        return variables[component.alias(variable).variable].type in ("String", "Enumeration")
-
-    def _factor(self, name: str, names: Sequence[str], distributed: Distribution) -> Factor:
-        relative = distributed.relative
-        targets = [Target(n, self._kind(n), self._nominal(n) if relative else None) for n in names]
-        if len(targets) > 1 and any(t.kind != START for t in targets):
-            raise CommandError(f"{self.label} varies several names at once; only start values can do that.")
-        units = {self._unit(target.kind, target.name) for target in targets}
-        own = units.pop() if len(units) == 1 and not (relative and len(targets) > 1) else None
-        return Factor(name, targets, distributed, "" if own is None else str(own))
-
-    def _kind(self, name: str) -> str:
-        if name in list_options():
-            return OPTION
-        return FMU if any(c.name == name for c in self.system.components) else START
-
-    def _names(self, name: str, distributed: Distribution) -> list[str]:
+    def _subjects(self, name: str, distributed: Distribution) -> list[_Subject]:
         """Return the option, component or start value of a name, or the start values of a pattern."""
-        kind = self._kind(name)
-        if kind == OPTION and not list_options()[name].can_vary:
-            raise CommandError(f"{self.label}: the option {name} cannot vary between variants.")
-        if kind == START and is_pattern(name) and (found := self._matching(name, distributed)):
-            return found
-        if kind == START:
-            self._check_start_value(name)
-        return [name]
-
-    def _matching(self, pattern: str, distributed: Distribution) -> list[str]:
-        """Return the matching Real start values, and Integer ones if all values are whole."""
-        whole = not distributed.relative and all(isinstance(end, int) for end in distributed.ends)
-        types = ("Real", "Integer") if whole else ("Real",)
-        driven = {x.ends[1] for x in self.system.connections}
-        found = list[str]()
-        for component in self.system.components:
-            named = {alias.variable: name for name, alias in component.aliases.items()}
-            interface = self.interfaces[component.name]
-            for own, variable in interface.variables.items():
-                name = f"{component.name}.{named.get(own, own)}"
-                free = interface.is_settable(own) and not interface.is_structural(own)
-                free = free and (component.name, own) not in driven
-                if free and variable.type in types and matches_pattern(name, pattern):
-                    found.append(name)
-        return found
-
-    def _check_start_value(self, name: str) -> None:
-        """Raise CommandError if a name is not a start value, or is driven or computed."""
-        if "." not in name:
-            everything = [*list_options(), *(c.name for c in self.system.components)]
-            near = difflib.get_close_matches(name, everything, n=2, cutoff=0.6)
-            meant = f"did you mean {' or '.join(near)}?" if near else "write it as component.variable."
+        options = list_options()
+        if name in options:
+            if not options[name].can_vary:
+                raise CommandError(f"{self.label}: the option {name} cannot vary between variants.")
+            unit = options[name].about.unit
+            return [_Subject(name, OPTION, parse_unit_name(unit, self.label) if unit else None, not unit)]
+        components = [c.name for c in self.system.components]
+        if name in components:
+            return [_Subject(name, FMU, takes_text=True)]
+        if "." not in name and not self.names.match(name):
+            meant = suggest_names(name, [*options, *components], "write it as component.variable.")
             raise CommandError(f"{self.label} is not an option, component or start value; {meant}", name=name)
-        component, variable = self.system.split(name)
-        interface, own = self.interfaces[component.name], component.alias(variable).variable
-        find_variable(component.name, interface.variables, own)
-        if interface.is_structural(own):
+        is_whole = not distributed.relative and all(isinstance(end, int) for end in distributed.ends)
+        types = ("Real", "Integer") if is_whole else ("Real",)
+        variables = self.names.resolve(name, self.label, "varied", lambda v: v.variable.type in types)
+        if variables[0].is_structural:
             raise CommandError(
                 f"{self.label} is a structural parameter and cannot be varied: all variants have arrays of "
                 "the same sizes. Set it in the scenario or with --set.",
                 name=name,
             )
-        if not interface.is_settable(own):
-            near = [n for n in interface.variables if n.endswith(f".{own}") and interface.is_settable(n)]
-            meant = f"; did you mean {component.name}.{near[0]}?" if near else "."
-            raise CommandError(f"{self.label} is computed by the FMU and cannot be varied{meant}", name=name)
-        refuse_driven(replace(component, parameters={own: 0.0}), self.system)
+        texts = ("String", "Enumeration")
+        return [
+            _Subject(v.full_name, START, v.unit, v.variable.type in texts, v.start_number) for v in variables
+        ]
 
-    def _nominal(self, name: str) -> float:
-        """Return the start value in the scenario. Raise CommandError if it is not a number to multiply."""
-        number = find_start_number(name, self.system, self.interfaces) if self._kind(name) == START else None
-        if number is None:
-            raise CommandError(f"{self.label} is relative, but {name} has no number in the scenario.")
-        if number == 0.0:
-            raise CommandError(f"{self.label} is relative, but {name} is 0 in the scenario; give it values.")
-        return number
+    def _factor(self, name: str, subjects: Sequence[_Subject], given: Any) -> Factor:
+        units = {subject.unit for subject in subjects}
+        distributed = self._distribution(given, subjects, units)
+        relative = distributed.relative
+        targets = [subject.target(relative, self.label) for subject in subjects]
+        if len(targets) > 1 and any(t.kind != START for t in targets):
+            raise CommandError(f"{self.label} varies several names at once; only start values can do that.")
+        unit = units.pop() if len(units) == 1 and not (relative and len(targets) > 1) else None
+        return Factor(name, targets, distributed, "" if unit is None else str(unit))
 
-    def _unit(self, kind: str, name: str) -> SiUnit | None:
-        """Return the unit of a start value or option, or None."""
-        if kind == OPTION:
-            unit = list_options()[name].about.unit
-            return parse_unit_name(unit, self.label) if unit else None
-        if kind == FMU:
-            return None
-        component, variable = self.system.split(name)
-        alias = component.aliases.get(variable)
-        return alias.unit if alias is not None else self.interfaces[component.name].unit(variable)
+    def _distribution(
+        self, given: Any, subjects: Sequence[_Subject], units: Collection[SiUnit | None]
+    ) -> Distribution:
+        """Return the distribution in the common unit of the subjects."""
+
+        def convert(text: str) -> Any:
+            label = f"{self.label}: {text}"
+            if len(units) > 1:
+                raise CommandError(f"{label} is for variables with different units; vary each separately.")
+            return read_quantity(text, label, next(iter(units)))
+
+        if any(subject.takes_text for subject in subjects):
+            return parse_distribution(given, self.label)
+        return parse_distribution(given, self.label, convert)

@@ -12,9 +12,9 @@ import polars
 from polars.exceptions import PolarsError
 
 from ..base.errors import CommandError
-from ..base.patterns import matches_pattern
+from ..base.patterns import select_names
 from ..recorders.metrics import HELD, is_verdict
-from ..run.requirements import flatten_figures, suggest_figure
+from ..run.requirements import flatten_figures
 from ..run.result import Result
 from .reserved import RESERVED
 
@@ -183,7 +183,7 @@ def resolve_measures(
     chosen = (
         list(figures)
         if not (asked.figures or asked.expressions or asked.functions)
-        else _matching(asked.figures, list(figures), where)
+        else _select_figures(asked.figures, list(figures), where)
     )
     for name in (*asked.expressions, *asked.functions):
         _check_name(name, chosen, where)
@@ -218,17 +218,12 @@ def reason_not_held(result: Result) -> str | None:
     return " ".join(found) or None
 
 
-def _matching(patterns: Sequence[str], figures: Sequence[str], where: str) -> list[str]:
-    found = list[str]()
-    for pattern in patterns:
-        matching = [name for name in figures if matches_pattern(name, pattern)]
-        if not matching:
-            meant = suggest_figure(pattern, figures) if figures else "there are none; use an expression."
-            raise CommandError(
-                f"{where} wants the metric '{pattern}', which does not exist; {meant}", name=pattern
-            )
-        found += [name for name in matching if name not in found]
-    return found
+def _select_figures(patterns: Sequence[str], figures: Sequence[str], where: str) -> list[str]:
+    try:
+        return select_names(patterns, figures, "metric")
+    except CommandError as error:
+        hint = "" if figures else " Use an expression."
+        raise CommandError(f"{where}: {error}{hint}", **error.fields) from error
 
 
 def _quote_signals(text: str, signals: Sequence[str]) -> tuple[str, set[str]]:

@@ -188,10 +188,10 @@ def _measures(
 ) -> tuple[Measures, SimulationDescription]:
     """Return the measures, which all groups must have, and the description of the first group."""
     plan, all_ = design.plan, [found.describe(group) for group in range(len(design.groups))]
-    each = []
+    each, main = [], design.groups[0].preparation.system.main_name
     for described in all_:
         names, further = list(described.units), list(described.further)
-        kept = select_signals(plan.signals, names, further) if plan.signals else []
+        kept = select_signals(plan.signals, names, further, main) if plan.signals else []
         found_here = resolve_measures(asked, described.figures, names, further, kept, plan.where)
         each.append(with_verdicts(found_here, described.figures))
     if any(m.names != each[0].names or m.signals != each[0].signals for m in each):

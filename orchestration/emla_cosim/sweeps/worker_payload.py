@@ -31,7 +31,6 @@ from ..run.run_record import RunDefinition
 from ..run.run_setup import run_times
 from ..run.scenarios.scenario import Scenario
 from ..system.model import System
-from ..system.structure import read_sized_interfaces
 
 
 def _by_name(module: ModuleType) -> tuple[Any, tuple[str]]:
@@ -83,10 +82,13 @@ class Preparation:
                 times, span = run_times(options, scenario.name), DataSpan.of(source)
                 span.check_overlap(times.start, times.stop)
                 held += filter(None, [span.describe_held(times.start, times.stop, times.step)])
-            system, fmus = prepare_system(scenario.system, options, progress)
-            hashes = {path: hash_file(path) for path in dict.fromkeys(fmus.values())}
-            interfaces = read_sized_interfaces(system, fmus)
-        for remark in (*describe_disabled_event_mode(system), *held, *faults.remarks(scenario.unpacked)):
+            prepared = prepare_system(scenario.system, options, progress)
+            hashes = {path: hash_file(path) for path in dict.fromkeys(prepared.fmus.values())}
+        for remark in (
+            *describe_disabled_event_mode(prepared.system),
+            *held,
+            *faults.remarks(scenario.unpacked),
+        ):
             progress.note(f"Note: {remark}")
         progress.advance(1)
         usual, known = Options(), options_of(Options)
@@ -96,10 +98,10 @@ class Preparation:
         done |= {o.name for o in known if o.about.in_sweep == LEFT_OUT}
         return cls(
             scenario.name,
-            system,
+            prepared.system,
             replace(options, **{name: getattr(usual, name) for name in done}),
-            {name: hashes[path] for name, path in fmus.items()},
-            interfaces,
+            {name: hashes[path] for name, path in prepared.fmus.items()},
+            prepared.interfaces,
             {hashes[path]: path for path in hashes},
             scenario.resources,
             options.files_read(),

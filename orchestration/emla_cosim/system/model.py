@@ -66,6 +66,11 @@ class Component:
         """Return name and unit of a variable in the FMU."""
         return self.aliases.get(name) or Alias(name)
 
+    @property
+    def by_fmu_name(self) -> dict[str, tuple[str, Alias]]:
+        """Name and alias of each variable with another name or unit in the FMU, by its name there."""
+        return {a.variable: (n, a) for n, a in self.aliases.items() if a.transformation.factor != 0.0}
+
 
 @dataclass(frozen=True)
 class Replacement:
@@ -218,6 +223,12 @@ class System:
         if len(self.components) == 1:
             return self.components[0]
         return None if self.main is None else self._by_name.get(self.main)
+
+    @property
+    def main_name(self) -> str:
+        """Name of the component of `find_main`; empty if there is none."""
+        main = self.find_main()
+        return "" if main is None else main.name
 
     def with_main(self) -> "System":
         """Return the system with its only component as `main`, so that this holds when others are added."""

@@ -8,9 +8,9 @@ from ..base.quantities import read_quantity
 from ..base.units import IDENTITY
 from ..base.wording import find_free_name
 from ..fmu.interface import Interface
-from ..fmu.variables import find_variable
 from .fault import Fault
 from .model import Component, Connection, System, Value
+from .names import NamedVariable, Names
 from .resolution import find_transformation
 
 MODEL = "SignalFault"
@@ -55,21 +55,22 @@ def wire_faults(system: System, placed: FaultComponents, interfaces: Mapping[str
         CommandError: If a signal does not exist, is not connected, or is not continuous, or if a unit does
             not fit.
     """
-    outputs = [name for name, fault in placed.items() if _is_output(system, fault, interfaces)]
-    for name, fault in placed.items():
+    signals = {name: _find_signal(Names(system, interfaces), fault) for name, fault in placed.items()}
+    for name, signal in signals.items():
+        fault = placed[name]
         if isinstance(fault.value, str):
-            values = _start_values(replace(fault, value=_read_value(system, fault, interfaces)))
+            values = _start_values(replace(fault, value=_read_value(signal, fault.kind, fault.value)))
             system = system.with_component(replace(system.component(name), parameters=values))
+    outputs = [name for name, signal in signals.items() if signal.variable.causality == "output"]
     for name in reversed(outputs):  # each is connected directly to the output
-        system = _behind_output(system, name, _end(system, placed[name]), interfaces)
-    for name, fault in placed.items():
-        end = _end(system, fault)
+        system = _behind_output(system, name, signals[name].end, interfaces)
+    for name, signal in signals.items():
         if name in outputs:
             continue
-        if any(x.ends[1] == end for x in system.connections):
-            system = _before_input(system, name, end, interfaces)
+        if any(x.ends[1] == signal.end for x in system.connections):
+            system = _before_input(system, name, signal.end, interfaces)
         else:
-            system = _at_free_input(system, name, *system.split(fault.signal), interfaces)
+            system = _at_free_input(system, name, signal)
     return system
 
 
@@ -85,26 +86,18 @@ def _start_values(fault: Fault) -> dict[str, Value]:
     return values | effects.get(fault.kind, {"gain": 0.0, "offset": fault.value})
 
 
-def _read_value(system: System, fault: Fault, interfaces: Mapping[str, Interface]) -> float:
+def _read_value(signal: NamedVariable, kind: str, text: str) -> float:
     """Return the value of a fault in the unit of its signal; an offset is a difference."""
-    component, name = _end(system, fault)
-    unit = interfaces[component].unit(name)
-    if unit is not None and fault.kind == "offset":
+    unit = signal.unit
+    if unit is not None and kind == "offset":
         unit = replace(unit, is_difference=True)
-    label = f"the value of the fault of {fault.signal}"
-    return read_quantity(str(fault.value), label, unit)
+    return read_quantity(text, f"the value of the fault of {signal.full_name}", unit)
 
 
-def _end(system: System, fault: Fault) -> tuple[str, str]:
-    """Return component and variable of a signal, as in connections."""
-    component, name = system.split(fault.signal)
-    return component.name, component.alias(name).variable
-
-
-def _is_output(system: System, fault: Fault, interfaces: Mapping[str, Interface]) -> bool:
-    """Return whether a signal is an output; raise CommandError if it cannot have a fault."""
-    component, name = _end(system, fault)
-    variable = find_variable(component, interfaces[component].variables, name)
+def _find_signal(names: Names, fault: Fault) -> NamedVariable:
+    """Return the signal of a fault; raise CommandError if it cannot have one."""
+    signal = names.find(fault.signal)
+    variable = signal.variable
     if variable.causality not in ("output", "input"):
         raise CommandError(
             f"{fault.signal} is a {variable.causality}; a fault needs an output or an input.",
@@ -116,7 +109,7 @@ def _is_output(system: System, fault: Fault, interfaces: Mapping[str, Interface]
             f"{fault.signal} is a {variability} {variable.type}; a fault needs a continuous Real.",
             signal=fault.signal,
         )
-    return variable.causality == "output"
+    return signal
 
 
 def _behind_output(
@@ -143,19 +136,17 @@ def _before_input(
     return replace(system, connections=(*connections, Connection(name, "y", *end)))
 
 
-def _at_free_input(
-    system: System, name: str, component: Component, variable: str, interfaces: Mapping[str, Interface]
-) -> System:
+def _at_free_input(system: System, name: str, signal: NamedVariable) -> System:
     """Connect a fault to an unconnected input; the input's value becomes the fault's input value."""
-    alias, values = component.alias(variable), dict(component.parameters)
-    start = interfaces[component.name].variables[alias.variable].start
-    given = values.pop(variable, None)
-    signal = float(start or 0.0) if given is None else alias.transformation(float(given))
+    component = system.component(signal.component.name)
+    values = dict(component.parameters)
+    number = values.pop(signal.name, None)
+    to_fmu = component.alias(signal.name).transformation
+    start = float(signal.variable.start or 0.0) if number is None else to_fmu(float(number))
     fault = system.component(name)
     system = system.with_component(replace(component, parameters=values))
-    system = system.with_component(replace(fault, parameters={"u": signal, **fault.parameters}))
-    added = Connection(name, "y", component.name, alias.variable)
-    return replace(system, connections=(*system.connections, added))
+    system = system.with_component(replace(fault, parameters={"u": start, **fault.parameters}))
+    return replace(system, connections=(*system.connections, Connection(name, "y", *signal.end)))
 
 
 def _convert_connection(

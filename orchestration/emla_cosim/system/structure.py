@@ -6,9 +6,10 @@ from typing import Any
 
 from ..base.errors import CommandError
 from ..fmu.elements import ElementVariable
-from ..fmu.interface import Interface, may_have_structure, read_interface, read_interfaces
+from ..fmu.interface import Interface, read_interface, read_interfaces
 from ..fmu.structure import convert_structure
 from .model import Component, System, Value
+from .names import Names
 from .resolution import convert_to_fmu_terms
 
 
@@ -31,48 +32,37 @@ def read_sized_interfaces(system: System, fmus: Mapping[str, Path]) -> dict[str,
     Raises:
         CommandError: As for `read_interface`, or if a structural parameter does not accept its value.
     """
-    found = read_interfaces(fmus)
-    for name, interface in found.items():
-        if structure := structure_of(system.component(name), interface):
-            found[name] = read_interface(fmus[name], structure)
-    return found
+    return set_structure(system, fmus, read_interfaces(fmus), {})[1]
 
 
-def read_structural_interfaces(fmus: Mapping[str, Path]) -> dict[str, Interface]:
-    """Return the model descriptions, with their own sizes, of components with structural parameters."""
-    able = {file for file in set(fmus.values()) if may_have_structure(file)}
-    return read_interfaces({name: file for name, file in fmus.items() if file in able})
-
-
-def is_structural(system: System, interfaces: Mapping[str, Interface], name: str) -> bool:
-    """Return whether a full name is that of a structural parameter in `interfaces`."""
-    try:
-        component, own = system.split(name)
-    except CommandError:
-        return False
-    interface, variable = interfaces.get(component.name), component.alias(own).variable
-    return interface is not None and variable in interface.variables and interface.is_structural(variable)
-
-
-def set_structure(system: System, interfaces: Mapping[str, Interface], values: Mapping[str, Value]) -> System:
-    """Return the system with values of structural parameters.
+def set_structure(
+    system: System, fmus: Mapping[str, Path], interfaces: Mapping[str, Interface], values: Mapping[str, Value]
+) -> tuple[System, dict[str, Interface]]:
+    """Set values of structural parameters, on which names and sizes of arrays depend.
 
     Args:
         system: The system.
-        interfaces: The model descriptions of the components with structural parameters, with their own sizes.
+        fmus: The FMU files by component.
+        interfaces: The model descriptions by component, with their own sizes.
         values: Start values by full name; only those of structural parameters are set.
+
+    Returns:
+        The changed system, and the model descriptions with the sizes that follow.
 
     Raises:
         CommandError: If a structural parameter does not accept its value, or single elements of an array that
             changes its size are connected already.
     """
-    own: dict[str, Any] = {n: v for n, v in values.items() if is_structural(system, interfaces, n)}
-    changed = system.with_parameters(own)
+    names = Names(system, interfaces)
+    sizes: dict[str, Any] = {n: v for n, v in values.items() if names.is_structural(n)}
+    changed, sized = system.with_parameters(sizes), dict(interfaces)
     for name, interface in interfaces.items():
         before, after = (structure_of(s.component(name), interface) for s in (system, changed))
         if before != after:
             _refuse_connected_elements(system, name, interface, {*before, *after})
-    return changed
+        if after:
+            sized[name] = read_interface(fmus[name], after)
+    return changed, sized
 
 
 def _refuse_connected_elements(system: System, name: str, interface: Interface, structural: set[str]) -> None:

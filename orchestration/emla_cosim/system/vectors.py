@@ -2,7 +2,7 @@
 
 import itertools
 import re
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from ..base.errors import CommandError
@@ -10,12 +10,12 @@ from ..base.wording import format_count
 from .model import Connection, System
 
 
-def connect_elements(system: System, names: Callable[[str], Collection[str]]) -> System:
+def connect_elements(system: System, names: Mapping[str, Collection[str]]) -> System:
     """Return the system with connections of elements in place of connections of vectors and matrices.
 
     Args:
         system: The system. Only connections written as texts, such as `mass.x -> link.x`, can be of vectors.
-        names: Returns the names of a component's variables.
+        names: The names of variables by component.
 
     Raises:
         CommandError: If the two ends do not have the same elements.
@@ -26,9 +26,9 @@ def connect_elements(system: System, names: Callable[[str], Collection[str]]) ->
     return replace(system, connections=tuple(connections))
 
 
-def _elements(connection: Connection, names: Callable[[str], Collection[str]]) -> Iterator[Connection]:
+def _elements(connection: Connection, names: Mapping[str, Collection[str]]) -> Iterator[Connection]:
     """Yield the connections of the elements, or the connection itself if it is not of vectors."""
-    found = [find_indices(name, names(component)) for component, name in connection.ends]
+    found = [find_indices(name, names[component]) for component, name in connection.ends]
     if not (found[0] and found[1]):
         yield connection  # not of vectors, or an error that is raised when the connection is resolved
         return

@@ -190,7 +190,7 @@ def test_integers_of_more_than_32_bits_are_recorded(path: Path, suffix: str, tmp
         ("a.Float32_in", 1e39, "out of range"),
         ("a.n", 3, "cannot be started: fmi3EnterConfigurationMode"),
         ("a.gain[3,1]", 1.0, r"elements of gain are gain\[1,1\] to gain\[2,2\]"),
-        ("a.blob", 1, "is Binary and cannot be set"),
+        ("a.blob", 1, "cannot be set: it is Binary"),
     ],
 )
 def test_values_that_do_not_fit_are_refused(path: Path, name: str, value: Any, words: str) -> None:

@@ -168,7 +168,7 @@ def test_plots_have_a_panel_per_unit(lift: ec.Simulation) -> None:
         ({"set": {"lift.plant.sensor.seed": 99999999999}}, "at most 2147483646"),
         ({"set": {"lift.plant.start.x_L": "nan"}}, "lift.plant.start.x_L = nan m is out of range"),
         ({"set": {"lift.observer.use_model": "maybe"}}, "= maybe is not a Boolean"),
-        ({"set": {"lift.plant.x_L": 1.0}}, "cannot be set; did you mean start.x_L?"),
+        ({"set": {"lift.plant.x_L": 1.0}}, "it is computed by the FMU; did you mean lift.plant.start.x_L?"),
         ({"set": {"lift.plant.u_q": 1.0}}, "lift.plant.u_q cannot be set: it is driven by"),
         ({"set": {"lift.pump.p": 1.0}}, "there is no component 'lift.pump'"),
         ({"set": {"lift.plant": 1.0}}, "'lift.plant' is not a variable; write it as lift.reference.VARIABLE"),
@@ -249,7 +249,7 @@ def test_values_between_steps_are_in_the_units_of_the_system(faulty_fmu: Path) -
     ("name", "words"),
     [
         ("lift.plant.u_q", "driven by lift.controller.u_q"),
-        ("lift.plant.motor.R_s", "no input. Set start values with `set`"),
+        ("lift.plant.motor.R_s", "not an input. Set start values with `set`"),
         ("lift.plant.nothing", "has no variable 'nothing'"),
     ],
 )

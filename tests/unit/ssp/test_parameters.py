@@ -117,8 +117,17 @@ def test_value_that_is_not_an_item_of_an_enumeration(given: Any, tmp_path: Path,
 def test_names_without_a_variable_are_noted(tmp_path: Path, fmu: Path) -> None:
     found = read(tmp_path, fmu, component("a", "a.fmu", bindings=binding(ssv(k=1.0, nothing=2.0, y=3.0))))
     assert found.values("a") == {"k": 1.0}
-    names = [note.removesuffix(" matches no variable").rpartition(" ")[2] for note in found.notes]
-    assert names == ["nothing", "y"]
+    missing, fixed = found.notes
+    assert missing.endswith(": nothing matches no variable")
+    assert fixed.endswith(": y does not set a.y: it is computed by the FMU")
+
+
+def test_names_that_a_mapping_leaves_out_are_noted(tmp_path: Path, fmu: Path) -> None:
+    mapped_only = binding(ssv(k=1.0, b=2.0), ssm(entry("k", "k")))
+    found = read(tmp_path, fmu, component("a", "a.fmu", bindings=mapped_only))
+    assert found.values("a") == {"k": 1.0}
+    (note,) = found.notes
+    assert note.endswith(": b matches no variable: the mapping leaves it out")
 
 
 # ---- levels ------------------------------------------------------------------------------------

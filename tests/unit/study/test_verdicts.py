@@ -15,7 +15,6 @@ import emla_cosim as ec
 from emla_cosim.base.errors import CommandError
 from emla_cosim.study.criteria import Criteria, criteria_of
 from emla_cosim.study.metrics import JointMetrics
-from emla_cosim.study.registration import register
 from tests.support.joint_data import EMLAS
 
 SIGNALS = ("plant.x_L", "plant.v_L", "plant.tau_m", "reference.x_d", "reference.v_d")
@@ -330,18 +329,6 @@ def test_oscillation_after_a_checkpoint() -> None:
     before = np.where(T[:, np.newaxis] < 0.3, rows, limit_cycle(120.0, 0.0))
     before[:, 0] = T
     assert judged(before, parameters=PARAMETERS)["held"] is True
-
-
-def test_old_names_of_metrics_are_explained() -> None:
-    register()
-    metrics = JointMetrics(NAMES)
-    figures = metrics.figures()["j"]
-    with pytest.raises(KeyError) as caught:
-        figures["converged"]
-    assert "'converged' is now called 'held': docs/metrics.md." in str(caught.value)
-    with pytest.raises(KeyError, match="unheard_of"):
-        figures["unheard_of"]
-    assert figures.get("converged") is None
 
 
 # ---- criteria ----------------------------------------------------------------------------------------

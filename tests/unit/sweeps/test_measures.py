@@ -86,7 +86,7 @@ def test_any_two_signals_can_be_combined(one: str, other: str) -> None:
 @pytest.mark.parametrize(
     "metrics, words",
     [
-        (["lift.eror_m"], r"'lift\.eror_m', which does not exist; did you mean lift\.error_m"),
+        (["lift.eror_m"], r"no metric matches 'lift\.eror_m'; did you mean lift\.error_m"),
         (["mine = max("], "'mine = max.' cannot be computed: unable to parse"),
         (["mine = foo(lift.plant.x)"], "unsupported function 'foo'"),
         (["mine = lift.plant.x"], "gives a value for each row; apply max"),
@@ -95,7 +95,7 @@ def test_any_two_signals_can_be_combined(one: str, other: str) -> None:
         (["lift.error_m = max(lift.plant.x)", "*.error_m"], "two columns 'lift.error_m'"),
         (["status = max(lift.plant.x)"], "two columns 'status'"),
         (["a = max(time)", "a = min(time)"], "two columns 'a'"),
-        (["(select 1)"], "wants the metric"),
+        (["(select 1)"], "no metric matches"),
         (["mine = (select 1)"], "cannot be computed"),
         ([3], "a metric of the plan is 3; it must be"),
         ([""], "a metric of the plan is ''; it must be"),

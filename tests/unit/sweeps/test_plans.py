@@ -47,7 +47,7 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "unknown component": ({"vary": {"lift.plant2.motor.R_s": [1.0]}}, "lift.plant"),
     "no name": ({"vary": {"stop_tim": [1.0]}}, "did you mean stop_time?"),
     "pattern of nothing": ({"vary": {"lift.nothing.*": "±10%"}}, "lift.nothing"),
-    "computed": ({"vary": {"lift.plant.x_L": [0.1]}}, "computed by the FMU .* did you mean .*start.x_L"),
+    "computed": ({"vary": {"lift.plant.x_L": [0.1]}}, "by the FMU; did you mean lift.plant.start.x_L"),
     "driven": ({"vary": {"lift.plant.u_q": [0.1]}}, "driven by lift.controller.u_q"),
     "empty range": ({"vary": {R_S: "0.3:0.1:5"}}, "0.3 to 0.1 is an empty range"),
     "no levels": ({"vary": {R_S: "normal(0.1, 0.01)"}}, f"'{R_S}' of .* a grid needs levels"),

@@ -12,7 +12,6 @@ from distributed import Client
 
 import emla_cosim as ec
 from emla_cosim.base.ownership import MANIFEST
-from emla_cosim.run.requirements import RENAMED
 from emla_cosim.sweeps.folder import SweepFolder
 from emla_cosim.sweeps.measures import MetricRequest, resolve_measures, with_verdicts
 from emla_cosim.sweeps.runner import sweep
@@ -158,14 +157,6 @@ def test_verdicts_are_last_columns() -> None:
 def test_held_is_a_reserved_name(name: str) -> None:
     with pytest.raises(ec.CommandError, match=f"'{name}', but 'held' is the verdict"):
         MetricRequest.of([f"{name} = max(lift.x) < 1"], "the plan")
-
-
-@pytest.mark.parametrize("old", ["lift.converged", "*.converged", "*.saturated_after_convergence"])
-def test_old_names_are_explained(old: str) -> None:
-    of, _, figure = old.rpartition(".")
-    with pytest.raises(ec.CommandError) as caught:
-        resolve_measures(MetricRequest.of([old], "the plan"), FIGURES, [], [], [], "the plan")
-    assert f"'{figure}' is now called '{of}.{RENAMED[figure]}'" in str(caught.value)
 
 
 def test_problem_has_divergence_and_failed_metric(scheduler: Client, faulty_fmu: Path) -> None:

@@ -37,7 +37,7 @@ def given_by(system: Any) -> dict[str, Any]:
 def values(fmu_folder: Path, *files: Path, system: Any = "lift", **options: Any) -> dict[str, Any]:
     """The start values that a system has when it is prepared."""
     scenario = ec.load(system, fmus=fmu_folder, parameters=list(files), **options)
-    return given_by(prepare_system(scenario.system, scenario.options, Progress())[0])
+    return given_by(prepare_system(scenario.system, scenario.options, Progress()).system)
 
 
 def recorded(folder: str) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -128,7 +128,7 @@ DURATION = "lift.reference.move.duration"
         ("lift.disturbance.load.levle\n1\n", "no variable 'load.levle'; did you mean load.level"),
         ("level\n1\n", "the column 'level' of the parameter table 'FILE': 'level' is not a variable"),
         (f"{DURATION}\n1\n0\n", f"'FILE', row 2: {DURATION}[2] = 0 s is out"),
-        ("lift.plant.tau_m\n1\n", "lift.plant.tau_m is computed by the FMU and cannot be set"),
+        ("lift.plant.tau_m\n1\n", "lift.plant.tau_m cannot be set: it is computed by the FMU"),
         ("lift.plant.motor.R_s\n1\n2\n", "but lift.plant.motor.R_s has 1 element."),
         (f"{LEVEL},{START}\n1,\n2,\n", f"the column '{START}' of the parameter table 'FILE' has no number"),
         (f"{LEVEL},{LEVEL}[1]\n1,2\n", f"has a second value for {LEVEL}[1]"),

@@ -350,7 +350,7 @@ def test_invalid_loops_give_one_message(
         ({"vary": {}}, "varies nothing; add a gain"),
         ({"objective": ""}, "has no objective; add a figure to minimise"),
         ({"objective": "depth +"}, "'depth +' is not an expression; use numbers"),
-        ({"objective": "dept"}, "wants the metric 'dept'"),
+        ({"objective": "dept"}, "no metric matches 'dept'"),
         ({"vary": {"v.f.q": "1:2"}}, "has no variable 'q'"),
         ({"vary": {"x": "1:2"}}, "'x' of the tuning is neither a start value nor an option nor used in"),
         ({"vary": {"step_size": "0.1:0.2"}}, "'step_size' of the tuning is not a start value; gains must be"),

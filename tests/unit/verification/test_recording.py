@@ -147,7 +147,7 @@ def test_inputs_of_an_earlier_recording_are_removed(fmu_folder: Path, tmp_path: 
     [
         (["--set", "body.mas=3"], "Toy has no variable 'body.mas'; did you mean body.mass?"),
         (["--set", "body.mass=99"], "Toy.body.mass = 99 kg is out of range"),
-        (["--set", "power=1"], "Toy.power is computed by the FMU and cannot be set."),
+        (["--set", "power=1"], "Toy.power cannot be set: it is computed by the FMU."),
         (["--excite", "bumps"], "there is no shape 'bumps'; choose from steps, ramps and chirps."),
         (["--input", "nowhere.csv"], "the inputs 'nowhere.csv' cannot be read"),
         (["--stop-time", "-1"], "the stop time -1 s must be after the start, 0 s."),

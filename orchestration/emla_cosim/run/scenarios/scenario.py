@@ -175,7 +175,8 @@ class Scenario:
             built = chosen
             if kind != SSP and chosen.platform:  # this machine starts the FMUs to read their initial values
                 built = replace(chosen, platform=sorted({*chosen.platform, host_platform()}))
-            system, fmus = prepare_system(self.system, built, told)
+            prepared = prepare_system(self.system, built, told)
+            system, fmus = prepared.system, prepared.fmus
             system = replace(system, bonds={**system.bonds, **chosen.read_bonds()})
             if kind == FMU:
                 told.advance(1)  # compiling is another task

@@ -9,6 +9,7 @@ from typing import Any
 from ...base.faults import convert_documents_units
 from ...base.units import IDENTITY, LinearTransformation
 from ...fmu.elements import is_version_3
+from ...fmu.variables import explain_fixed
 from ...system.model import Value
 from ...system.vectors import format_index
 from ..documents.ssd_data import (
@@ -86,7 +87,7 @@ def resolve_bindings(
                 own = best.entry if best.height == -len(path) else None
                 value = _value(wiring, best, node, (path, name))
                 values[path][name] = BoundValue(value, best.parameter, own)
-    return values, [f"{name} matches no variable" for name in collected.unused()] + overridden
+    return values, [*collected.unused(), *overridden]
 
 
 def _override(given: _GivenValue, node: Node, source: Node) -> str:
@@ -103,6 +104,7 @@ class _CollectedBindings:
         self._wiring, self._has_sizes = wiring, has_sizes
         self.given: dict[Node, _GivenValue] = {}
         self._matched: dict[ParameterSet, set[str]] = {}
+        self._reasons: dict[ParameterSet, dict[str, str]] = {}
         self._inside: dict[Path_, dict[str, tuple[int, Element]]] = {}
         self._names: dict[Any, tuple[Collection[str], set[str]]] = {}
 
@@ -115,11 +117,11 @@ class _CollectedBindings:
             self._binding(binding, element, path)
 
     def unused(self) -> list[str]:
-        """Return the parameters without a matching variable, each with the name of its set."""
+        """Return a note on each parameter that sets no variable, with the name of its set and the reason."""
         return list(
             dict.fromkeys(
-                f"{s.name}: {p.document_name}"
-                for s, names in self._matched.items()
+                f"{s.name}: {p.document_name} {reasons[p.document_name]}"
+                for (s, names), reasons in zip(self._matched.items(), self._reasons.values(), strict=True)
                 for p in s.parameters
                 if p.name not in names
             )
@@ -129,18 +131,34 @@ class _CollectedBindings:
         values = binding.values
         if not isinstance(values, ParameterSet):
             raise TypeError("the structure is not loaded")
-        matched = self._matched.setdefault(values, set())
+        matched, reasons = self._matched.setdefault(values, set()), self._reasons.setdefault(values, {})
         targets = _targets(binding.mapping)
         for parameter in values.parameters:
             index = parameter.name.removeprefix(parameter.document_name)
             is_first = parameter.array is None or index == format_index([1] * len(parameter.array.sizes))
-            for array, entry in targets(f"{binding.prefix}{parameter.document_name}"):
+            name = f"{binding.prefix}{parameter.document_name}"
+            reason = "matches no variable"
+            if not targets(name):
+                reason += ": the mapping leaves it out"
+            for array, entry in targets(name):
                 node = self._node(element, path, f"{array}{index}")
                 if self._has_sizes and is_first and (node is None or parameter.array is not None):
                     self._check_shape(element, path, array, parameter)
                 if node is not None:
                     matched.add(parameter.name)
                     self.given[node] = _GivenValue(parameter, entry, -len(path))
+                else:
+                    reason = self._explain_fixed(element, path, f"{array}{index}") or reason
+            reasons.setdefault(parameter.document_name, reason)
+
+    def _explain_fixed(self, element: Element, path: Path_, name: str) -> str | None:
+        """Return why the variable of a hierarchical name cannot be set; None if it can, or does not exist."""
+        for owner, inside in self._owners(element, path, name):
+            fmu = self._wiring.fmus.get(owner)
+            if fmu is not None and inside in fmu.interface.variables:
+                reason = explain_fixed(fmu.interface, inside)
+                return None if reason is None else f"does not set {node_name((owner, inside))}: {reason}"
+        return None
 
     def _check_shape(self, element: Element, path: Path_, name: str, parameter: SsvParameter) -> None:
         """Raise CommandError if a parameter has not the shape of its target, or the target is left out."""

@@ -1,7 +1,7 @@
 """Plot signals of one or several runs, finished or stored."""
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...base.arrays import Vector
-from ...base.errors import CommandError, check_choice, suggest_names
+from ...base.errors import CommandError, check_choice
 from ...base.files import read_text
-from ...base.patterns import matches_pattern
+from ...base.patterns import find_names, select_names
 from ...base.signal_types import COLUMN_TYPES, REAL, SignalType, read_types
 from ...recorders.metrics import TRACKED
 from ...recorders.stored import StoredRun, open_stored_run
+from ...system.names import find_main_component
 from ..panels import Line, Plot
 from .rows import Table, read_rows
 from .stacked import (
@@ -42,7 +43,8 @@ _MOST_RUNS = 2 * MOST_LINES
 class Traces:
     """The signals of a run by name, with known units and roles.
 
-    `label` is its name in plots; `files` are the files it was read from.
+    `label` is its name in plots; `files` are the files it was read from. `main` is the component whose
+    variables need no component's name; empty without one.
     """
 
     label: str
@@ -52,6 +54,7 @@ class Traces:
     table: Table
     roles: Mapping[str, str]
     files: Sequence[Path] = ()
+    main: str = ""
 
 
 @dataclass(frozen=True)
@@ -77,11 +80,12 @@ def plot_signals(
     """Plot signals of a result, panels by unit. Raise CommandError for unknown or too many signals."""
     if not patterns:
         raise CommandError("nothing to plot; name at least one signal.")
+    main = find_main_component(result.record)
     for name in patterns:
-        if not any(matches_pattern(n, name) for n in result.names):
+        if not find_names(name, result.names, main):
             result.read([name])  # raises an error with a suggestion
     units = {name: str(unit) for name, unit in result.units.items() if unit is not None}
-    run = Traces(result.name, result.names, units, result.types, result, result.roles)
+    run = Traces(result.name, result.names, units, result.types, result, result.roles, main=main)
     return overlay_runs([run], patterns, title=title, layout=layout).figure
 
 
@@ -121,7 +125,8 @@ def overlay_runs(
     if patterns:
         if (text := next((p for p in patterns if p in texts), None)) is not None:
             raise CommandError(f"'{text}' has texts, which cannot be plotted.", name=text)
-        chosen = _matching(patterns, names)
+        mains = {run.main for run in runs}
+        chosen = select_names(patterns, names, "signal", mains.pop() if len(mains) == 1 else "")
         _check_room(chosen, units, types, len(runs))
     else:
         chosen, notes = _choose_default_signals(runs, names, units, types)
@@ -148,7 +153,8 @@ def _read_trace(place: Path, label: str) -> Traces:
     content = _record(record)
     units, roles = _texts(content, "units"), _texts(content.get("settings"), "roles")
     types = {**stored.table.types, **read_types(content.get(COLUMN_TYPES))}
-    return Traces(label, stored.names, units, types, stored, roles, (stored.path, record))
+    main = find_main_component(content)
+    return Traces(label, stored.names, units, types, stored, roles, (stored.path, record), main)
 
 
 def _record(path: Path) -> dict[str, Any]:
@@ -164,18 +170,6 @@ def _texts(content: Any, key: str) -> dict[str, str]:
     """Return texts by name from a part of a record, or nothing if it has other content."""
     found = content.get(key) if isinstance(content, dict) else None
     return {n: t for n, t in found.items() if isinstance(t, str)} if isinstance(found, dict) else {}
-
-
-def _matching(patterns: Iterable[str], names: Sequence[str]) -> list[str]:
-    found = list[str]()
-    for pattern in patterns:
-        matching = [name for name in names if matches_pattern(name, pattern)]
-        if not matching:
-            raise CommandError(
-                f"no signal matches '{pattern}'; {suggest_names(pattern, names)}", name=pattern
-            )
-        found += matching
-    return list(dict.fromkeys(found))
 
 
 def _check_room(
