@@ -21,38 +21,14 @@ from ..fmu.models import license_text, producer
 from ..system.model import Component, Connection, System
 from .column_bindings import ColumnBinding, bind_columns, check_single_binding
 from .data_names import NAME
-from .data_tables import DataTable, read_data
-from .input import Input
+from .data_tables import DataTable
+from .loaded_input import LoadedInput
+
+_INTEGERS = -(2**31), 2**31 - 1
+"""The smallest and the largest Integer of a table's FMU."""
 
 _LARGEST = 1e100
 """The largest value of a signal; differences and slopes of greater ones can overflow."""
-
-
-@dataclass(frozen=True)
-class LoadedInput:
-    """An input with its data.
-
-    Attributes:
-        source: The input.
-        data: Its table.
-        time: The position of the column of times.
-        times: The times in s.
-    """
-
-    source: Input
-    data: DataTable
-    time: int
-    times: Vector
-
-    @classmethod
-    def of(cls, source: Input) -> "LoadedInput":
-        """Read the data of an input.
-
-        Raises:
-            CommandError: If they cannot be read.
-        """
-        data = read_data(source)
-        return cls(source, data, *data.times(source.time))
 
 
 @dataclass(frozen=True)
@@ -214,7 +190,7 @@ def _build_table_fmu(
     usage = {one.signal: (one.column, _interpolation(table, one), repr(one.type)) for one, _ in driven}
     usages = {key: types[signal] for signal, key in usage.items()}
     columns = [
-        TableColumn(table.data.values(position, kind), interpolation)
+        TableColumn(table.data.values(position, kind, limits=_INTEGERS), interpolation)
         for (position, interpolation, _), kind in usages.items()
     ]
     order = list(usages)
@@ -275,49 +251,3 @@ _fmu_folders = ExitStack()
 def _folder() -> Path:
     """Return the folder of the tables' FMUs, which is removed when this process ends."""
     return _fmu_folders.enter_context(temporary_folder("tables"))
-
-
-@dataclass(frozen=True)
-class DataSpan:
-    """The first and the last time of an input in s."""
-
-    label: str
-    first: float
-    last: float
-    end: str
-
-    @classmethod
-    def of(cls, source: Input) -> "DataSpan":
-        """Read the span of an input."""
-        times = LoadedInput.of(source).times
-        return cls(source.label, float(times[0]), float(times[-1]), source.end)
-
-    def check_overlap(self, start: float, stop: float) -> None:
-        """Raise CommandError if the data are all before or all after a run: it would have one value only."""
-        if self.first >= stop:
-            place, remedy = "after", "shift the times of the data"
-        elif self.last <= start and self.end != "repeat":
-            place, remedy = "before", "shift the times of the data, or repeat them"
-        else:
-            return
-        raise CommandError(
-            f"{self.label} has data from {self.first:.9g} to {self.last:.9g} s, {place} the run, from "
-            f"{start:.9g} to {stop:.9g} s; {remedy}."
-        )
-
-    def describe_held(self, start: float, stop: float, step: float) -> str | None:
-        """Return a remark if values hold for more than a step before or after the data; times in s."""
-        held = []
-        if self.first > start + step:
-            held.append(f"the first values hold until {self.first:.9g} s")
-        if self.last < stop - step and self.end == "hold":
-            held.append(f"the last values hold after {self.last:.9g} s")
-        if not held:
-            return None
-        return f"{self.label} does not cover the run, {start:.9g} to {stop:.9g} s: {', and '.join(held)}."
-
-
-def find_data_end(sources: Sequence[Input]) -> float | None:
-    """Return the earliest end in s of inputs that stop the run, None if there are none."""
-    ends = [float(LoadedInput.of(s).times[-1]) for s in sources if s.end == "stop"]
-    return min(ends, default=None)

@@ -14,9 +14,10 @@ from ..base.units import SiUnit
 from ..base.wording import format_count
 from ..fmu.interface import Interface
 from ..fmu.variables import convert_start_value
-from ..inputs.data_tables import DataTable, read_table
-from ..inputs.headers import Header, parse_data_unit
+from ..inputs.data_tables import DataTable
+from ..inputs.headers import parse_data_unit
 from ..inputs.input import table_endings
+from ..inputs.table_files import read_table
 from ..ssp.documents.parameter_sets import parse_parameter_set
 from ..ssp.reader.shapes import explain_shape
 from ..system.model import Component, System, Value
@@ -59,8 +60,7 @@ def structural_file_values(
         return {p.name: p.value for p in parameters if is_structural(system, interfaces, p.name)}
     data, values = read_table(file, "the parameter table"), dict[str, Value]()
     for position, header in enumerate(data.headers):
-        names = (header.name, header.suffix.name if header.suffix is not None else header.name)
-        if any(is_structural(system, interfaces, name) for name in names):
+        if is_structural(system, interfaces, header.name):
             values |= _read_column_values(data, position, system, interfaces)
     return values
 
@@ -83,7 +83,7 @@ def _read_column_values(
     """Read the value of a scalar, or of the first elements of an array."""
     header = data.headers[position]
     label = f"the column '{header.text}' of {data.label}"
-    name, unit = _name_and_unit(header, system, interfaces, label)
+    name = header.name
     try:
         component, own = system.split(name)
     except CommandError as error:
@@ -99,7 +99,7 @@ def _read_column_values(
             f"{format_count(len(elements), 'element')}.",
             name=header.name,
         )
-    given, found = parse_data_unit(unit, label), dict[str, Value]()
+    given, found = parse_data_unit(header.unit, label), dict[str, Value]()
     for row, (element, number) in enumerate(zip(elements, numbers.tolist(), strict=False), 1):
         value = Quantity(number, given).in_unit(_unit(component, element, interface, given), label)
         try:
@@ -107,22 +107,6 @@ def _read_column_values(
         except CommandError as error:
             raise CommandError(f"{label}, row {row}: {error}", row=row, **error.fields) from error
     return found
-
-
-def _name_and_unit(
-    header: Header, system: System, interfaces: Mapping[str, Interface], label: str
-) -> tuple[str, str | None]:
-    """Return the name of a variable, and the unit in the header: `level in kN` is no variable, `level` is."""
-    if header.suffix is None:
-        return header.name, header.unit
-    for name, unit in ((header.name, header.unit), (header.suffix.name, header.suffix.unit)):
-        try:
-            component, own = system.split(name)
-            _elements(component, own, interfaces[component.name], label)
-        except CommandError:
-            continue
-        return name, unit
-    return header.name, header.unit
 
 
 def _elements(component: Component, name: str, interface: Interface, label: str) -> list[str]:

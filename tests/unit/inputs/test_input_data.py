@@ -11,10 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from emla_cosim.base.errors import CommandError
-from emla_cosim.inputs.data_tables import read_data
 from emla_cosim.inputs.headers import Header
 from emla_cosim.inputs.input import Column, Input
-from emla_cosim.inputs.wired_inputs import LoadedInput
+from emla_cosim.inputs.loaded_input import LoadedInput
+from emla_cosim.inputs.table_files import read_data
 
 
 def table(folder: Path, content: str | bytes, name: str = "data.csv") -> LoadedInput:
@@ -90,7 +90,7 @@ def test_numbers_are_read_to_the_last_bit(
         ("time,x\n0;1\n1;2\n", "has 1 fields in row 1, but its header has 2"),
         ("time,x,x\n0,1,1\n1,2,2\n", "has 2 columns 'x'; each needs its own name"),
         ("0,1\n1,2\n", "begins with numbers; its first row must have the names"),
-        ("when,x\n0,1\n1,2\n", "has no column called time or t, but 'when' and 'x'; name the column"),
+        ("when,x\n0,1\n1,2\n", "has no column called time or t, but 'when' and 'x'; call the column"),
         ("time [N],x\n0,1\n1,2\n", "has the units N and s; it must be a time"),
         ("time [blub],x\n0,1\n1,2\n", "has the unknown unit 'blub'"),
         ("t,T\n0,1\n1,2\n", "has several columns called time or t"),
