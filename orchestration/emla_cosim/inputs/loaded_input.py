@@ -6,8 +6,30 @@ from dataclasses import dataclass
 from ..base.arrays import Vector
 from ..base.errors import CommandError
 from .data_tables import DataTable
+from .headers import Header
 from .input import SHIFT_TO_START, Input
-from .table_files import read_data
+from .table_files import read_frame, read_table
+
+
+def read_data(source: Input) -> DataTable:
+    """Return the table of an input.
+
+    Raises:
+        CommandError: If its file cannot be read as a table.
+    """
+    if source.file is None:
+        return read_frame(source.label, source.data)
+    names = [_channel_name(column.column) for column in source.signals.values()]
+    names += [] if source.time is None else [Header.of(source.time).name]
+    return read_table(source.file, "the input", [*names, *source.columns])
+
+
+def _channel_name(text: str) -> str:
+    """Return the name of the column in a text such as `der(x [mm])`."""
+    text = text.strip()
+    while text.startswith("der(") and text.endswith(")"):
+        text = text[4:-1].strip()
+    return Header.of(text).name
 
 
 @dataclass(frozen=True)

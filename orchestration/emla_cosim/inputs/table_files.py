@@ -19,7 +19,6 @@ from ..recorders.registry import TABLES, format_of
 from .csv_layout import NOT_FINITE, NUMBER, CsvLayout, bare_unit, find_layout, is_list
 from .data_tables import DataTable
 from .headers import Header, is_same_unit, is_unit, read_metadata_units
-from .input import Input
 from .measurement_files import TIME, ChannelGroup, choose_group, is_measurement_file, read_groups
 
 _T = TypeVar("_T")
@@ -27,19 +26,6 @@ _T = TypeVar("_T")
 _PARQUET = b"PAR1"
 _HEAD = 16
 """The number of bytes by which formats are told apart."""
-
-
-def read_data(source: Input) -> DataTable:
-    """Return the table of an input.
-
-    Raises:
-        CommandError: If its file cannot be read as a table.
-    """
-    if source.file is None:
-        return _read_frame(source.label, source.data)
-    names = [_channel_name(column.column) for column in source.signals.values()]
-    names += [] if source.time is None else [Header.of(source.time).name]
-    return read_table(source.file, "the input", [*names, *source.columns])
 
 
 def read_table(file: Path, what: str, columns: Sequence[str] = (), is_result: bool = False) -> DataTable:
@@ -73,14 +59,6 @@ def readable(label: str, read: Callable[[], _T]) -> _T:
     except Exception as error:  # polars raises errors of many types
         reason = getattr(error, "strerror", None) or (str(error) or type(error).__name__).splitlines()[0]
         raise CommandError(f"{label} cannot be read: {reason.rstrip('.')}.") from error
-
-
-def _channel_name(text: str) -> str:
-    """Return the name of the column in a text such as `der(x [mm])`."""
-    text = text.strip()
-    while text.startswith("der(") and text.endswith(")"):
-        text = text[4:-1].strip()
-    return Header.of(text).name
 
 
 def _read_csv(label: str, content: bytes, is_result: bool = False) -> DataTable:
@@ -238,7 +216,7 @@ def _read_registered(label: str, form: str, file: Path) -> DataTable:
     return DataTable(label, [Header.of(name) for name in names], read, types=table.types)
 
 
-def _read_frame(label: str, frame: Any) -> DataTable:
+def read_frame(label: str, frame: Any) -> DataTable:
     """Return columns from Python: a frame of polars or pandas, or a mapping of names to arrays."""
     names = list(frame) if isinstance(frame, Mapping) else list(frame.columns)
     if wrong := [name for name in names if not isinstance(name, str)]:

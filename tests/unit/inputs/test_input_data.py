@@ -13,8 +13,7 @@ from hypothesis import strategies as st
 from emla_cosim.base.errors import CommandError
 from emla_cosim.inputs.headers import Header
 from emla_cosim.inputs.input import Column, Input
-from emla_cosim.inputs.loaded_input import LoadedInput
-from emla_cosim.inputs.table_files import read_data
+from emla_cosim.inputs.loaded_input import LoadedInput, read_data
 
 
 def table(folder: Path, content: str | bytes, name: str = "data.csv") -> LoadedInput:
