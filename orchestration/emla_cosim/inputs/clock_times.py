@@ -46,8 +46,8 @@ def describe_epoch(name: str, first: float) -> str:
     """Return the note on times that are taken as seconds since 1970."""
     moment = datetime.fromtimestamp(first, UTC).replace(tzinfo=None).isoformat(" ", "milliseconds")
     return (
-        f"has seconds since 1970 in '{name}'; t = 0 is {first:.13g} s, {moment.removesuffix('.000')} UTC, the "
-        "first row (for an input, shift=0 keeps them as they are)"
+        f"has seconds since 1970 in '{name}'; t = 0 is {first:.13g} s, {moment.removesuffix('.000')} UTC, "
+        "the first row (for an input, shift=0 keeps them as they are)"
     )
 
 

@@ -38,6 +38,11 @@ def table_endings() -> tuple[str, ...]:
     return (*(f".{name.lower()}" for name in TABLES), *_TEXTS, *MEASUREMENT_ENDINGS)
 
 
+def is_data(text: str) -> bool:
+    """Return whether a text is an input with a file of data, such as `data.csv:interpolation=held`."""
+    return _parts(text.strip()) is not None
+
+
 def _parts(text: str) -> re.Match[str] | None:
     """Match the file of an input and the text after it."""
     endings = "|".join(map(re.escape, table_endings()))

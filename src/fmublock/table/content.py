@@ -66,13 +66,14 @@ class TableContent:
     """Columns at two or more times in s, the outputs, and one of `ENDS`.
 
     Times increase, except that two rows may have the same time: the columns jump there. All outputs have
-    types with the same letter in `TYPES`.
+    types with the same letter in `TYPES`. `name` is that of the model; the identifier is `MODEL` always.
     """
 
     times: Numbers
     columns: Sequence[TableColumn]
     outputs: Sequence[TableOutput]
     end: str = "hold"
+    name: str = MODEL
 
     @property
     def letter(self) -> str:

@@ -1,10 +1,14 @@
 """modelDescription.xml of a table FMU."""
 
+import re
 from xml.etree.ElementTree import Element, SubElement
 
 from ..description import add_log_categories, add_unit, describe_model, format_xml
 from ..recipe import Producer
 from .content import SPANS, TableContent, span_name
+
+_STRUCTURED = re.compile(r"[A-Za-z_]\w*(\[\d+(,\d+)*\])?(\.[A-Za-z_]\w*(\[\d+(,\d+)*\])?)*", re.ASCII)
+"""Names without derivatives and quotes that are structured."""
 
 _SPAN_TEXTS = {
     "begin": "In the last step, the begin of the line",
@@ -15,7 +19,9 @@ _SPAN_TEXTS = {
 
 def table_description(table: TableContent, model: str, main: str, producer: Producer, guid: str) -> bytes:
     """Return the model description as UTF-8 XML; `main` is the C file to compile."""
-    root = describe_model(model, "Data over time as outputs", producer, guid)
+    root = describe_model(table.name, "Data over time as outputs", producer, guid)
+    if not all(_STRUCTURED.fullmatch(output.name) for output in table.outputs):
+        root.set("variableNamingConvention", "flat")  # the header of a column can be any text
     simulation = SubElement(
         root,
         "CoSimulation",

@@ -20,8 +20,9 @@ from ...fmu.models import (
     find_block,
     fmu_path,
 )
+from ...inputs.input import is_data
 from ...views.progress_bars import BarProgress
-from ...views.terminal import show_file
+from ...views.terminal import print_line, show_file
 from .options import pairs
 
 _SUPPLY = "FMUs for other companies"
@@ -35,6 +36,7 @@ EXAMPLES = (
     "emla build EmlaPlant --fmi 3 --output fmi3",
     "emla build RsbaController --fmi 3 --clock 1e-3 --output clocked",
     "emla build EmlaPlant --hide 'motor.*' --output handout",
+    "emla build measured.csv:interpolation=held --output data",
 )
 """Examples in the help."""
 
@@ -42,7 +44,9 @@ EXAMPLES = (
 def command(
     models: Annotated[
         list[str] | None,
-        typer.Argument(help="Models, or blocks as FILE.py:BLOCK. Default: all built-in models."),
+        typer.Argument(
+            help="Models, blocks as FILE.py:BLOCK, or data as FILE.csv. Default: all built-in models."
+        ),
     ] = None,
     flavour: Annotated[str, typer.Option(help=f"FMU flavour: {' or '.join(FLAVOURS)}.")] = "native",
     fmi: Annotated[
@@ -105,8 +109,9 @@ def command(
     *,
     given: dict[str, Any],
 ) -> None:
-    """Build the FMUs of models for other tools and all platforms."""
-    chosen = models or list(MODELS)
+    """Build the FMUs of models, blocks and data for other tools and all platforms."""
+    data = [name for name in models or () if ".py:" not in name and is_data(name)]
+    chosen = [name for name in models or MODELS if name not in data]
     check_choice("flavour", flavour, FLAVOURS)
     check_choice("version of FMI", str(fmi), [str(version) for version in FMI_VERSIONS])
     if platform and flavour != "native":
@@ -116,6 +121,8 @@ def command(
     platforms = platform or list(PLATFORMS)
     blocks = {name: name if name in MODELS else find_block(name) for name in chosen}
     disclosure = Disclosure(not no_sources, pairs("--set", set_ or []), fix or (), hide or ())
+    if data and (flavour != "native" or fmi != 2 or clock is not None or disclosure != Disclosure()):
+        raise CommandError(f"'{data[0]}' has data: of the options, it takes --platform and --output only.")
     if len(blocks) > 1 and (set_ or fix or hide):
         raise CommandError("--set, --fix and --hide are for one model; name it.")
     for model in blocks.values():
@@ -127,8 +134,14 @@ def command(
         place = str(fmu_path(model if isinstance(model, str) else model.__name__, flavour, output))
         if (other := places.setdefault(place.casefold(), name)) != name:  # some file systems ignore case
             raise CommandError(f"the FMUs of '{other}' and '{name}' have the same name; build one at a time.")
+    if data:
+        from ...inputs.table_fmus import build_data_fmu, data_fmu_path  # loads polars
+    for name in data:
+        place = str(data_fmu_path(name, output))
+        if (other := places.setdefault(place.casefold(), name)) != name:
+            raise CommandError(f"the FMUs of '{other}' and '{name}' have the same name; build one at a time.")
     with BarProgress() as progress:
-        paths = []
+        paths, notes = [], []
         for name, model in blocks.items():
             progress.begin(name, len(platforms) if flavour == "native" else 1)
             paths.append(
@@ -145,5 +158,11 @@ def command(
                 )
             )
             progress.finish()
+        for name in data:
+            path, told = build_data_fmu(name, output, platforms, overwrite)
+            paths.append(path)
+            notes += told
+    for note in notes:
+        print_line(f"Note: {note}")
     for path in paths:
         show_file(path)
