@@ -134,9 +134,9 @@ def command(
         place = str(fmu_path(model if isinstance(model, str) else model.__name__, flavour, output))
         if (other := places.setdefault(place.casefold(), name)) != name:  # some file systems ignore case
             raise CommandError(f"the FMUs of '{other}' and '{name}' have the same name; build one at a time.")
-    if data:
-        from ...inputs.table_fmus import build_data_fmu, data_fmu_path  # loads polars
     for name in data:
+        from ...inputs.table_fmus import data_fmu_path  # loads polars
+
         place = str(data_fmu_path(name, output))
         if (other := places.setdefault(place.casefold(), name)) != name:
             raise CommandError(f"the FMUs of '{other}' and '{name}' have the same name; build one at a time.")
@@ -159,6 +159,8 @@ def command(
             )
             progress.finish()
         for name in data:
+            from ...inputs.table_fmus import build_data_fmu
+
             path, told = build_data_fmu(name, output, platforms, overwrite)
             paths.append(path)
             notes += told
