@@ -31,20 +31,24 @@ class CsvLayout:
     """The layout of a text file.
 
     Attributes:
+        header: The line with the names of the columns, as it is.
         names: The names of the columns.
         units: The cells of the row of units; empty without such a row.
         first: The cells of the first row of numbers; empty without rows.
         delimiter: What separates the columns.
         begin: The position of the first row of numbers.
         skipped: The number of lines before the header.
+        between: The number of lines between the header with its units and the numbers.
     """
 
+    header: str
     names: Sequence[str]
     units: Sequence[str]
     first: Sequence[str]
     delimiter: str
     begin: int
     skipped: int = 0
+    between: int = 0
 
 
 @dataclass(frozen=True)
@@ -95,11 +99,11 @@ def _first_line_layout(lines: Sequence[_Line]) -> CsvLayout:
     """Return the layout of a text whose first line is the header."""
     header = lines[0].text
     delimiter = next((d for d in DELIMITERS if d in header), DELIMITERS[-1])
-    names, units, end = _raw_cells(header, delimiter), list[str](), lines[0].end
+    names, units, end = _split(header, delimiter), list[str](), lines[0].end
     rows = [_split(line.text, delimiter) for line in lines[1:3]]
     if rows and len(rows[0]) == len(names) and _is_units(rows[0]):
         units, end, rows = rows[0], lines[1].end, rows[1:]
-    return CsvLayout(names, units, rows[0] if rows else (), delimiter, end)
+    return CsvLayout(header, names, units, rows[0] if rows else (), delimiter, end)
 
 
 def _layout_above(lines: Sequence[_Line], row: int, delimiter: str, first: Sequence[str]) -> CsvLayout | None:
@@ -113,13 +117,18 @@ def _layout_above(lines: Sequence[_Line], row: int, delimiter: str, first: Seque
     if not above:
         return None
     times = [i for i, cells in enumerate(above) if any(_is_any_time_name(c) for c in cells)]
-    has_units = len(above) > 1 and _is_units(above[0]) and times != [0]
-    header = times[0] if len(times) == 1 else int(has_units)
-    has_units = has_units and header == 1
+    header = times[0] if len(times) == 1 else int(len(above) > 1 and _is_units(above[0]))
+    has_units = header > 0 and _is_units(above[header - 1])
     line = row - 1 - header
-    names = _raw_cells(lines[line].text, delimiter)
     return CsvLayout(
-        names, above[0] if has_units else (), first, delimiter, lines[line + has_units].end, line
+        lines[line].text,
+        above[header],
+        above[header - 1] if has_units else (),
+        first,
+        delimiter,
+        lines[row - 1].end,
+        line,
+        header - has_units,
     )
 
 
@@ -143,11 +152,8 @@ def _is_units(cells: Sequence[str]) -> bool:
 
 
 def _split(line: str, delimiter: str) -> list[str]:
-    return [cell.strip() for cell in _raw_cells(line, delimiter)]
-
-
-def _raw_cells(line: str, delimiter: str) -> list[str]:
-    return next(csv.reader([line], delimiter=delimiter), [])
+    cells = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
+    return [cell.strip() for cell in cells]
 
 
 def _first_lines(content: bytes) -> list[_Line]:

@@ -22,6 +22,9 @@ ReadColumns = Callable[[Sequence[int], bool], Sequence[polars.Series]]
 FindIndices = Callable[[str], Sequence[str] | None]
 """Returns the indices of an array in row-major order, such as `[1,2]`; none of a scalar, None if unknown."""
 
+_LATEST_EPOCH = 1e11
+"""The largest time in s without a unit: the year 5138 as seconds since 1970."""
+
 _LATEST = 1e100
 """The largest time in s; differences of greater ones can overflow."""
 
@@ -262,7 +265,12 @@ class DataTable:
         times = self._clock_times(position, cells)
         if times is None:
             times = self._in_seconds(position, self._to_numbers(position, cells), column)
-            if len(times) and is_epoch(float(times[0])) and not is_raw and not is_epoch(start):
+            if len(times) and not is_raw and times[0] > _LATEST_EPOCH:
+                raise CommandError(
+                    f"{self.label} has the time {times[0]:.13g} s in row 1; if '{header.text}' has milliseconds "
+                    f"since 1970, write the unit: '{header.name} [ms]'."
+                )
+            if len(times) and not is_raw and is_epoch(float(times[0])) and not is_epoch(start):
                 self.notes.append(describe_epoch(header.text, float(times[0])))
                 times = times - times[0]
         if len(times) < least:
@@ -392,7 +400,7 @@ class DataTable:
 
     def join_names(self) -> str:
         """Return the names of the first columns for a message."""
-        names = [f"'{h.name}'" for h in self.headers]
+        names = [f"'{h.name}'" for h in self.headers if h.name]
         if len(names) > _NAMED:
             names = [*names[:_NAMED], f"{len(names) - _NAMED} more"]
         return join_names(names) if names else "none"

@@ -38,7 +38,7 @@ class StoredRun:
     @property
     def names(self) -> list[str]:
         """The names of the columns, without time."""
-        return [self.prefix + h.name for i, h in enumerate(self.data.headers) if i != self.time]
+        return [self.prefix + h.name for i, h in enumerate(self.data.headers) if i != self.time and h.name]
 
     @property
     def units(self) -> dict[str, str]:

@@ -76,14 +76,17 @@ def _read_csv(label: str, content: bytes, is_result: bool = False) -> DataTable:
         raise CommandError(f"{label} is empty.")
     if all(NUMBER.fullmatch(name) for name in layout.names):
         raise CommandError(f"{label} begins with numbers; its first row must have the names of the columns.")
+    if len(layout.names) == 1 and layout.first and is_list(layout.first[0]):
+        raise CommandError(f"{label} has columns separated by spaces; use commas, semicolons or tabs.")
     names = [f"column_{i}" for i in range(len(layout.names))]
+    rows = content[layout.begin :].lstrip(b"\n")
 
     def read(positions: Sequence[int], as_text: bool) -> Sequence[polars.Series]:
         first_error: Exception | None = None
         for kind in (polars.String,) if as_text else (polars.Float64, polars.String):
             try:
                 frame = polars.read_csv(
-                    io.BytesIO(content[layout.begin :]),
+                    io.BytesIO(rows),
                     has_header=False,
                     columns=[names[p] for p in positions],
                     schema=dict.fromkeys(names, polars.String) | {names[p]: kind for p in positions},
@@ -95,24 +98,25 @@ def _read_csv(label: str, content: bytes, is_result: bool = False) -> DataTable:
                 return [polars.Series(dtype=kind) for _ in positions]
             except polars.exceptions.PolarsError as error:
                 first_error = error
-        raise CommandError(f"{label} {_find_wrong_row(content, layout)}.") from first_error
+        raise CommandError(f"{label} {_find_wrong_row(rows, layout)}.") from first_error
 
     first = dict(enumerate(layout.first)) if len(layout.first) == len(names) else {}
     lists = {i: len(cell.split()) for i, cell in first.items() if is_list(cell)}
-    headers = _add_units(label, [_header(name, is_result) for name in layout.names], layout.units)
+    texts = next(csv.reader([layout.header])) if is_result else layout.names
+    headers = _add_units(label, [_header(text, is_result) for text in texts], layout.units)
     types = {headers[i].name: SignalType(kind) for i, cell in first.items() if (kind := _find_kind(cell))}
     table = DataTable(label, headers, read, lists, layout.delimiter != ",", types)
-    if layout.skipped:
-        lines = format_count(layout.skipped, "line")
-        are = "is" if layout.skipped == 1 else "are"
-        table.notes.append(f"has {lines} before its header, which {are} skipped")
+    for count, place in ((layout.skipped, "before"), (layout.between, "below")):
+        if count:
+            are = "is" if count == 1 else "are"
+            table.notes.append(f"has {format_count(count, 'line')} {place} its header, which {are} skipped")
     if encoding is not None:
         table.notes.append(f"is not UTF-8; it is read as {encoding}")
     return table
 
 
 def _header(text: str, is_result: bool, unit: str | None = None) -> Header:
-    return Header(text, text, unit) if is_result else Header.of(text.strip(), unit)
+    return Header(text, text, unit) if is_result else Header.of(text, unit)
 
 
 def _to_utf_8(content: bytes) -> tuple[bytes, str | None]:
@@ -161,7 +165,7 @@ def _find_kind(cell: str) -> str | None:
 
 def _find_wrong_row(content: bytes, layout: CsvLayout) -> str:
     """Return why a text cannot be read as a table."""
-    lines = io.StringIO(content[layout.begin :].decode())
+    lines = io.StringIO(content.decode())
     rows = (line for line in lines if line.strip() and not line.startswith("#"))
     for number, row in enumerate(csv.reader(rows, delimiter=layout.delimiter), 1):
         if len(row) != len(layout.names):

@@ -98,8 +98,8 @@ def build_data_fmu(
     booleans = [name for binding, name in bindings if binding.type.kind == "Boolean"]
     if 0 < len(booleans) < len(bindings):
         raise CommandError(
-            f"{table.source.label} has Booleans ({join_names(booleans[:8])}) beside numbers, but an FMU of data "
-            f"has outputs of one type; name columns of one type, as in '{table.source.file}:{booleans[0]}'."
+            f"{table.source.label} has Booleans ({join_names(booleans[:8])}) beside numbers, but an FMU of "
+            f"data has outputs of one type; name them, as in '{table.source.file}:{booleans[0]}'."
         )
     if path.exists():
         check_replaceable(path, "the FMU", _is_table_fmu, overwrite)
