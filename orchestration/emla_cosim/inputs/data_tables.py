@@ -267,8 +267,8 @@ class DataTable:
             times = self._in_seconds(position, self._to_numbers(position, cells), column)
             if len(times) and not is_raw and times[0] > _LATEST_EPOCH:
                 raise CommandError(
-                    f"{self.label} has the time {times[0]:.13g} s in row 1; if '{header.text}' has milliseconds "
-                    f"since 1970, write the unit: '{header.name} [ms]'."
+                    f"{self.label} has the time {times[0]:.13g} s in row 1; if these are milliseconds since "
+                    f"1970, write the unit: '{header.name} [ms]'."
                 )
             if len(times) and not is_raw and is_epoch(float(times[0])) and not is_epoch(start):
                 self.notes.append(describe_epoch(header.text, float(times[0])))

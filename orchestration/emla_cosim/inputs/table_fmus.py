@@ -66,7 +66,7 @@ def data_fmu_path(text: str, folder: Path) -> Path:
 
 
 def build_data_fmu(
-    text: str, folder: Path, platforms: Sequence[str], overwrite: bool = False
+    text: str, folder: Path, platforms: Sequence[str], overwrite: bool = False, fmi: int = 2
 ) -> tuple[Path, list[str]]:
     """Build an FMU whose outputs play the columns of a table.
 
@@ -75,6 +75,7 @@ def build_data_fmu(
         folder: The folder of FMUs.
         platforms: The platforms of the FMU.
         overwrite: Whether to replace a file that is not the FMU of a table.
+        fmi: Version of FMI: 2 or 3.
 
     Returns:
         The FMU, and what users should know of how the data were read.
@@ -107,7 +108,7 @@ def build_data_fmu(
     if texts:
         names = join_names(texts[:8])
         notes.append(f"{table.source.label} has columns of texts, which are left out: {names}.")
-    content = _make_content(table, bindings, path.stem)
+    content = replace(_make_content(table, bindings), name=path.stem, fmi=fmi)
     return _build(content, path, platforms, table.source.label), notes
 
 
@@ -124,9 +125,7 @@ def _bind_output(name: str, column: Column, table: LoadedInput) -> ColumnBinding
     )
 
 
-def _make_content(
-    table: LoadedInput, driven: Sequence[tuple[ColumnBinding, str]], name: str | None = None
-) -> TableContent:
+def _make_content(table: LoadedInput, driven: Sequence[tuple[ColumnBinding, str]]) -> TableContent:
     """Return the columns and outputs of an FMU; bindings of one column share it."""
     columns: dict[tuple[int, str, str], TableColumn] = {}
     outputs = []
@@ -151,8 +150,7 @@ def _make_content(
                 binding.type.items,
             )
         )
-    content = TableContent(table.times, list(columns.values()), outputs, table.source.end)
-    return content if name is None else replace(content, name=name)
+    return TableContent(table.times, list(columns.values()), outputs, table.source.end)
 
 
 def _build(content: TableContent, path: Path, platforms: Sequence[str], label: str) -> Path:

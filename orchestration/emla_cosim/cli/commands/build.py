@@ -121,8 +121,10 @@ def command(
     platforms = platform or list(PLATFORMS)
     blocks = {name: name if name in MODELS else find_block(name) for name in chosen}
     disclosure = Disclosure(not no_sources, pairs("--set", set_ or []), fix or (), hide or ())
-    if data and (flavour != "native" or fmi != 2 or clock is not None or disclosure != Disclosure()):
-        raise CommandError(f"'{data[0]}' has data: of the options, it takes --platform and --output only.")
+    if data and (flavour != "native" or clock is not None or disclosure != Disclosure()):
+        raise CommandError(
+            f"'{data[0]}' has data: of the options, it takes --fmi, --platform and --output only."
+        )
     if len(blocks) > 1 and (set_ or fix or hide):
         raise CommandError("--set, --fix and --hide are for one model; name it.")
     for model in blocks.values():
@@ -161,7 +163,7 @@ def command(
         for name in data:
             from ...inputs.table_fmus import build_data_fmu
 
-            path, told = build_data_fmu(name, output, platforms, overwrite)
+            path, told = build_data_fmu(name, output, platforms, overwrite, fmi)
             paths.append(path)
             notes += told
     for note in notes:
