@@ -88,7 +88,7 @@ class DataTable:
         """
         for position, header in enumerate(self.headers):
             source, element = self._sources[position]
-            if element is None and header.unit is not None and find_indices(header.text) == []:
+            if element is None and header.text.strip() != header.name and find_indices(header.text) == []:
                 header = self.headers[position] = Header(header.text, header.text)
             array = header.name if element is None else header.name.rpartition("[")[0]
             if not (indices := find_indices(array)):

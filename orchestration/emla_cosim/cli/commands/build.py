@@ -122,9 +122,7 @@ def command(
     blocks = {name: name if name in MODELS else find_block(name) for name in chosen}
     disclosure = Disclosure(not no_sources, pairs("--set", set_ or []), fix or (), hide or ())
     if data and (flavour != "native" or clock is not None or disclosure != Disclosure()):
-        raise CommandError(
-            f"'{data[0]}' has data: of the options, it takes --fmi, --platform and --output only."
-        )
+        raise CommandError(f"'{data[0]}' has data, for which there are only --fmi, --platform and --output.")
     if len(blocks) > 1 and (set_ or fix or hide):
         raise CommandError("--set, --fix and --hide are for one model; name it.")
     for model in blocks.values():

@@ -138,8 +138,11 @@ def read_columns(
         if position == time or not header.name:
             continue
         data.find(header.name)  # raises CommandError if it is not unique
-        if interface is None or header.name not in variables:
+        if interface is None:
             columns[header.name] = data.numbers(position, has_gaps=has_gaps)
+            continue
+        if header.name not in variables:  # an error, or not compared
+            columns[header.name] = np.full(len(times), np.nan)
             continue
         type_, limits = interface.signal_type(header.name), number_range(variables[header.name])
         if type_.kind == "Real":
