@@ -10,10 +10,9 @@ import polars
 from ..base.arrays import Vector
 from ..base.errors import CommandError, join_names
 from ..base.signal_types import REAL, SignalType
-from ..base.units import IDENTITY, LinearTransformation, SiUnit, find_conversion, find_unit, read_turns
+from ..base.units import IDENTITY, LinearTransformation, SiUnit, find_conversion, read_turns
 from ..base.wording import format_count
-from .clock_times import describe_epoch, is_clock, is_epoch, read_clock, seconds_from_first
-from .csv_layout import NUMBER, TIME_NAMES, is_time_name
+from .csv_layout import NUMBER
 from .headers import Header, is_same_unit, is_unit, parse_data_unit, rate_of
 
 ReadColumns = Callable[[Sequence[int], bool], Sequence[polars.Series]]
@@ -21,12 +20,6 @@ ReadColumns = Callable[[Sequence[int], bool], Sequence[polars.Series]]
 
 FindIndices = Callable[[str], Sequence[str] | None]
 """Returns the indices of an array in row-major order, such as `[1,2]`; none of a scalar, None if unknown."""
-
-_LATEST_EPOCH = 1e11
-"""The largest time in s without a unit: the year 5138 as seconds since 1970."""
-
-_LATEST = 1e100
-"""The largest time in s; differences of greater ones can overflow."""
 
 _DECIMAL_COMMA = r"^([-+]?[0-9]*),([0-9]*(?:[eE][-+]?[0-9]+)?)$", "${1}.${2}"
 """A number with a decimal comma, and its replacement."""
@@ -243,55 +236,6 @@ class DataTable:
         between, is_assumed = self.conversion(position, signal, unit, declared)
         return between.factor * self.numbers(position, has_gaps=has_gaps) + between.offset, is_assumed
 
-    def times(
-        self, column: str | None = None, start: float = 0.0, is_raw: bool = False, least: int = 2
-    ) -> tuple[int, Vector]:
-        """Return the position of the column of times, and the times in s.
-
-        Clock times, dates and seconds since 1970 become times from the first row, and a note says so. Rows
-        with the same time are an event.
-
-        Args:
-            column: The name of the column; default: `time` or `t`.
-            start: The start of the run in s; seconds since 1970 stay if it is one of them.
-            is_raw: Whether all numbers stay as they are.
-            least: The number of rows that are needed.
-
-        Raises:
-            CommandError: If there is no such column, or the times decrease.
-        """
-        position = self._time_column(column)
-        header, cells = self.headers[position], self.cells(position)
-        times = self._clock_times(position, cells)
-        if times is None:
-            times = self._in_seconds(position, self._to_numbers(position, cells), column)
-            if len(times) and not is_raw and times[0] > _LATEST_EPOCH:
-                raise CommandError(
-                    f"{self.label} has the time {times[0]:.13g} s in row 1; if these are milliseconds since "
-                    f"1970, write the unit: '{header.name} [ms]'."
-                )
-            if len(times) and not is_raw and is_epoch(float(times[0])) and not is_epoch(start):
-                self.notes.append(describe_epoch(header.text, float(times[0])))
-                times = times - times[0]
-        if len(times) < least:
-            raise CommandError(f"{self.label} has {'fewer than two' if least > 1 else 'no'} rows.")
-        if not len(times):
-            return position, times
-        if max(abs(times[0]), abs(times[-1])) > _LATEST:
-            raise CommandError(f"{self.label} has times beyond {_LATEST:g} s.")
-        if (back := np.flatnonzero(~(np.diff(times) >= 0.0))).size:
-            row = int(back[0]) + 1
-            raise CommandError(
-                f"{self.label} has the time {times[row]:.9g} s in row {row + 1}, after "
-                f"{times[row - 1]:.9g} s; times must not decrease.",
-                row=row + 1,
-            )
-        if least > 1 and not times[-1] > times[0]:
-            raise CommandError(
-                f"{self.label} has the time {times[0]:.9g} s in all rows; times must increase."
-            )
-        return position, times
-
     def find(self, name: str) -> int | None:
         """Return the position of a column by its whole header or by its name, None if there is none.
 
@@ -350,53 +294,8 @@ class DataTable:
         if has_gaps:
             bad = numbers.is_null() & ~(column.is_null() | (column.cast(polars.String) == "").fill_null(True))
         if (row := bad.arg_max()) is not None and bad[row]:
-            raise self._bad(position, row, self.cells(position, as_text=True)[row])
+            raise self.wrong_cell(position, row, self.cells(position, as_text=True)[row])
         return numbers.fill_null(np.nan).to_numpy()
-
-    def _in_seconds(self, position: int, numbers: Vector, column: str | None) -> Vector:
-        """Convert times to s. Raise CommandError if their unit is not one of time."""
-        header, label = self.headers[position], f"the time '{self.headers[position].text}' of {self.label}"
-        declared = Header.of(column).unit if column is not None and column != header.text else None
-        unit, seconds = parse_data_unit(declared or header.unit, f"the time of {self.label}"), find_unit("s")
-        if unit is None:
-            header.check_unit_like_end(seconds, label, "the time", f"time={header.text}")
-            return numbers
-        try:
-            factor = find_conversion(unit, seconds)
-        except ValueError as error:
-            raise CommandError(f"{label} has {error}; it must be a time.") from error
-        return factor.factor * numbers + factor.offset
-
-    def _clock_times(self, position: int, column: polars.Series) -> Vector | None:
-        """Return the times of a column of clock times, from the first row; None for one of numbers."""
-        label = f"the time '{self.headers[position].text}' of {self.label}"
-        is_text = len(column) and column.dtype == polars.String and is_clock(column[0])
-        if not (is_text or column.dtype.is_temporal()) or not len(column):
-            return None
-        if (missing := column.is_null()).any():
-            raise self._bad(position, int(missing.arg_max() or 0), None)
-        times, meaning = read_clock(column, label) if is_text else seconds_from_first(column)
-        name = self.headers[position].text
-        self.notes.append(f"has {meaning} in '{name}'; t = 0 is {column[0]}, the first row")
-        return times
-
-    def _time_column(self, column: str | None) -> int:
-        if column is not None:
-            for name in (column, Header.of(column).name):
-                if (position := self.find(name)) is not None:
-                    return position
-            raise CommandError(f"{self.label} has no column '{column}'; it has {self.join_names()}.")
-        positions = next(filter(None, map(self._named, TIME_NAMES)), [])
-        if len(positions) != 1:
-            count = "several columns" if positions else "no column"
-            raise CommandError(
-                f"{self.label} has {count} called time or t, but {self.join_names()}; call the column "
-                "of times 'time' (for an input, you can also set time=NAME)."
-            )
-        return positions[0]
-
-    def _named(self, names: Sequence[str]) -> list[int]:
-        return [i for i, header in enumerate(self.headers) if is_time_name(header, names)]
 
     def join_names(self) -> str:
         """Return the names of the first columns for a message."""
@@ -405,7 +304,8 @@ class DataTable:
             names = [*names[:_NAMED], f"{len(names) - _NAMED} more"]
         return join_names(names) if names else "none"
 
-    def _bad(self, position: int, row: int, value: Any) -> CommandError:
+    def wrong_cell(self, position: int, row: int, value: Any) -> CommandError:
+        """Return the error of a cell that is not a number; rows count from 0."""
         text = "nothing" if value is None or str(value).strip() == "" else f"'{str(value)[:40]}'"
         hint = ""
         if row == 0 and isinstance(value, str) and not NUMBER.fullmatch(value):

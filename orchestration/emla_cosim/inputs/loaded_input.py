@@ -9,6 +9,7 @@ from .data_tables import DataTable
 from .headers import Header
 from .input import SHIFT_TO_START, Input
 from .table_files import read_frame, read_table
+from .time_columns import read_times
 
 
 def read_data(source: Input) -> DataTable:
@@ -60,7 +61,7 @@ class LoadedInput:
             CommandError: If they cannot be read.
         """
         data = read_data(source)
-        time, times = data.times(source.time, start, is_raw=source.shift not in (None, SHIFT_TO_START))
+        time, times = read_times(data, source.time, start, source.shift not in (None, SHIFT_TO_START))
         return cls(source, data, time, source.shifted(times, start))
 
 

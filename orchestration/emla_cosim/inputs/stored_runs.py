@@ -13,6 +13,7 @@ from ..recorders.registry import table_names
 from ..system.vectors import find_indices
 from .data_tables import DataTable
 from .table_files import read_table
+from .time_columns import read_times
 
 _REFERENCE = "the run to compare with"
 
@@ -135,4 +136,4 @@ def open_stored_run(place: Path, what: str = _REFERENCE, start: float = 0.0) -> 
     data = read_table(path, what, is_result=is_result)
     if len(data.headers) < 2:
         raise CommandError(f"{what}, '{path}', must have a column of times, and signals.")
-    return StoredRun(path, data, *data.times(start=start, is_raw=is_result, least=0))
+    return StoredRun(path, data, *read_times(data, start=start, is_raw=is_result, least=0))

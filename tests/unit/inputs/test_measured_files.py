@@ -158,7 +158,9 @@ def test_unknown_unit_needs_a_declaration(fmu_folder: Path, tmp_path: Path) -> N
 )
 def test_ambiguous_unit_of_the_time_is_refused(name: str, unit: str) -> None:
     data = {name: [0.0, 1.0], "x": [0.0, 1.0]}
-    message = f"the time '{re.escape(name)}' of the input of data ends like the unit '{unit}'"
+    message = (
+        f"the column '{re.escape(name)}' of the input of data ends like the unit '{unit}', but time is in s"
+    )
     with pytest.raises(CommandError, match=message):
         LoadedInput.of(Input(data=data))
     assert LoadedInput.of(Input(data=data, time=f"{name} [s]")).times.tolist() == [0.0, 1.0]

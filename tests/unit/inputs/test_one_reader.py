@@ -104,7 +104,7 @@ ERRORS = {
     "time,u\n0,1\n1,two\n": "data.csv' has 'two' in row 2 of the column 'u'; it must be a finite number",
     "time,u\n1,1\n0,2\n": "data.csv' has the time 0 s in row 2, after 1 s; times must not decrease",
     "when,u\n1,1\n0,2\n": "data.csv' has no column called time or t",
-    "time_ms,u\n0,1\n1,2\n": "ends like the unit 'ms', but the time is in s; write",
+    "time_ms,u\n0,1\n1,2\n": "ends like the unit 'ms', but time is in s; write",
     "time,u [m]\n0,1\n1,2\n": "has the units m and N, which cannot be converted into each other",
 }
 

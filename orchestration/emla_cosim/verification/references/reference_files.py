@@ -127,11 +127,12 @@ def read_columns(
         CommandError: The file is not a table of values of the variables, or times decrease.
     """
     from ...inputs.table_files import read_table  # loads polars, which FMUs without references do not need
+    from ...inputs.time_columns import read_times
 
     data = read_table(path, what)
     variables = interface.variables if interface is not None else {}
     data.match_names(lambda name: [] if name in variables else find_indices(name, variables) or None)
-    time, times = data.times(least=1)
+    time, times = read_times(data, least=1)
     columns = {"time": times}
     data.load([i for i in range(len(data.headers)) if i != time])
     for position, header in enumerate(data.headers):
