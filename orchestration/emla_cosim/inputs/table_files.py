@@ -79,7 +79,9 @@ def _read_csv(label: str, content: bytes, is_result: bool = False) -> DataTable:
     if len(layout.names) == 1 and layout.first and is_list(layout.first[0]):
         raise CommandError(f"{label} has columns separated by spaces; use commas, semicolons or tabs.")
     names = [f"column_{i}" for i in range(len(layout.names))]
-    rows = content[layout.begin :].lstrip(b"\n")
+    rows = content[layout.begin :]
+    if rows.startswith(b"\n"):
+        rows = rows.lstrip(b"\n")
 
     def read(positions: Sequence[int], as_text: bool) -> Sequence[polars.Series]:
         first_error: Exception | None = None
