@@ -10,9 +10,9 @@ from ..base.arrays import Vector
 from ..base.errors import CommandError, join_names
 from ..base.units import SiUnit
 from ..base.wording import format_count
-from ..inputs.column_bindings import convert_column, find_column, match_headers
+from ..inputs.column_bindings import find_column, match_headers
 from ..inputs.input import Column, Input
-from ..inputs.wired_inputs import LoadedInput
+from ..inputs.loaded_input import LoadedInput
 
 FindSignal = Callable[[str], tuple[str, SiUnit | None]]
 """Function that returns full name and unit of a signal, or raises CommandError."""
@@ -52,7 +52,7 @@ class MeasuredSignal:
 
 
 def read_measurements(
-    sources: Sequence[Input], find_signal: FindSignal, label: str
+    sources: Sequence[Input], find_signal: FindSignal, label: str, start: float = 0.0
 ) -> tuple[list[MeasuredSignal], list[str]]:
     """Return the measured signals of an experiment, and what the user should know of how they were read.
 
@@ -60,6 +60,7 @@ def read_measurements(
         sources: the measured data.
         find_signal: returns full name and unit of a signal, or raises CommandError for an unknown one.
         label: what messages call the experiment.
+        start: start of the run in s.
 
     Raises:
         CommandError: A file cannot be read, a column is missing, does not vary, or has another quantity.
@@ -67,7 +68,7 @@ def read_measurements(
     found, notes = list[MeasuredSignal](), list[str]()
     for source in sources:
         _check_settings(source)
-        loaded = LoadedInput.of(source)
+        loaded = LoadedInput.of(source, start)
         notes += [f"{source.label} {note}." for note in loaded.data.notes]
         if (gaps := _count_gaps(loaded.times)) > 0:
             notes.append(f"{source.label} has {format_count(gaps, 'gap')} in its times.")
@@ -81,11 +82,11 @@ def read_measurements(
                 raise CommandError(
                     f"{source.label} has a derivative for {signal}; compare the column itself.", signal=signal
                 )
-            between, is_assumed = convert_column(loaded.data, position, column, signal, unit)
+            values, is_assumed = loaded.data.in_unit(position, signal, unit, column.unit)
             text = f"the column '{loaded.data.headers[position].text}' of {source.label}"
             if is_assumed:
                 notes.append(f"{text} has no unit and is read in {unit}.")
-            values = between.factor * loaded.data.numbers(position) + between.offset
+
             if np.ptp(values) == 0.0:
                 raise CommandError(f"{text} does not vary: it tells nothing of {signal}.", signal=signal)
             if any(one.signal == signal for one in found):
@@ -116,12 +117,10 @@ def _find_columns(
     for _, header in match_headers(source, loaded.data, loaded.time):
         if header.name in asked:
             continue
-        names = [header.name] if header.suffix is None else [header.name, header.suffix.name]
-        signal = next((name for name in names if _is_signal(name, find_signal)), None)
-        if signal is None:
-            idle.append(header.name)
+        if _is_signal(header.name, find_signal):
+            asked[header.name] = Column(header.text)
         else:
-            asked[signal] = Column(header.text)
+            idle.append(header.name)
     if not asked:
         raise CommandError(
             f"{source.label} has no column that is called as a signal; write "
@@ -139,11 +138,16 @@ def _is_signal(name: str, find_signal: FindSignal) -> bool:
     return True
 
 
-def read_drivers(sources: Sequence[Input]) -> dict[str, tuple[Vector, Vector]]:
-    """Return times and values of the columns of numbers that drive inputs, by signal."""
+def read_drivers(sources: Sequence[Input], start: float = 0.0) -> dict[str, tuple[Vector, Vector]]:
+    """Return times and values of the columns of numbers that drive inputs, by signal.
+
+    Args:
+        sources: the data of the inputs.
+        start: start of the run in s.
+    """
     found = dict[str, tuple[Vector, Vector]]()
     for source in sources:
-        loaded = LoadedInput.of(source)
+        loaded = LoadedInput.of(source, start)
         columns = {h.name: Column(h.text) for _, h in match_headers(source, loaded.data, loaded.time)}
         for signal, column in {**columns, **source.signals}.items():
             with suppress(CommandError):  # it drives nothing and may have texts

@@ -207,9 +207,10 @@ def _prepare(plan: IdentificationPlan, reporter: Progress) -> _Task:
             units[signal] = unit
             return signal, unit
 
-        found, told = read_measurements(one.measured, find_signal, label)
+        begin = preparation.options.start_time or 0.0
+        found, told = read_measurements(one.measured, find_signal, label, begin)
         given = {find_signal(name)[0]: value for name, value in plan.sigma.items()}
-        drivers.append(read_drivers(scenario.options.input))
+        drivers.append(read_drivers(scenario.options.input, begin))
         notes += [note for note in told if note not in notes]
         late = any(DELAY in name for name in plan.vary)
         used = replace(preparation.options, require=[], **_times(preparation.options, found, late))

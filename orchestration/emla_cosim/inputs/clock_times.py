@@ -1,7 +1,7 @@
 """Clock times and dates, as measurement computers write them, converted to seconds from the first row."""
 
 import re
-from datetime import date
+from datetime import UTC, date, datetime
 
 import numpy as np
 import polars
@@ -10,30 +10,49 @@ from ..base.arrays import Vector
 from ..base.errors import CommandError
 
 _CLOCK = (
-    r"(?i)^\s*(?:(?P<date>[0-9]{1,4}[-./][0-9]{1,2}[-./][0-9]{1,4})(?:\s*[T,;_ ]\s*))?"
-    r"(?P<hour>[0-9]{1,2}):(?P<minute>[0-5][0-9]):(?P<second>[0-5][0-9])(?:[.,](?P<fraction>[0-9]{1,9}))?"
-    r"\s*(?P<half>[ap]\.?m\.?)?\s*(?P<zone>Z|UTC|[-+][0-9]{2}:?[0-9]{2})?\s*$"
+    r"^\s*(?:(?P<date>[0-9]{1,4}[-./][0-9]{1,2}[-./][0-9]{1,4}|[0-9]{8})(?:\s*[T,;_ ]\s*|$))?"
+    r"(?:(?P<hour>[0-9]{1,2}):?(?P<minute>[0-5][0-9])"
+    r"(?::?(?P<second>[0-5][0-9])(?:[.,](?P<fraction>[0-9]{1,9}))?)?"
+    r"\s*(?P<half>[ap]\.?m\.?)?\s*(?P<zone>Z|UTC|[-+][0-9]{2}:?[0-9]{2})?)?\s*$"
 )
-_CLOCK_TEXT = re.compile(_CLOCK.removeprefix("(?i)"), re.IGNORECASE)
-_DATE = re.compile(r"([0-9]{1,4})([-./])([0-9]{1,2})\2([0-9]{1,4})")
-_DATE_TEXT = re.compile(r"\s*[0-9]{1,4}([-./])[0-9]{1,2}\1[0-9]{2,4}\s*")
+_CLOCK_TEXT = re.compile(_CLOCK, re.IGNORECASE)
+_DATE = re.compile(r"([0-9]{4})()([0-9]{2})()([0-9]{2})|([0-9]{1,4})([-./])([0-9]{1,2})\7([0-9]{1,4})")
+_PLAIN = re.compile(r"\s*[-+.,0-9eE]*\s*")
+"""A number, or nothing."""
 
 _DAY = 86_400_000_000_000
 """A day in ns."""
 
-
-def is_date(text: str) -> bool:
-    """Return whether a text is a date, or a clock time with or without one."""
-    return bool(_CLOCK_TEXT.fullmatch(text) or _DATE_TEXT.fullmatch(text))
+_EPOCH = 1e9, 5e9
+"""Times in s that are taken as seconds since 1970: those of the years 2001 to 2128."""
 
 
 def is_clock(text: object) -> bool:
-    """Return whether a text is a clock time, with or without a date."""
-    return isinstance(text, str) and _CLOCK_TEXT.fullmatch(text) is not None
+    """Return whether a text is a clock time, a date, or both; numbers are neither."""
+    return isinstance(text, str) and not is_plain(text) and _CLOCK_TEXT.fullmatch(text) is not None
 
 
-def read_clock(texts: polars.Series, label: str) -> Vector:
-    """Return the times of a column of clock times in s, from the first row.
+def is_plain(text: str) -> bool:
+    """Return whether a text is empty or one number: at most one separator, which a date has twice."""
+    return bool(_PLAIN.fullmatch(text)) and not _DATE.fullmatch(text.strip())
+
+
+def is_epoch(time: float) -> bool:
+    """Return whether a time in s is taken as seconds since 1970."""
+    return _EPOCH[0] <= time < _EPOCH[1]
+
+
+def describe_epoch(name: str, first: float) -> str:
+    """Return the note on times that are taken as seconds since 1970."""
+    moment = datetime.fromtimestamp(first, UTC).replace(tzinfo=None).isoformat(" ", "milliseconds")
+    return (
+        f"has seconds since 1970 in '{name}'; t = 0 is {first:.13g} s, {moment.removesuffix('.000')} UTC, "
+        "the first row (for an input, shift=0 keeps them as they are)"
+    )
+
+
+def read_clock(texts: polars.Series, label: str) -> tuple[Vector, str]:
+    """Return the times of a column of clock times in s, from the first row, and what they were read as.
 
     Clock times without a date that go back by more than half a day continue on the next day.
 
@@ -44,40 +63,47 @@ def read_clock(texts: polars.Series, label: str) -> Vector:
     Raises:
         CommandError: If a cell is not a clock time, or a date can be read in two ways.
     """
-    parts = texts.str.extract_groups(_CLOCK).struct.unnest()
-    if (bad := parts["hour"].is_null()).any():
-        row = int(bad.arg_max() or 0)
+    parts = texts.str.extract_groups(f"(?i){_CLOCK}").struct.unnest()
+    dated, timed = parts["date"].is_not_null(), parts["hour"].is_not_null()
+    if not (fits := dated | timed).all():
+        row = int((~fits).arg_max() or 0)
         raise CommandError(
-            f"{label} has '{str(texts[row])[:40]}' in row {row + 1}; write clock times as 12:34:56.789, "
-            "with or without a date such as 2026-05-03 or 03.05.2026.",
+            f"{label} has '{str(texts[row])[:40]}' in row {row + 1}; write clock times as 12:34 or "
+            "12:34:56.789, with or without a date such as 2026-05-03 or 03.05.2026.",
             row=row + 1,
         )
-    hour, minute, second = (parts[name].cast(polars.Int64) for name in ("hour", "minute", "second"))
+    hour, minute, second = (parts[n].fill_null("0").cast(polars.Int64) for n in ("hour", "minute", "second"))
     afternoon = parts["half"].str.to_lowercase().str.starts_with("p")
     hour = (hour % 12 + 12 * afternoon.cast(polars.Int64)).zip_with(parts["half"].is_not_null(), hour)
     fraction = parts["fraction"].fill_null("0").str.pad_end(9, "0").cast(polars.Int64)
-    moments = ((hour * 60 + minute) * 60 + second) * 1_000_000_000 + fraction
-    found = moments.to_numpy().astype(np.int64)
-    if (dated := parts["date"].is_not_null()).any():
+    moments = (((hour * 60 + minute) * 60 + second) * 1_000_000_000 + fraction).to_numpy().astype(np.int64)
+    order = ""
+    if dated.any():
         if not dated.all():
             row = int((~dated).arg_max() or 0)
             raise CommandError(f"{label} has no date in row {row + 1}, but in other rows.", row=row + 1)
-        found = found + _days(parts["date"], label) * _DAY
+        days, order = _days(parts["date"], label)
+        moments = moments + days * _DAY
     else:
-        found = found + np.concatenate([[0], np.cumsum(np.diff(found) < -_DAY // 2)]) * _DAY
+        moments = moments + np.concatenate([[0], np.cumsum(np.diff(moments) < -_DAY // 2)]) * _DAY
     zones = parts["zone"].fill_null("")
     offsets = {zone: _offset(zone) for zone in zones.unique().to_list()}
-    found = found - zones.replace_strict(offsets, return_dtype=polars.Int64).to_numpy()
-    return (found - found[0]) / 1e9
+    moments = moments - zones.replace_strict(offsets, return_dtype=polars.Int64).to_numpy()
+    clock = "clock times" if parts["second"].is_not_null().any() else "hours and minutes"
+    meaning = f"dates{order}" if not timed.any() else f"dates{order} and {clock}" if dated.any() else clock
+    return (moments - moments[0]) / 1e9, meaning
 
 
-def seconds_from_first(column: polars.Series) -> Vector:
-    """Return a column of dates, times or durations in s, from the first row."""
-    physical = column.cast(polars.Datetime("ns")) if column.dtype == polars.Datetime else column
+def seconds_from_first(column: polars.Series) -> tuple[Vector, str]:
+    """Return a column of dates, times or durations in s from the first row, and what they were read as."""
+    kinds = {polars.Date: "dates", polars.Time: "clock times", polars.Duration: "durations"}
+    meaning = kinds.get(column.dtype.base_type(), "dates and clock times")
     if column.dtype == polars.Duration:
-        physical = column.cast(polars.Duration("ns"))
-    numbers = physical.to_physical().to_numpy().astype(np.int64)
-    return (numbers - numbers[0]) / 1e9
+        column = column.cast(polars.Duration("ns"))
+    elif column.dtype != polars.Time:
+        column = column.cast(polars.Datetime("ns"))
+    numbers = column.to_physical().to_numpy().astype(np.int64)
+    return (numbers - numbers[0]) / 1e9, meaning
 
 
 def _offset(zone: str) -> int:
@@ -88,36 +114,38 @@ def _offset(zone: str) -> int:
     return (-1 if zone[0] == "-" else 1) * minutes * 60_000_000_000
 
 
-def _days(dates: polars.Series, label: str) -> np.ndarray:
-    """Return the days of dates, from any day.
+def _days(dates: polars.Series, label: str) -> tuple[np.ndarray, str]:
+    """Return the days of dates, from any day, and the order of day and month if it was concluded.
 
     Raises:
         CommandError: If a date does not exist, or day and month cannot be told apart.
     """
-    different = dates.unique().to_list()
-    if len(different) == 1:
-        return np.zeros(len(dates), np.int64)
-    found = {text: _DATE.fullmatch(text) for text in different}
-    if wrong := next((text for text, match in found.items() if match is None), None):
+    texts = dates.unique(maintain_order=True).to_list()
+    if len(texts) == 1:
+        return np.zeros(len(dates), np.int64), ""
+    matches = {text: _DATE.fullmatch(text) for text in texts}
+    parts = {text: [x for x in m.groups() if x is not None] for text, m in matches.items() if m is not None}
+    if wrong := next((text for text in texts if text not in parts), None):
         raise CommandError(f"{label} has the date '{wrong}'; write 2026-05-03 or 03.05.2026.")
-    slashed = [(int(m[1]), int(m[3])) for m in found.values() if m and m[2] == "/" and len(m[1]) < 4]
+    slashed = [(int(p[0]), int(p[2])) for p in parts.values() if p[1] == "/" and len(p[0]) < 4]
     month_first = any(second > 12 for _, second in slashed)
     if slashed and month_first == any(first > 12 for first, _ in slashed):
         raise CommandError(
-            f"{label} has dates such as '{different[0]}', whose day and month are ambiguous; write "
+            f"{label} has dates such as '{texts[0]}', whose day and month are ambiguous; write "
             "2026-05-03 or 03.05.2026."
         )
-    days = {t: _day(m, month_first and m[2] == "/", label) for t, m in found.items() if m is not None}
-    return dates.replace_strict(days, return_dtype=polars.Int64).to_numpy()
+    days = {text: _day(text, part, month_first and part[1] == "/", label) for text, part in parts.items()}
+    order = f" ({'month/day' if month_first else 'day/month'}/year)" if slashed else ""
+    return dates.replace_strict(days, return_dtype=polars.Int64).to_numpy(), order
 
 
-def _day(found: re.Match[str], month_first: bool, label: str) -> int:
-    first, second, third = (int(found[i]) for i in (1, 3, 4))
-    if len(found[1]) == 4:
+def _day(text: str, parts: list[str], month_first: bool, label: str) -> int:
+    first, second, third = int(parts[0]), int(parts[2]), int(parts[-1])
+    if len(parts[0]) == 4:
         year, month, day = first, second, third
     else:
         year, month, day = third, *((first, second) if month_first else (second, first))
     try:
         return date(year + 2000 if year < 100 else year, month, day).toordinal()
     except ValueError as error:
-        raise CommandError(f"{label} has the date '{found[0]}', which does not exist.") from error
+        raise CommandError(f"{label} has the date '{text}', which does not exist.") from error

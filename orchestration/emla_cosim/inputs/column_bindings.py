@@ -9,14 +9,15 @@ from fmublock.table import TYPES
 
 from ..base.errors import CommandError, join_names
 from ..base.patterns import matches_pattern
-from ..base.quantities import resolve_conversion
 from ..base.signal_types import REAL, SignalType
 from ..base.units import IDENTITY, LinearTransformation, SiUnit
+from ..base.wording import format_count
 from ..fmu.interface import Interface
 from ..fmu.variables import find_variable
 from ..system.model import System
+from ..system.vectors import find_indices
 from .data_tables import DataTable
-from .headers import Header, is_same_unit, parse_data_unit, rate_of, read_suffix
+from .headers import Header
 from .input import Column, Input
 
 
@@ -66,17 +67,26 @@ def bind_columns(
     Raises:
         CommandError: If a signal or column does not exist, units do not fit, or there are no bindings.
     """
-    chosen = {signal: find_column(source, data, column) for signal, column in source.signals.items()}
+    data.match_names(lambda name: _find_elements(name, system, interfaces))
+    chosen: dict[str, tuple[int, Column]] = {}
+    for signal, column in source.signals.items():
+        for element, part in _split_list(signal, column, data, system, interfaces).items():
+            chosen[element] = find_column(source, data, part)
     idle = []
     for position, header in match_headers(source, data, time):
         if header.name in chosen:
             continue
-        names = [header.name] if header.suffix is None else [header.name, header.suffix.name]
-        signal = next((name for name in names if _is_driven(name, system, interfaces)), None)
-        if signal is not None:
-            data.find(header.text)  # raises CommandError if it is not unique
-            chosen[signal] = position, Column(header.text, header.unit)
-        else:
+        if _is_driven(header.name, system, interfaces):
+            data.find(header.name)  # raises CommandError if it is not unique
+            chosen[header.name] = position, Column(header.name, header.unit)
+        elif header.unit_like_end is not None and _is_driven(header.unit_like_end[0], system, interfaces):
+            signal, unit = header.unit_like_end
+            raise CommandError(
+                f"the column '{header.text}' of {data.label} ends like the unit '{unit}'; write its name as "
+                f"'{signal} [{unit}]', or declare it with '{signal}={header.text} [{unit}]'.",
+                signal=signal,
+            )
+        elif header.name:
             idle.append(header.name)
     if not chosen and source.columns:
         raise CommandError(
@@ -84,11 +94,11 @@ def bind_columns(
         )
     if not chosen:
         raise CommandError(_unmatched_error(source, data, time, system, interfaces))
-    found = [
-        _bind_column(signal, position, column, source, data, system, interfaces)
+    bindings = [
+        _bind_column(signal, position, column, data, system, interfaces)
         for signal, (position, column) in chosen.items()
     ]
-    return found, idle
+    return bindings, idle
 
 
 def match_headers(source: Input, data: DataTable, time: int) -> list[tuple[int, Header]]:
@@ -103,50 +113,78 @@ def match_headers(source: Input, data: DataTable, time: int) -> list[tuple[int, 
     if not source.columns:
         return [] if source.signals else others
     for pattern in source.columns:
-        if not any(_matches(h, pattern) for _, h in others):
-            near = difflib.get_close_matches(pattern, [h.name for _, h in others], n=3, cutoff=0.5)
-            meant = f"; did you mean {' or '.join(near)}?" if near else "."
-            raise CommandError(f"{data.label} has no column '{pattern}'{meant}", name=pattern, near=near)
-    return [(i, h) for i, h in others if any(_matches(h, p) for p in source.columns)]
+        if not any(matches_pattern(h.name, pattern) for _, h in others):
+            raise _no_column(data, pattern)
+    return [(i, h) for i, h in others if any(matches_pattern(h.name, p) for p in source.columns)]
 
 
-def _matches(header: Header, pattern: str) -> bool:
-    return matches_pattern(header.name, pattern) or (
-        header.suffix is not None and matches_pattern(header.suffix.name, pattern)
-    )
-
-
-def find_column(source: Input, data: DataTable, asked: Column) -> tuple[int, Column]:
+def find_column(source: Input, data: DataTable, column: Column) -> tuple[int, Column]:
     """Return the position of a column, and its unit and order separate from its name.
 
     Raises:
         CommandError: If there is no such column, or its unit contradicts the header.
     """
-    text, order, unit = asked.column.strip(), asked.derivative, asked.unit
+    text, order, unit = column.column.strip(), column.derivative, column.unit
     position = data.find(text)
     while position is None and text.startswith("der(") and text.endswith(")"):
         text, order = text[4:-1].strip(), order + 1
         position = data.find(text)
-    named = Header.of(text)
+    header = Header.of(text)
     if position is None:
-        position, unit = data.find(named.name), unit if unit is not None else named.unit
+        position, unit = data.find(header.name), unit if unit is not None else header.unit
     if position is None:
-        names = [h.name for h in data.headers]
-        near = difflib.get_close_matches(named.name, names, n=3, cutoff=0.5)
-        meant = f"did you mean {' or '.join(near)}?" if near else f"it has {join_names(names[:8])}."
-        raise CommandError(f"{data.label} has no column '{named.name}'; {meant}", name=named.name, near=near)
-    there = data.headers[position].unit
-    if unit is not None and there is not None and not is_same_unit(unit, there):
-        raise CommandError(
-            f"the column '{data.headers[position].text}' of {data.label} is declared to be in {unit}; its "
-            "header says otherwise."
-        )
+        raise _no_column(data, header.name)
     if order > 0 and source.interpolation != "cubic":
         raise CommandError(
-            f"a derivative of '{named.name}' of {data.label} needs cubic interpolation; "
+            f"a derivative of '{header.name}' of {data.label} needs cubic interpolation; "
             'set interpolation = "cubic".'
         )
-    return position, dataclasses.replace(asked, unit=unit or there, derivative=order)
+    return position, dataclasses.replace(column, unit=data.find_unit(position, unit), derivative=order)
+
+
+def _no_column(data: DataTable, name: str) -> CommandError:
+    near = difflib.get_close_matches(name, [h.name for h in data.headers], n=3, cutoff=0.5)
+    hint = f"did you mean {' or '.join(near)}?" if near else f"it has {data.join_names()}."
+    return CommandError(f"{data.label} has no column '{name}'; {hint}", name=name, near=near)
+
+
+def _find_elements(name: str, system: System, interfaces: Mapping[str, Interface]) -> list[str] | None:
+    """Return the indices of the elements of an array, none of a scalar; None for no variable."""
+    try:
+        component, variable = system.split(name)
+    except CommandError:
+        return None
+    variables = interfaces[component.name].variables
+    if variable in component.aliases or variable in variables:
+        return []
+    return find_indices(variable, variables) or None
+
+
+def _split_list(
+    signal: str, column: Column, data: DataTable, system: System, interfaces: Mapping[str, Interface]
+) -> dict[str, Column]:
+    """Return the columns of the elements by signal if a column has lists, otherwise the column itself.
+
+    Raises:
+        CommandError: If the array has another number of elements.
+    """
+    header = Header.of(column.column)
+    names = data.find_list(column.column) or data.find_list(header.name)
+    indices = _find_elements(signal, system, interfaces) or []
+    if not names and len(indices) < 2:
+        return {f"{signal}{indices[0]}" if indices else signal: column}
+    if len(names) != len(indices):
+        numbers = format_count(max(len(names), 1), "number")
+        raise CommandError(
+            f"the column '{column.column}' of {data.label} has {numbers} in each cell, but {signal} has "
+            f"{format_count(max(len(indices), 1), 'element')}.",
+            signal=signal,
+        )
+    unit = column.unit if column.unit is not None else header.unit
+    return {
+        f"{signal}{index}": dataclasses.replace(column, column=name, unit=unit)
+        for index, name in zip(indices, names, strict=True)
+    }
 
 
 def _is_driven(name: str, system: System, interfaces: Mapping[str, Interface]) -> bool:
@@ -167,7 +205,7 @@ def _is_driven(name: str, system: System, interfaces: Mapping[str, Interface]) -
 def _unmatched_error(
     source: Input, data: DataTable, time: int, system: System, interfaces: Mapping[str, Interface]
 ) -> str:
-    names = [h.name for i, h in enumerate(data.headers) if i != time]
+    names = [h.name for i, h in enumerate(data.headers) if i != time and h.name]
     signals = [
         f"{c.name}.{v.name}"
         for c in system.components
@@ -188,7 +226,6 @@ def _bind_column(
     signal: str,
     position: int,
     column: Column,
-    source: Input,
     data: DataTable,
     system: System,
     interfaces: Mapping[str, Interface],
@@ -214,9 +251,9 @@ def _bind_column(
         raise CommandError(f"{signal} is discrete; a derivative cannot drive it.", signal=signal)
     if variable.type != "Real" and (column.unit or data.headers[position].unit):
         raise CommandError(f"{signal} is of the type {variable.type}, which has no unit.", signal=signal)
-    transformation, is_assumed = (
-        convert_column(data, position, column, signal, unit) if variable.type == "Real" else (IDENTITY, False)
-    )
+    transformation, is_assumed = IDENTITY, False
+    if variable.type == "Real":
+        transformation, is_assumed = data.conversion(position, signal, unit, column.unit, column.derivative)
     return ColumnBinding(
         signal,
         *end,
@@ -231,40 +268,14 @@ def _bind_column(
     )
 
 
-def convert_column(
-    data: DataTable, position: int, column: Column, signal: str, unit: SiUnit | None
-) -> tuple[LinearTransformation, bool]:
-    """Return the conversion of a column to the unit of a signal, and whether the column has no unit.
-
-    Args:
-        data: The table.
-        position: The position of the column.
-        column: The column as `find_column` returns it.
-        signal: The signal.
-        unit: Its unit.
-
-    Raises:
-        CommandError: If the units measure different things.
-    """
-    header = data.headers[position]
-    label = f"the column '{header.text}' of {data.label}"
-    target = rate_of(unit, -column.derivative)
-    measured = parse_data_unit(column.unit, label, target)
-    if measured is None and header.suffix is not None and header.name != signal:
-        measured = read_suffix(header.suffix, target, label, header.text)
-    given = rate_of(measured, column.derivative)
-    transformation = resolve_conversion(given, unit, f"{label} for {signal}")
-    return transformation, given is None and unit is not None
-
-
-def check_single_binding(found: Sequence[ColumnBinding]) -> None:
+def check_single_binding(bindings: Sequence[ColumnBinding]) -> None:
     """Check that each signal has one binding.
 
     Raises:
         CommandError: If two columns drive the same signal.
     """
     seen: set[tuple[str, str]] = set()
-    for one in found:
-        if (one.component, one.variable) in seen:
-            raise CommandError(f"{one.signal} is driven by two columns.", signal=one.signal)
-        seen.add((one.component, one.variable))
+    for binding in bindings:
+        if (binding.component, binding.variable) in seen:
+            raise CommandError(f"{binding.signal} is driven by two columns.", signal=binding.signal)
+        seen.add((binding.component, binding.variable))

@@ -5,13 +5,22 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from .clock_times import is_date
-from .headers import is_dimensionless, is_unit
+from .clock_times import is_clock
+from .headers import Header, is_dimensionless, is_unit
 
 NUMBER = re.compile(r"\s*[-+]?(?:[0-9]+[.,]?[0-9]*|[.,][0-9]+)(?:[eE][-+]?[0-9]+)?\s*")
 DELIMITERS = ";\t,"
-TIME_NAMES = ("time", "t")
-OTHER_TIME_NAMES = ("zeit", "uhrzeit", "zeitstempel", "timestamp", "datetime")
+TIME_NAMES = (("time",), ("t",), ("zeit", "uhrzeit", "zeitstempel", "timestamp", "datetime"))
+"""Names of the column of times in lower case; earlier ones take precedence."""
+
+NOT_FINITE = ("nan", "inf", "-inf")
+"""Numbers that are not finite, in lower case."""
+
+_WORDS = ("", "true", "false", *NOT_FINITE)
+"""Texts that a row of numbers may have."""
+
+_QUOTED = 20
+"""The number of lines that a name may have."""
 
 _SEARCHED = 1000
 """The number of lines among which the first row of numbers is searched."""
@@ -22,18 +31,24 @@ class CsvLayout:
     """The layout of a text file.
 
     Attributes:
+        header: The line with the names of the columns, as it is.
         names: The names of the columns.
         units: The cells of the row of units; empty without such a row.
+        first: The cells of the first row of numbers; empty without rows.
         delimiter: What separates the columns.
         begin: The position of the first row of numbers.
         skipped: The number of lines before the header.
+        between: The number of lines between the header with its units and the numbers.
     """
 
+    header: str
     names: Sequence[str]
     units: Sequence[str]
+    first: Sequence[str]
     delimiter: str
     begin: int
     skipped: int = 0
+    between: int = 0
 
 
 @dataclass(frozen=True)
@@ -46,7 +61,7 @@ def find_layout(content: bytes) -> CsvLayout | None:
     """Return the layout of a text; None if it has no line.
 
     The header is the line above the first row of numbers, or above its row of units. A text without such a
-    place has its header in the first line.
+    row has its header in the first line.
 
     Args:
         content: UTF-8, with line ends of one character.
@@ -58,48 +73,74 @@ def find_layout(content: bytes) -> CsvLayout | None:
         for delimiter in DELIMITERS:
             cells = _split(lines[row].text, delimiter)
             if len(cells) > 1 and _is_row(cells):
-                return _layout_above(lines, row, delimiter, len(cells)) or _first_line_layout(lines)
+                return _layout_above(lines, row, delimiter, cells) or _first_line_layout(lines)
     return _first_line_layout(lines)
+
+
+def is_list(cell: str) -> bool:
+    """Return whether a cell has several numbers, separated by spaces: the elements of an array."""
+    numbers = cell.split()
+    return len(numbers) > 1 and all(NUMBER.fullmatch(number) for number in numbers)
+
+
+def is_time_name(header: Header, names: Sequence[str]) -> bool:
+    """Return whether a header is one of the names of times, with a unit in any form."""
+    end = header.unit_like_end
+    return header.name.lower() in names or (end is not None and end[0].lower() in names)
+
+
+def bare_unit(cell: str) -> str:
+    """Return a cell of the row of units without brackets."""
+    cell = cell.strip()
+    return cell[1:-1].strip() if cell[:1] + cell[-1:] in ("[]", "()") else cell
 
 
 def _first_line_layout(lines: Sequence[_Line]) -> CsvLayout:
     """Return the layout of a text whose first line is the header."""
     header = lines[0].text
     delimiter = next((d for d in DELIMITERS if d in header), DELIMITERS[-1])
-    names, begin = _split(header, delimiter), lines[0].end
-    if len(lines) > 1 and len(cells := _split(lines[1].text, delimiter)) == len(names) and _is_units(cells):
-        return CsvLayout(names, cells, delimiter, lines[1].end)
-    return CsvLayout(names, (), delimiter, begin)
+    names, units, end = _split(header, delimiter), list[str](), lines[0].end
+    rows = [_split(line.text, delimiter) for line in lines[1:3]]
+    if rows and len(rows[0]) == len(names) and _is_units(rows[0]):
+        units, end, rows = rows[0], lines[1].end, rows[1:]
+    return CsvLayout(header, names, units, rows[0] if rows else (), delimiter, end)
 
 
-def _layout_above(lines: Sequence[_Line], row: int, delimiter: str, width: int) -> CsvLayout | None:
+def _layout_above(lines: Sequence[_Line], row: int, delimiter: str, first: Sequence[str]) -> CsvLayout | None:
     """Return the layout whose first row of numbers is this one; None if there is no header above it."""
     above = []
     while len(above) < row:
         cells = _split(lines[row - len(above) - 1].text, delimiter)
-        if len(cells) != width or any(NUMBER.fullmatch(c) or is_date(c) for c in cells):
+        if len(cells) != len(first) or any(NUMBER.fullmatch(c) or is_clock(c) for c in cells):
             break
         above.append(cells)
     if not above:
         return None
-    has_units = len(above) > 1 and _is_units(above[0])
-    place = 1 if has_units else 0
-    times = [i for i, cells in enumerate(above) if any(_is_time_name(c) for c in cells)]
-    if len(times) == 1:
-        place = times[0]
-        has_units = place == 1 and _is_units(above[0])
-    header = row - 1 - place
-    begin = lines[header + has_units].end
-    return CsvLayout(above[place], above[0] if has_units else (), delimiter, begin, header)
+    times = [i for i, cells in enumerate(above) if any(_is_any_time_name(c) for c in cells)]
+    header = times[0] if len(times) == 1 else int(len(above) > 1 and _is_units(above[0]))
+    has_units = header > 0 and _is_units(above[header - 1])
+    line = row - 1 - header
+    return CsvLayout(
+        lines[line].text,
+        above[header],
+        above[header - 1] if has_units else (),
+        first,
+        delimiter,
+        lines[row - 1].end,
+        line,
+        header - has_units,
+    )
 
 
-def _is_time_name(cell: str) -> bool:
-    return re.split(r"[\s\[(/,_]", cell.lower())[0] in (*TIME_NAMES, *OTHER_TIME_NAMES)
+def _is_any_time_name(cell: str) -> bool:
+    return any(is_time_name(Header.of(cell), names) for names in TIME_NAMES)
 
 
 def _is_row(cells: Sequence[str]) -> bool:
     """Return whether cells are those of a row of numbers, of which some may be missing."""
-    return bool(cells[0] or cells[1]) and all(not c or NUMBER.fullmatch(c) or is_date(c) for c in cells)
+    return bool(cells[0] or cells[1]) and all(
+        NUMBER.fullmatch(c) or c.lower() in _WORDS or is_clock(c) or is_list(c) for c in cells
+    )
 
 
 def _is_units(cells: Sequence[str]) -> bool:
@@ -110,25 +151,35 @@ def _is_units(cells: Sequence[str]) -> bool:
     )
 
 
-def bare_unit(cell: str) -> str:
-    """Return a cell of the row of units without brackets."""
-    cell = cell.strip()
-    return cell[1:-1].strip() if cell[:1] + cell[-1:] in ("[]", "()", "<>") else cell
-
-
 def _split(line: str, delimiter: str) -> list[str]:
-    return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter), [])]
+    cells = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
+    return [cell.strip() for cell in cells]
 
 
 def _first_lines(content: bytes) -> list[_Line]:
-    """Return the first lines that are neither blank nor comments."""
-    found: list[_Line] = []
+    """Return the first lines that are neither blank nor comments; a line break in quotes ends no line."""
+    lines: list[_Line] = []
     begin = 0
-    while begin < len(content) and len(found) < _SEARCHED:
-        end = content.find(b"\n", begin)
-        end = len(content) if end < 0 else end + 1
-        line = content[begin:end].strip(b" \r\n\f\v")
+    while begin < len(content) and len(lines) < _SEARCHED:
+        end = _end_of_line(content, begin)
+        line = content[begin:end]
+        if line.count(b'"') % 2 and (last := _end_of_quotes(content, begin)):
+            end, line = last, content[begin:last]
         if line.strip() and not line.startswith(b"#"):
-            found.append(_Line(line.decode(), end))
+            lines.append(_Line(line.rstrip(b"\r\n").decode(), end))
         begin = end
-    return found
+    return lines
+
+
+def _end_of_line(content: bytes, begin: int) -> int:
+    return content.find(b"\n", begin) + 1 or len(content)
+
+
+def _end_of_quotes(content: bytes, begin: int) -> int | None:
+    """Return the end of the line in which quotes end, None if they do not: they may be inches."""
+    end = begin
+    for _ in range(_QUOTED):
+        end = _end_of_line(content, end)
+        if content[begin:end].count(b'"') % 2 == 0:
+            return end
+    return None

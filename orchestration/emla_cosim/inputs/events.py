@@ -9,8 +9,8 @@ import numpy as np
 from ..base.arrays import Vector
 from ..base.errors import CommandError
 from ..system.fault import Fault
-from .data_tables import read_data
 from .input import Input
+from .loaded_input import LoadedInput
 from .schedules import SCHEDULES
 
 MOST = 100_000
@@ -18,7 +18,11 @@ MOST = 100_000
 
 
 def input_events(
-    sources: Sequence[Input], faults: Sequence[Fault], parameters: Mapping[str, float], stop: float
+    sources: Sequence[Input],
+    faults: Sequence[Fault],
+    parameters: Mapping[str, float],
+    start: float,
+    stop: float,
 ) -> list[float]:
     """Return the times at which inputs jump or bend, in s and in no order.
 
@@ -26,50 +30,45 @@ def input_events(
         sources: The inputs. Held values jump at rows that differ from the row before.
         faults: The faults, which begin and end.
         parameters: All parameters by full name, for `SCHEDULES`.
+        start: The start time in s.
         stop: The stop time in s.
     """
-    found = [t for schedule in SCHEDULES for t in schedule(parameters)]
+    events = [t for schedule in SCHEDULES for t in schedule(parameters)]
     for fault in faults:
-        found += [fault.start, fault.start + (math.inf if fault.duration is None else fault.duration)]
+        events += [fault.start, fault.start + (math.inf if fault.duration is None else fault.duration)]
     for source in sources:
+        loaded = LoadedInput.of(source, start)
+        times = loaded.times
         if source.interpolation == "held":
-            found += _repeat_jumps(source, _jumps(source), stop)
-        elif (times := _times(source)).size:
-            found += [float(times[0]), float(times[-1])]
-            if (events := times[1:][np.diff(times) == 0.0]).size:  # rows with the same time
-                found += _repeat_jumps(source, events, stop)
-    return [t for t in found if math.isfinite(t)]
+            events += _repeat_jumps(source, times, _jumps(loaded), stop)
+        else:
+            events += [float(times[0]), float(times[-1])]
+            if (jumps := times[1:][np.diff(times) == 0.0]).size:  # rows with the same time
+                events += _repeat_jumps(source, times, jumps, stop)
+    return [t for t in events if math.isfinite(t)]
 
 
 def row_distance(sources: Sequence[Input]) -> float:
     """Return the smallest median distance of rows among the inputs in s; infinity without data."""
-    distances = [np.diff(_times(source)) for source in sources if source.interpolation != "held"]
-    return min((float(np.median(d[d > 0.0])) for d in distances if d.size), default=math.inf)
+    distances = [np.diff(LoadedInput.of(s).times) for s in sources if s.interpolation != "held"]
+    return min((float(np.median(d[d > 0.0])) for d in distances), default=math.inf)
 
 
-def _times(source: Input) -> Vector:
-    return read_data(source).times(source.time)[1]
-
-
-def _jumps(source: Input) -> Vector:
+def _jumps(loaded: LoadedInput) -> Vector:
     """Return the times of rows that differ from the row before in a column of numbers."""
-    data = read_data(source)
-    position, times = data.times(source.time)
-    differs = np.zeros(len(times), dtype=bool)
-    for other in range(len(data.headers)):
-        if other != position:
+    differs = np.zeros(len(loaded.times), dtype=bool)
+    for position in range(len(loaded.data.headers)):
+        if position != loaded.time:
             with contextlib.suppress(CommandError):  # a column of texts drives nothing
-                values = data.numbers(other)
+                values = loaded.data.numbers(position)
                 differs[1:] |= values[1:] != values[:-1]
-    return times[differs]
+    return loaded.times[differs]
 
 
-def _repeat_jumps(source: Input, jumps: Vector, stop: float) -> list[float]:
+def _repeat_jumps(source: Input, times: Vector, jumps: Vector, stop: float) -> list[float]:
     """Return the jumps and their repetitions up to the stop time, none if there are too many."""
-    times = _times(source)
-    period = float(times[-1] - times[0]) if len(times) > 1 else 0.0
-    rounds = 0
-    if source.end == "repeat" and period > 0.0 and stop > times[-1]:
+    period, rounds = float(times[-1] - times[0]), 0
+    if source.end == "repeat" and stop > times[-1]:
         rounds = math.ceil((stop - float(times[-1])) / period)
     if (rounds + 1) * (len(jumps) + 1) > MOST:
         return []

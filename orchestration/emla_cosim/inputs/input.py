@@ -7,24 +7,40 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from fmublock.table import ENDS, INTERPOLATIONS
 
+from ..base.arrays import Vector
 from ..base.errors import CommandError, check_choice
 from ..base.files import hash_if_readable
 from ..base.option import FileOrObject
+from ..base.quantities import parse_quantity
+from ..base.units import find_unit
 from ..recorders.registry import TABLES
 from .measurement_files import MEASUREMENT_ENDINGS
 
 _TEXTS = (".tsv", ".txt", ".dat")
 """File extensions read as CSV, beside those of `TABLES`."""
 
-_USUAL = {"time": None, "interpolation": "linear", "end": "hold"}
-_SETTINGS = tuple(_USUAL)
+SHIFT_TO_START = "start"
+"""The value of `shift` with which the data begin at the start of the run."""
+
+_DEFAULTS = {"time": None, "interpolation": "linear", "end": "hold", "shift": None}
+_SETTINGS = tuple(_DEFAULTS)
+
+_COMMA = re.compile(r",(?![^\[\]]*\])")
+"""A comma between parts of an input, not one in an index such as `u[1,2]`."""
 
 
 def table_endings() -> tuple[str, ...]:
     """Return the file extensions of tables."""
     return (*(f".{name.lower()}" for name in TABLES), *_TEXTS, *MEASUREMENT_ENDINGS)
+
+
+def is_data(text: str) -> bool:
+    """Return whether a text is an input with a file of data, such as `data.csv:interpolation=held`."""
+    return _parts(text.strip()) is not None
 
 
 def _parts(text: str) -> re.Match[str] | None:
@@ -81,6 +97,8 @@ class Input(FileOrObject):
         time: column with the times, in s if it has no unit. Default: the column called time or t.
         interpolation: values between rows: held, linear or cubic.
         end: values after the last row: hold, repeat or stop (which ends the run).
+        shift: time to add to the times, in s or with a unit, such as "-5 s"; with start, the first row is at
+            the start of the run. With a time, numbers are never taken as seconds since 1970.
         data: instead of a file, a data frame of polars or pandas, or a mapping of names to arrays of shape
             (n,).
 
@@ -103,6 +121,7 @@ class Input(FileOrObject):
     time: str | None = None
     interpolation: str = "linear"
     end: str = "hold"
+    shift: str | float | None = None
     data: Any = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
@@ -121,6 +140,7 @@ class Input(FileOrObject):
         object.__setattr__(self, "signals", signals)
         check_choice("interpolation", self.interpolation, INTERPOLATIONS)
         check_choice("end of an input", self.end, ENDS)
+        self.shifted(np.zeros(1), 0.0)  # raises CommandError if the shift is not a time
 
     @classmethod
     def of_text(cls, text: str) -> "Input":
@@ -132,13 +152,13 @@ class Input(FileOrObject):
         Raises:
             CommandError: the text cannot be read.
         """
-        found = _parts(text.strip())
-        if found is None or not found["rest"]:
-            return cls(Path(found["file"] if found is not None else text.strip()))
+        match = _parts(text.strip())
+        if match is None or not match["rest"]:
+            return cls(Path(match["file"] if match is not None else text.strip()))
         settings = dict[str, str]()
         signals: dict[str, Column] = {}
         columns = []
-        for part in found["rest"].split(","):
+        for part in _COMMA.split(match["rest"]):
             name, equals, value = (x.strip() for x in part.partition("="))
             if not name or (equals and not value):
                 raise CommandError(
@@ -153,7 +173,24 @@ class Input(FileOrObject):
                 settings[name] = value
             else:
                 signals[name] = Column(value)
-        return cls(Path(found["file"]), signals, columns, **settings)
+        return cls(Path(match["file"]), signals, columns, **settings)
+
+    def shifted(self, times: Vector, start: float) -> Vector:
+        """Return times of the data in the time of a run.
+
+        Args:
+            times: Times in the data in s, shape (n,).
+            start: The start of the run in s.
+
+        Raises:
+            CommandError: If the shift is not a time.
+        """
+        if self.shift is None:
+            return times
+        if self.shift == SHIFT_TO_START:
+            return times - times[0] + start
+        shift = parse_quantity(str(self.shift), f"the shift of {self.label}, a time or {SHIFT_TO_START},")
+        return times + shift.in_unit(find_unit("s"), f"the shift of {self.label}")
 
     def within(self, folder: Path) -> "Input":
         """Return the input with its path relative to a folder."""
@@ -173,9 +210,9 @@ class Input(FileOrObject):
         return (read.file, read._settings_text()) == (self.file, self._settings_text())
 
     def __str__(self) -> str:
-        given = {name: getattr(self, name) for name in _SETTINGS}
+        settings = {name: getattr(self, name) for name in _SETTINGS}
         parts = [*(f"{s}={c}" for s, c in self.signals.items()), *self.columns]
-        parts += [f"{name}={x}" for name, x in given.items() if x != _USUAL[name]]
+        parts += [f"{name}={x}" for name, x in settings.items() if x != _DEFAULTS[name]]
         return f"{self.file}:{','.join(parts)}" if parts else str(self.file)
 
     def record(self) -> dict[str, Any]:
@@ -190,5 +227,6 @@ class Input(FileOrObject):
 
     def _settings_text(self) -> dict[str, Any]:
         """Return its settings, without the data."""
-        told = {"signals": {s: str(c) for s, c in self.signals.items()}, "columns": list(self.columns)}
-        return told | {name: getattr(self, name) for name in _SETTINGS}
+        signals = {s: str(c) for s, c in self.signals.items()}
+        settings = {n: getattr(self, n) for n in _SETTINGS if n != "shift" or self.shift is not None}
+        return {"signals": signals, "columns": list(self.columns), **settings}

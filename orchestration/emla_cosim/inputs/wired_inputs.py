@@ -1,58 +1,18 @@
 """Tables in a system: their FMUs and connections."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass, replace
-from functools import cache
-from hashlib import sha256
 from pathlib import Path
 
-import numpy as np
+from fmublock.table import TYPES
 
-from fmublock.errors import BuildError
-from fmublock.table import TYPES, TableColumn, TableContent, TableOutput
-
-from ..base.arrays import Vector
-from ..base.errors import CommandError, RunError
-from ..base.files import CacheError, temporary_folder
 from ..base.wording import find_free_name
 from ..fmu.interface import Interface
-from ..fmu.models import license_text, producer
 from ..system.model import Component, Connection, System
 from .column_bindings import ColumnBinding, bind_columns, check_single_binding
 from .data_names import NAME
-from .data_tables import DataTable, read_data
-from .input import Input
-
-_LARGEST = 1e100
-"""The largest value of a signal; differences and slopes of greater ones can overflow."""
-
-
-@dataclass(frozen=True)
-class LoadedInput:
-    """An input with its data.
-
-    Attributes:
-        source: The input.
-        data: Its table.
-        time: The position of the column of times.
-        times: The times in s.
-    """
-
-    source: Input
-    data: DataTable
-    time: int
-    times: Vector
-
-    @classmethod
-    def of(cls, source: Input) -> "LoadedInput":
-        """Read the data of an input.
-
-        Raises:
-            CommandError: If they cannot be read.
-        """
-        data = read_data(source)
-        return cls(source, data, *data.times(source.time))
+from .loaded_input import LoadedInput
+from .table_fmus import build_cached_fmu
 
 
 @dataclass(frozen=True)
@@ -118,12 +78,12 @@ def wire_inputs(
             )
         places, rest = _places(system, driven)
         for name, part in places.items():
-            fmus[name] = _build_table_fmu(table, [(one, one.variable) for one in part], platforms)
+            fmus[name] = build_cached_fmu(table, [(one, one.variable) for one in part], platforms)
             system = _replace_component(system, name, fmus[name])
         for letter in dict.fromkeys(TYPES[one.type.kind] for one in rest):
             part = [one for one in rest if TYPES[one.type.kind] == letter]
             name = find_free_name(NAME, {x for c in system.components for x in (c.name, c.branch)})
-            fmus[name] = _build_table_fmu(table, [(one, one.signal) for one in part], platforms)
+            fmus[name] = build_cached_fmu(table, [(one, one.signal) for one in part], platforms)
             system = _add_component(system, name, fmus[name], part)
             notes += _describe_partly_replaced(name, part)
     return WiredInputs(system, fmus, notes)
@@ -196,128 +156,3 @@ def _describe_assumed(table: LoadedInput, driven: Sequence[ColumnBinding]) -> st
         f"{table.source.label} has columns without a unit, which are read in the unit of their signal: "
         f"{', '.join(dict.fromkeys(units))}{more}."
     )
-
-
-def _build_table_fmu(
-    table: LoadedInput, driven: Sequence[tuple[ColumnBinding, str]], platforms: Sequence[str]
-) -> Path:
-    """Return the FMU of a table, which is built if necessary.
-
-    Args:
-        table: The input.
-        driven: The bindings, each with the name of its output.
-        platforms: The platforms of the FMU.
-    """
-    from fmublock.table import build_table  # slow to import, and few runs need it
-
-    types = {one.signal: one.type for one, _ in driven}
-    usage = {one.signal: (one.column, _interpolation(table, one), repr(one.type)) for one, _ in driven}
-    usages = {key: types[signal] for signal, key in usage.items()}
-    columns = [
-        TableColumn(table.data.values(position, kind), interpolation)
-        for (position, interpolation, _), kind in usages.items()
-    ]
-    order = list(usages)
-    for one, _ in driven:
-        _check_size(table.data, one, columns[order.index(usage[one.signal])].values)
-    shown = [
-        TableOutput(
-            name,
-            order.index(usage[one.signal]),
-            one.order,
-            one.transformation.factor,
-            one.transformation.offset,
-            one.unit,
-            f"Column '{table.data.headers[one.column].text}'",
-            one.type.kind,
-            one.type.items,
-        )
-        for one, name in driven
-    ]
-    content = TableContent(table.times, columns, shown, table.source.end)
-    kinds = [column.interpolation for column in columns]
-    digest = sha256(repr((shown, table.source.end, kinds, sorted(platforms))).encode())
-    for numbers in (table.times, *(c.values for c in columns)):
-        digest.update(numbers.tobytes())
-    path = _folder() / digest.hexdigest()[:24] / "DataTable.fmu"
-    if path.is_file():
-        return path
-    try:
-        return build_table(content, path, platforms, producer(), license_text())
-    except (BuildError, CacheError) as error:
-        raise RunError(f"the FMU of {table.source.label} could not be built: {error}") from error
-
-
-def _interpolation(table: LoadedInput, one: ColumnBinding) -> str:
-    """Return what is between two rows: a discrete variable has no values between them."""
-    return "held" if one.is_discrete else table.source.interpolation
-
-
-def _check_size(data: DataTable, one: ColumnBinding, values: Vector) -> None:
-    """Raise CommandError for values so large that arithmetic could overflow."""
-    unit = one.transformation
-    with np.errstate(over="ignore"):
-        beyond = ~(np.abs(unit.factor * values + unit.offset) <= _LARGEST)
-    if beyond.any():
-        row, header = int(beyond.argmax()) + 1, data.headers[one.column].text
-        raise CommandError(
-            f"{data.label} has {values[row - 1]:g} in row {row} of the column '{header}', which drives "
-            f"{one.signal}; it must be within -{_LARGEST:g} and {_LARGEST:g} in the unit of the signal.",
-            row=row,
-            column=header,
-        )
-
-
-_fmu_folders = ExitStack()
-
-
-@cache
-def _folder() -> Path:
-    """Return the folder of the tables' FMUs, which is removed when this process ends."""
-    return _fmu_folders.enter_context(temporary_folder("tables"))
-
-
-@dataclass(frozen=True)
-class DataSpan:
-    """The first and the last time of an input in s."""
-
-    label: str
-    first: float
-    last: float
-    end: str
-
-    @classmethod
-    def of(cls, source: Input) -> "DataSpan":
-        """Read the span of an input."""
-        times = LoadedInput.of(source).times
-        return cls(source.label, float(times[0]), float(times[-1]), source.end)
-
-    def check_overlap(self, start: float, stop: float) -> None:
-        """Raise CommandError if the data are all before or all after a run: it would have one value only."""
-        if self.first >= stop:
-            place, remedy = "after", "shift the times of the data"
-        elif self.last <= start and self.end != "repeat":
-            place, remedy = "before", "shift the times of the data, or repeat them"
-        else:
-            return
-        raise CommandError(
-            f"{self.label} has data from {self.first:.9g} to {self.last:.9g} s, {place} the run, from "
-            f"{start:.9g} to {stop:.9g} s; {remedy}."
-        )
-
-    def describe_held(self, start: float, stop: float, step: float) -> str | None:
-        """Return a remark if values hold for more than a step before or after the data; times in s."""
-        held = []
-        if self.first > start + step:
-            held.append(f"the first values hold until {self.first:.9g} s")
-        if self.last < stop - step and self.end == "hold":
-            held.append(f"the last values hold after {self.last:.9g} s")
-        if not held:
-            return None
-        return f"{self.label} does not cover the run, {start:.9g} to {stop:.9g} s: {', and '.join(held)}."
-
-
-def find_data_end(sources: Sequence[Input]) -> float | None:
-    """Return the earliest end in s of inputs that stop the run, None if there are none."""
-    ends = [float(LoadedInput.of(s).times[-1]) for s in sources if s.end == "stop"]
-    return min(ends, default=None)

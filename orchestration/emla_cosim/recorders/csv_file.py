@@ -5,7 +5,6 @@ import csv
 import os
 from collections.abc import Iterator, Sequence
 from io import BytesIO, StringIO
-from itertools import islice
 from pathlib import Path
 from typing import IO, Any
 
@@ -13,7 +12,6 @@ import polars
 
 from ..base.arrays import Vector
 from ..base.files import real_place
-from ..base.signal_types import SignalType
 from .file_table import FileTable
 from .recorder import Outline
 from .typed_frame import frame_rows, typed_frame
@@ -133,13 +131,26 @@ class CsvFile(FileTable):
 
     def open(self) -> None:
         """Read the column names from the file. Raises OSError."""
-        self.names = read_column_names(self.path)
-        self.types = {self.names[i]: SignalType("String") for i in _text_columns(self.path)}
+        with self.path.open("rb") as stream:
+            self.names = next(csv.reader(StringIO(_header(stream).decode("utf-8-sig"), newline="")), [])
 
     def read(self, names: Sequence[str], most: int | None = None) -> dict[str, Vector]:
         """Return columns by name, without those that the file does not have; see `Table.read`."""
         self.drain()
-        return read_csv(self.path, names, most)
+        columns = {name: f"column_{i}" for i, name in enumerate(self.names)}
+        texts = {n: polars.String for n, found in self.types.items() if found.is_text}
+        with self.path.open("rb") as stream:
+            lines = _header(stream).count(b"\n")  # polars keeps doubled quotes in names
+        table = polars.scan_csv(
+            self.path,
+            has_header=False,
+            skip_lines=lines,
+            schema={column: texts.get(name, polars.Float64) for name, column in columns.items()},
+        ).select([columns[n] for n in names if n in columns])
+        if most is not None:
+            table = table.gather_every(max(-(-self.count_stored() // most), 1))
+        frame = table.collect()
+        return {n: frame[columns[n]].to_numpy() for n in names if n in columns}
 
     def _in_place(self) -> bool:
         try:
@@ -173,55 +184,6 @@ def _can_continue(path: Path, header: bytes, length: int, line: bytes) -> bool:
         return begins and stream.read(len(line)) == line
 
 
-def read_csv(path: Path, names: Sequence[str], most: int | None = None) -> dict[str, Vector]:
-    """Return columns of a results.csv by name, without those that the file does not have.
-
-    Args:
-        path: The file.
-        names: Names of the columns.
-        most: If the file has more rows, only every n-th row is read, to save memory.
-    """
-    with path.open("rb") as stream:
-        header = _header(stream)
-    present = _names(header)
-    columns = {name: f"column_{i}" for i, name in enumerate(present)}
-    chosen = {n: columns[n] for n in names if n in columns}
-    every = 1 if most is None else max(-(-(_lines(path) - header.count(b"\n")) // most), 1)
-    source = path if most is None else _thin_lines(path, every)
-    texts = _text_columns(path)
-    kinds = {c: polars.String if i in texts else polars.Float64 for i, c in enumerate(columns.values())}
-    frame = polars.read_csv(  # without the header, in which polars keeps doubled quotes
-        source,
-        has_header=False,
-        skip_rows=1,
-        columns=list(chosen.values()),
-        schema=kinds,
-    )
-    return {name: frame[column].to_numpy() for name, column in chosen.items()}
-
-
-def _text_columns(path: Path) -> set[int]:
-    """Return the positions of the columns whose first value is quoted."""
-    with path.open("rb") as stream:
-        _header(stream)
-        line = stream.readline().decode("utf-8", "replace")
-    try:
-        row = next(csv.reader([line], quoting=csv.QUOTE_NONNUMERIC), [])
-    except ValueError:  # an unquoted value that is no number
-        return set()
-    return {i for i, value in enumerate(row) if isinstance(value, str)}
-
-
-def read_column_names(path: Path) -> list[str]:
-    """Return the column names of a results.csv. Raises OSError; UnicodeDecodeError if it is not UTF-8."""
-    with path.open("rb") as stream:
-        return _names(_header(stream))
-
-
-def _names(header: bytes) -> list[str]:
-    return next(csv.reader(StringIO(header.decode("utf-8-sig"), newline="")), [])
-
-
 def _header(stream: IO[bytes]) -> bytes:
     """Read the first row of a file. It has several lines if a name contains line breaks."""
     header = stream.readline()
@@ -244,11 +206,3 @@ def _length_of_lines(stream: IO[bytes]) -> int:
             return begin + last + 1
         end = begin
     return 0
-
-
-def _thin_lines(path: Path, every: int) -> bytes:
-    """Read the header and every n-th line after it, without an incomplete last line."""
-    with path.open("rb") as stream:
-        header = _header(stream)
-        rows = stream.read() if every == 1 else b"".join(islice(stream, 0, None, every))
-    return header + rows[: rows.rfind(b"\n") + 1]

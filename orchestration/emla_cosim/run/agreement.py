@@ -7,12 +7,13 @@ import numpy as np
 
 from ..base.arrays import Vector
 from ..base.errors import CommandError
+from ..base.signal_types import SignalType
 from ..recorders.tubes.signal_check import compare_signal, describe_departure, select_outside
 from ..recorders.tubes.signal_comparison import Comparison
 from ..recorders.tubes.tolerance import Tolerance, find_tolerance
 
 if TYPE_CHECKING:  # importing it loads polars
-    from ..recorders.stored import StoredRun
+    from ..inputs.stored_runs import StoredRun
 
 _NAMED = 3
 """Most signals to name in a message; run.json has all."""
@@ -20,6 +21,7 @@ _NAMED = 3
 
 def find_common_signals(names: Sequence[str], stored: "StoredRun") -> list[str]:
     """Return the signals that both have. Raise CommandError if there are none."""
+    stored.match_names(names)
     known = set(stored.names)
     found = [name for name in names if name in known]
     if not found:
@@ -37,6 +39,7 @@ def compare_with_stored(
     stored: "StoredRun",
     tolerance: Mapping[str, Tolerance],
     discrete: Collection[str] = (),
+    types: Mapping[str, SignalType] | None = None,
 ) -> tuple[Comparison, ...]:
     """Compare all common signals over the common time.
 
@@ -47,12 +50,14 @@ def compare_with_stored(
         stored: Run to compare with.
         tolerance: Tolerances by name or pattern.
         discrete: Names of the signals that hold between rows.
+        types: Types of the signals by name; Real without an entry.
 
     Returns:
         The comparisons, in the order of `kept`.
     """
     names = find_common_signals(kept, stored)
-    found, reference = read(["time", *names]), stored.read(["time", *names])
+    found = read(["time", *names])
+    reference = stored.read(["time", *names], units=units, types=types)
     for table, where in ((found, "the result"), (reference, f"the reference run '{stored.path}'")):
         if not len(table["time"]):
             raise CommandError(f"{where} has no rows.")

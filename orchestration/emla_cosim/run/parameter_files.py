@@ -11,9 +11,10 @@ from ..base.units import SiUnit
 from ..base.wording import format_count
 from ..fmu.interface import Interface
 from ..fmu.variables import convert_start_value
-from ..inputs.data_tables import DataTable, read_table
-from ..inputs.headers import Header, parse_data_unit
+from ..inputs.data_tables import DataTable
+from ..inputs.headers import parse_data_unit
 from ..inputs.input import table_endings
+from ..inputs.table_files import read_table
 from ..ssp.documents.parameter_sets import parse_parameter_set
 from ..ssp.reader.shapes import explain_shape
 from ..system.model import System, Value
@@ -56,8 +57,7 @@ def structural_file_values(
         return {p.name: p.value for p in parameters if names.is_structural(p.name)}
     data, values = read_table(file, "the parameter table"), dict[str, Value]()
     for position, header in enumerate(data.headers):
-        texts = (header.name, header.suffix.name if header.suffix is not None else header.name)
-        if any(names.is_structural(name) for name in texts):
+        if names.is_structural(header.name):
             values |= _read_column_values(data, position, names)
     return values
 
@@ -76,7 +76,10 @@ def _read_column_values(data: DataTable, position: int, names: Names) -> dict[st
     """Read the value of a scalar, or of the first elements of an array."""
     header = data.headers[position]
     label = f"the column '{header.text}' of {data.label}"
-    elements, unit = _elements_and_unit(header, names, label)
+    try:
+        elements = names.find_elements(header.name) or [names.find(header.name)]
+    except CommandError as error:
+        raise CommandError(f"{label}: {error}", **error.fields) from error
     numbers = data.numbers(position, padded=True)
     if not len(numbers):
         raise CommandError(f"{label} has no number.", name=header.name)
@@ -88,7 +91,7 @@ def _read_column_values(data: DataTable, position: int, names: Names) -> dict[st
         )
     found = dict[str, Value]()
     for row, (element, number) in enumerate(zip(elements, numbers.tolist(), strict=False), 1):
-        given = parse_data_unit(unit, label, element.unit)
+        given = parse_data_unit(header.unit, label, element.unit)
         # a dimensionless value fits a variable without a unit
         value = Quantity(number, given).in_unit(element.unit or (None if given is None else _ONE), label)
         try:
@@ -96,23 +99,6 @@ def _read_column_values(data: DataTable, position: int, names: Names) -> dict[st
         except CommandError as error:
             raise CommandError(f"{label}, row {row}: {error}", row=row, **error.fields) from error
     return found
-
-
-def _elements_and_unit(header: Header, names: Names, label: str) -> tuple[list[NamedVariable], str | None]:
-    """Return a variable, or the elements of an array, and the unit in the header.
-
-    `level in kN` is no variable, `level` is.
-
-    Raises:
-        CommandError: The variable does not exist.
-    """
-    suffix = header.suffix
-    if suffix is not None and not names.find_elements(header.name) and names.find_elements(suffix.name):
-        return names.find_elements(suffix.name), suffix.unit
-    try:
-        return names.find_elements(header.name) or [names.find(header.name)], header.unit
-    except CommandError as error:
-        raise CommandError(f"{label}: {error}", **error.fields) from error
 
 
 def _check_value(element: NamedVariable, value: float) -> Value:

@@ -11,7 +11,8 @@ from ..base.progress import Progress
 from ..base.wording import format_count
 from ..fmu.interface import KINDS, Interface, read_interfaces
 from ..fmu.models import build, check_build_path
-from ..inputs.wired_inputs import LoadedInput, find_data_end, wire_inputs
+from ..inputs.loaded_input import LoadedInput, find_data_end
+from ..inputs.wired_inputs import wire_inputs
 from ..system.model import Replacement, System, Value
 from ..system.names import Names
 from ..system.signal_faults import add_fault_components, wire_faults
@@ -42,7 +43,8 @@ def prepare_system(system: System, options: Options, progress: Progress) -> Prep
         CommandError: If an option does not fit the system.
         RunError: If an FMU cannot be built.
     """
-    tables, as_made = [LoadedInput.of(source) for source in options.input], system
+    start, as_made = options.start_time or 0.0, system
+    tables = [LoadedInput.of(source, start) for source in options.input]
     all_without = "--no-event-mode without a name means all components."
     without_events = [select_components([p], system, all_without) for p in options.without_event_mode]
     system, faults = add_fault_components(system.with_main(), options.fault)
@@ -134,7 +136,7 @@ def limit_to_data_end(options: Options) -> Options:
     Raises:
         CommandError: If the data cannot be read, or end before the run begins.
     """
-    end = find_data_end(options.input)
+    end = find_data_end(options.input, options.start_time or 0.0)
     if end is None or options.stop_time is None or options.stop_time <= end:
         return options
     start, stop = options.start_time or 0.0, end

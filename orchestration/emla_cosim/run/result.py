@@ -221,11 +221,13 @@ class Result:
             >>> all(one.left_at is None for one in result.compare("kept"))
             True
         """
-        from ..recorders.stored import open_stored_run  # importing it loads polars
+        from ..inputs.stored_runs import open_stored_run  # importing it loads polars
 
         given = convert_value(tolerance or {}, Mapping[str, Tolerance], "the tolerance")
         stored = open_stored_run(convert_value(reference, Path, "the reference"))
-        return compare_with_stored(self.names, self.read, self.units, stored, given, self.discrete)
+        return compare_with_stored(
+            self.names, self.read, self.units, stored, given, self.discrete, self.types
+        )
 
     def save(
         self,

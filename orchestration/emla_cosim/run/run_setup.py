@@ -4,9 +4,9 @@ from collections.abc import Collection, Sequence
 
 from ..base.errors import CommandError
 from ..base.patterns import find_names, select_names
+from ..inputs.stored_runs import open_stored_run
 from ..master.stepping.pacing import Pacing
 from ..master.stepping.timing import MAXIMUM_STEPS, CommunicationPoints, make_communication_points
-from ..recorders.stored import open_stored_run
 from ..system.model import System
 from .options import Options
 from .requirements import parse_requirement

@@ -20,7 +20,8 @@ from ..base.units import IDENTITY, SiUnit
 from ..base.values import convert_value
 from ..fmu.variables import convert_start_value
 from ..inputs.events import input_events, row_distance
-from ..inputs.wired_inputs import DataSpan
+from ..inputs.loaded_input import DataSpan
+from ..inputs.stored_runs import StoredRun, open_stored_run
 from ..master.algorithms.continuous_connections import list_continuous_connections
 from ..master.assembly import Assembly
 from ..master.coupling.estimate import ALLOWANCE, SHARE, CouplingError
@@ -37,7 +38,6 @@ from ..recorders.coupling.bond_energy import select_applicable
 from ..recorders.coupling.bonds import COUPLING
 from ..recorders.metrics import SIGNALS, MetricsRecorder
 from ..recorders.recorder import Outline, Recorder
-from ..recorders.stored import StoredRun, open_stored_run
 from ..recorders.table import Table
 from ..recorders.time_series import TimeSeries
 from ..stepper.library import find_stepper
@@ -129,7 +129,7 @@ class Simulation:
         told = progress or Progress()
         self._here = get_working_folder()  # an FMU may change the working folder
         self._as_made = system
-        self._data = [DataSpan.of(source) for source in self.options.input]
+        self._data = [DataSpan.of(s, self.options.start_time or 0.0) for s in self.options.input]
         # report wrong names before anything is built
         apart = select_components(self.options.isolated, system, "--isolate without a name isolates all.")
         with show_paths_relative_to(unpacked), accept_faults(self.options.lenient) as self._faults:
@@ -320,7 +320,10 @@ class Simulation:
         notes = self._notes(chosen)
         self._abandon()
         required = [parse_requirement(text) for text in chosen.require]
-        stored = open_stored_run(chosen.reference) if chosen.reference is not None else None
+        stored, start = None, chosen.start_time or 0.0
+        if chosen.reference is not None:
+            stored = open_stored_run(chosen.reference, start=start)
+            notes = [*notes, *stored.notes]
         margins = read_margins(chosen.margins) if chosen.margins is not None else None
         if stored is not None and len(self._as_made.components) == 1:  # inputs and faults add components
             stored = stored.of_component(self._as_made.components[0].name)
@@ -359,7 +362,7 @@ class Simulation:
             chosen.output_interval,
             sampled,
             chosen.threads,
-            lambda: input_events(chosen.input, chosen.fault, assembly.parameters(), times.stop),
+            lambda: input_events(chosen.input, chosen.fault, assembly.parameters(), times.start, times.stop),
             lambda: row_distance(chosen.input),
         )
         stepping = control.stepping(algorithm, request)
@@ -819,7 +822,7 @@ def _compare_with_stored(going: _ActiveRun, result: Result) -> Result:
         return result
     tolerance = going.definition.options.tolerance
     found = compare_with_stored(
-        result.names, result.read, result.units, going.stored, tolerance, result.discrete
+        result.names, result.read, result.units, going.stored, tolerance, result.discrete, result.types
     )
     record = {**result.record, "reference": agreement_record(found, going.stored)}
     return replace(result, comparisons=found, record=record)

@@ -19,7 +19,7 @@ from ..base.files import hash_file
 from ..base.option import BUILDING, LEFT_OUT, PREPARING, options_of
 from ..base.progress import Progress
 from ..fmu.interface import Interface
-from ..inputs.wired_inputs import DataSpan
+from ..inputs.loaded_input import DataSpan
 from ..master.algorithms.registry import ALGORITHMS
 from ..master.stepping.registry import STEP_SIZE_CONTROLS
 from ..recorders.metrics import METRICS
@@ -79,7 +79,8 @@ class Preparation:
             faults.merge(scenario.accepted)
             held = list[str]()
             for source in options.input:
-                times, span = run_times(options, scenario.name), DataSpan.of(source)
+                times = run_times(options, scenario.name)
+                span = DataSpan.of(source, times.start)
                 span.check_overlap(times.start, times.stop)
                 held += filter(None, [span.describe_held(times.start, times.stop, times.step)])
             prepared = prepare_system(scenario.system, options, progress)

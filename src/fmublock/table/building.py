@@ -7,17 +7,20 @@ from pathlib import Path
 
 from ..archive import content_guid, write_archive
 from ..cache import cache_folder
-from ..compiling import compile_libraries, constants, sources
+from ..compiling import compile_libraries, constants, rename_folders, sources
 from ..documentation import html_page
 from ..errors import BuildError
 from ..files import write_atomically
+from ..fmi3_description import build_description
 from ..platforms import TARGETS, host_platform
 from ..recipe import Producer, made_by
 from .content import MODEL, SPANS, TableContent
 from .description import table_description
 from .layout import pack_table
 
-_MAIN = "fmi2_table.c"
+_MAINS = {2: "fmi2_table.c", 3: "fmi3_table.c"}
+"""The C file to compile, by version of FMI."""
+
 _CAPACITIES = (16, 256, 1024)
 """Most outputs of each library; the smallest that suffices is used."""
 
@@ -64,46 +67,52 @@ def build_table(
         BuildError: There are too many outputs, a library cannot be compiled, or the file cannot be written.
     """
     producer = producer or Producer()
+    main = _MAINS[table.fmi]
     content = {
-        **_sources(len(table.outputs), table.letter),
+        **_sources(table),
         "documentation/index.html": html_page(_page(table), MODEL).encode(),
     }
     if license_text is not None:
         content["documentation/licenses/license.txt"] = (_LICENSED + license_text).encode()
-    anonymous = table_description(table, MODEL, _MAIN, producer, "")
+    anonymous = table_description(table, MODEL, main, producer, "")
     numbers = {"resources/table.bin": pack_table(table, "")}
     guid = content_guid({**content, **numbers, "modelDescription.xml": anonymous})
     numbers = {"resources/table.bin": pack_table(table, guid)}
-    content["modelDescription.xml"] = table_description(table, MODEL, _MAIN, producer, guid)
+    content["modelDescription.xml"] = table_description(table, MODEL, main, producer, guid)
     try:
-        content |= _libraries(content, platforms or (host_platform(),))
+        content |= _libraries(content, platforms or (host_platform(),), table.fmi)
         write_archive(path, {**content, **numbers}, stored=numbers)
     except OSError as error:
         raise BuildError(f"the FMU '{path}' cannot be written: {error.strerror or error}.") from error
     return path
 
 
-def _sources(outputs: int, letter: str) -> dict[str, bytes]:
+def _sources(table: TableContent) -> dict[str, bytes]:
+    outputs = len(table.outputs)
     capacity = next((n for n in _CAPACITIES if n >= outputs), None)
     if capacity is None:
         raise BuildError(f"a table can have {MOST_OUTPUTS} outputs, not {outputs}.")
-    shared = {n: text for n, text in sources("shim").items() if n.endswith(".h")}
-    return {**shared, **sources("table"), "sources/model.h": _model_header(capacity, letter).encode()}
+    shared = {n: text for n, text in sources("shim", table.fmi).items() if n.endswith(".h")}
+    if table.fmi == 3:
+        shared["sources/buildDescription.xml"] = build_description(MODEL, [_MAINS[3]])
+    header = _model_header(capacity, table).encode()
+    return {**shared, **sources("table", table.fmi), "sources/model.h": header}
 
 
-def _model_header(capacity: int, letter: str) -> str:
+def _model_header(capacity: int, table: TableContent) -> str:
     """Return the header that describes the model to the shim: outputs of one type only."""
     counts = ("INPUTS", "PARAMETERS", "STATES", "CONDITIONS", "LIMITS")
     lines = [f'#define MODEL_IDENTIFIER "{MODEL}"', *(f"#define N_{name} 0" for name in counts)]
     lines += ["#define N_DISCRETE_STATES 1"]
-    count = capacity * (1 + len(SPANS) if letter == "R" else 1)
+    count = capacity * (1 + len(SPANS) if table.has_spans else 1)
     lines += [f"#define N_OUTPUTS {count}", *constants(), ""]
     lines += ["typedef struct {", "    const char *name;", "    char type, access;"]
     lines += ["    double start, minimum, maximum, nominal;", "    int start_reference;", "} Variable;", ""]
     lines += ["static const Variable variables[] = {"]
-    lines += ["    {\"last point\", 'R', 'H', 0.0, -HUGE_VAL, HUGE_VAL, 1.0, -2}, /* STARTS_AT_START_TIME */"]
+    last_point = "\"last point\", 'R', 'H'" if table.fmi == 2 else "\"time\", 'R', 'F'"
+    lines += [f"    {{{last_point}, 0.0, -HUGE_VAL, HUGE_VAL, 1.0, -2}}, /* STARTS_AT_START_TIME */"]
     lines += [
-        f"    {{\"output {i}\", '{letter}', 'S', 0.0, -HUGE_VAL, HUGE_VAL, 1.0, -1}},"
+        f"    {{\"output {i}\", '{table.letter}', 'S', 0.0, -HUGE_VAL, HUGE_VAL, 1.0, -1}},"
         for i in range(1, count + 1)
     ]
     lines += [
@@ -113,10 +122,13 @@ def _model_header(capacity: int, letter: str) -> str:
         "    int variable, low, high;",
         "} limits[] = {{-1, -1, -1}};",
     ]
+    if table.fmi == 3:
+        lines += ["#define N_DEPENDENCIES 0", "static const struct {", "    int unknown, known;"]
+        lines += ["} dependencies[] = {{-1, -1}};"]
     return "\n".join([*lines, ""])
 
 
-def _libraries(content: dict[str, bytes], platforms: Sequence[str]) -> dict[str, bytes]:
+def _libraries(content: dict[str, bytes], platforms: Sequence[str], fmi: int) -> dict[str, bytes]:
     """Return the libraries by their path in the FMU, from the cache or compiled."""
     key = hashlib.sha256(made_by("ziglang", "fmpy").encode() + content["sources/model.h"]).hexdigest()[:24]
     found = {}
@@ -127,11 +139,11 @@ def _libraries(content: dict[str, bytes], platforms: Sequence[str]) -> dict[str,
         try:
             found[name] = kept.read_bytes()
         except OSError:
-            found |= compile_libraries(MODEL, [_MAIN], content, [platform])
+            found |= compile_libraries(MODEL, [_MAINS[fmi]], content, [platform])
             kept.parent.mkdir(parents=True, exist_ok=True)
             with write_atomically(kept) as stream:
                 stream.write(found[name])
-    return found
+    return rename_folders(found, fmi)
 
 
 def _page(table: TableContent) -> str:

@@ -66,13 +66,16 @@ class TableContent:
     """Columns at two or more times in s, the outputs, and one of `ENDS`.
 
     Times increase, except that two rows may have the same time: the columns jump there. All outputs have
-    types with the same letter in `TYPES`.
+    types with the same letter in `TYPES`. `name` is that of the model; the identifier is `MODEL` always.
+    `fmi` is the version of FMI.
     """
 
     times: Numbers
     columns: Sequence[TableColumn]
     outputs: Sequence[TableOutput]
     end: str = "hold"
+    name: str = MODEL
+    fmi: int = 2
 
     @property
     def letter(self) -> str:
@@ -83,4 +86,4 @@ class TableContent:
     @property
     def has_spans(self) -> bool:
         """Whether local variables say what the outputs did in the last step; see `SPANS`."""
-        return self.letter == "R"
+        return self.letter == "R" and self.fmi == 2

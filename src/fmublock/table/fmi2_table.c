@@ -1,8 +1,4 @@
-/* FMI 2.0 around data over time in the FMU's resources: one binary for all data.
- *
- * model.h is generated for a number of outputs, at most N_OUTPUTS; all else is that of blocks, see
- * fmi2_block.c. This is the only file to compile.
- */
+/* FMI 2.0 around data over time; see table.h. This is the only file to compile. */
 #include <limits.h>
 #include <math.h>
 #include <stdarg.h>
@@ -18,18 +14,6 @@
 
 #include "fmi2_types.h"
 
-#include "model.h"
-
-#include "data.h"
-
-#define RESOURCE_HEADER "resource.h"
-#include "instance.h"
-
-#include "equations.h"
-
-#include "common.h"
-#include "state.h"
-#include "derivatives.h"
-#include "co_simulation.h"
+#include "table.h"
 
 #include "fmi2_functions.h"

@@ -1,7 +1,7 @@
 /* Read the data of an instance from resources/table.bin when it is made. */
 
 #define GUID(state) ((const char *)((state)->resource + AT_GUID))
-#define SHOWN(instance) ((fmi2ValueReference)(1 + outputs_of((instance)->now.resource)))
+#define SHOWN(instance) ((ValueReference)(1 + outputs_of((instance)->now.resource)))
 #define FIXED(state) ((state)->resource)
 #define RESOURCE_END(state) resource_end((state)->resource)
 
@@ -123,22 +123,22 @@ static int numbers_fit(const double *data) {
     return t.times[t.rows - 1] > t.times[0];
 }
 
-static fmi2Status open_resource(Instance *instance, fmi2String location) {
+static Status open_resource(Instance *instance, String location) {
     uint64_t count = 0;
-    if (location == NULL) return report(instance, fmi2Error, "the location of the resources is NULL.");
+    if (location == NULL) return report(instance, StatusError, "the location of the resources is NULL.");
     char *path = file_path(location);
-    if (path == NULL) return report(instance, fmi2Error, "out of memory.");
+    if (path == NULL) return report(instance, StatusError, "out of memory.");
     FILE *file = open_file(path);
     double *data = file != NULL ? read_numbers(file, &count) : NULL;
     if (file != NULL) fclose(file);
     if (data != NULL && sizes_fit(data, count) && numbers_fit(data)) {
         free(path);
         instance->now.resource = data;
-        return fmi2OK;
+        return StatusOK;
     }
-    report(instance, fmi2Error, "the data in %.300s %s.", path,
+    report(instance, StatusError, "the data in %.300s %s.", path,
            file == NULL ? "cannot be opened" : "are truncated, damaged or of another kind");
     free(data);
     free(path);
-    return fmi2Error;
+    return StatusError;
 }

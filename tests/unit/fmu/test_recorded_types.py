@@ -11,7 +11,7 @@ import pytest
 
 import emla_cosim as ec
 from emla_cosim.base.errors import CommandError, RunError
-from emla_cosim.recorders.stored import open_stored_run
+from emla_cosim.inputs.stored_runs import open_stored_run
 from tests.support.hand_written_fmus import build_all_types_fmu
 from tests.support.tiers import mostly_slow
 

@@ -11,10 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from emla_cosim.base.errors import CommandError
-from emla_cosim.inputs.data_tables import read_data
 from emla_cosim.inputs.headers import Header
 from emla_cosim.inputs.input import Column, Input
-from emla_cosim.inputs.wired_inputs import LoadedInput
+from emla_cosim.inputs.loaded_input import LoadedInput, read_data
 
 
 def table(folder: Path, content: str | bytes, name: str = "data.csv") -> LoadedInput:
@@ -78,7 +77,9 @@ def test_numbers_are_read_to_the_last_bit(
         ("", "data.csv' is empty."),
         ("time,x\n0,1\n", "has fewer than two rows"),
         ("time,x\n0,1\n1,two\n", "has 'two' in row 2 of the column 'x'; it must be a finite number."),
-        ("time,x\nlater,what\n0,1\n1,1\n", r"has 'later' in row 1 .* \(write units in the header"),
+        ("time,x\n0 s,1 N\n1 s,1 N\n", r"has '0 s' in row 1 .* \(write units in the header"),
+        ("time x\n0 1\n1 1\n", "has columns separated by spaces; use commas, semicolons or tabs"),
+        ("time,x\n1684396800000,1\n1684396801000,2\n", r"milliseconds since 1970, .*'time \[ms\]'"),
         ("time,x\n0,1\n1,\n", "has nothing in row 2 of the column 'x'"),
         ("time,x\n,1\n1,2\n", "has nothing in row 1 of the column 'time'"),
         ("time,x\n0,1\n\n1,2\n", "has nothing in row 2 of the column 'time'"),
@@ -90,8 +91,8 @@ def test_numbers_are_read_to_the_last_bit(
         ("time,x\n0;1\n1;2\n", "has 1 fields in row 1, but its header has 2"),
         ("time,x,x\n0,1,1\n1,2,2\n", "has 2 columns 'x'; each needs its own name"),
         ("0,1\n1,2\n", "begins with numbers; its first row must have the names"),
-        ("when,x\n0,1\n1,2\n", "has no column called time or t, but 'when' and 'x'; name the column"),
-        ("time [N],x\n0,1\n1,2\n", "has the units N and s; it must be a time"),
+        ("when,x\n0,1\n1,2\n", "has no column called time or t, but 'when' and 'x'; call the column"),
+        ("time [N],x\n0,1\n1,2\n", "is for time and has the units N and s"),
         ("time [blub],x\n0,1\n1,2\n", "has the unknown unit 'blub'"),
         ("t,T\n0,1\n1,2\n", "has several columns called time or t"),
         ("time,x\n-1e308,1\n1e308,2\n", "has times beyond 1e.100 s"),

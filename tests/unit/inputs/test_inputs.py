@@ -13,7 +13,8 @@ import pytest
 import emla_cosim as ec
 from emla_cosim.base.errors import CommandError
 from emla_cosim.base.progress import Progress
-from emla_cosim.inputs.wired_inputs import LoadedInput, find_data_end, wire_inputs
+from emla_cosim.inputs.loaded_input import LoadedInput, find_data_end
+from emla_cosim.inputs.wired_inputs import wire_inputs
 from emla_cosim.master.assembly import Assembly
 from emla_cosim.recorders.parquet_file import ParquetFile
 from emla_cosim.run.preparation import limit_to_data_end, prepare_system
@@ -180,9 +181,9 @@ def test_first_data_with_end_stop_end_the_run(chosen: tuple[int, int], fmu_folde
     ]
     two = [sources[i] for i in chosen]
     assert limit_to_data_end(lift(fmu_folder, *two).options).stop_time == pytest.approx(0.02)
-    assert find_data_end([sources[2], *two]) == pytest.approx(0.02)
-    assert find_data_end([sources[2], sources[1]]) == pytest.approx(0.03)
-    assert find_data_end([sources[2]]) is None
+    assert find_data_end([sources[2], *two], 0.0) == pytest.approx(0.02)
+    assert find_data_end([sources[2], sources[1]], 0.0) == pytest.approx(0.03)
+    assert find_data_end([sources[2]], 0.0) is None
 
 
 # ---- in files, workers and checkpoints ---------------------------------------------------------

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 
+from emla_cosim.inputs.stored_runs import open_stored_run
 from emla_cosim.master.stepping.timing import make_communication_points
-from emla_cosim.recorders.csv_file import CsvFile, read_csv
+from emla_cosim.recorders.csv_file import CsvFile
 from emla_cosim.recorders.parquet_file import ParquetFile
 from emla_cosim.recorders.recorder import Outline
 from emla_cosim.recorders.row_buffer import BLOCK_ROWS, BLOCK_SIZE, RowBuffer
-from emla_cosim.recorders.stored import open_stored_run
 
 
 def outline(names: list[str], every: int = 1) -> Outline:
@@ -47,7 +47,7 @@ def test_csv_has_every_nth_row_and_the_last_for_any_blocks(
         file.write(block)
     file.end()
     expected = rows[sorted({*range(0, count, every), count - 1})]
-    found = read_csv(path, ["time", "a.b", "c", "missing"])
+    found = open_stored_run(path).read(["time", "a.b", "c", "missing"])
     assert list(found) == ["time", "a.b", "c"]
     assert np.array_equal(np.column_stack(list(found.values())), expected)  # every bit comes back
 

@@ -73,7 +73,7 @@ def test_reference_in_parquet(simulation: ec.Simulation, tmp_path: Path) -> None
     ("content", "said"),
     [
         (None, "does not exist"),
-        ("time\n0\n", "must have 'time' as its first column, and signals"),
+        ("time\n0\n", "must have a column of times, and signals"),
         ("time,other.x\n0,1\n", "has none of the recorded signals; it has other.x and 0 more"),
     ],
 )

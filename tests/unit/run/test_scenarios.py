@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from emla_cosim.recorders.csv_file import read_csv
+from emla_cosim.inputs.stored_runs import open_stored_run
 from emla_cosim.run.result import Result
 from emla_cosim.run.scenarios.built_in import SCENARIOS
 from emla_cosim.study.loading import load
@@ -49,7 +49,7 @@ def test_study_is_better_than_every_cell_of_table_vi(study: Result, joint: str) 
 @pytest.mark.parametrize("joint", JOINTS)
 def test_study_reaches_its_limits_and_keeps_them(study: Result, study_folder: Path, joint: str) -> None:
     names = [f"{joint}.{x}" for x in ("plant.inverter.u_q", "plant.inverter.u_d", "plant.tau_m", "plant.i_q")]
-    u_q, u_d, tau_m, i_q = read_csv(study_folder / "results.csv", names).values()
+    u_q, u_d, tau_m, i_q = open_stored_run(study_folder / "results.csv").read(names).values()
     emla = EMLAS[joint]
     assert study.metrics["joints"][joint]["saturated_fraction"] > 0
     assert np.hypot(u_q, u_d).max() <= emla.u_max * (1 + 1e-12)
@@ -79,8 +79,8 @@ def test_joint_alone_has_the_rows_of_the_study(
 ) -> None:
     alone = run_scenario(load("telescope"), tmp_path, fmus=fmu_folder, stop_time=0.2)
     name = ["telescope.plant.x_L"]
-    in_study = read_csv(study_folder / "results.csv", name)[name[0]][:201]
-    assert np.array_equal(read_csv(tmp_path / "results.csv", name)[name[0]], in_study)
+    in_study = open_stored_run(study_folder / "results.csv").read(name)[name[0]][:201]
+    assert np.array_equal(open_stored_run(tmp_path / "results.csv").read(name)[name[0]], in_study)
     assert list(alone.metrics["joints"]) == ["telescope"]
 
 

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 
 import emla_cosim as ec
-from emla_cosim.recorders.csv_file import read_csv
+from emla_cosim.inputs.stored_runs import open_stored_run
 from emla_cosim.study.metrics import JointMetrics
 from tests.support.commands import Emla
 from tests.support.joint_data import EMLAS
@@ -44,7 +44,7 @@ def test_trip_is_reported_first(emla: Emla, tmp_path: Path) -> None:
     assert second.startswith("tilt has not settled: its position error was 9 mm at the start and was ")
     found = tilt_of("results/tilt")
     trip, limit = found["trip"], EMLAS["tilt"].v_max
-    table = read_csv(tmp_path / "results/tilt/results.csv", ["time", "tilt.plant.v_L"])
+    table = open_stored_run(tmp_path / "results/tilt/results.csv").read(["time", "tilt.plant.v_L"])
     row = np.flatnonzero(np.abs(table["tilt.plant.v_L"]) > 1.05 * limit)[0]
     assert (trip["signal"], trip["time_s"]) == ("tilt.plant.v_L", table["time"][row])
     assert trip["value"] == table["tilt.plant.v_L"][row]

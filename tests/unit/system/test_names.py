@@ -12,7 +12,7 @@ import pytest
 
 import emla_cosim as ec
 import emla_cosim.views.folder
-from emla_cosim.recorders.csv_file import read_csv
+from emla_cosim.inputs.stored_runs import open_stored_run
 from emla_cosim.recorders.parquet_file import ParquetFile
 from emla_cosim.run.scenarios.scenario import Scenario
 from emla_cosim.views.plots.overlay import plot_signals
@@ -63,7 +63,7 @@ def test_tables_records_and_packages(fmu_folder: Path, tmp_path: Path) -> None:
     assert header == expected
     assert {len(row) for row in rows} == {len(expected)}
     for most in (None, 3):
-        assert list(read_csv(tmp_path / "results.csv", expected, most)) == expected
+        assert list(open_stored_run(tmp_path / "results.csv").read(expected, most)) == expected
     assert polars.read_parquet(tmp_path / "r.parquet").columns == ["time", *POSITIONS]
     units = json.loads(polars.read_parquet_metadata(tmp_path / "r.parquet")["units"])
     assert units == {"time": "s", **dict.fromkeys(POSITIONS, "m")}
@@ -134,9 +134,9 @@ def test_description_that_xml_cannot_contain(fmu_folder: Path, tmp_path: Path) -
 def test_header_of_several_lines_is_read(tmp_path: Path) -> None:
     """Variables of other tools' FMUs may have such names."""
     names = ["time", 'say "x"', 'a"\n,"\r\nb', "c"]
-    with (tmp_path / "r.csv").open("w", newline="", encoding="utf-8") as stream:
+    with (tmp_path / "results.csv").open("w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(names)
         writer.writerows([k, 2.5, 3.0 * k, float("nan")] for k in range(9))
-    found = read_csv(tmp_path / "r.csv", [names[2], "gone", "time"], 3)
+    found = open_stored_run(tmp_path / "results.csv").read([names[2], "gone", "time"], 3)
     assert {n: v.tolist() for n, v in found.items()} == {names[2]: [0.0, 9.0, 18.0], "time": [0.0, 3.0, 6.0]}

@@ -156,9 +156,9 @@ def test_start_values_come_from_the_file_next_to_the_reference(plant: Path, tmp_
 
 
 WRONG = [
-    ("ref.csv", "time,", "t,", "must have 'time' as its first column"),
-    ("ref.csv", "0.0005,", "oops,", "is not a table of numbers"),
-    ("ref.csv", "\n0.001,", "\n-0.001,", "must have rows, with times that do not decrease"),
+    ("ref.csv", "time,", "x,", "has no column called time or t"),
+    ("ref.csv", "0.0005,", "oops,", "has 'oops' in row 2 of the column 'time'"),
+    ("ref.csv", "\n0.001,", "\n-0.001,", "has the time -0.001 s in row 3, after 0.0005 s"),
     ("ref.csv", "x_L,", "x_Q,", "has the column 'x_Q', but the FMU has no such variable"),
     ("in.csv", "F_L", "F_Q", "the column 'F_Q', but the FMU has no such input"),
     ("in.csv", "F_L", "a_L", "the column 'a_L', but the FMU has no such input"),

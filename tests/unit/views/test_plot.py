@@ -222,7 +222,7 @@ WRONG = [
     (["a", "--from", "9 h"], "there are no rows to plot between these times."),
     (["a", "--from", "1", "--to", "1"], "the plot begins at 1 s, which must be before its end, 1 s."),
     (["a", "--output", "a/results.csv"], "the plot file 'a/results.csv' must end in .png, .pdf or .svg."),
-    (["b.png", "--output", "b.png"], "the run, 'b.png', must have 'time' as its first column, and signals."),
+    (["b.png", "--output", "b.png"], "the run 'b.png' has no column called time or t"),
     (["a", "--output", "no/b.png"], "the plot 'no/b.png' cannot be written: there is no folder 'no'."),
     (["header"], "there are no rows to plot between these times."),
     (["text"], "text has no numbers to plot."),

@@ -20,8 +20,9 @@ from ...fmu.models import (
     find_block,
     fmu_path,
 )
+from ...inputs.input import is_data
 from ...views.progress_bars import BarProgress
-from ...views.terminal import show_file
+from ...views.terminal import print_line, show_file
 
 _SUPPLY = "FMUs for other companies"
 
@@ -34,6 +35,7 @@ EXAMPLES = (
     "emla build EmlaPlant --fmi 3 --output fmi3",
     "emla build RsbaController --fmi 3 --clock 1e-3 --output clocked",
     "emla build EmlaPlant --hide 'motor.*' --output handout",
+    "emla build measured.csv:interpolation=held --output data",
 )
 """Examples in the help."""
 
@@ -43,7 +45,9 @@ class Parameters:
     """Arguments and options of the command."""
 
     models: Sequence[str] = argument(
-        [], help="Models, or blocks as FILE.py:BLOCK. Default: all built-in models.", metavar="MODEL"
+        [],
+        help="Models, blocks as FILE.py:BLOCK, or data as FILE.csv. Default: all built-in models.",
+        metavar="MODEL",
     )
     output: Path = option(FMU_FOLDER, help="Output folder. Default: fmus.", group=OTHERS)
     flavour: str = option("native", help="FMU flavour.", choices=lambda: FLAVOURS, group=OTHERS)
@@ -85,8 +89,10 @@ class Parameters:
 
 
 def command(chosen: Parameters, given: dict[str, Any]) -> None:
-    """Build the FMUs of models for other tools and all platforms."""
-    names, flavour, fmi, output = chosen.models or list(MODELS), chosen.flavour, chosen.fmi, chosen.output
+    """Build the FMUs of models, blocks and data for other tools and all platforms."""
+    flavour, fmi, output = chosen.flavour, chosen.fmi, chosen.output
+    data = [name for name in chosen.models if ".py:" not in name and is_data(name)]
+    names = [name for name in chosen.models or MODELS if name not in data]
     if chosen.platform and flavour != "native":
         raise CommandError(
             "FMUs of the flavour python contain the binaries of PythonFMU; leave out --platform."
@@ -94,6 +100,8 @@ def command(chosen: Parameters, given: dict[str, Any]) -> None:
     platforms = chosen.platform or list(PLATFORMS)
     blocks = {name: name if name in MODELS else find_block(name) for name in names}
     disclosure = Disclosure(not chosen.no_sources, dict(chosen.set), tuple(chosen.fix), tuple(chosen.hide))
+    if data and (flavour != "native" or chosen.clock is not None or disclosure != Disclosure()):
+        raise CommandError(f"'{data[0]}' has data, for which there are only --fmi, --platform and --output.")
     if len(blocks) > 1 and (chosen.set or chosen.fix or chosen.hide):
         raise CommandError("--set, --fix and --hide are for one model; name it.")
     for model in blocks.values():
@@ -105,8 +113,14 @@ def command(chosen: Parameters, given: dict[str, Any]) -> None:
         place = str(fmu_path(model if isinstance(model, str) else model.__name__, flavour, output))
         if (other := places.setdefault(place.casefold(), name)) != name:  # some file systems ignore case
             raise CommandError(f"the FMUs of '{other}' and '{name}' have the same name; build one at a time.")
+    for name in data:
+        from ...inputs.table_fmus import data_fmu_path  # loads polars
+
+        place = str(data_fmu_path(name, output))
+        if (other := places.setdefault(place.casefold(), name)) != name:
+            raise CommandError(f"the FMUs of '{other}' and '{name}' have the same name; build one at a time.")
     with BarProgress() as progress:
-        paths = []
+        paths, notes = [], []
         for name, model in blocks.items():
             progress.begin(name, len(platforms) if flavour == "native" else 1)
             paths.append(
@@ -123,5 +137,13 @@ def command(chosen: Parameters, given: dict[str, Any]) -> None:
                 )
             )
             progress.finish()
+        for name in data:
+            from ...inputs.table_fmus import build_data_fmu
+
+            path, told = build_data_fmu(name, output, platforms, overwrite, fmi)
+            paths.append(path)
+            notes += told
+    for note in notes:
+        print_line(f"Note: {note}")
     for path in paths:
         show_file(path)

@@ -44,7 +44,7 @@ def agrees(subject: Subject) -> CheckOutcome:
             return skipped(f"There is no {name}_ref.csv next to the FMU, and no result in it.")
         if solution.is_relative_to(subject.folder.resolve()):
             return _judge_related(subject, solution)
-        return _judged(subject, read_reference(solution))
+        return _judged(subject, read_reference(solution, subject.interface))
     except CommandError as error:
         return failed(sentence(error), hint="Correct the reference files.")
 
@@ -52,7 +52,7 @@ def agrees(subject: Subject) -> CheckOutcome:
 def _judge_related(subject: Subject, solution: Path) -> CheckOutcome:
     """Judge by a result in the FMU. Others make it, and need not say with which inputs."""
     try:
-        reference = read_reference(solution)
+        reference = read_reference(solution, subject.interface)
     except CommandError as error:
         return skipped(f"The result in the FMU is no reference: {sentence(error)}", gaps=(_UNREAD,))
     if not reference.inputs and any(v.causality == "input" for v in subject.variables.values()):

@@ -17,7 +17,10 @@ from ...base.arrays import Vector
 from ...base.errors import CommandError
 from ...base.files import read_text
 from ...base.values import convert_value
+from ...fmu.elements import number_range
+from ...fmu.interface import Interface
 from ...recorders.tubes.tolerance import Tolerance, parse_tolerances
+from ...system.vectors import find_indices
 from .related_result import find_related_result
 
 _OPTIONS = ("StartTime", "StopTime", "StepSize", "OutputIntervalLength")
@@ -78,12 +81,19 @@ def find_solution(fmu: Path, given: Path | None, unpacked: Path | None = None) -
     )
 
 
-def read_reference(solution: Path) -> ReferenceSolution:
-    """Read a solution and the files that belong to it. Raise CommandError if they are invalid.
+def read_reference(solution: Path, interface: Interface | None = None) -> ReferenceSolution:
+    """Read a solution and the files that belong to it.
 
     Files belong to a solution `NAME_ref.csv` by their names.
+
+    Args:
+        solution: The file.
+        interface: The variables of the FMU; default: columns are numbers in the units of the FMU.
+
+    Raises:
+        CommandError: If a file is invalid, or does not fit the variables.
     """
-    columns = read_columns(solution, "the reference")
+    columns = read_columns(solution, "the reference", interface, has_gaps=True)
     name = solution.name.removesuffix(_SOLUTION)
     given = solution.with_name(f"{name}_in.csv")
     options = _options(solution.with_name(f"{name}_ref.opt"))
@@ -93,7 +103,7 @@ def read_reference(solution: Path) -> ReferenceSolution:
     return ReferenceSolution(
         folder=solution.parent,
         solution=columns,
-        inputs=read_columns(given, "the inputs") if given.is_file() else {},
+        inputs=read_columns(given, "the inputs", interface) if given.is_file() else {},
         start=options.get("StartTime", float(time[0])),
         stop=options.get("StopTime", float(time[-1])),
         step=step if step > 0.0 else None,
@@ -102,33 +112,46 @@ def read_reference(solution: Path) -> ReferenceSolution:
     )
 
 
-def read_columns(path: Path, what: str) -> dict[str, Vector]:
-    """Read the columns of a CSV file by name, `time` first.
+def read_columns(
+    path: Path, what: str, interface: Interface | None = None, has_gaps: bool = False
+) -> dict[str, Vector]:
+    """Read the columns of a table by name, `time` in s first, in the units and types of an FMU's variables.
 
     Args:
         path: The file.
         what: Name of the file in messages: `the inputs`.
+        interface: The variables; columns with other names are not converted.
+        has_gaps: Whether cells may be empty or not finite.
 
     Raises:
-        CommandError: The file is not a table of numbers, or times decrease. Times of events may repeat.
+        CommandError: The file is not a table of values of the variables, or times decrease.
     """
-    from ...recorders.csv_file import (  # loads polars, which FMUs without references do not need
-        read_column_names,
-        read_csv,
-    )
+    from ...inputs.table_files import read_table  # loads polars, which FMUs without references do not need
+    from ...inputs.time_columns import read_times
 
-    try:
-        found = read_csv(path, read_column_names(path))
-    except OSError as error:
-        raise CommandError(f"{what} '{path}' cannot be read: {error.strerror or error}.") from error
-    except Exception as error:  # polars has many kinds
-        raise CommandError(f"{what} '{path}' is not a table of numbers: {_line(error)}.") from error
-    if next(iter(found), None) != "time":
-        raise CommandError(f"{what} '{path}' must have 'time' as its first column.")
-    time = found["time"]
-    if not len(time) or not np.isfinite(time).all() or (np.diff(time) < 0.0).any():
-        raise CommandError(f"{what} '{path}' must have rows, with times that do not decrease.")
-    return found
+    data = read_table(path, what)
+    variables = interface.variables if interface is not None else {}
+    data.match_names(lambda name: [] if name in variables else find_indices(name, variables) or None)
+    time, times = read_times(data, least=1)
+    columns = {"time": times}
+    data.load([i for i in range(len(data.headers)) if i != time])
+    for position, header in enumerate(data.headers):
+        if position == time or not header.name:
+            continue
+        data.find(header.name)  # raises CommandError if it is not unique
+        if interface is None:
+            columns[header.name] = data.numbers(position, has_gaps=has_gaps)
+            continue
+        if header.name not in variables:  # an error, or not compared
+            columns[header.name] = np.full(len(times), np.nan)
+            continue
+        type_, limits = interface.signal_type(header.name), number_range(variables[header.name])
+        if type_.kind == "Real":
+            unit = interface.unit(header.name)
+            columns[header.name], _ = data.in_unit(position, header.name, unit, has_gaps=has_gaps)
+        else:
+            columns[header.name] = data.values(position, type_, has_gaps, limits)
+    return columns
 
 
 def _options(path: Path) -> dict[str, float]:
@@ -165,7 +188,3 @@ def _about(path: Path) -> dict[str, Any]:
         "tolerance": parse_tolerances(table.get("tolerance", {}), where),
         "made_by": str(table.get("made_by", "")),
     }
-
-
-def _line(error: Exception) -> str:
-    return " ".join(str(error).split(".")[0].split()) or type(error).__name__

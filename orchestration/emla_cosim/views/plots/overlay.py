@@ -13,8 +13,8 @@ from ...base.errors import CommandError, check_choice
 from ...base.files import read_text
 from ...base.patterns import find_names, select_names
 from ...base.signal_types import COLUMN_TYPES, REAL, SignalType, read_types
+from ...inputs.stored_runs import open_stored_run
 from ...recorders.metrics import TRACKED
-from ...recorders.stored import StoredRun, open_stored_run
 from ...system.names import find_main_component
 from ..panels import Line, Plot
 from .rows import Table, read_rows
@@ -43,8 +43,8 @@ _MOST_RUNS = 2 * MOST_LINES
 class Traces:
     """The signals of a run by name, with known units and roles.
 
-    `label` is its name in plots; `files` are the files it was read from. `main` is the component whose
-    variables need no component's name; empty without one.
+    `label` is its name in plots; `files` are the files it was read from, and `notes` say how. `main` is the
+    component whose variables need no component's name; empty without one.
     """
 
     label: str
@@ -55,6 +55,7 @@ class Traces:
     roles: Mapping[str, str]
     files: Sequence[Path] = ()
     main: str = ""
+    notes: Sequence[str] = ()
 
 
 @dataclass(frozen=True)
@@ -130,7 +131,7 @@ def overlay_runs(
         _check_room(chosen, units, types, len(runs))
     else:
         chosen, notes = _choose_default_signals(runs, names, units, types)
-    notes += _describe_missing(runs, chosen)
+    notes += [*(note for run in runs for note in run.notes), *_describe_missing(runs, chosen)]
     data = list[Mapping[str, Vector]]()
     for run in runs:
         rows, left_out = _cut(run, chosen, begin, end)
@@ -148,13 +149,14 @@ def overlay_runs(
 
 
 def _read_trace(place: Path, label: str) -> Traces:
-    stored: StoredRun = open_stored_run(place, "the run")
+    stored = open_stored_run(place, "the run")
     record = stored.path.parent / "run.json"
     content = _record(record)
-    units, roles = _texts(content, "units"), _texts(content.get("settings"), "roles")
-    types = {**stored.table.types, **read_types(content.get(COLUMN_TYPES))}
+    units, roles = stored.units | _texts(content, "units"), _texts(content.get("settings"), "roles")
+    types = stored.types | read_types(content.get(COLUMN_TYPES))
+    files = stored.path, record
     main = find_main_component(content)
-    return Traces(label, stored.names, units, types, stored, roles, (stored.path, record), main)
+    return Traces(label, stored.names, units, types, stored, roles, files, main, stored.notes)
 
 
 def _record(path: Path) -> dict[str, Any]:

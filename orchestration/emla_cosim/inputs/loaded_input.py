@@ -1,0 +1,115 @@
+"""Inputs with their data, and the time that these cover."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from ..base.arrays import Vector
+from ..base.errors import CommandError
+from .data_tables import DataTable
+from .headers import Header
+from .input import SHIFT_TO_START, Input
+from .table_files import read_frame, read_table
+from .time_columns import read_times
+
+
+def read_data(source: Input) -> DataTable:
+    """Return the table of an input.
+
+    Raises:
+        CommandError: If its file cannot be read as a table.
+    """
+    if source.file is None:
+        return read_frame(source.label, source.data)
+    names = [_channel_name(column.column) for column in source.signals.values()]
+    names += [] if source.time is None else [Header.of(source.time).name]
+    return read_table(source.file, "the input", [*names, *source.columns])
+
+
+def _channel_name(text: str) -> str:
+    """Return the name of the column in a text such as `der(x [mm])`."""
+    text = text.strip()
+    while text.startswith("der(") and text.endswith(")"):
+        text = text[4:-1].strip()
+    return Header.of(text).name
+
+
+@dataclass(frozen=True)
+class LoadedInput:
+    """An input with its data.
+
+    Attributes:
+        source: The input.
+        data: Its table.
+        time: The position of the column of times.
+        times: The times in s.
+    """
+
+    source: Input
+    data: DataTable
+    time: int
+    times: Vector
+
+    @classmethod
+    def of(cls, source: Input, start: float = 0.0) -> "LoadedInput":
+        """Read the data of an input.
+
+        Args:
+            source: The input.
+            start: The start of the run in s.
+
+        Raises:
+            CommandError: If they cannot be read.
+        """
+        data = read_data(source)
+        time, times = read_times(data, source.time, start, source.shift not in (None, SHIFT_TO_START))
+        return cls(source, data, time, source.shifted(times, start))
+
+
+@dataclass(frozen=True)
+class DataSpan:
+    """The first and the last time of an input in s."""
+
+    label: str
+    first: float
+    last: float
+    end: str
+
+    @classmethod
+    def of(cls, source: Input, start: float) -> "DataSpan":
+        """Read the span of an input; `start` is that of the run in s."""
+        times = LoadedInput.of(source, start).times
+        return cls(source.label, float(times[0]), float(times[-1]), source.end)
+
+    def check_overlap(self, start: float, stop: float) -> None:
+        """Raise CommandError if the data are all before or all after a run: it would have one value only."""
+        if self.first >= stop:
+            side, remedy = "after", ""
+        elif self.last <= start and self.end != "repeat":
+            side, remedy = "before", ", or repeat them with end=repeat"
+        else:
+            return
+        raise CommandError(
+            f"{self.label} has data from {self.first:.9g} to {self.last:.9g} s, {side} the run, from "
+            f"{start:.9g} to {stop:.9g} s; shift them with shift={SHIFT_TO_START} or a time such as "
+            f"'shift={start - self.first:.9g} s'{remedy}."
+        )
+
+    def describe_held(self, start: float, stop: float, step: float) -> str | None:
+        """Return a remark if values hold for more than a step before or after the data; times in s."""
+        held = []
+        if self.first > start + step:
+            held.append(f"the first values hold until {self.first:.9g} s")
+        if self.last < stop - step and self.end == "hold":
+            held.append(f"the last values hold after {self.last:.9g} s")
+        if not held:
+            return None
+        return (
+            f"{self.label} does not cover the run, {start:.9g} to {stop:.9g} s: {', and '.join(held)} "
+            "(shift= moves the data)."
+        )
+
+
+def find_data_end(sources: Sequence[Input], start: float) -> float | None:
+    """Return the earliest end in s of inputs that stop the run, which starts at `start`; None without one."""
+    ends = [float(LoadedInput.of(s, start).times[-1]) for s in sources if s.end == "stop"]
+    return min(ends, default=None)

@@ -1,0 +1,139 @@
+"""Tables of earlier runs and references."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from ..base.arrays import Vector
+from ..base.errors import CommandError
+from ..base.signal_types import REAL, SignalType
+from ..base.units import SiUnit
+from ..recorders.registry import table_names
+from ..system.vectors import find_indices
+from .data_tables import DataTable
+from .table_files import read_table
+from .time_columns import read_times
+
+_REFERENCE = "the run to compare with"
+
+
+@dataclass(frozen=True)
+class StoredRun:
+    """A table of results on disk.
+
+    Attributes:
+        path: The file.
+        data: Its table.
+        time: The position of the column of times.
+        times: The times in s, shape (n,).
+        prefix: Text that names of signals have and the columns lack.
+    """
+
+    path: Path
+    data: DataTable
+    time: int
+    times: Vector
+    prefix: str = ""
+
+    @property
+    def names(self) -> list[str]:
+        """The names of the columns, without time."""
+        return [self.prefix + h.name for i, h in enumerate(self.data.headers) if i != self.time and h.name]
+
+    @property
+    def units(self) -> dict[str, str]:
+        """The names of units by signal, as far as the table has them."""
+        return {self.prefix + h.name: h.unit for h in self.data.headers if h.unit is not None}
+
+    @property
+    def types(self) -> dict[str, SignalType]:
+        """The types of signals, as far as the table has them."""
+        return {self.prefix + name: type_ for name, type_ in self.data.types.items()}
+
+    @property
+    def notes(self) -> list[str]:
+        """What users should know of how it was read, as sentences."""
+        return [f"{self.data.label} {note}." for note in self.data.notes]
+
+    def read(
+        self,
+        names: Sequence[str],
+        most: int | None = None,
+        units: Mapping[str, SiUnit | None] | None = None,
+        types: Mapping[str, SignalType] | None = None,
+    ) -> dict[str, Any]:
+        """Return columns by name, without those that the table does not have.
+
+        Args:
+            names: Names of the columns; `time` is in s.
+            most: If the table has more rows, only every n-th row is returned.
+            units: Units to convert columns to. Default: those of the table.
+            types: Types of the columns. Default: those of the table.
+
+        Returns:
+            An array of shape (rows,) by name: of doubles, or of texts for a String.
+
+        Raises:
+            CommandError: The file cannot be read, or has other units or types.
+        """
+        positions = {self.prefix + h.name: i for i, h in enumerate(self.data.headers) if i != self.time}
+        positions = {name: positions[name] for name in names if name in positions}
+        types = self.types if types is None else types
+        self.data.load([p for name, p in positions.items() if types.get(name, REAL).kind == "Real"])
+        every = 1 if most is None else max(-(-len(self.times) // most), 1)
+        columns: dict[str, Any] = {"time": self.times[::every]}
+        for name, position in positions.items():
+            type_ = types.get(name, REAL)
+            if type_.kind == "Real":
+                unit = None if units is None else units.get(name)
+                values, _ = self.data.in_unit(position, name, unit, has_gaps=True)
+            else:
+                values = self.data.values(position, type_, has_gaps=True)
+            columns[name] = values[::every]
+        return {name: columns[name] for name in names if name in columns}
+
+    def match_names(self, names: Sequence[str]) -> None:
+        """Give columns with the elements of arrays in each cell the names of these signals."""
+        known = dict.fromkeys(names)
+
+        def find(name: str) -> list[str] | None:
+            full = self.prefix + name
+            return [] if full in known else find_indices(full, known) or None
+
+        self.data.match_names(find)
+
+    def of_component(self, component: str) -> "StoredRun":
+        """Return the table with the names of a system of one component, if it has those of its variables."""
+        prefix = f"{component}."
+        if any(name.startswith(prefix) for name in self.names):
+            return self
+        return replace(self, prefix=prefix)
+
+
+def open_stored_run(place: Path, what: str = _REFERENCE, start: float = 0.0) -> StoredRun:
+    """Open the table of an earlier run.
+
+    Args:
+        place: A folder of results, or a table.
+        what: Name of the run in error messages.
+        start: The start time in s of the run that is compared with it.
+
+    Raises:
+        CommandError: There is no table, or it cannot be read.
+    """
+    candidates = [place]
+    if place.is_dir():  # a run's output, or the one reference of an FMU in the layout of the cross-check
+        solutions = sorted(place.glob("*_ref.csv"))
+        candidates = [*(place / name for name in table_names()), *(solutions if len(solutions) == 1 else [])]
+    path = next((p for p in candidates if p.exists()), None)
+    if path is None:
+        missing = f"has no {' or '.join(table_names())}" if place.is_dir() else "does not exist"
+        raise CommandError(f"{what}, '{place}', {missing}.")
+    if not path.is_file():
+        raise CommandError(f"{what}, '{path}', cannot be read: it is not a file.")
+    is_result = path.name in table_names()
+    data = read_table(path, what, is_result=is_result)
+    if len(data.headers) < 2:
+        raise CommandError(f"{what}, '{path}', must have a column of times, and signals.")
+    return StoredRun(path, data, *read_times(data, start=start, is_raw=is_result, least=0))
