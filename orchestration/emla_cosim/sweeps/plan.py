@@ -1,19 +1,21 @@
 """The plan of a sweep: scenario, factors, sampling, and metrics."""
 
-import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+import msgspec
 
 from ..base.errors import CommandError
 from ..base.files import read_text
 from ..base.option import SWEEP
+from ..base.toml_structs import check_fields, describe, dotted, list_given, read_toml
 from ..base.values import convert_value
-from ..run.options import list_options, read_option
+from ..run.options import list_options
 from ..run.scenarios.built_in import PLANS
+from ..run.scenarios.option_fields import with_options
 from ..run.scenarios.scenario import Scenario
-from ..run.scenarios.scenario_file import read_given_options
 from ..system.model import System
 from .measures import Metric
 from .sampling import SAMPLINGS
@@ -22,8 +24,35 @@ from .targets import merge_options
 Source = str | Path | System | Scenario
 """A scenario, its name or its file."""
 
-_OWN = ("scenario", "description", "vary", "sampling", "runs", "seed", "metrics", "signals")
-_LARGEST_SEED = 2**63 - 1
+Metrics = Annotated[
+    Any,
+    msgspec.Meta(
+        description="metrics to keep: names, or name = expression",
+        extra_json_schema={"type": ["array", "object"], "items": {"type": "string"}},
+    ),
+]
+
+
+def _is_distribution(table: Mapping[str, Any]) -> bool:
+    return isinstance(table.get("distribution"), str)
+
+
+class PlanTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A plan of many runs of a scenario. All options of `emla sweep` can be here, too, for all runs."""
+
+    scenario: Annotated[str, describe("name or path of what is run", "study")]
+    vary: Annotated[dict[str, Any], dotted("what varies, and how, by name", _is_distribution)]
+    description: Annotated[str, describe("purpose, in one line")] = ""
+
+
+class SweepTable(PlanTable, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The plan of a sweep. All options of `emla sweep` can be here, too, for all variants."""
+
+    sampling: Annotated[str, describe("how variants are chosen")] | None = None
+    runs: Annotated[int, describe("number of variants to draw")] | None = None
+    seed: Annotated[int, describe("seed of all random draws", ge=0, le=2**63 - 1)] = 0
+    metrics: Metrics = ()
+    signals: Annotated[Sequence[str], describe("names or patterns of signals to keep over time")] = ()
 
 
 @dataclass(frozen=True)
@@ -89,15 +118,11 @@ class Plan:
 
     def check(self) -> None:
         """Raise CommandError for mistakes that can be found without the scenario."""
-        types = {"runs": int | None, "seed": int, "sampling": str | None, "signals": Sequence[str]}
-        for name, type_ in types.items():
-            convert_value(getattr(self, name), type_, f"'{name}' of {self.where}")
+        check_fields(self, SweepTable, self.where, PlanTable.__struct_fields__)
         if wrong := [
             name for name in self.options if name in list_options() and name not in list_options(SWEEP)
         ]:
             raise CommandError(f"the option {wrong[0]} is for a single run; remove it from {self.where}.")
-        if not 0 <= self.seed <= _LARGEST_SEED:
-            raise CommandError(f"the seed {self.seed} of {self.where} must be from 0 to {_LARGEST_SEED}.")
         if not self.vary:
             raise CommandError(
                 f"{self.where} varies nothing; add a factor, for example "
@@ -116,8 +141,8 @@ def load_plan(source: Source | Plan) -> Plan:
     if not isinstance(source, (str, Path)):
         return Plan(source.name if isinstance(source, Scenario) else "system", source, {})
     if str(source) in PLANS:
-        content = tomllib.loads(PLANS[str(source)]())
-        return _parse_plan(content, str(source), f"the plan '{source}'", None)
+        label = f"the plan '{source}'"
+        return _parse_plan(read_toml(PLANS[str(source)](), label), str(source), label, None)
     path = Path(source)
     if path.suffix.lower() == ".toml":
         content = read_plan_file(path)
@@ -133,46 +158,41 @@ def read_plan_file(path: Path) -> dict[str, Any] | None:
     Raises:
         CommandError: The file cannot be read, or is not TOML.
     """
-    try:
-        content = tomllib.loads(read_text(path, "the plan"))
-    except (ValueError, RecursionError) as error:  # also for huge numbers and deep nesting
-        raise CommandError(f"the plan '{path}' is not TOML: {error}.") from error
+    content = read_toml(read_text(path, "the plan"), f"the plan '{path}'")
     return content if "vary" in content else None
 
 
-def find_plan_scenario(content: Mapping[str, Any], label: str, folder: Path | None) -> str:
-    """Return the scenario of a plan, whose path may be relative to `folder`. Raises CommandError."""
-    if "scenario" not in content:
-        raise CommandError(f'{label} has no scenario; add scenario = "study", or the path of a scenario.')
-    scenario = convert_value(content["scenario"], str, f"'scenario' of {label}")
-    if folder is not None and (folder / scenario).exists():
-        return str(folder / scenario)
-    return scenario
+def read_plan(
+    content: Mapping[str, Any], table: type[PlanTable], label: str, folder: Path | None
+) -> dict[str, Any]:
+    """Read the content of a plan.
+
+    Args:
+        content: The content.
+        table: The fields of the plan, without options.
+        label: What error messages call the plan.
+        folder: The folder of relative paths, also of the scenario.
+
+    Returns:
+        The fields of the plan by name, and `options`.
+
+    Raises:
+        CommandError: An entry is unknown, missing or wrong.
+    """
+    read = convert_value(content, with_options(table, table.__name__, SWEEP), label, folder)
+    values = {name: getattr(read, name) for name in table.__struct_fields__}
+    if folder is not None and (folder / read.scenario).exists():
+        values["scenario"] = str(folder / read.scenario)
+    return {**values, "options": list_given(read, table.__struct_fields__), "where": label}
 
 
 def _parse_plan(content: Mapping[str, Any], name: str, label: str, folder: Path | None) -> Plan:
     """Return the plan of a content. Paths in it are relative to `folder`."""
-    scenario = find_plan_scenario(content, label, folder)
-    options = {
-        option: read_option(option, value, f"'{option}' of {label}", folder)
-        for option, value in read_given_options(content, label, _OWN, SWEEP).items()
-    }
-    plan = Plan(
-        name,
-        scenario,
-        {
-            varied: _with_files_of(folder, given)
-            for varied, given in flatten(
-                convert_value(content["vary"], Mapping[str, Any], f"'vary' of {label}")
-            )
-        },
-        description=convert_value(content.get("description", ""), str, f"'description' of {label}"),
-        metrics=content.get("metrics", ()),
-        signals=convert_value(content.get("signals", []), Sequence[str], f"'signals' of {label}"),
-        options=options,
-        where=label,
-    )
-    return plan.updated({key: content[key] for key in ("sampling", "runs", "seed") if key in content})
+    values = read_plan(content, SweepTable, label, folder)
+    values["vary"] = {varied: _with_files_of(folder, given) for varied, given in values["vary"].items()}
+    plan = Plan(name, **values)
+    plan.check()
+    return plan
 
 
 def _with_files_of(folder: Path | None, given: Any) -> Any:
@@ -190,12 +210,3 @@ def _with_files_of(folder: Path | None, given: Any) -> Any:
             key: _with_files_of(folder, value) if key == "values" else value for key, value in given.items()
         }
     return [_with_files_of(folder, one) for one in given] if isinstance(given, list) else given
-
-
-def flatten(table: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
-    """Yield entries by their full name: TOML nests names with dots unless they are quoted."""
-    for key, value in table.items():
-        if isinstance(value, dict) and not isinstance(value.get("distribution"), str):
-            yield from ((f"{key}.{name}", inner) for name, inner in flatten(value))
-        else:
-            yield key, value

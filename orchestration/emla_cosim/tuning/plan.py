@@ -1,28 +1,29 @@
 """The plan of a tuning: a scenario, gains with their ranges, objective, conditions and cases."""
 
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-from ..base.errors import CommandError, join_names
+import msgspec
+
+from ..base.errors import CommandError
 from ..base.option import SWEEP
+from ..base.toml_structs import check_fields, describe, dotted, quantity, read_toml
 from ..base.values import convert_value
-from ..run.options import list_options, read_option
+from ..run.options import list_options
 from ..run.scenarios.built_in import TUNINGS
 from ..run.scenarios.scenario import Scenario
-from ..run.scenarios.scenario_file import read_given_options
 from ..study.loading import load
 from ..sweeps.measures import Metric
-from ..sweeps.plan import Source, find_plan_scenario, flatten, read_plan_file
+from ..sweeps.plan import Metrics, PlanTable, Source, read_plan, read_plan_file
 from ..sweeps.targets import merge_options
 from ..system.model import System
 
 DEFAULTS = "usual"
 """The name of the only case in a plan without cases: the scenario unchanged."""
 
-_ONE_OF = ("name", "weight", "set", "require", "margins", "at")
+_NOT_PLAIN = (*PlanTable.__struct_fields__, "metrics", "cases")
 
 
 @dataclass(frozen=True)
@@ -111,8 +112,8 @@ class TuningPlan:
         found = {name: value for name, value in given.items() if value is not None}
         for name in ("vary", "derive", "options"):
             if name in found:
-                label = f"'{name}' of {self.where}"
-                found[name] = merge_options([getattr(self, name), convert_table(found[name], label)])
+                more = convert_value(found[name], Mapping[str, Any], f"'{name}' of {self.where}")
+                found[name] = merge_options([getattr(self, name), more])
         if "require" in found:
             more = convert_value(found["require"], Sequence[str], f"'require' of {self.where}")
             found["require"] = [*self.require, *more]
@@ -128,17 +129,7 @@ class TuningPlan:
 
     def check(self) -> None:
         """Raise CommandError for mistakes that can be found without the scenario."""
-        for name, type_ in PLAIN.items():
-            convert_value(getattr(self, name), type_, f"'{name}' of {self.where}")
-        for name, least in (("training", 1), ("validation", 0), ("evaluations", 1), ("seed", 0)):
-            if getattr(self, name) < least:
-                raise CommandError(
-                    f"'{name}' of {self.where} is {getattr(self, name)}; it must be at least {least}."
-                )
-        for name in ("tolerance", "margin"):
-            value = getattr(self, name)
-            if value is not None and not 0 <= value < float("inf"):
-                raise CommandError(f"'{name}' of {self.where} is {value}; it must be a number from 0.")
+        check_fields(self, TuningTable, self.where, _NOT_PLAIN)
         if wrong := [
             name for name in self.options if name in list_options() and name not in list_options(SWEEP)
         ]:
@@ -168,29 +159,50 @@ class TuningPlan:
             raise CommandError(f"no case of {self.where} has a weight; set one to a weight above 0.")
 
 
-PLAIN: dict[str, Any] = {
-    "objective": str,
-    "derive": Mapping[str, str],
-    "require": Sequence[str],
-    "seeds": Sequence[str],
-    "training": int,
-    "validation": int,
-    "evaluations": int,
-    "seed": int,
-    "tolerance": float | None,
-    "margin": float,
-    "description": str,
-}
-"""Types of the fields that are plain data, by name."""
+class CaseTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Conditions in which gains must do well, with other start values or options than the scenario."""
 
-_OWN = ("scenario", "vary", "cases", "metrics", *PLAIN)
+    name: Annotated[str, describe("name of the case; default: its position")] = ""
+    weight: Annotated[float, describe("weight of its objective in the sum", ge=0.0)] = 1.0
+    set: Annotated[dict[str, Any], dotted("start values and options by name, with one value each")] = (
+        msgspec.field(default_factory=dict)
+    )
+    require: Annotated[Sequence[str], describe("conditions; default: those of the plan")] | None = None
+    margins: Annotated[Sequence[str], describe("loops that need stability margins")] = ()
+    at: Annotated[float, quantity("s", "time at which loops are measured")] | None = None
 
 
-def convert_table(value: Any, label: str) -> dict[str, Any]:
-    """Return a table with texts as keys; raise CommandError for anything else."""
-    if not isinstance(value, Mapping):
-        raise CommandError(f"{label} is {value!r}; it must be a table.")
-    return dict(value)
+class TuningTable(PlanTable, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The plan of a tuning. All options of `emla sweep` can be here, too, for all runs."""
+
+    objective: Annotated[str, describe("expression over metrics, to be minimized")] = ""
+    derive: Annotated[dict[str, str], dotted("further start values, as expressions over what varies")] = (
+        msgspec.field(default_factory=dict)
+    )
+    require: Annotated[Sequence[str], describe("conditions on metrics")] = ()
+    seeds: Annotated[Sequence[str], describe("names or patterns of start values that are seeds")] = (
+        "*.seed",
+    )
+    training: Annotated[int, describe("number of seeds for the search", ge=1)] = 2
+    validation: Annotated[int, describe("number of other seeds for the validation", ge=0)] = 4
+    evaluations: Annotated[int, describe("number of sets of gains to try", ge=1)] = 200
+    seed: Annotated[int, describe("seed of the search", ge=0)] = 0
+    tolerance: (
+        Annotated[
+            float,
+            describe("relative increase of the objective that is allowed on the validation seeds", ge=0.0),
+        ]
+        | None
+    ) = None
+    margin: Annotated[
+        float, describe("relative distance of a metric from its condition during the search", ge=0.0)
+    ] = 0.0
+    metrics: Metrics = ()
+    cases: Annotated[list[CaseTable], describe("conditions in which the gains are tried")] | None = None
+
+
+PLAIN = (*(name for name in TuningTable.__struct_fields__ if name not in _NOT_PLAIN), "description")
+"""Names of the fields that are plain data."""
 
 
 def load_tuning_plan(source: Source | TuningPlan) -> TuningPlan:
@@ -206,8 +218,8 @@ def load_tuning_plan(source: Source | TuningPlan) -> TuningPlan:
             raise CommandError(f"the plan is {source!r}; it must be a plan or a scenario, by name or file.")
         return TuningPlan(source.name if isinstance(source, Scenario) else "system", source)
     if str(source) in TUNINGS:
-        content = tomllib.loads(TUNINGS[str(source)]())
-        return _parse_tuning_plan(content, str(source), f"the tuning '{source}'", None)
+        label = f"the tuning '{source}'"
+        return _parse_tuning_plan(read_toml(TUNINGS[str(source)](), label), str(source), label, None)
     path = Path(source)
     if path.suffix.lower() == ".toml":
         content = read_plan_file(path)
@@ -219,45 +231,13 @@ def load_tuning_plan(source: Source | TuningPlan) -> TuningPlan:
 
 def _parse_tuning_plan(content: Mapping[str, Any], name: str, label: str, folder: Path | None) -> TuningPlan:
     """Return the plan of a content; paths in it are relative to `folder`. Raises CommandError."""
-    scenario = find_plan_scenario(content, label, folder)
-    given = read_given_options({n: v for n, v in content.items() if n not in _OWN}, label, _OWN, SWEEP)
-    options = {n: read_option(n, value, f"'{n}' of {label}", folder) for n, value in given.items()}
-    own = {key: content[key] for key in PLAIN if key in content}
-    tables = {
-        key: dict(flatten(convert_table(content.get(key, {}), f"'{key}' of {label}")))
-        for key in ("vary", "derive")
-    }
-    cases = {"cases": _cases(content["cases"], label)} if "cases" in content else {}
-    fields: dict[str, Any] = own | tables | cases
-    return TuningPlan(
-        name,
-        scenario,
-        **fields,
-        metrics=content.get("metrics", ()),
-        options=options,
-        where=label,
-    )
-
-
-def _cases(given: Any, label: str) -> list[Case]:
-    """Return the cases of a plan, given as tables in a list."""
-    found = list[Case]()
-    for place, content in enumerate(convert_value(given, Sequence[Any], f"'cases' of {label}"), 1):
-        of = f"case {place} of {label}"
-        case = convert_table(content, of)
-        if unknown := [key for key in case if key not in _ONE_OF]:
-            raise CommandError(f"{of} has the unknown key '{unknown[0]}'; use {join_names(_ONE_OF)}.")
-        require = case.get("require")
-        found.append(
-            Case(
-                convert_value(case.get("name", str(place)), str, f"'name' of {of}"),
-                convert_value(case.get("weight", 1.0), float, f"'weight' of {of}"),
-                dict(flatten(convert_table(case.get("set", {}), f"'set' of {of}"))),
-                None if require is None else convert_value(require, Sequence[str], f"'require' of {of}"),
-                convert_value(case.get("margins", ()), Sequence[str], f"'margins' of {of}"),
-                convert_value(case.get("at"), float | None, f"'at' of {of}"),
-            )
-        )
-    if not found:
+    values = read_plan(content, TuningTable, label, folder)
+    cases: list[CaseTable] | None = values.pop("cases")
+    if cases == []:
         raise CommandError(f"'cases' of {label} is empty; remove it to use the scenario unchanged.")
-    return found
+    if cases is not None:
+        values["cases"] = [
+            Case(table.name or str(position), table.weight, table.set, table.require, table.margins, table.at)
+            for position, table in enumerate(cases, 1)
+        ]
+    return TuningPlan(name, **values)
