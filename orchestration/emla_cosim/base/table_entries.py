@@ -84,7 +84,8 @@ def combine_problems(label: str, problems: Sequence[str]) -> CommandError:
 def unknown_entry(table: str, key: object, names: Iterable[str]) -> CommandError:
     """Return the error for an entry that a table cannot have, with the nearest name or all names."""
     names = list(names)
-    near = difflib.get_close_matches(str(key), names, n=1, cutoff=0.5)
+    near = [name for name in names if name.lower() == str(key).lower()]
+    near = near or difflib.get_close_matches(str(key), names, n=1, cutoff=0.5)
     meant = f"did you mean '{near[0]}'?" if near else f"use {join_names(names or ['none'])}."
     return CommandError(f"{table} has the unknown entry '{key}'; {meant}", key=key)
 

@@ -6,19 +6,22 @@ its JSON Schema.
 
 import tomllib
 from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import is_dataclass
+from functools import cache
 from pathlib import Path
-from typing import Any, TypeVar
+from types import UnionType
+from typing import Annotated, Any, TypeVar, Union, get_args, get_origin
 
 import msgspec
 
 from .errors import CommandError
-from .table_entries import Location
+from .table_entries import Location, list_fields
 from .values import convert_value
 
 Table = Mapping[str, Any]
 Struct = TypeVar("Struct", bound=msgspec.Struct)
 
-QUANTITY = r"^\s*[+-]?([0-9]+[.,]?[0-9]*|[.,][0-9]+)([eE][+-]?[0-9]+)?(\s*\S.*)?$"
+QUANTITY = r"^\s*[-+]?[.,]?[0-9]"
 """Pattern of a text with a number and a unit, for editors; the reader decides."""
 
 
@@ -96,25 +99,64 @@ def read_by(
     )
 
 
-def extend_struct(
-    base: type[Struct], name: str, fields: Sequence[tuple[str, Any] | tuple[str, Any, Any]]
-) -> type[Struct]:
+def extend_struct(base: type[Struct], name: str, fields: Sequence[Any], about: str = "") -> type[Struct]:
     """Return a struct with further fields, which files may leave out if they have a default.
 
     Args:
-        base: The struct with the other fields.
-        name: The name of the new struct.
-        fields: Name, type and default of each field, as for `msgspec.defstruct`.
+        base: The struct with the other fields, or `msgspec.Struct`.
+        name: The name of the new struct; a schema needs different names.
+        fields: Name, type and, if any, default of each field, as for `msgspec.defstruct`.
+        about: The description of the table. Default: that of `base`.
     """
+    about = about or ("" if base is msgspec.Struct else base.__doc__ or "")
     return msgspec.defstruct(  # type: ignore[return-value]
         name,
         fields,
         bases=(base,),
-        namespace={"__doc__": base.__doc__},
+        namespace={"__doc__": about},
         frozen=True,
         kw_only=True,
         forbid_unknown_fields=True,
     )
+
+
+def type_in_file(type_: Any) -> Any:
+    """Return the type of a value in a file, for its schema: texts for paths, structs for dataclasses."""
+    origin, inner = get_origin(type_), get_args(type_)
+    if type_ is Path:
+        return str
+    if origin in (Union, UnionType):
+        return Union[tuple(type_in_file(t) for t in inner if t is not type(None))]  # noqa: UP007
+    if origin is Mapping:
+        return dict[str, type_in_file(inner[1])]
+    if origin is Sequence:
+        return list[type_in_file(inner[0])]
+    return _short_type(type_) | _record_struct(type_) if is_dataclass(type_) else type_
+
+
+def _short_type(record: Any) -> Any:
+    """Return the type of the value from which alone a dataclass can be read: a number or a text."""
+    first = list_fields(record)[0].type
+    return float if float in (first, *get_args(first)) else str
+
+
+@cache
+def _record_struct(record: Any) -> Any:
+    """Return the struct with the fields of a dataclass."""
+    fields: list[Any] = [
+        (f.attribute, type_in_file(f.type), *([] if f.is_required else [msgspec.UNSET]))
+        for f in list_fields(record)
+    ]
+    return extend_struct(msgspec.Struct, record.__name__, fields)
+
+
+def record(type_: Any, about: str = "") -> Any:
+    """Return the type of an entry that is a dataclass: a table of its fields, or its first field."""
+
+    def read(value: Any, at: Location, folder: Path | None) -> Any:
+        return convert_value(value, type_, at.label, folder)
+
+    return Annotated[type_in_file(type_), read_by(read, about)]
 
 
 def list_given(table: msgspec.Struct, without: Collection[str] = ()) -> dict[str, Any]:

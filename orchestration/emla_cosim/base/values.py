@@ -235,12 +235,17 @@ def _convert_table(value: Any, type_: Any, at: Location, folder: Path | None) ->
     if problems:
         texts = [text for error in problems for text in error.fields.get("problems", [str(error)])]
         raise combine_problems(at.file or at.label, texts)
+    return _make(type_, values, at)
+
+
+def _make(type_: Any, values: Mapping[str, Any], at: Location) -> Any:
+    """Make a struct or a dataclass; errors of its checks get its name."""
     try:
         return type_(**values)
     except ArithmeticError as error:
         raise CommandError(f"{at.table} has values that cannot be used: {error}.") from error
     except ValueError as error:
-        raise CommandError(f"{at.table} {error}") from error
+        raise CommandError(f"{at.table}{':' if is_dataclass(type_) else ''} {error}") from error
 
 
 def _read_quantity(value: Any, unit: str, label: str) -> Any:
@@ -293,7 +298,7 @@ def _convert_record(value: Any, type_: Any, at: Location, folder: Path | None) -
     fields = list_fields(type_)
     first = fields[0].type
     if isinstance(value, (str, Path)) or (isinstance(value, (int, float)) and _is_number(first)):
-        return type_(convert_at(value, first, at, folder))
+        return _make(type_, {fields[0].attribute: convert_at(value, first, at, folder)}, at)
     plain = "a number" if _is_number(first) else "a text" if hasattr(type_, "of_text") else "a path"
     texts = (f"{f.name} = {example_of(float if _is_number(f.type) else str)}" for f in fields)
     raise _type_error(at.label, value, f"{plain}, or {{ {', '.join(texts)} }}")

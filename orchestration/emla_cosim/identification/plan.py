@@ -10,10 +10,18 @@ import msgspec
 from ..base.errors import CommandError, check_choice, join_names
 from ..base.option import SWEEP
 from ..base.table_entries import Location
-from ..base.toml_structs import check_fields, describe, dotted, extend_struct, list_given, read_by
+from ..base.toml_structs import (
+    check_fields,
+    describe,
+    dotted,
+    extend_struct,
+    list_given,
+    read_by,
+    type_in_file,
+)
 from ..base.values import convert_value
 from ..inputs.input import Input
-from ..run.scenarios.option_fields import type_in_file, with_options
+from ..run.scenarios.option_fields import with_options
 from ..run.scenarios.scenario import Scenario
 from ..study.loading import load
 from ..sweeps.plan import PlanTable, Source, read_plan, read_plan_file

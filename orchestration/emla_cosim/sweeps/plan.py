@@ -10,7 +10,7 @@ import msgspec
 from ..base.errors import CommandError
 from ..base.files import read_text
 from ..base.option import SWEEP
-from ..base.toml_structs import check_fields, describe, dotted, list_given, read_toml
+from ..base.toml_structs import Struct, check_fields, describe, dotted, list_given, read_toml
 from ..base.values import convert_value
 from ..run.options import list_options
 from ..run.scenarios.built_in import PLANS
@@ -25,11 +25,7 @@ Source = str | Path | System | Scenario
 """A scenario, its name or its file."""
 
 Metrics = Annotated[
-    Any,
-    msgspec.Meta(
-        description="metrics to keep: names, or name = expression",
-        extra_json_schema={"type": ["array", "object"], "items": {"type": "string"}},
-    ),
+    list[str] | dict[str, str], describe("metrics to keep: names, or name = expression; default: all")
 ]
 
 
@@ -51,7 +47,7 @@ class SweepTable(PlanTable, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     sampling: Annotated[str, describe("how variants are chosen")] | None = None
     runs: Annotated[int, describe("number of variants to draw")] | None = None
     seed: Annotated[int, describe("seed of all random draws", ge=0, le=2**63 - 1)] = 0
-    metrics: Metrics = ()
+    metrics: Metrics = msgspec.field(default_factory=list)
     signals: Annotated[Sequence[str], describe("names or patterns of signals to keep over time")] = ()
 
 
@@ -118,7 +114,7 @@ class Plan:
 
     def check(self) -> None:
         """Raise CommandError for mistakes that can be found without the scenario."""
-        check_fields(self, SweepTable, self.where, PlanTable.__struct_fields__)
+        check_fields(self, SweepTable, self.where, (*PlanTable.__struct_fields__, "metrics"))
         if wrong := [
             name for name in self.options if name in list_options() and name not in list_options(SWEEP)
         ]:
@@ -162,6 +158,11 @@ def read_plan_file(path: Path) -> dict[str, Any] | None:
     return content if "vary" in content else None
 
 
+def plan_struct(table: type[Struct]) -> type[Struct]:
+    """Return the struct of a plan: its fields, and the options of a sweep."""
+    return with_options(table, table.__name__, SWEEP)
+
+
 def read_plan(
     content: Mapping[str, Any], table: type[PlanTable], label: str, folder: Path | None
 ) -> dict[str, Any]:
@@ -179,7 +180,7 @@ def read_plan(
     Raises:
         CommandError: An entry is unknown, missing or wrong.
     """
-    read = convert_value(content, with_options(table, table.__name__, SWEEP), label, folder)
+    read = convert_value(content, plan_struct(table), label, folder)
     values = {name: getattr(read, name) for name in table.__struct_fields__}
     if folder is not None and (folder / read.scenario).exists():
         values["scenario"] = str(folder / read.scenario)

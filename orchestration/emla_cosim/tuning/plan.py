@@ -197,7 +197,7 @@ class TuningTable(PlanTable, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     margin: Annotated[
         float, describe("relative distance of a metric from its condition during the search", ge=0.0)
     ] = 0.0
-    metrics: Metrics = ()
+    metrics: Metrics = msgspec.field(default_factory=list)
     cases: Annotated[list[CaseTable], describe("conditions in which the gains are tried")] | None = None
 
 

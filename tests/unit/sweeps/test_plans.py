@@ -109,7 +109,7 @@ FILES: dict[str, tuple[bytes, str]] = {
     "no text": (b"\xff\xfe\x00", "not a text in UTF-8"),
     "NUL": (PLAN.encode() + b"\0", "."),
     "runs": (b'runs = "many"\n' + PLAN.encode(), "'runs' of the plan"),
-    "metrics": (b"metrics = 3\n" + PLAN.encode(), "must be a list or a table"),
+    "metrics": (b"metrics = 3\n" + PLAN.encode(), "must be a list"),
     "lone surrogate": (b'description = "\\ud800"\n' + PLAN.encode(), "."),
 }  # fmt: skip
 

@@ -2,16 +2,14 @@
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from functools import cache
 from pathlib import Path
-from types import UnionType
-from typing import Annotated, Any, Literal, Union, get_args, get_origin
+from typing import Annotated, Any, Literal, get_args, get_origin
 
 import msgspec
 
 from ...base.option import Option
-from ...base.table_entries import Location, list_fields
-from ...base.toml_structs import Struct, extend_struct, quantity
+from ...base.table_entries import Location
+from ...base.toml_structs import Struct, extend_struct, quantity, type_in_file
 from ..options import list_options, read_option
 
 
@@ -54,29 +52,5 @@ def _option_type(option: Option) -> Any:
     if about.unit:
         return Annotated[float, quantity(about.unit)]
     if about.arrays:
-        return dict[str, float | bool | str | list[Any]]
+        return dict[str, float | bool | str | Annotated[list[Any], msgspec.Meta(min_length=1)]]
     return type_in_file(type_)
-
-
-def type_in_file(type_: Any) -> Any:
-    """Return the type of a value in a file, for its schema: texts for paths, structs for dataclasses."""
-    origin, inner = get_origin(type_), get_args(type_)
-    if type_ is Path:
-        return str
-    if origin in (Union, UnionType):
-        return Union[tuple(type_in_file(t) for t in inner if t is not type(None))]  # noqa: UP007
-    if origin is Mapping:
-        return dict[str, type_in_file(inner[1])]
-    if origin is Sequence:
-        return list[type_in_file(inner[0])]
-    return str | _record_struct(type_) if dataclasses.is_dataclass(type_) else type_
-
-
-@cache
-def _record_struct(record: Any) -> Any:
-    """Return the struct with the fields of a dataclass."""
-    fields: list[Any] = [
-        (f.attribute, type_in_file(f.type), *([] if f.is_required else [msgspec.UNSET]))
-        for f in list_fields(record)
-    ]
-    return extend_struct(msgspec.Struct, record.__name__, fields)

@@ -162,7 +162,7 @@ class Actuator(FileOrObject):
     @cached_property
     def printed(self) -> dict[str, SheetValue]:
         """All entries by "table.key"."""
-        tables = {name: content for name, content in self.tables.items() if name in NEEDED or content}
+        tables = {name: content for name, content in self.tables.items() if name in NEEDED or content != {}}
         content = {"name": self.name, "source": self.source, **tables}
         sheet = convert_at(content, ACTUATOR, Location("", ""))
         return {

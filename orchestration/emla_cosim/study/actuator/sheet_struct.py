@@ -1,5 +1,6 @@
 """The tables of an actuator's file as structs of msgspec."""
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -17,7 +18,9 @@ def _reader(table: str, entry: SheetEntry) -> Callable[[Any, Location, Path | No
 
 
 def _field(table: str, entry: SheetEntry) -> Any:
-    schema = {"pattern": QUANTITY} if entry.unit else {}
+    schema: dict[str, Any] = {} if entry.choices or entry.kind is bool else {"pattern": QUANTITY}
+    if entry.most < math.inf and not entry.unit:
+        schema["maximum"] = entry.most
     meta = msgspec.Meta(
         description=entry.about,
         examples=[entry.example],
@@ -33,7 +36,7 @@ def _type_in_file(entry: SheetEntry) -> Any:
         return Literal[entry.choices]
     if entry.kind is bool:
         return bool
-    return str if entry.unit else float | str
+    return str if entry.unit else float
 
 
 class SheetTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

@@ -3,6 +3,7 @@
 import inspect
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Annotated, Any, ClassVar, Literal, get_args, get_origin, get_type_hints
 
 import msgspec
@@ -74,7 +75,7 @@ def gain_tables(
     tables: dict[str | None, type[GainTable]] = {None: _table_of(f"{name} gains", values, further)}
     for rule, function in rules.items():
         tag = ("rule", Annotated[Literal[rule], describe("rule for the gains")])  # type: ignore[valid-type]
-        tables[rule] = _table_of(f"{name} gains by the rule {rule}", function, [tag, *further])
+        tables[rule] = _table_of(f"{name} gains by {rule}", function, [tag, *further])
     return tables
 
 
@@ -87,7 +88,8 @@ def _table_of(name: str, function: Callable[..., Any], further: Sequence[Any]) -
         else (argument.name, _type_in_file(hints[argument.name]), argument.default)
         for argument in inspect.signature(function).parameters.values()
     ]
-    table = extend_struct(GainTable, name.replace(" ", "_"), [*fields, *further])
+    about = " ".join((inspect.getdoc(function) or "").partition("\n")[0].split())
+    table = extend_struct(GainTable, name.replace(" ", "_"), [*fields, *further], about)
     table.function, table.arguments = staticmethod(function), [field[0] for field in fields]
     return table
 
@@ -99,6 +101,7 @@ def _type_in_file(hint: Any) -> Any:
     return Annotated[float, quantity("")] if hint is float else hint
 
 
+@cache
 def observer_table() -> Any:
     """Return the type of a table with gains of an observer."""
     estimate = Annotated[float, quantity("m", "initial position of the observer", 0.36)]
