@@ -6,17 +6,13 @@ its JSON Schema.
 
 import tomllib
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import is_dataclass
-from functools import cache
 from pathlib import Path
-from types import UnionType
-from typing import Annotated, Any, TypeVar, Union, get_args, get_origin
+from typing import Any, TypeVar
 
 import msgspec
 
 from .errors import CommandError
-from .table_entries import Location, list_fields
-from .values import convert_value
+from .table_entries import Location
 
 Table = Mapping[str, Any]
 Struct = TypeVar("Struct", bound=msgspec.Struct)
@@ -120,63 +116,7 @@ def extend_struct(base: type[Struct], name: str, fields: Sequence[Any], about: s
     )
 
 
-def type_in_file(type_: Any) -> Any:
-    """Return the type of a value in a file, for its schema: texts for paths, structs for dataclasses."""
-    origin, inner = get_origin(type_), get_args(type_)
-    if type_ is Path:
-        return str
-    if origin in (Union, UnionType):
-        return Union[tuple(type_in_file(t) for t in inner if t is not type(None))]  # noqa: UP007
-    if origin is Mapping:
-        return dict[str, type_in_file(inner[1])]
-    if origin is Sequence:
-        return list[type_in_file(inner[0])]
-    return _short_type(type_) | _record_struct(type_) if is_dataclass(type_) else type_
-
-
-def _short_type(record: Any) -> Any:
-    """Return the type of the value from which alone a dataclass can be read: a number or a text."""
-    first = list_fields(record)[0].type
-    return float if float in (first, *get_args(first)) else str
-
-
-@cache
-def _record_struct(record: Any) -> Any:
-    """Return the struct with the fields of a dataclass."""
-    fields: list[Any] = [
-        (f.attribute, type_in_file(f.type), *([] if f.is_required else [msgspec.UNSET]))
-        for f in list_fields(record)
-    ]
-    return extend_struct(msgspec.Struct, record.__name__, fields)
-
-
-def record(type_: Any, about: str = "") -> Any:
-    """Return the type of an entry that is a dataclass: a table of its fields, or its first field."""
-
-    def read(value: Any, at: Location, folder: Path | None) -> Any:
-        return convert_value(value, type_, at.label, folder)
-
-    return Annotated[type_in_file(type_), read_by(read, about)]
-
-
 def list_given(table: msgspec.Struct, without: Collection[str] = ()) -> dict[str, Any]:
     """Return the fields that a file has, by attribute: those that are not UNSET."""
     values = {name: getattr(table, name) for name in table.__struct_fields__ if name not in without}
     return {name: value for name, value in values.items() if value is not msgspec.UNSET}
-
-
-def check_fields(of: Any, type_: type[msgspec.Struct], label: str, without: Collection[str] = ()) -> None:
-    """Check the attributes of an object with the types and bounds of a struct.
-
-    Args:
-        of: The object.
-        type_: The struct.
-        label: What error messages call the object.
-        without: Fields that are not checked.
-
-    Raises:
-        CommandError: An attribute has a wrong type or is out of range.
-    """
-    for field in msgspec.structs.fields(type_):
-        if field.name not in without:
-            convert_value(getattr(of, field.name), field.type, f"'{field.name}' of {label}")

@@ -7,24 +7,17 @@ from typing import Annotated, Any
 
 import msgspec
 
+from ..base.class_structs import check_fields, struct_of, type_in_file
 from ..base.errors import CommandError, check_choice, join_names
 from ..base.option import SWEEP
 from ..base.table_entries import Location
-from ..base.toml_structs import (
-    check_fields,
-    describe,
-    dotted,
-    extend_struct,
-    list_given,
-    read_by,
-    type_in_file,
-)
+from ..base.toml_structs import list_given, read_by
 from ..base.values import convert_value
 from ..inputs.input import Input
 from ..run.scenarios.option_fields import with_options
 from ..run.scenarios.scenario import Scenario
 from ..study.loading import load
-from ..sweeps.plan import PlanTable, Source, read_plan, read_plan_file
+from ..sweeps.plan import IN_FILES, NOT_IN_FILES, Source, read_plan, read_plan_file
 from ..sweeps.targets import merge_options
 from ..system.model import System
 from .loss import LINEAR, LOSSES
@@ -110,7 +103,7 @@ class IdentificationPlan:
 
     def check(self) -> None:
         """Raise CommandError for mistakes that can be found without the scenario."""
-        check_fields(self, IdentificationTable, self.where, _NOT_PLAIN)
+        check_fields(self, identification_struct(), self.where, (*IN_FILES, "sigma", "experiments"))
         check_choice("loss", self.loss, LOSSES)
         if not self.vary:
             raise CommandError(
@@ -150,42 +143,33 @@ def _read_measured(value: Any, at: Location, folder: Path | None) -> Sequence[In
 
 
 _DATA = type_in_file(Input)
+_EXPERIMENT = struct_of(
+    Experiment,
+    {
+        "name": str | None,
+        "measured": Annotated[
+            _DATA | list[_DATA],  # type: ignore[valid-type]
+            read_by(_read_measured, "what was measured, as for --measured, one or several"),
+        ],
+    },
+    ["options"],
+)
 
 
-class ExperimentTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A run of the machine. All options of `emla sweep` can be here, too, for this experiment."""
-
-    name: Annotated[str, describe("name of the experiment; default: its position")] = ""
-    measured: Annotated[
-        _DATA | list[_DATA],  # type: ignore[valid-type]
-        read_by(_read_measured, "what was measured, as for --measured, one or several"),
-    ] = ()
-    held_out: Annotated[bool, describe("whether it serves to validate only")] = False
-
-
-class IdentificationTable(PlanTable, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The plan of an identification. All options of `emla sweep` can be here, too, for all runs."""
-
-    vary: Annotated[dict[str, Any], dotted("unknown parameters and their ranges, by name")] = msgspec.field(
-        default_factory=dict
+def identification_struct() -> type[msgspec.Struct]:
+    """Return the struct of a plan's file; experiments can have options of their own."""
+    experiment = with_options(_EXPERIMENT, "Experiment", SWEEP)
+    return struct_of(
+        IdentificationPlan,
+        {
+            **IN_FILES,
+            "experiments": list[experiment],  # type: ignore[valid-type]
+            "starts": Annotated[int, msgspec.Meta(ge=1)],
+            "evaluations": Annotated[int, msgspec.Meta(ge=1)],
+            "seed": Annotated[int, msgspec.Meta(ge=0)],
+        },
+        NOT_IN_FILES,
     )
-    sigma: Annotated[dict[str, Any], dotted("standard deviations of measured signals, by name")] = (
-        msgspec.field(default_factory=dict)
-    )
-    experiments: Annotated[list[ExperimentTable], describe("runs of the machine")] = msgspec.field(
-        default_factory=list
-    )
-    loss: Annotated[str, describe("loss function")] = LINEAR
-    starts: Annotated[int, describe("number of starting points", ge=1)] = 1
-    evaluations: Annotated[int, describe("most iterations from each starting point", ge=1)] = 50
-    profile: Annotated[
-        Sequence[str], describe("parameters whose intervals are found with all others estimated again")
-    ] = ()
-    seed: Annotated[int, describe("seed of the random starting points", ge=0)] = 0
-    design: Annotated[bool, describe("whether to rank the experiments instead of estimating")] = False
-
-
-_NOT_PLAIN = (*PlanTable.__struct_fields__, "sigma", "experiments")
 
 
 def load_identification_plan(source: Source | IdentificationPlan) -> IdentificationPlan:
@@ -209,23 +193,16 @@ def load_identification_plan(source: Source | IdentificationPlan) -> Identificat
     return IdentificationPlan(name, source, where=f"the identification of '{source}'")
 
 
-def identification_struct() -> type[PlanTable]:
-    """Return the struct of plans: experiments can have options of their own."""
-    experiment = with_options(ExperimentTable, "Experiment", SWEEP)
-    field = ("experiments", Annotated[list[experiment], describe("runs of the machine")], [])
-    return extend_struct(IdentificationTable, "IdentificationTable", [field])
-
-
 def _parse_plan(content: Mapping[str, Any], name: str, label: str, folder: Path) -> IdentificationPlan:
     """Return the plan of a file's content; paths in it are relative to `folder`. Raises CommandError."""
     values = read_plan(content, identification_struct(), label, folder)
     values["experiments"] = [
-        Experiment(
-            table.name or str(position),
-            table.measured,
-            list_given(table, ExperimentTable.__struct_fields__),
-            table.held_out,
-        )
-        for position, table in enumerate(values["experiments"], 1)
+        _experiment(list_given(table), str(position))
+        for position, table in enumerate(values.get("experiments", ()), 1)
     ]
     return IdentificationPlan(name, **values)
+
+
+def _experiment(values: dict[str, Any], name: str) -> Experiment:
+    fields = {key: values.pop(key) for key in _EXPERIMENT.__struct_fields__ if key in values}
+    return Experiment(**{"name": name, **fields}, options=values)

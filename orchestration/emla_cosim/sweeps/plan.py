@@ -7,10 +7,11 @@ from typing import Annotated, Any
 
 import msgspec
 
+from ..base.class_structs import check_fields, struct_of
 from ..base.errors import CommandError
 from ..base.files import read_text
 from ..base.option import SWEEP
-from ..base.toml_structs import Struct, check_fields, describe, dotted, list_given, read_toml
+from ..base.toml_structs import Struct, describe, dotted, list_given, read_toml
 from ..base.values import convert_value
 from ..run.options import list_options
 from ..run.scenarios.built_in import PLANS
@@ -24,31 +25,18 @@ from .targets import merge_options
 Source = str | Path | System | Scenario
 """A scenario, its name or its file."""
 
-Metrics = Annotated[
-    list[str] | dict[str, str], describe("metrics to keep: names, or name = expression; default: all")
-]
+NOT_IN_FILES = ("name", "options", "where")
+"""Fields of a plan that are not entries of its file."""
 
-
-def _is_distribution(table: Mapping[str, Any]) -> bool:
-    return isinstance(table.get("distribution"), str)
-
-
-class PlanTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A plan of many runs of a scenario. All options of `emla sweep` can be here, too, for all runs."""
-
-    scenario: Annotated[str, describe("name or path of what is run", "study")]
-    vary: Annotated[dict[str, Any], dotted("what varies, and how, by name", _is_distribution)]
-    description: Annotated[str, describe("purpose, in one line")] = ""
-
-
-class SweepTable(PlanTable, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The plan of a sweep. All options of `emla sweep` can be here, too, for all variants."""
-
-    sampling: Annotated[str, describe("how variants are chosen")] | None = None
-    runs: Annotated[int, describe("number of variants to draw")] | None = None
-    seed: Annotated[int, describe("seed of all random draws", ge=0, le=2**63 - 1)] = 0
-    metrics: Metrics = msgspec.field(default_factory=list)
-    signals: Annotated[Sequence[str], describe("names or patterns of signals to keep over time")] = ()
+IN_FILES: Mapping[str, Any] = {
+    "scenario": Annotated[str, describe("name or path of what is run", "study")],
+    "vary": Annotated[
+        dict[str, Any],
+        dotted("what varies, and how, by name", lambda table: isinstance(table.get("distribution"), str)),
+    ],
+    "metrics": list[str] | dict[str, str],
+}
+"""Types of fields in files of plans that differ from those in Python."""
 
 
 @dataclass(frozen=True)
@@ -114,7 +102,7 @@ class Plan:
 
     def check(self) -> None:
         """Raise CommandError for mistakes that can be found without the scenario."""
-        check_fields(self, SweepTable, self.where, (*PlanTable.__struct_fields__, "metrics"))
+        check_fields(self, SWEEP_PLAN, self.where, IN_FILES)
         if wrong := [
             name for name in self.options if name in list_options() and name not in list_options(SWEEP)
         ]:
@@ -124,6 +112,11 @@ class Plan:
                 f"{self.where} varies nothing; add a factor, for example "
                 "--vary lift.plant.motor.R_s=0.05:0.3:20."
             )
+
+
+_SEED = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
+SWEEP_PLAN = struct_of(Plan, {**IN_FILES, "seed": _SEED}, NOT_IN_FILES)
+"""The struct of a plan's file, without options."""
 
 
 def load_plan(source: Source | Plan) -> Plan:
@@ -164,7 +157,7 @@ def plan_struct(table: type[Struct]) -> type[Struct]:
 
 
 def read_plan(
-    content: Mapping[str, Any], table: type[PlanTable], label: str, folder: Path | None
+    content: Mapping[str, Any], table: type[msgspec.Struct], label: str, folder: Path | None
 ) -> dict[str, Any]:
     """Read the content of a plan.
 
@@ -175,21 +168,21 @@ def read_plan(
         folder: The folder of relative paths, also of the scenario.
 
     Returns:
-        The fields of the plan by name, and `options`.
+        The fields that the file has by name, `options` and `where`.
 
     Raises:
         CommandError: An entry is unknown, missing or wrong.
     """
-    read = convert_value(content, plan_struct(table), label, folder)
-    values = {name: getattr(read, name) for name in table.__struct_fields__}
-    if folder is not None and (folder / read.scenario).exists():
-        values["scenario"] = str(folder / read.scenario)
-    return {**values, "options": list_given(read, table.__struct_fields__), "where": label}
+    values = list_given(convert_value(content, plan_struct(table), label, folder))
+    options = {name: values.pop(name) for name in [*values] if name not in table.__struct_fields__}
+    if folder is not None and (folder / values["scenario"]).exists():
+        values["scenario"] = str(folder / values["scenario"])
+    return {**values, "options": options, "where": label}
 
 
 def _parse_plan(content: Mapping[str, Any], name: str, label: str, folder: Path | None) -> Plan:
     """Return the plan of a content. Paths in it are relative to `folder`."""
-    values = read_plan(content, SweepTable, label, folder)
+    values = read_plan(content, SWEEP_PLAN, label, folder)
     values["vary"] = {varied: _with_files_of(folder, given) for varied, given in values["vary"].items()}
     plan = Plan(name, **values)
     plan.check()

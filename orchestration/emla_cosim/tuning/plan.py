@@ -1,29 +1,30 @@
 """The plan of a tuning: a scenario, gains with their ranges, objective, conditions and cases."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Annotated, Any
 
 import msgspec
 
+from ..base.class_structs import check_fields, struct_of
 from ..base.errors import CommandError
 from ..base.option import SWEEP
-from ..base.toml_structs import check_fields, describe, dotted, quantity, read_toml
+from ..base.toml_structs import list_given, quantity, read_toml
 from ..base.values import convert_value
 from ..run.options import list_options
 from ..run.scenarios.built_in import TUNINGS
 from ..run.scenarios.scenario import Scenario
 from ..study.loading import load
 from ..sweeps.measures import Metric
-from ..sweeps.plan import Metrics, PlanTable, Source, read_plan, read_plan_file
+from ..sweeps.plan import IN_FILES, NOT_IN_FILES, Source, read_plan, read_plan_file
 from ..sweeps.targets import merge_options
 from ..system.model import System
 
 DEFAULTS = "usual"
 """The name of the only case in a plan without cases: the scenario unchanged."""
 
-_NOT_PLAIN = (*PlanTable.__struct_fields__, "metrics", "cases")
+_NOT_PLAIN = (*IN_FILES, "cases")
 
 
 @dataclass(frozen=True)
@@ -129,7 +130,7 @@ class TuningPlan:
 
     def check(self) -> None:
         """Raise CommandError for mistakes that can be found without the scenario."""
-        check_fields(self, TuningTable, self.where, _NOT_PLAIN)
+        check_fields(self, TUNING_PLAN, self.where, _NOT_PLAIN)
         if wrong := [
             name for name in self.options if name in list_options() and name not in list_options(SWEEP)
         ]:
@@ -159,50 +160,39 @@ class TuningPlan:
             raise CommandError(f"no case of {self.where} has a weight; set one to a weight above 0.")
 
 
-class CaseTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Conditions in which gains must do well, with other start values or options than the scenario."""
-
-    name: Annotated[str, describe("name of the case; default: its position")] = ""
-    weight: Annotated[float, describe("weight of its objective in the sum", ge=0.0)] = 1.0
-    set: Annotated[dict[str, Any], dotted("start values and options by name, with one value each")] = (
-        msgspec.field(default_factory=dict)
-    )
-    require: Annotated[Sequence[str], describe("conditions; default: those of the plan")] | None = None
-    margins: Annotated[Sequence[str], describe("loops that need stability margins")] = ()
-    at: Annotated[float, quantity("s", "time at which loops are measured")] | None = None
+def _at_least(number: int) -> Any:
+    return Annotated[int, msgspec.Meta(ge=number)]
 
 
-class TuningTable(PlanTable, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The plan of a tuning. All options of `emla sweep` can be here, too, for all runs."""
-
-    objective: Annotated[str, describe("expression over metrics, to be minimized")] = ""
-    derive: Annotated[dict[str, str], dotted("further start values, as expressions over what varies")] = (
-        msgspec.field(default_factory=dict)
-    )
-    require: Annotated[Sequence[str], describe("conditions on metrics")] = ()
-    seeds: Annotated[Sequence[str], describe("names or patterns of start values that are seeds")] = (
-        "*.seed",
-    )
-    training: Annotated[int, describe("number of seeds for the search", ge=1)] = 2
-    validation: Annotated[int, describe("number of other seeds for the validation", ge=0)] = 4
-    evaluations: Annotated[int, describe("number of sets of gains to try", ge=1)] = 200
-    seed: Annotated[int, describe("seed of the search", ge=0)] = 0
-    tolerance: (
-        Annotated[
-            float,
-            describe("relative increase of the objective that is allowed on the validation seeds", ge=0.0),
-        ]
-        | None
-    ) = None
-    margin: Annotated[
-        float, describe("relative distance of a metric from its condition during the search", ge=0.0)
-    ] = 0.0
-    metrics: Metrics = msgspec.field(default_factory=list)
-    cases: Annotated[list[CaseTable], describe("conditions in which the gains are tried")] | None = None
+_CASE = struct_of(
+    Case,
+    {
+        "name": str | None,
+        "weight": Annotated[float, msgspec.Meta(ge=0.0)],
+        "at": Annotated[float, quantity("s")],
+    },
+)
+_FRACTION = Annotated[float, msgspec.Meta(ge=0.0)]
+TUNING_PLAN = struct_of(
+    TuningPlan,
+    {
+        **IN_FILES,
+        "cases": Annotated[list[_CASE], msgspec.Meta(min_length=1)],  # type: ignore[valid-type]
+        "training": _at_least(1),
+        "validation": _at_least(0),
+        "evaluations": _at_least(1),
+        "seed": _at_least(0),
+        "tolerance": _FRACTION | None,
+        "margin": _FRACTION,
+    },
+    NOT_IN_FILES,
+)
+"""The struct of a plan's file, without options."""
 
 
-PLAIN = (*(name for name in TuningTable.__struct_fields__ if name not in _NOT_PLAIN), "description")
-"""Names of the fields that are plain data."""
+def list_plain_fields() -> list[str]:
+    """Return the names of the fields that are plain data."""
+    return [f.name for f in fields(TuningPlan) if f.name not in (*_NOT_PLAIN, *NOT_IN_FILES)]
 
 
 def load_tuning_plan(source: Source | TuningPlan) -> TuningPlan:
@@ -231,13 +221,12 @@ def load_tuning_plan(source: Source | TuningPlan) -> TuningPlan:
 
 def _parse_tuning_plan(content: Mapping[str, Any], name: str, label: str, folder: Path | None) -> TuningPlan:
     """Return the plan of a content; paths in it are relative to `folder`. Raises CommandError."""
-    values = read_plan(content, TuningTable, label, folder)
-    cases: list[CaseTable] | None = values.pop("cases")
-    if cases == []:
-        raise CommandError(f"'cases' of {label} is empty; remove it to use the scenario unchanged.")
-    if cases is not None:
+    values = read_plan(content, TUNING_PLAN, label, folder)
+    if "cases" in values:
         values["cases"] = [
-            Case(table.name or str(position), table.weight, table.set, table.require, table.margins, table.at)
-            for position, table in enumerate(cases, 1)
+            Case(**{"name": str(position), **list_given(case)})
+            for position, case in enumerate(values["cases"], 1)
         ]
+        if not values["cases"]:
+            raise CommandError(f"'cases' of {label} is empty; remove it to use the scenario unchanged.")
     return TuningPlan(name, **values)

@@ -15,9 +15,9 @@ from ...run.scenarios.scenario_file import scenario_struct
 from ...study.actuator.sheet_struct import ACTUATOR
 from ...study.joints.joint_table import joint_struct
 from ...study.registration import register
-from ...sweeps.plan import SweepTable, plan_struct
+from ...sweeps.plan import SWEEP_PLAN, plan_struct
 from ...trajectories.problem import PROBLEM
-from ...tuning.plan import TuningTable
+from ...tuning.plan import TUNING_PLAN
 from ...verification.references.reference_files import ReferenceTable
 from ...views.terminal import print_exactly, show
 
@@ -35,8 +35,8 @@ FILE_KINDS: Mapping[str, FileKind] = {
     "scenario": FileKind("Scenario: a system and options to run it", scenario_struct),
     "joint": FileKind("Joint: actuator, gains, motion and load", joint_struct),
     "actuator": FileKind("Data sheet of an actuator", lambda: ACTUATOR),
-    "sweep": FileKind("Plan of emla sweep", lambda: plan_struct(SweepTable)),
-    "tune": FileKind("Plan of emla tune", lambda: plan_struct(TuningTable)),
+    "sweep": FileKind("Plan of emla sweep", lambda: plan_struct(SWEEP_PLAN)),
+    "tune": FileKind("Plan of emla tune", lambda: plan_struct(TUNING_PLAN)),
     "identify": FileKind("Plan of emla identify", lambda: plan_struct(identification_struct())),
     "trajectory": FileKind("Problem of emla trajectory", lambda: PROBLEM),
     "reference": FileKind("What belongs to a reference solution, MODEL_ref.toml", lambda: ReferenceTable),

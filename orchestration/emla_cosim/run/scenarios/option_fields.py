@@ -7,9 +7,10 @@ from typing import Annotated, Any, Literal, get_args, get_origin
 
 import msgspec
 
+from ...base.class_structs import type_in_file
 from ...base.option import Option
 from ...base.table_entries import Location
-from ...base.toml_structs import Struct, extend_struct, quantity, type_in_file
+from ...base.toml_structs import Struct, extend_struct, quantity
 from ..options import list_options, read_option
 
 

@@ -14,9 +14,10 @@ import msgspec
 import numpy as np
 
 from ...base.arrays import Vector
+from ...base.class_structs import record
 from ...base.errors import CommandError
 from ...base.files import read_text
-from ...base.toml_structs import describe, read_toml, record
+from ...base.toml_structs import describe, read_toml
 from ...base.values import convert_value
 from ...recorders.tubes.tolerance import Tolerance
 from .related_result import find_related_result
