@@ -87,7 +87,7 @@ def unknown_entry(table: str, key: object, names: Iterable[str]) -> CommandError
     near = [name for name in names if name.lower() == str(key).lower()]
     near = near or difflib.get_close_matches(str(key), names, n=1, cutoff=0.5)
     meant = f"did you mean '{near[0]}'?" if near else f"use {join_names(names or ['none'])}."
-    return CommandError(f"{table} has the unknown entry '{key}'; {meant}", key=key)
+    return CommandError(f"{table} has the unknown entry '{key}'; {meant}", key=key, near=near[:1])
 
 
 def missing_entry(field: Field, at: Location) -> CommandError:

@@ -220,6 +220,7 @@ def _convert_table(value: Any, type_: Any, at: Location, folder: Path | None) ->
     fields, values, problems = list_fields(type_), dict[str, Any](), list[CommandError]()
     names = [field.name for field in fields]
     problems += [unknown_entry(at.table, key, names) for key in value if key not in names]
+    misspelt = {name for error in problems for name in error.fields["near"]}
     for field in fields:
         if field.name in value:
             try:
@@ -228,7 +229,7 @@ def _convert_table(value: Any, type_: Any, at: Location, folder: Path | None) ->
                 )
             except CommandError as error:
                 problems.append(error)
-        elif field.is_required:
+        elif field.is_required and field.name not in misspelt:
             problems.append(missing_entry(field, at))
     if len(problems) == 1:
         raise problems[0]

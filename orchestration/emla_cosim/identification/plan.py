@@ -17,9 +17,8 @@ from ..inputs.input import Input
 from ..run.scenarios.option_fields import with_options
 from ..run.scenarios.scenario import Scenario
 from ..study.loading import load
-from ..sweeps.plan import IN_FILES, NOT_IN_FILES, Source, read_plan, read_plan_file
+from ..sweeps.plan_files import IN_FILES, NOT_IN_FILES, Source, read_plan
 from ..sweeps.targets import merge_options
-from ..system.model import System
 from .loss import LINEAR, LOSSES
 
 
@@ -180,27 +179,12 @@ def load_identification_plan(source: Source | IdentificationPlan) -> Identificat
     """
     if isinstance(source, IdentificationPlan):
         return source
-    if not isinstance(source, (str, Path)):
-        if not isinstance(source, (Scenario, System)):
-            raise CommandError(f"the plan is {source!r}; it must be a plan or a scenario, by name or file.")
-        return IdentificationPlan(source.name if isinstance(source, Scenario) else "system", source)
-    path = Path(source)
-    if path.suffix.lower() == ".toml":
-        content = read_plan_file(path)
-        if content is not None:
-            return _parse_plan(content, path.stem, f"the identification '{path}'", path.parent)
-    name = path.stem if path.suffix else path.name
-    return IdentificationPlan(name, source, where=f"the identification of '{source}'")
-
-
-def _parse_plan(content: Mapping[str, Any], name: str, label: str, folder: Path) -> IdentificationPlan:
-    """Return the plan of a file's content; paths in it are relative to `folder`. Raises CommandError."""
-    values = read_plan(content, identification_struct(), label, folder)
+    values, _ = read_plan(source, identification_struct(), "identification", "identification", {})
     values["experiments"] = [
         _experiment(list_given(table), str(position))
         for position, table in enumerate(values.get("experiments", ()), 1)
     ]
-    return IdentificationPlan(name, **values)
+    return IdentificationPlan(**values)
 
 
 def _experiment(values: dict[str, Any], name: str) -> Experiment:

@@ -26,7 +26,7 @@ from ..run.option_types import SweepOptions
 from ..sandbox.interruption import catch_interrupts
 from ..sweeps.executor import ClusterExecutor, Scheduler, open_executor
 from ..sweeps.folder import hash_plain_data
-from ..sweeps.plan import Source
+from ..sweeps.plan_files import Source
 from ..sweeps.runner import check_cluster
 from ..sweeps.scenario_text import scenario_content
 from ..sweeps.targets import merge_options

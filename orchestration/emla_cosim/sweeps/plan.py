@@ -9,34 +9,11 @@ import msgspec
 
 from ..base.class_structs import check_fields, struct_of
 from ..base.errors import CommandError
-from ..base.files import read_text
-from ..base.option import SWEEP
-from ..base.toml_structs import Struct, describe, dotted, list_given, read_toml
-from ..base.values import convert_value
-from ..run.options import list_options
 from ..run.scenarios.built_in import PLANS
-from ..run.scenarios.option_fields import with_options
-from ..run.scenarios.scenario import Scenario
-from ..system.model import System
 from .measures import Metric
+from .plan_files import IN_FILES, NOT_IN_FILES, Source, check_options, read_plan
 from .sampling import SAMPLINGS
 from .targets import merge_options
-
-Source = str | Path | System | Scenario
-"""A scenario, its name or its file."""
-
-NOT_IN_FILES = ("name", "options", "where")
-"""Fields of a plan that are not entries of its file."""
-
-IN_FILES: Mapping[str, Any] = {
-    "scenario": Annotated[str, describe("name or path of what is run", "study")],
-    "vary": Annotated[
-        dict[str, Any],
-        dotted("what varies, and how, by name", lambda table: isinstance(table.get("distribution"), str)),
-    ],
-    "metrics": list[str] | dict[str, str],
-}
-"""Types of fields in files of plans that differ from those in Python."""
 
 
 @dataclass(frozen=True)
@@ -103,10 +80,7 @@ class Plan:
     def check(self) -> None:
         """Raise CommandError for mistakes that can be found without the scenario."""
         check_fields(self, SWEEP_PLAN, self.where, IN_FILES)
-        if wrong := [
-            name for name in self.options if name in list_options() and name not in list_options(SWEEP)
-        ]:
-            raise CommandError(f"the option {wrong[0]} is for a single run; remove it from {self.where}.")
+        check_options(self.options, self.where)
         if not self.vary:
             raise CommandError(
                 f"{self.where} varies nothing; add a factor, for example "
@@ -127,64 +101,11 @@ def load_plan(source: Source | Plan) -> Plan:
     """
     if isinstance(source, Plan):
         return source
-    if not isinstance(source, (str, Path)):
-        return Plan(source.name if isinstance(source, Scenario) else "system", source, {})
-    if str(source) in PLANS:
-        label = f"the plan '{source}'"
-        return _parse_plan(read_toml(PLANS[str(source)](), label), str(source), label, None)
-    path = Path(source)
-    if path.suffix.lower() == ".toml":
-        content = read_plan_file(path)
-        if content is not None:
-            return _parse_plan(content, path.stem, f"the plan '{path}'", path.parent)
-    name = path.stem if path.suffix else path.name
-    return Plan(name, source, {}, where=f"the sweep of '{source}'")
-
-
-def read_plan_file(path: Path) -> dict[str, Any] | None:
-    """Return the content of a plan, which has `vary`; None for a scenario.
-
-    Raises:
-        CommandError: The file cannot be read, or is not TOML.
-    """
-    content = read_toml(read_text(path, "the plan"), f"the plan '{path}'")
-    return content if "vary" in content else None
-
-
-def plan_struct(table: type[Struct]) -> type[Struct]:
-    """Return the struct of a plan: its fields, and the options of a sweep."""
-    return with_options(table, table.__name__, SWEEP)
-
-
-def read_plan(
-    content: Mapping[str, Any], table: type[msgspec.Struct], label: str, folder: Path | None
-) -> dict[str, Any]:
-    """Read the content of a plan.
-
-    Args:
-        content: The content.
-        table: The fields of the plan, without options.
-        label: What error messages call the plan.
-        folder: The folder of relative paths, also of the scenario.
-
-    Returns:
-        The fields that the file has by name, `options` and `where`.
-
-    Raises:
-        CommandError: An entry is unknown, missing or wrong.
-    """
-    values = list_given(convert_value(content, plan_struct(table), label, folder))
-    options = {name: values.pop(name) for name in [*values] if name not in table.__struct_fields__}
-    if folder is not None and (folder / values["scenario"]).exists():
-        values["scenario"] = str(folder / values["scenario"])
-    return {**values, "options": options, "where": label}
-
-
-def _parse_plan(content: Mapping[str, Any], name: str, label: str, folder: Path | None) -> Plan:
-    """Return the plan of a content. Paths in it are relative to `folder`."""
-    values = read_plan(content, SWEEP_PLAN, label, folder)
+    values, folder = read_plan(source, SWEEP_PLAN, "sweep", "plan", PLANS)
+    if "vary" not in values:
+        return Plan(**values, vary={})
     values["vary"] = {varied: _with_files_of(folder, given) for varied, given in values["vary"].items()}
-    plan = Plan(name, **values)
+    plan = Plan(**values)
     plan.check()
     return plan
 

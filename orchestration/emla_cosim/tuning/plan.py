@@ -2,24 +2,20 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from pathlib import Path
 from typing import Annotated, Any
 
 import msgspec
 
 from ..base.class_structs import check_fields, struct_of
 from ..base.errors import CommandError
-from ..base.option import SWEEP
-from ..base.toml_structs import list_given, quantity, read_toml
+from ..base.toml_structs import list_given, quantity
 from ..base.values import convert_value
-from ..run.options import list_options
 from ..run.scenarios.built_in import TUNINGS
 from ..run.scenarios.scenario import Scenario
 from ..study.loading import load
 from ..sweeps.measures import Metric
-from ..sweeps.plan import IN_FILES, NOT_IN_FILES, Source, read_plan, read_plan_file
+from ..sweeps.plan_files import IN_FILES, NOT_IN_FILES, Source, check_options, read_plan
 from ..sweeps.targets import merge_options
-from ..system.model import System
 
 DEFAULTS = "usual"
 """The name of the only case in a plan without cases: the scenario unchanged."""
@@ -131,10 +127,7 @@ class TuningPlan:
     def check(self) -> None:
         """Raise CommandError for mistakes that can be found without the scenario."""
         check_fields(self, TUNING_PLAN, self.where, _NOT_PLAIN)
-        if wrong := [
-            name for name in self.options if name in list_options() and name not in list_options(SWEEP)
-        ]:
-            raise CommandError(f"tunings do not support the option {wrong[0]}; remove it from {self.where}.")
+        check_options(self.options, self.where)
         if not self.vary:
             raise CommandError(
                 f"{self.where} varies nothing; add a gain with its range, such as "
@@ -148,6 +141,8 @@ class TuningPlan:
         self._check_cases()
 
     def _check_cases(self) -> None:
+        if not self.cases:
+            raise CommandError(f"'cases' of {self.where} is empty; remove it to use the scenario unchanged.")
         names = [case.name for case in self.cases]
         if twice := [name for name in names if names.count(name) > 1]:
             raise CommandError(f"{self.where} has two cases '{twice[0]}'; rename one.")
@@ -203,30 +198,10 @@ def load_tuning_plan(source: Source | TuningPlan) -> TuningPlan:
     """
     if isinstance(source, TuningPlan):
         return source
-    if not isinstance(source, (str, Path)):
-        if not isinstance(source, (Scenario, System)):
-            raise CommandError(f"the plan is {source!r}; it must be a plan or a scenario, by name or file.")
-        return TuningPlan(source.name if isinstance(source, Scenario) else "system", source)
-    if str(source) in TUNINGS:
-        label = f"the tuning '{source}'"
-        return _parse_tuning_plan(read_toml(TUNINGS[str(source)](), label), str(source), label, None)
-    path = Path(source)
-    if path.suffix.lower() == ".toml":
-        content = read_plan_file(path)
-        if content is not None:
-            return _parse_tuning_plan(content, path.stem, f"the tuning '{path}'", path.parent)
-    name = path.stem if path.suffix else path.name
-    return TuningPlan(name, source, where=f"the tuning of '{source}'")
-
-
-def _parse_tuning_plan(content: Mapping[str, Any], name: str, label: str, folder: Path | None) -> TuningPlan:
-    """Return the plan of a content; paths in it are relative to `folder`. Raises CommandError."""
-    values = read_plan(content, TUNING_PLAN, label, folder)
+    values, _ = read_plan(source, TUNING_PLAN, "tuning", "tuning", TUNINGS)
     if "cases" in values:
         values["cases"] = [
             Case(**{"name": str(position), **list_given(case)})
             for position, case in enumerate(values["cases"], 1)
         ]
-        if not values["cases"]:
-            raise CommandError(f"'cases' of {label} is empty; remove it to use the scenario unchanged.")
-    return TuningPlan(name, **values)
+    return TuningPlan(**values)

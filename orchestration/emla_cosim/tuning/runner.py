@@ -21,7 +21,7 @@ from ..sandbox.interruption import catch_interrupts
 from ..sweeps.executor import Scheduler, open_executor
 from ..sweeps.folder import hash_plain_data
 from ..sweeps.measures import Metric
-from ..sweeps.plan import Source
+from ..sweeps.plan_files import Source
 from ..sweeps.runner import check_cluster
 from ..sweeps.scenario_text import scenario_content
 from ..sweeps.seeds import draw_seeds

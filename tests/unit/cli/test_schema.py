@@ -89,6 +89,9 @@ RULES = (  # of the reader, between entries, which a schema does not express
     r"has neither v_peak nor duration",
     r"cannot be read: No such file",
     r"has 0 values of level",
+    r"they must be 2 to",
+    r"has a period that is",
+    r"is (more|less) than",
     r"the lift triangle cannot close",
     r"cannot be used: too large or too small",
 )

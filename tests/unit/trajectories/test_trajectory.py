@@ -210,7 +210,7 @@ def test_changing_payload_is_written_for_scenarios(emla: Emla, fmu_folder: Path,
         (("--set", "via[2].tip=3,0"), "via[2] has no predecessor; the next way-point is via[1]"),
         (("--set", "via[1].at=0.3"), "lacks tip; write tip = [..., ...]"),
         (
-            ("--set", "via[1].tip=3,0", "--set", "via[1].tipp=0.3"),
+            ("--set", "via[1].tipp=0.3"),
             "unknown entry 'tipp'; did you mean 'tip'?",
         ),
         (("--set", "tip_E=0.3"), "tip_E is 0.3; it must be two finite numbers: x and y from O1, or off"),

@@ -15,7 +15,8 @@ from ...run.scenarios.scenario_file import scenario_struct
 from ...study.actuator.sheet_struct import ACTUATOR
 from ...study.joints.joint_table import joint_struct
 from ...study.registration import register
-from ...sweeps.plan import SWEEP_PLAN, plan_struct
+from ...sweeps.plan import SWEEP_PLAN
+from ...sweeps.plan_files import plan_struct
 from ...trajectories.problem import PROBLEM
 from ...tuning.plan import TUNING_PLAN
 from ...verification.references.reference_files import ReferenceTable
