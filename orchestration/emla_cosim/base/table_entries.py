@@ -2,7 +2,7 @@
 
 import dataclasses
 import difflib
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, is_dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, get_args, get_origin, get_type_hints
@@ -81,13 +81,22 @@ def combine_problems(label: str, problems: Sequence[str]) -> CommandError:
     )
 
 
-def unknown_entry(table: str, key: object, names: Iterable[str]) -> CommandError:
-    """Return the error for an entry that a table cannot have, with the nearest name or all names."""
-    names = list(names)
-    near = [name for name in names if name.lower() == str(key).lower()]
-    near = near or difflib.get_close_matches(str(key), names, n=1, cutoff=0.5)
-    meant = f"did you mean '{near[0]}'?" if near else f"use {join_names(names or ['none'])}."
-    return CommandError(f"{table} has the unknown entry '{key}'; {meant}", key=key, near=near[:1])
+def unknown_entry(
+    table: str, key: object, names: Collection[str], absent: Collection[str] | None = None
+) -> CommandError:
+    """Return the error for an entry that a table cannot have, with the nearest name or all names.
+
+    Args:
+        table: What messages call the table.
+        key: The entry.
+        names: The entries that the table can have.
+        absent: Those of them that it does not have, of which one may be meant. Default: all.
+    """
+    meant = names if absent is None else absent
+    near = [name for name in meant if name.lower() == str(key).lower()]
+    near = near or difflib.get_close_matches(str(key), meant, n=1, cutoff=0.5)
+    remedy = f"did you mean '{near[0]}'?" if near else f"use {join_names(names or ['none'])}."
+    return CommandError(f"{table} has the unknown entry '{key}'; {remedy}", key=key, near=near[:1])
 
 
 def missing_entry(field: Field, at: Location) -> CommandError:

@@ -88,9 +88,8 @@ def convert_at(value: Any, type_: Any, at: Location, folder: Path | None = None)
         return _convert_record(value, type_, at, folder)
     if isinstance(type_, type) and issubclass(type_, msgspec.Struct):
         return _convert_table(value, type_, at, folder)
-    if "unit" in extra:
-        value = _read_quantity(value, extra["unit"], at.label)
-    found = _convert_plain(value, type_, at.label, folder)
+    number = _read_quantity(value, extra["unit"], at.label) if "unit" in extra else value
+    found = _convert_plain(number, type_, at.label, folder)
     return found if meta is None else _check_bounds(found, meta, at.label, value)
 
 
@@ -219,7 +218,8 @@ def _convert_table(value: Any, type_: Any, at: Location, folder: Path | None) ->
         raise _type_error(at.label, value, f"a table, {at.brackets}" if at.brackets else "a table")
     fields, values, problems = list_fields(type_), dict[str, Any](), list[CommandError]()
     names = [field.name for field in fields]
-    problems += [unknown_entry(at.table, key, names) for key in value if key not in names]
+    absent = [name for name in names if name not in value]
+    problems += [unknown_entry(at.table, key, names, absent) for key in value if key not in names]
     misspelt = {name for error in problems for name in error.fields["near"]}
     for field in fields:
         if field.name in value:

@@ -172,7 +172,7 @@ TUNING_PLAN = struct_of(
     TuningPlan,
     {
         **IN_FILES,
-        "cases": Annotated[list[_CASE], msgspec.Meta(min_length=1)],  # type: ignore[valid-type]
+        "cases": list[_CASE],  # type: ignore[valid-type]
         "training": _at_least(1),
         "validation": _at_least(0),
         "evaluations": _at_least(1),

@@ -215,7 +215,7 @@ BAD: list[tuple[Any, str]] = [
     (table("triangular", low=0, high=1), "a triangular distribution needs low, mode and high."),
     (
         table("normal", mean=0, deviatoin=1),
-        "a normal distribution has the unknown entry 'deviatoin'; did you mean",
+        "normal distribution has the unknown entry 'deviatoin'; did you mean",
     ),
     (table("uniform", low=0, high=1, xyz=2), "unknown entry 'xyz'; use low, high, points and relative."),
     (table("uniform", low=1, high=1), "needs low < high; 1.0 to 1.0 is an empty range."),
