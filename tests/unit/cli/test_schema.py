@@ -90,6 +90,7 @@ RULES = (  # of the reader, between entries, which a schema does not express
     r"cannot be read: No such file",
     r"has 0 values of level",
     r"they must be 2 to",
+    r"levels and \d times in start",
     r"has a period that is",
     r"is (more|less) than",
     r"the lift triangle cannot close",
