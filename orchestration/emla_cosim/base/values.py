@@ -56,7 +56,7 @@ def convert_at(value: Any, type_: Any, at: Location, folder: Path | None = None)
         type_, meta = get_args(type_)[:2]
         extra = meta.extra or {}
     if "is_value" in extra and isinstance(value, Mapping):
-        value = dict(flatten_names(value, extra["is_value"]))
+        value = _flatten(value, extra["is_value"], at)
     if "read" in extra:
         return extra["read"](value, at, folder)
     if "tag" in extra:
@@ -107,6 +107,15 @@ def flatten_names(
             yield from ((f"{key}.{name}", inner) for name, inner in flatten_names(value, is_value))
         else:
             yield key, value
+
+
+def _flatten(table: Mapping[str, Any], is_value: Callable[..., bool], at: Location) -> dict[str, Any]:
+    names = [name for name, _ in flatten_names(table, is_value)]
+    if twice := [name for name in names if names.count(name) > 1]:
+        raise CommandError(
+            f"{at.table} has the entry '{twice[0]}' twice, with and without quotes; remove one."
+        )
+    return dict(flatten_names(table, is_value))
 
 
 def list_elements(values: Mapping[Any, Any]) -> dict[Any, Any]:
