@@ -81,8 +81,14 @@ def combine_problems(label: str, problems: Sequence[str]) -> CommandError:
     )
 
 
+def _nearest(name: str, names: Collection[str]) -> list[str]:
+    """Return the name that differs in its case only, or a similar one, or none."""
+    same = [n for n in names if n.lower() == name.lower()]
+    return same[:1] or difflib.get_close_matches(name, names, n=1, cutoff=0.5)
+
+
 def unknown_entry(
-    table: str, key: object, names: Collection[str], absent: Collection[str] | None = None
+    table: str, key: object, names: Collection[str], absent: Collection[str] = ()
 ) -> CommandError:
     """Return the error for an entry that a table cannot have, with the nearest name or all names.
 
@@ -90,13 +96,11 @@ def unknown_entry(
         table: What messages call the table.
         key: The entry.
         names: The entries that the table can have.
-        absent: Those of them that it does not have, of which one may be meant. Default: all.
+        absent: Those of them that it does not have, one of which may be meant.
     """
-    meant = names if absent is None else absent
-    near = [name for name in meant if name.lower() == str(key).lower()]
-    near = near or difflib.get_close_matches(str(key), meant, n=1, cutoff=0.5)
+    near = _nearest(str(key), absent) or _nearest(str(key), names)
     remedy = f"did you mean '{near[0]}'?" if near else f"use {join_names(names or ['none'])}."
-    return CommandError(f"{table} has the unknown entry '{key}'; {remedy}", key=key, near=near[:1])
+    return CommandError(f"{table} has the unknown entry '{key}'; {remedy}", key=key, near=near)
 
 
 def missing_entry(field: Field, at: Location) -> CommandError:

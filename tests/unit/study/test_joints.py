@@ -189,7 +189,7 @@ WRONG = {
         "unknown entry 'cca'; did you mean 'cac'?",
     ),
     "unknown rule": ('rule = "rule"', 'rule = "rules"', "is 'rules'; it must be 'tuned' or 'rule'"),
-    "unknown option": ("stop_time =", "stop_tim =", "lacks stop_time"),
+    "unknown option": ("stop_time =", "stop_tim =", "entry 'stop_tim'; did you mean 'stop_time'?"),
     "unknown parameter": ("high = 2.0", "hi = 2.0", "has the unknown entry 'd_2.hi'; did you mean"),
     "text": ("x_L = 0.385", 'x_L = "far"', "'x_L' in [start] of the joint file 'slew.toml' is 'far'"),
     "another unit": ("x_L = 0.385", 'x_L = "3 kg"', "'x_L' in [start]"),
