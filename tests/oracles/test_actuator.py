@@ -334,7 +334,7 @@ def test_speed_in_the_message_is_possible() -> None:
     [
         (b"", "[motor] lacks"),
         (b"motor = 3", "'motor' is 3; it must be a table, [motor]"),
-        (b"[moter]\nR = 1", "it has the unknown table 'moter'; did you mean 'motor'?"),
+        (b"[moter]\nR = 1", "it has the unknown entry 'moter'; did you mean 'motor'?"),
         (b"name = 3", "'name' is 3; it must be a text"),
         (b"[motor", "is not TOML"),
         (b"\xff\xfe", "is not a text in UTF-8"),

@@ -1,18 +1,27 @@
-"""Conversion of values from outside to the types that they must have."""
+"""Conversion of values from outside to the types that they must have: of Python calls and of TOML files."""
 
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import MISSING, fields, is_dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import is_dataclass
 from pathlib import Path
 from types import NoneType, UnionType
-from typing import Any, Union, get_args, get_origin
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 import msgspec
 
 from .errors import CommandError
+from .quantities import read_quantity
+from .table_entries import Location, combine_problems, example_of, list_fields, missing_entry, unknown_entry
 
 _NAMES = {float: "a number", int: "a whole number", bool: "true or false", str: "a text", Path: "a text"}
+_BOUNDS: Mapping[str, tuple[Callable[[float, float], bool], str]] = {
+    "gt": (float.__gt__, "more than"),
+    "ge": (float.__ge__, "at least"),
+    "lt": (float.__lt__, "less than"),
+    "le": (float.__le__, "at most"),
+}
+"""Bounds of a `msgspec.Meta`: the condition, and its words."""
 
 
 def as_float(value: float) -> float:
@@ -28,29 +37,85 @@ def convert_value(value: Any, type_: Any, label: str, folder: Path | None = None
 
     Args:
         value: The value.
-        type_: A number, a text, a path, a list or a table of these, or a dataclass.
-        label: What error messages call the value.
+        type_: A number, a text, a path, a list or a table of these, a dataclass, or a struct of msgspec.
+            `toml_structs` has annotations for units, bounds, and names with dots.
+        label: What error messages call the value; for a struct, the name of the file.
         folder: The folder of relative paths.
 
     Raises:
-        CommandError: If the value does not fit the type.
+        CommandError: If the value does not fit the type. The message lists all faults of a table.
     """
+    is_file = isinstance(type_, type) and issubclass(type_, msgspec.Struct)
+    return convert_at(value, type_, Location(label, label if is_file else None), folder)
+
+
+def convert_at(value: Any, type_: Any, at: Location, folder: Path | None = None) -> Any:
+    """Convert a value at a location in a file; see `convert_value`."""
+    meta, extra = None, {}
+    if get_origin(type_) is Annotated:
+        type_, meta = get_args(type_)[:2]
+        extra = meta.extra or {}
+    if "is_value" in extra and isinstance(value, Mapping):
+        value = _flatten(value, extra["is_value"], at)
+    if "read" in extra:
+        return extra["read"](value, at, folder)
+    if "tag" in extra:
+        type_ = _choose_by_tag(value, extra["tag"], extra["types"], at)
+    if get_origin(type_) in (Union, UnionType):
+        if value is None and NoneType in get_args(type_):
+            return None
+        type_ = _choose_member(value, [t for t in get_args(type_) if t not in (NoneType, msgspec.UnsetType)])
+        if get_origin(type_) is Annotated:
+            return convert_at(value, type_, at, folder)
     origin, inner = get_origin(type_), get_args(type_)
-    if origin in (Union, UnionType) and NoneType in inner:
-        return None if value is None else convert_value(value, Union[inner[:-1]], label, folder)  # noqa: UP007
-    if origin is Mapping:
-        if not isinstance(value, Mapping):
-            raise _type_error(label, value, 'a table with entries such as "joint.component" = ...')
-        if wrong := [k for k in value if not isinstance(k, str)]:
-            raise _type_error(f"the name of an entry in {label}", wrong[0], "a text")
-        return {k: convert_value(v, inner[1], f"'{k}' in {label}", folder) for k, v in value.items()}
-    if origin is Sequence:
+    if type_ is Any or value is msgspec.UNSET:
+        return value
+    if origin is Literal:
+        if value not in inner or isinstance(value, bool):
+            raise _type_error(at.label, value, " or ".join(map(repr, inner)))
+        return value
+    if origin in (Mapping, dict):
+        return _convert_mapping(value, inner[1], at, folder)
+    if origin is tuple and meta is not None and "unit" in extra:
+        return _convert_tuple(value, [Annotated[t, meta] if t is float else t for t in inner], at)
+    if origin is tuple:
+        return _convert_tuple(value, inner, at)
+    if origin in (Sequence, list):
         if isinstance(value, (str, bytes)) or not isinstance(value, Sequence):
-            raise _type_error(label, value, "a list")
-        return [convert_value(v, inner[0], f"'{i}' in {label}", folder) for i, v in enumerate(value)]
+            raise _type_error(at.label, value, "a list")
+        return [convert_at(v, inner[0], at.item(i), folder) for i, v in enumerate(value)]
     if is_dataclass(type_):
-        return _convert_record(value, type_, label, folder)
-    return _convert_plain(value, type_, label, folder)
+        return _convert_record(value, type_, at, folder)
+    if isinstance(type_, type) and issubclass(type_, msgspec.Struct):
+        return _convert_table(value, type_, at, folder)
+    number = _read_quantity(value, extra["unit"], at.label) if "unit" in extra else value
+    found = _convert_plain(number, type_, at.label, folder)
+    return found if meta is None else _check_bounds(found, meta, at.label, value)
+
+
+def flatten_names(
+    table: Mapping[str, Any], is_value: Callable[[Mapping[str, Any]], bool] = lambda _: False
+) -> Iterator[tuple[str, Any]]:
+    """Yield entries by their full name: TOML nests names with dots unless they are quoted.
+
+    Args:
+        table: The table.
+        is_value: Whether an inner table is a value itself, not a part of a name.
+    """
+    for key, value in table.items():
+        if isinstance(value, Mapping) and not is_value(value):
+            yield from ((f"{key}.{name}", inner) for name, inner in flatten_names(value, is_value))
+        else:
+            yield key, value
+
+
+def _flatten(table: Mapping[str, Any], is_value: Callable[..., bool], at: Location) -> dict[str, Any]:
+    names = [name for name, _ in flatten_names(table, is_value)]
+    if twice := [name for name in names if names.count(name) > 1]:
+        raise CommandError(
+            f"{at.table} has the entry '{twice[0]}' twice, with and without quotes; remove one."
+        )
+    return dict(flatten_names(table, is_value))
 
 
 def list_elements(values: Mapping[Any, Any]) -> dict[Any, Any]:
@@ -111,6 +176,110 @@ def parse_list(text: str) -> Any:
     return stack[0][0]
 
 
+def _choose_by_tag(value: Any, tag: str, types: Mapping[str | None, Any], at: Location) -> Any:
+    """Return the type that an entry of a table names; the type for None if the table lacks the entry."""
+    name = value.get(tag) if isinstance(value, Mapping) else None
+    if not isinstance(name, str | None) or name not in types:
+        names = [repr(t) for t in types if t is not None]
+        right = f"it must be {' or '.join(names)}" if names else f"remove it, since there is no {tag}"
+        raise CommandError(f"{at.entry(tag).label} is {name!r}; {right}.", key=tag)
+    return types[name]
+
+
+def _choose_member(value: Any, members: Sequence[Any]) -> Any:
+    """Return the member of a union for a value: by its form, if the union has tables or lists."""
+    plain = [t for t in members if _base_of(t) in _NAMES or get_origin(t) is Literal]
+    if isinstance(value, (Mapping, list, tuple)) or not plain:
+        return next((t for t in members if t not in plain), Union[tuple(members)])  # noqa: UP007
+    if isinstance(value, str):
+        plain = [t for t in plain if t in (str, Path)] or plain
+    return plain[0] if len(plain) == 1 else Union[tuple(plain)]  # noqa: UP007
+
+
+def _base_of(type_: Any) -> Any:
+    return get_args(type_)[0] if get_origin(type_) is Annotated else type_
+
+
+def _convert_mapping(value: Any, of: Any, at: Location, folder: Path | None) -> dict[str, Any]:
+    if not isinstance(value, Mapping):
+        right = f", {at.brackets}" if at.brackets else ' with entries such as "joint.component" = ...'
+        raise _type_error(at.label, value, f"a table{right}")
+    if wrong := [k for k in value if not isinstance(k, str)]:
+        raise _type_error(f"the name of an entry in {at.label}", wrong[0], "a text")
+    return {k: convert_at(v, of, at.entry(k), folder) for k, v in value.items()}
+
+
+def _convert_tuple(value: Any, types: Sequence[Any], at: Location) -> tuple[Any, ...]:
+    """Return a tuple; if it may have any length, a single value is a tuple, too."""
+    is_list = isinstance(value, (list, tuple))
+    if Ellipsis in types:
+        return tuple(convert_at(v, types[0], at) for v in (value if is_list else [value]))
+    if not is_list or len(value) != len(types):
+        raise _type_error(at.label, value, f"a list of {len(types)} numbers")
+    return tuple(convert_at(v, t, at) for v, t in zip(value, types, strict=True))
+
+
+def _convert_table(value: Any, type_: Any, at: Location, folder: Path | None) -> Any:
+    """Make a struct or a dataclass from a table of its fields."""
+    if isinstance(value, type_):
+        return value
+    if not isinstance(value, Mapping):
+        raise _type_error(at.label, value, f"a table, {at.brackets}" if at.brackets else "a table")
+    fields, values, problems = list_fields(type_), dict[str, Any](), list[CommandError]()
+    names = [field.name for field in fields]
+    absent = [name for name in names if name not in value]
+    problems += [unknown_entry(at.table, key, names, absent) for key in value if key not in names]
+    misspelt = {name for error in problems for name in error.fields["near"]}
+    for field in fields:
+        if field.name in value:
+            try:
+                values[field.attribute] = convert_at(
+                    value[field.name], field.type, at.entry(field.name), folder
+                )
+            except CommandError as error:
+                problems.append(error)
+        elif field.is_required and field.name not in misspelt:
+            problems.append(missing_entry(field, at))
+    if len(problems) == 1:
+        raise problems[0]
+    if problems:
+        texts = [text for error in problems for text in error.fields.get("problems", [str(error)])]
+        raise combine_problems(at.file or at.label, texts)
+    return _make(type_, values, at)
+
+
+def _make(type_: Any, values: Mapping[str, Any], at: Location) -> Any:
+    """Make a struct or a dataclass; errors of its checks get its name."""
+    try:
+        return type_(**values)
+    except ArithmeticError as error:
+        raise CommandError(f"{at.table} has values that cannot be used: {error}.") from error
+    except ValueError as error:
+        raise CommandError(f"{at.table}{':' if is_dataclass(type_) else ''} {error}") from error
+
+
+def _read_quantity(value: Any, unit: str, label: str) -> Any:
+    """Return a number in the unit; a text can have another unit of the same kind."""
+    if isinstance(value, str):
+        return read_quantity(value, label, unit or None)
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise _type_error(label, value, f"a number{f' in {unit}, or a text with a unit' if unit else ''}")
+    return as_float(value)
+
+
+def _check_bounds(number: Any, meta: msgspec.Meta, label: str, value: Any) -> Any:
+    """Return a number; raise CommandError if it is not finite or out of bounds."""
+    if not isinstance(number, (int, float)) or isinstance(number, bool):
+        return number
+    if not math.isfinite(as_float(number)):
+        raise _type_error(label, number, "a finite number")
+    for name, (is_met, words) in _BOUNDS.items():
+        bound = getattr(meta, name)
+        if bound is not None and not is_met(as_float(number), as_float(bound)):
+            raise _type_error(label, value, f"{words} {bound:g}")
+    return number
+
+
 def _convert_plain(value: Any, type_: Any, label: str, folder: Path | None) -> Any:
     """Convert a value that is neither a table nor a list."""
     if hasattr(value, "dtype") and hasattr(value, "item"):
@@ -128,25 +297,20 @@ def _convert_plain(value: Any, type_: Any, label: str, folder: Path | None) -> A
     return folder / found if folder is not None else Path(found)
 
 
-def _convert_record(value: Any, type_: Any, label: str, folder: Path | None) -> Any:
-    """Make a dataclass from a table of its fields, or from the value of its first field."""
-    if isinstance(value, type_):
-        return value
-    first, *more = fields(type_)
+def _convert_record(value: Any, type_: Any, at: Location, folder: Path | None) -> Any:
+    """Make a dataclass from a table of its fields, from a text, or from the value of its first field."""
+    if isinstance(value, (type_, Mapping)):
+        return _convert_table(value, type_, at, folder)
     if isinstance(value, str) and hasattr(type_, "of_text"):
         found = type_.of_text(value)
         return found.within(folder) if folder is not None and hasattr(found, "within") else found
-    if isinstance(value, (str, Path)) or (isinstance(value, (int, float)) and _is_number(first.type)):
-        return type_(convert_value(value, first.type, label, folder))
-    names = {f.name for f in (first, *more)}
-    needed = {f.name for f in (first, *more) if f.default is MISSING and f.default_factory is MISSING}
-    if not isinstance(value, Mapping) or set(value) - names or needed - set(value):
-        plain = "a number" if _is_number(first.type) else "a text" if hasattr(type_, "of_text") else "a path"
-        shown = {True: "...", False: '"..."'}
-        texts = (f"{f.name} = {shown[_is_number(f.type)]}" for f in (first, *more))
-        raise _type_error(label, value, f"{plain}, or {{ {', '.join(texts)} }}")
-    types = {f.name: f.type for f in (first, *more)}
-    return type_(**{k: convert_value(v, types[k], f"'{k}' in {label}", folder) for k, v in value.items()})
+    fields = list_fields(type_)
+    first = fields[0].type
+    if isinstance(value, (str, Path)) or (isinstance(value, (int, float)) and _is_number(first)):
+        return _make(type_, {fields[0].attribute: convert_at(value, first, at, folder)}, at)
+    plain = "a number" if _is_number(first) else "a text" if hasattr(type_, "of_text") else "a path"
+    texts = (f"{f.name} = {example_of(float if _is_number(f.type) else str)}" for f in fields)
+    raise _type_error(at.label, value, f"{plain}, or {{ {', '.join(texts)} }}")
 
 
 def _is_number(type_: Any) -> bool:

@@ -16,6 +16,7 @@ COMMANDS = {
     "build": "Build the built-in FMUs, or FMUs from your Python blocks, for other tools and platforms.",
     "list": "List the named scenarios, plans, models, controllers and gain sets.",
     "info": "Show the variables of an FMU, an SSP or a scenario, and which of them you can set.",
+    "schema": "Print the JSON Schema of a kind of file, with which editors complete and check.",
     "run": "Run a scenario: metrics on the screen; data, plots and a record in a folder.",
     "rerun": "Repeat a run from its run.json, and report differences.",
     "plot": "Plot signals of one or more recorded runs.",
@@ -31,7 +32,7 @@ COMMANDS = {
 }
 """Commands in the order of the help. Each is the function `command` of its module in `commands`."""
 
-ANSWERS = ("list", "info")
+ANSWERS = ("list", "info", "schema")
 """Commands whose output is their purpose; `--quiet` does not suppress it."""
 
 SETTINGS = {"help_option_names": ["-h", "--help"], "max_content_width": 100}

@@ -26,7 +26,7 @@ COLLECT = 50_000
 """Allocations between two garbage collections. Imports make many lasting objects; every 700 is too often."""
 
 
-UNSUPERVISED = ("", "list")
+UNSUPERVISED = ("", "list", "schema")
 """Commands that have no supervising process, because they load little; empty for options alone."""
 
 RUNS = ("run", "rerun")

@@ -1,12 +1,12 @@
 """Cases in which controllers are compared, read from files, and their start values in a system."""
 
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib.resources import files
 from typing import Any
 
 from ..base.errors import CommandError, join_names
+from ..base.toml_structs import read_toml
 from ..base.values import convert_value
 from ..sweeps.factors import find_start_values
 from ..sweeps.worker_payload import Preparation
@@ -124,7 +124,7 @@ def stability_stop_time() -> float:
 
 
 def _read(name: str) -> dict[str, Any]:
-    return tomllib.loads((files("emla_cosim.study") / "cases" / f"{name}.toml").read_text(encoding="utf-8"))
+    return read_toml((files("emla_cosim.study") / "cases" / f"{name}.toml").read_text(encoding="utf-8"), name)
 
 
 def check_resolution(resolution: int) -> int:

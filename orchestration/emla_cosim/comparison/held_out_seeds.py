@@ -1,9 +1,9 @@
 """Held-out seeds: random sequences that no tuning used, the same for every controller."""
 
-import tomllib
 from collections.abc import Mapping, Sequence
 from zlib import crc32
 
+from ..base.toml_structs import read_toml
 from ..run.scenarios.built_in import TUNINGS
 from ..study.randomness import SEED, is_random
 from ..sweeps.factors import find_start_number, find_start_values
@@ -32,7 +32,7 @@ class HeldOutSeeds:
 
 def list_tuning_seeds() -> set[int]:
     """Return the seeds that the plans of the built-in tunings train and validate with."""
-    plans = [tomllib.loads(text()) for text in TUNINGS.values()]
+    plans = [read_toml(text(), name) for name, text in TUNINGS.items()]
     return {
         seed for plan in plans for seed in draw_seeds(plan["seed"], plan["training"] + plan["validation"])
     }

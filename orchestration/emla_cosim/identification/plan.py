@@ -3,22 +3,23 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
+import msgspec
+
+from ..base.class_structs import check_fields, struct_of, type_in_file
 from ..base.errors import CommandError, check_choice, join_names
 from ..base.option import SWEEP
+from ..base.table_entries import Location
+from ..base.toml_structs import list_given, read_by
 from ..base.values import convert_value
 from ..inputs.input import Input
-from ..run.options import list_options, read_option
+from ..run.scenarios.option_fields import with_options
 from ..run.scenarios.scenario import Scenario
-from ..run.scenarios.scenario_file import read_given_options
 from ..study.loading import load
-from ..sweeps.plan import Source, find_plan_scenario, flatten, read_plan_file
+from ..sweeps.plan_files import IN_FILES, NOT_IN_FILES, Source, read_plan
 from ..sweeps.targets import merge_options
-from ..system.model import System
 from .loss import LINEAR, LOSSES
-
-_OF_EXPERIMENT = ("name", "measured", "held_out")
 
 
 @dataclass(frozen=True)
@@ -101,13 +102,7 @@ class IdentificationPlan:
 
     def check(self) -> None:
         """Raise CommandError for mistakes that can be found without the scenario."""
-        for name, type_ in PLAIN.items():
-            convert_value(getattr(self, name), type_, f"'{name}' of {self.where}")
-        for name, least in (("starts", 1), ("evaluations", 1), ("seed", 0)):
-            if getattr(self, name) < least:
-                raise CommandError(
-                    f"'{name}' of {self.where} is {getattr(self, name)}; it must be at least {least}."
-                )
+        check_fields(self, identification_struct(), self.where, (*IN_FILES, "sigma", "experiments"))
         check_choice("loss", self.loss, LOSSES)
         if not self.vary:
             raise CommandError(
@@ -141,18 +136,39 @@ class IdentificationPlan:
             )
 
 
-PLAIN: dict[str, Any] = {
-    "loss": str,
-    "starts": int,
-    "evaluations": int,
-    "profile": Sequence[str],
-    "seed": int,
-    "design": bool,
-    "description": str,
-}
-"""Types of the fields that are plain data, by name."""
+def _read_measured(value: Any, at: Location, folder: Path | None) -> Sequence[Input]:
+    sources = [value] if isinstance(value, (str, Mapping)) else value
+    return convert_value(sources, Sequence[Input], at.label, folder)
 
-_OWN = ("scenario", "vary", "sigma", "experiments", *PLAIN)
+
+_DATA = type_in_file(Input)
+_EXPERIMENT = struct_of(
+    Experiment,
+    {
+        "name": str | None,
+        "measured": Annotated[
+            _DATA | list[_DATA],  # type: ignore[valid-type]
+            read_by(_read_measured, "what was measured, as for --measured, one or several"),
+        ],
+    },
+    ["options"],
+)
+
+
+def identification_struct() -> type[msgspec.Struct]:
+    """Return the struct of a plan's file; experiments can have options of their own."""
+    experiment = with_options(_EXPERIMENT, "Experiment", SWEEP)
+    return struct_of(
+        IdentificationPlan,
+        {
+            **IN_FILES,
+            "experiments": list[experiment],  # type: ignore[valid-type]
+            "starts": Annotated[int, msgspec.Meta(ge=1)],
+            "evaluations": Annotated[int, msgspec.Meta(ge=1)],
+            "seed": Annotated[int, msgspec.Meta(ge=0)],
+        },
+        NOT_IN_FILES,
+    )
 
 
 def load_identification_plan(source: Source | IdentificationPlan) -> IdentificationPlan:
@@ -163,70 +179,14 @@ def load_identification_plan(source: Source | IdentificationPlan) -> Identificat
     """
     if isinstance(source, IdentificationPlan):
         return source
-    if not isinstance(source, (str, Path)):
-        if not isinstance(source, (Scenario, System)):
-            raise CommandError(f"the plan is {source!r}; it must be a plan or a scenario, by name or file.")
-        return IdentificationPlan(source.name if isinstance(source, Scenario) else "system", source)
-    path = Path(source)
-    if path.suffix.lower() == ".toml":
-        content = read_plan_file(path)
-        if content is not None:
-            return _parse_plan(content, path.stem, f"the identification '{path}'", path.parent)
-    name = path.stem if path.suffix else path.name
-    return IdentificationPlan(name, source, where=f"the identification of '{source}'")
+    values, _ = read_plan(source, identification_struct(), "identification", "identification", {})
+    values["experiments"] = [
+        _experiment(list_given(table), str(position))
+        for position, table in enumerate(values.get("experiments", ()), 1)
+    ]
+    return IdentificationPlan(**values)
 
 
-def _parse_plan(content: Mapping[str, Any], name: str, label: str, folder: Path) -> IdentificationPlan:
-    """Return the plan of a file's content; paths in it are relative to `folder`. Raises CommandError."""
-    scenario = find_plan_scenario(content, label, folder)
-    plain = {key: content[key] for key in PLAIN if key in content}
-    tables = {
-        key: dict(flatten(convert_value(content.get(key, {}), Mapping[str, Any], f"'{key}' of {label}")))
-        for key in ("vary", "sigma")
-    }
-    given = convert_value(content.get("experiments", ()), Sequence[Any], f"'experiments' of {label}")
-    fields: dict[str, Any] = plain | tables
-    return IdentificationPlan(
-        name,
-        scenario,
-        **fields,
-        experiments=[_experiment(one, i, label, folder) for i, one in enumerate(given, 1)],
-        options=_options({n: v for n, v in content.items() if n not in _OWN}, label, folder, _OWN),
-        where=label,
-    )
-
-
-def _experiment(content: Any, place: int, label: str, folder: Path) -> Experiment:
-    of = f"experiment {place} of {label}"
-    found = dict(convert_value(content, Mapping[str, Any], of))
-    measured = found.get("measured", ())
-    texts = convert_value(
-        [measured] if isinstance(measured, (str, Mapping)) else measured, Sequence[Any], f"'measured' of {of}"
-    )
-    return Experiment(
-        convert_value(found.get("name", str(place)), str, f"'name' of {of}"),
-        [read_measured(one, f"'measured' of {of}").within(folder) for one in texts],
-        _options({n: v for n, v in found.items() if n not in _OF_EXPERIMENT}, of, folder, _OF_EXPERIMENT),
-        convert_value(found.get("held_out", False), bool, f"'held_out' of {of}"),
-    )
-
-
-def read_measured(given: Any, label: str) -> Input:
-    """Return measured data as an `Input`, from one, a text as of `--measured`, or a table of a file."""
-    if isinstance(given, Input):
-        return given
-    if isinstance(given, str):
-        return Input.of_text(given)
-    table = convert_value(given, Mapping[str, Any], label)
-    try:
-        return Input(**table)
-    except TypeError as error:
-        raise CommandError(f"{label} cannot be read: it may have file, signals, columns and time.") from error
-
-
-def _options(given: Mapping[str, Any], label: str, folder: Path, own: Sequence[str]) -> dict[str, Any]:
-    read = read_given_options(given, label, own, SWEEP)
-    found = {n: read_option(n, value, f"'{n}' of {label}", folder) for n, value in read.items()}
-    if wrong := [n for n in found if n not in list_options(SWEEP)]:
-        raise CommandError(f"identifications do not support the option {wrong[0]}; remove it from {label}.")
-    return found
+def _experiment(values: dict[str, Any], name: str) -> Experiment:
+    fields = {key: values.pop(key) for key in _EXPERIMENT.__struct_fields__ if key in values}
+    return Experiment(**{"name": name, **fields}, options=values)

@@ -25,7 +25,7 @@ from ..run.option_types import SweepOptions
 from ..sandbox.interruption import catch_interrupts
 from ..sweeps.executor import ClusterExecutor, Scheduler, open_executor
 from ..sweeps.folder import hash_plain_data
-from ..sweeps.plan import Source
+from ..sweeps.plan_files import Source
 from ..sweeps.runner import check_cluster
 from ..sweeps.scenario_text import scenario_content
 from ..sweeps.targets import merge_options
@@ -39,7 +39,7 @@ from .folder import IdentificationFolder, read_unfinished
 from .loss import LINEAR
 from .measurement import MeasuredSignal, read_drivers, read_measurements
 from .parameters import DELAY, Parameters, resolve_parameters
-from .plan import Experiment, IdentificationPlan, load_identification_plan, read_measured
+from .plan import Experiment, IdentificationPlan, load_identification_plan
 from .prediction import InterruptedRunsError, Predictor
 from .problem import UNSURE, Derivatives, Problem
 from .profile import profile as profile_interval
@@ -136,7 +136,7 @@ def identify(
     """
     own = None
     if measured is not None:
-        own = [Experiment(_MEASURED, [read_measured(one, "'measured'") for one in measured])]
+        own = [Experiment(_MEASURED, convert_value(list(measured), Sequence[Input], "'measured'"))]
     given = {
         "vary": vary,
         "experiments": [*(own or ()), *(experiments or ())] or None,

@@ -1,11 +1,11 @@
 """The data sheets of a scenario's joints: those of the options, and those of joint files."""
 
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 
 from ..base.errors import CommandError
 from ..base.files import read_text
+from ..base.toml_structs import read_toml
 from ..run.scenarios.scenario import Scenario
 from ..study.actuator.actuator import Actuator
 from ..study.joints.joint_files import list_joint_names, load_joint
@@ -41,7 +41,7 @@ def _own_joint(source: object, joint: str) -> JointFile | None:
     if not isinstance(source, (str, Path)) or not str(source).lower().endswith(".toml"):
         return None
     path = Path(source)
-    content: Mapping[str, object] = tomllib.loads(read_text(path, "the scenario"))
+    content: Mapping[str, object] = read_toml(read_text(path, "the scenario"), f"the scenario '{path}'")
     if content.get("kind") == "joint":
         same = path.stem == joint
         return parse_joint(content, f"the joint file '{path}'", joint, path.parent) if same else None

@@ -1,8 +1,6 @@
 """Actuators with other entries than their data sheets have."""
 
 from collections.abc import Mapping
-from dataclasses import fields
-from typing import Any
 
 from ..base.errors import CommandError, join_names
 from ..system.model import Value
@@ -32,11 +30,7 @@ def change_entries(
         changes.setdefault(joint, {}).setdefault(table, {})[key] = value
     for joint, tables in changes.items():
         base = found.get(joint) or _own(system, joint)
-        content: dict[str, Any] = {f.name: getattr(base, f.name) for f in fields(base) if f.name in TABLES}
-        for table, values in tables.items():
-            content[table] = {**content[table], **values}
-        content |= {"name": base.name, "source": base.source}
-        found[joint] = Actuator.of_tables(content, f"{base.label} with changes", base.file, base.sha256)
+        found[joint] = base.changed(tables, f"{base.label} with changes")
     return found
 
 

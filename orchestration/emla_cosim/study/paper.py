@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from .experiments import EXPERIMENTS
 from .joints.joint_files import load_joint
-from .joints.schema import Cells
+from .joints.joint_table import Cells
 from .systems import STUDY
 
 

@@ -21,7 +21,8 @@ from .changed_entries import change_entries
 from .figures import JOINT_FIGURES, MACHINE_FIGURES
 from .joint_map import JointMap
 from .joints.joint_files import list_joint_names, read_joint_text
-from .joints.schema import KEYS, KIND
+from .joints.joint_table import KEYS
+from .joints.schema import KIND
 from .loads import load_metrics
 from .metrics import joint_metrics
 from .randomness import find_seeds

@@ -34,6 +34,7 @@ def list_tuning_plans() -> dict[str, Callable[[], str]]:
 def _text(controller: str, joint: str) -> str:
     folder, known = files("emla_cosim.study") / "tunings", load_joint(joint)
     text = "\n".join((folder / f"{name}.toml").read_text(encoding="utf-8") for name in ("effort", controller))
+    noisy = known.tuning.noisy if known.tuning is not None else {}
     behind = math.copysign(_BEHIND, known.reference.q_E - known.reference.q_S)
     return Template(text).substitute(
         joint=joint,
@@ -45,7 +46,7 @@ def _text(controller: str, joint: str) -> str:
         paper_convergence=_convergence(known),
         far=known.start.x_L - behind,
         middle=round(0.5 * known.reference.parameters()["duration"][0], 3),
-        noisy="".join(f', "{joint}.{name}" = {value}' for name, value in known.noisy.items()),
+        noisy="".join(f', "{joint}.{name}" = {value}' for name, value in noisy.items()),
     )
 
 

@@ -8,6 +8,7 @@ from typing import Any, NoReturn
 
 from ..base.errors import CommandError, join_names
 from ..base.quantities import has_unit
+from ..base.table_entries import unknown_entry
 from ..system.model import Value
 from .kinds.continuous import LogNormal, LogUniform, Normal, Triangular, Uniform
 from .kinds.discrete import Integers, ValueList
@@ -166,9 +167,7 @@ def _make_distribution(kind: type[Distribution], given: Mapping[str, Any]) -> Di
     known = [*list_positional_fields(kind), "relative"]
     for key in given:
         if key not in known:
-            near = difflib.get_close_matches(str(key), known, n=1)
-            meant = f"did you mean '{near[0]}'?" if near else f"it may have {join_names(known)}."
-            raise CommandError(f"{kind.noun} has no '{key}'; {meant}", key=key)
+            raise unknown_entry(kind.noun, key, known)
     needed = [f.name for f in fields(kind) if f.default is MISSING]
     if any(name not in given for name in needed):
         raise CommandError(f"{kind.noun} needs {join_names(needed)}.", needed=needed)

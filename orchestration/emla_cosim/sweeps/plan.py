@@ -1,29 +1,19 @@
 """The plan of a sweep: scenario, factors, sampling, and metrics."""
 
-import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
+import msgspec
+
+from ..base.class_structs import check_fields, struct_of
 from ..base.errors import CommandError
-from ..base.files import read_text
-from ..base.option import SWEEP
-from ..base.values import convert_value
-from ..run.options import list_options, read_option
 from ..run.scenarios.built_in import PLANS
-from ..run.scenarios.scenario import Scenario
-from ..run.scenarios.scenario_file import read_given_options
-from ..system.model import System
 from .measures import Metric
+from .plan_files import IN_FILES, NOT_IN_FILES, Source, check_options, read_plan
 from .sampling import SAMPLINGS
 from .targets import merge_options
-
-Source = str | Path | System | Scenario
-"""A scenario, its name or its file."""
-
-_OWN = ("scenario", "description", "vary", "sampling", "runs", "seed", "metrics", "signals")
-_LARGEST_SEED = 2**63 - 1
 
 
 @dataclass(frozen=True)
@@ -89,20 +79,18 @@ class Plan:
 
     def check(self) -> None:
         """Raise CommandError for mistakes that can be found without the scenario."""
-        types = {"runs": int | None, "seed": int, "sampling": str | None, "signals": Sequence[str]}
-        for name, type_ in types.items():
-            convert_value(getattr(self, name), type_, f"'{name}' of {self.where}")
-        if wrong := [
-            name for name in self.options if name in list_options() and name not in list_options(SWEEP)
-        ]:
-            raise CommandError(f"the option {wrong[0]} is for a single run; remove it from {self.where}.")
-        if not 0 <= self.seed <= _LARGEST_SEED:
-            raise CommandError(f"the seed {self.seed} of {self.where} must be from 0 to {_LARGEST_SEED}.")
+        check_fields(self, SWEEP_PLAN, self.where, IN_FILES)
+        check_options(self.options, self.where)
         if not self.vary:
             raise CommandError(
                 f"{self.where} varies nothing; add a factor, for example "
                 "--vary lift.plant.motor.R_s=0.05:0.3:20."
             )
+
+
+_SEED = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
+SWEEP_PLAN = struct_of(Plan, {**IN_FILES, "seed": _SEED}, NOT_IN_FILES)
+"""The struct of a plan's file, without options."""
 
 
 def load_plan(source: Source | Plan) -> Plan:
@@ -113,66 +101,13 @@ def load_plan(source: Source | Plan) -> Plan:
     """
     if isinstance(source, Plan):
         return source
-    if not isinstance(source, (str, Path)):
-        return Plan(source.name if isinstance(source, Scenario) else "system", source, {})
-    if str(source) in PLANS:
-        content = tomllib.loads(PLANS[str(source)]())
-        return _parse_plan(content, str(source), f"the plan '{source}'", None)
-    path = Path(source)
-    if path.suffix.lower() == ".toml":
-        content = read_plan_file(path)
-        if content is not None:
-            return _parse_plan(content, path.stem, f"the plan '{path}'", path.parent)
-    name = path.stem if path.suffix else path.name
-    return Plan(name, source, {}, where=f"the sweep of '{source}'")
-
-
-def read_plan_file(path: Path) -> dict[str, Any] | None:
-    """Return the content of a plan, which has `vary`; None for a scenario.
-
-    Raises:
-        CommandError: The file cannot be read, or is not TOML.
-    """
-    try:
-        content = tomllib.loads(read_text(path, "the plan"))
-    except (ValueError, RecursionError) as error:  # also for huge numbers and deep nesting
-        raise CommandError(f"the plan '{path}' is not TOML: {error}.") from error
-    return content if "vary" in content else None
-
-
-def find_plan_scenario(content: Mapping[str, Any], label: str, folder: Path | None) -> str:
-    """Return the scenario of a plan, whose path may be relative to `folder`. Raises CommandError."""
-    if "scenario" not in content:
-        raise CommandError(f'{label} has no scenario; add scenario = "study", or the path of a scenario.')
-    scenario = convert_value(content["scenario"], str, f"'scenario' of {label}")
-    if folder is not None and (folder / scenario).exists():
-        return str(folder / scenario)
-    return scenario
-
-
-def _parse_plan(content: Mapping[str, Any], name: str, label: str, folder: Path | None) -> Plan:
-    """Return the plan of a content. Paths in it are relative to `folder`."""
-    scenario = find_plan_scenario(content, label, folder)
-    options = {
-        option: read_option(option, value, f"'{option}' of {label}", folder)
-        for option, value in read_given_options(content, label, _OWN, SWEEP).items()
-    }
-    plan = Plan(
-        name,
-        scenario,
-        {
-            varied: _with_files_of(folder, given)
-            for varied, given in flatten(
-                convert_value(content["vary"], Mapping[str, Any], f"'vary' of {label}")
-            )
-        },
-        description=convert_value(content.get("description", ""), str, f"'description' of {label}"),
-        metrics=content.get("metrics", ()),
-        signals=convert_value(content.get("signals", []), Sequence[str], f"'signals' of {label}"),
-        options=options,
-        where=label,
-    )
-    return plan.updated({key: content[key] for key in ("sampling", "runs", "seed") if key in content})
+    values, folder = read_plan(source, SWEEP_PLAN, "sweep", "plan", PLANS)
+    if "vary" not in values:
+        return Plan(**values, vary={})
+    values["vary"] = {varied: _with_files_of(folder, given) for varied, given in values["vary"].items()}
+    plan = Plan(**values)
+    plan.check()
+    return plan
 
 
 def _with_files_of(folder: Path | None, given: Any) -> Any:
@@ -190,12 +125,3 @@ def _with_files_of(folder: Path | None, given: Any) -> Any:
             key: _with_files_of(folder, value) if key == "values" else value for key, value in given.items()
         }
     return [_with_files_of(folder, one) for one in given] if isinstance(given, list) else given
-
-
-def flatten(table: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
-    """Yield entries by their full name: TOML nests names with dots unless they are quoted."""
-    for key, value in table.items():
-        if isinstance(value, dict) and not isinstance(value.get("distribution"), str):
-            yield from ((f"{key}.{name}", inner) for name, inner in flatten(value))
-        else:
-            yield key, value

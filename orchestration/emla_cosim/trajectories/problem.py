@@ -1,19 +1,22 @@
 """Read the problem of a user: a file, a table, or single values."""
 
-import difflib
 import re
-import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, fields
+from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal, get_type_hints
+
+import msgspec
 
 from hdrm_fmu.optimisation.problem import MotionProblem, Via
 from hdrm_fmu.parameters import HdrmParameters
 from hdrm_fmu.spline import TrajectoryError
 
-from ..base.errors import CommandError
+from ..base.errors import CommandError, suggest_names
 from ..base.files import read_text
+from ..base.table_entries import Location
+from ..base.toml_structs import describe, extend_struct, list_given, read_by, read_toml
+from ..base.values import convert_at, convert_value
 
 _MACHINE = "machine"
 _OFF = "off"
@@ -33,11 +36,8 @@ def load_problem(given: MotionProblem | Mapping[str, Any] | str | Path | None) -
     if isinstance(given, Mapping):
         return _of_table(given, "the problem")
     path = Path(given)
-    try:
-        table = tomllib.loads(read_text(path, "the problem"))
-    except (ValueError, RecursionError) as error:
-        raise CommandError(f"the problem '{path}' is not TOML: {error}.") from error
-    return _of_table(table, f"the problem '{path}'")
+    label = f"the problem '{path}'"
+    return _of_table(read_toml(read_text(path, "the problem"), label), label)
 
 
 def override_values(problem: MotionProblem, texts: Mapping[str, str]) -> MotionProblem:
@@ -89,7 +89,7 @@ def _place(table: dict[str, Any], name: str) -> tuple[dict[str, Any], str]:
     inside = table[_MACHINE] if first == [_MACHINE] else table
     if first not in ([], [_MACHINE]) or field not in inside or (not first and field == _MACHINE):
         names = [n for n in table if n != _MACHINE] + [f"{_MACHINE}.{n}" for n in table[_MACHINE]]
-        raise CommandError(f"a problem has no '{name}'{_near(name, names)}")
+        raise CommandError(f"a problem has no '{name}'; {suggest_names(name, names)}")
     return inside, field
 
 
@@ -105,77 +105,47 @@ def _numbers(name: str, text: str) -> Any:
     return values[0] if len(values) == 1 else values
 
 
-def _of_table(table: Mapping[str, Any], where: str) -> MotionProblem:
-    """Return a problem with the values of a table; others are those of the paper."""
-    _check_names(table, MotionProblem, where)
-    values = {name: _value(value) for name, value in table.items() if name != _MACHINE}
-    values |= {name: None for name in _CAN_BE_OFF if values.get(name) == _OFF}
-    try:
-        if _MACHINE in table:
-            values[_MACHINE] = _machine(table[_MACHINE], where)
-        if "via" in table:
-            values["via"] = _via(table["via"], where)
-        return MotionProblem(**values)
-    except TrajectoryError as error:
-        raise CommandError(f"{where}: {error}") from error
-
-
-def _via(given: object, where: str) -> tuple[Via, ...]:
-    if not isinstance(given, (list, tuple)) or not all(isinstance(x, (Via, Mapping)) for x in given):
-        raise CommandError(
-            f"'via' of {where} is {given!r}; it must be a list of tables, each with tip = [x, y]."
-        )
-    found = list[Via]()
-    for i, one in enumerate(given):
-        if isinstance(one, Via):
-            found.append(one)
-            continue
-        _check_names(one, Via, f"'via[{i + 1}]' of {where}")
-        if "tip" not in one:
-            raise CommandError(f"'via[{i + 1}]' of {where} has no tip; write tip = [x, y], in m from O1.")
-        found.append(Via(**{name: _value(value) for name, value in one.items()}))
-    return tuple(found)
-
-
-def _machine(given: object, where: str) -> HdrmParameters:
-    if isinstance(given, HdrmParameters):
-        return given
-    if not isinstance(given, Mapping):
-        raise CommandError(f"'{_MACHINE}' of {where} is {given!r}; it must be a table of lengths and masses.")
-    _check_names(given, HdrmParameters, f"'{_MACHINE}' of {where}")
-    values = {name: _value(value) for name, value in given.items()}
-    for name, value in values.items():
-        _check_form(f"'{_MACHINE}.{name}' of {where}", value, getattr(HdrmParameters(), name))
-    try:
-        return HdrmParameters(**values)
-    except ValueError as error:
-        raise CommandError(f"'{_MACHINE}' of {where}: {error}") from error
-
-
-def _check_form(label: str, value: Any, usual: Any) -> None:
-    """Raise CommandError unless a value has the form of the default: a number, or three."""
-    given = value if isinstance(value, tuple) else (value,)
-    three = isinstance(usual, tuple)
-    numbers = all(isinstance(x, (int, float)) and not isinstance(x, bool) for x in given)
-    if not numbers or isinstance(value, tuple) != three or (three and len(given) != len(usual)):
-        shown = list(value) if isinstance(value, tuple) else value
-        wanted = "three numbers: lift, tilt, telescope" if three else "a number"
-        raise CommandError(f"{label} is {shown!r}; it must be {wanted}.")
-
-
-def _value(value: Any) -> Any:
-    """Return lists as tuples, and NumPy numbers as Python numbers."""
+def _read_plain(value: Any, _at: Location, _folder: Path | None) -> Any:
+    """Return lists as tuples, and NumPy numbers as Python numbers; `MotionProblem` checks them."""
     plain = value.tolist() if hasattr(value, "tolist") else value
     return tuple(plain) if isinstance(plain, list) else plain
 
 
-def _check_names(table: Mapping[str, Any], kind: type, where: str) -> None:
-    known = [f.name for f in fields(kind)]
-    for name in table:
-        if name not in known:
-            raise CommandError(f"{where} has the unknown name '{name}'{_near(str(name), known)}")
+def _read_machine(value: Any, at: Location, folder: Path | None) -> HdrmParameters:
+    if not isinstance(value, (Mapping, HdrmParameters)):
+        raise CommandError(f"{at.label} is {value!r}; it must be a table of lengths and masses.")
+    return convert_at(value, HdrmParameters, at, folder)
 
 
-def _near(name: str, known: list[str]) -> str:
-    near = [n for n in known if n.lower() == name.lower()] or difflib.get_close_matches(name, known, n=1)
-    return f"; did you mean '{near[0]}'?" if near else f"; use {', '.join(known)}."
+def _field(name: str, hint: Any) -> tuple[str, Any, Any]:
+    if name == "via":
+        return (
+            name,
+            Annotated[Sequence[Via], describe("positions that the tip passes, in order")],
+            msgspec.UNSET,
+        )
+    if name == _MACHINE:
+        return name, Annotated[HdrmParameters, read_by(_read_machine, "the manipulator")], msgspec.UNSET
+    type_ = hint | Literal["off"] if name in _CAN_BE_OFF else hint
+    return name, Annotated[type_, read_by(_read_plain)], msgspec.UNSET
+
+
+PROBLEM = extend_struct(
+    msgspec.Struct,
+    "Problem",
+    [_field(name, hint) for name, hint in get_type_hints(MotionProblem).items()],
+    "Conditions on the motion of the manipulator, by joint: lift, tilt, telescope.",
+)
+"""The struct of a file with a problem; entries that it lacks are those of the paper."""
+
+
+def _of_table(table: Mapping[str, Any], where: str) -> MotionProblem:
+    """Return a problem with the values of a table; others are those of the paper."""
+    values = list_given(convert_value(table, PROBLEM, where))
+    values |= {name: None for name in _CAN_BE_OFF if values.get(name) == _OFF}
+    if "via" in values:
+        values["via"] = tuple(values["via"])
+    try:
+        return MotionProblem(**values)
+    except TrajectoryError as error:
+        raise CommandError(f"{where}: {error}") from error

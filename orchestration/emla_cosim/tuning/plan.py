@@ -1,28 +1,26 @@
 """The plan of a tuning: a scenario, gains with their ranges, objective, conditions and cases."""
 
-import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from pathlib import Path
-from typing import Any
+from dataclasses import dataclass, field, fields, replace
+from typing import Annotated, Any
 
-from ..base.errors import CommandError, join_names
-from ..base.option import SWEEP
+import msgspec
+
+from ..base.class_structs import check_fields, struct_of
+from ..base.errors import CommandError
+from ..base.toml_structs import list_given, quantity
 from ..base.values import convert_value
-from ..run.options import list_options, read_option
 from ..run.scenarios.built_in import TUNINGS
 from ..run.scenarios.scenario import Scenario
-from ..run.scenarios.scenario_file import read_given_options
 from ..study.loading import load
 from ..sweeps.measures import Metric
-from ..sweeps.plan import Source, find_plan_scenario, flatten, read_plan_file
+from ..sweeps.plan_files import IN_FILES, NOT_IN_FILES, Source, check_options, read_plan
 from ..sweeps.targets import merge_options
-from ..system.model import System
 
 DEFAULTS = "usual"
 """The name of the only case in a plan without cases: the scenario unchanged."""
 
-_ONE_OF = ("name", "weight", "set", "require", "margins", "at")
+_NOT_PLAIN = (*IN_FILES, "cases")
 
 
 @dataclass(frozen=True)
@@ -111,8 +109,8 @@ class TuningPlan:
         found = {name: value for name, value in given.items() if value is not None}
         for name in ("vary", "derive", "options"):
             if name in found:
-                label = f"'{name}' of {self.where}"
-                found[name] = merge_options([getattr(self, name), convert_table(found[name], label)])
+                more = convert_value(found[name], Mapping[str, Any], f"'{name}' of {self.where}")
+                found[name] = merge_options([getattr(self, name), more])
         if "require" in found:
             more = convert_value(found["require"], Sequence[str], f"'require' of {self.where}")
             found["require"] = [*self.require, *more]
@@ -128,21 +126,8 @@ class TuningPlan:
 
     def check(self) -> None:
         """Raise CommandError for mistakes that can be found without the scenario."""
-        for name, type_ in PLAIN.items():
-            convert_value(getattr(self, name), type_, f"'{name}' of {self.where}")
-        for name, least in (("training", 1), ("validation", 0), ("evaluations", 1), ("seed", 0)):
-            if getattr(self, name) < least:
-                raise CommandError(
-                    f"'{name}' of {self.where} is {getattr(self, name)}; it must be at least {least}."
-                )
-        for name in ("tolerance", "margin"):
-            value = getattr(self, name)
-            if value is not None and not 0 <= value < float("inf"):
-                raise CommandError(f"'{name}' of {self.where} is {value}; it must be a number from 0.")
-        if wrong := [
-            name for name in self.options if name in list_options() and name not in list_options(SWEEP)
-        ]:
-            raise CommandError(f"tunings do not support the option {wrong[0]}; remove it from {self.where}.")
+        check_fields(self, TUNING_PLAN, self.where, _NOT_PLAIN)
+        check_options(self.options, self.where)
         if not self.vary:
             raise CommandError(
                 f"{self.where} varies nothing; add a gain with its range, such as "
@@ -156,6 +141,8 @@ class TuningPlan:
         self._check_cases()
 
     def _check_cases(self) -> None:
+        if not self.cases:
+            raise CommandError(f"'cases' of {self.where} is empty; remove it to use the scenario unchanged.")
         names = [case.name for case in self.cases]
         if twice := [name for name in names if names.count(name) > 1]:
             raise CommandError(f"{self.where} has two cases '{twice[0]}'; rename one.")
@@ -168,29 +155,39 @@ class TuningPlan:
             raise CommandError(f"no case of {self.where} has a weight; set one to a weight above 0.")
 
 
-PLAIN: dict[str, Any] = {
-    "objective": str,
-    "derive": Mapping[str, str],
-    "require": Sequence[str],
-    "seeds": Sequence[str],
-    "training": int,
-    "validation": int,
-    "evaluations": int,
-    "seed": int,
-    "tolerance": float | None,
-    "margin": float,
-    "description": str,
-}
-"""Types of the fields that are plain data, by name."""
-
-_OWN = ("scenario", "vary", "cases", "metrics", *PLAIN)
+def _at_least(number: int) -> Any:
+    return Annotated[int, msgspec.Meta(ge=number)]
 
 
-def convert_table(value: Any, label: str) -> dict[str, Any]:
-    """Return a table with texts as keys; raise CommandError for anything else."""
-    if not isinstance(value, Mapping):
-        raise CommandError(f"{label} is {value!r}; it must be a table.")
-    return dict(value)
+_CASE = struct_of(
+    Case,
+    {
+        "name": str | None,
+        "weight": Annotated[float, msgspec.Meta(ge=0.0)],
+        "at": Annotated[float, quantity("s")],
+    },
+)
+_FRACTION = Annotated[float, msgspec.Meta(ge=0.0)]
+TUNING_PLAN = struct_of(
+    TuningPlan,
+    {
+        **IN_FILES,
+        "cases": list[_CASE],  # type: ignore[valid-type]
+        "training": _at_least(1),
+        "validation": _at_least(0),
+        "evaluations": _at_least(1),
+        "seed": _at_least(0),
+        "tolerance": _FRACTION | None,
+        "margin": _FRACTION,
+    },
+    NOT_IN_FILES,
+)
+"""The struct of a plan's file, without options."""
+
+
+def list_plain_fields() -> list[str]:
+    """Return the names of the fields that are plain data."""
+    return [f.name for f in fields(TuningPlan) if f.name not in (*_NOT_PLAIN, *NOT_IN_FILES)]
 
 
 def load_tuning_plan(source: Source | TuningPlan) -> TuningPlan:
@@ -201,63 +198,10 @@ def load_tuning_plan(source: Source | TuningPlan) -> TuningPlan:
     """
     if isinstance(source, TuningPlan):
         return source
-    if not isinstance(source, (str, Path)):
-        if not isinstance(source, (Scenario, System)):
-            raise CommandError(f"the plan is {source!r}; it must be a plan or a scenario, by name or file.")
-        return TuningPlan(source.name if isinstance(source, Scenario) else "system", source)
-    if str(source) in TUNINGS:
-        content = tomllib.loads(TUNINGS[str(source)]())
-        return _parse_tuning_plan(content, str(source), f"the tuning '{source}'", None)
-    path = Path(source)
-    if path.suffix.lower() == ".toml":
-        content = read_plan_file(path)
-        if content is not None:
-            return _parse_tuning_plan(content, path.stem, f"the tuning '{path}'", path.parent)
-    name = path.stem if path.suffix else path.name
-    return TuningPlan(name, source, where=f"the tuning of '{source}'")
-
-
-def _parse_tuning_plan(content: Mapping[str, Any], name: str, label: str, folder: Path | None) -> TuningPlan:
-    """Return the plan of a content; paths in it are relative to `folder`. Raises CommandError."""
-    scenario = find_plan_scenario(content, label, folder)
-    given = read_given_options({n: v for n, v in content.items() if n not in _OWN}, label, _OWN, SWEEP)
-    options = {n: read_option(n, value, f"'{n}' of {label}", folder) for n, value in given.items()}
-    own = {key: content[key] for key in PLAIN if key in content}
-    tables = {
-        key: dict(flatten(convert_table(content.get(key, {}), f"'{key}' of {label}")))
-        for key in ("vary", "derive")
-    }
-    cases = {"cases": _cases(content["cases"], label)} if "cases" in content else {}
-    fields: dict[str, Any] = own | tables | cases
-    return TuningPlan(
-        name,
-        scenario,
-        **fields,
-        metrics=content.get("metrics", ()),
-        options=options,
-        where=label,
-    )
-
-
-def _cases(given: Any, label: str) -> list[Case]:
-    """Return the cases of a plan, given as tables in a list."""
-    found = list[Case]()
-    for place, content in enumerate(convert_value(given, Sequence[Any], f"'cases' of {label}"), 1):
-        of = f"case {place} of {label}"
-        case = convert_table(content, of)
-        if unknown := [key for key in case if key not in _ONE_OF]:
-            raise CommandError(f"{of} has the unknown key '{unknown[0]}'; use {join_names(_ONE_OF)}.")
-        require = case.get("require")
-        found.append(
-            Case(
-                convert_value(case.get("name", str(place)), str, f"'name' of {of}"),
-                convert_value(case.get("weight", 1.0), float, f"'weight' of {of}"),
-                dict(flatten(convert_table(case.get("set", {}), f"'set' of {of}"))),
-                None if require is None else convert_value(require, Sequence[str], f"'require' of {of}"),
-                convert_value(case.get("margins", ()), Sequence[str], f"'margins' of {of}"),
-                convert_value(case.get("at"), float | None, f"'at' of {of}"),
-            )
-        )
-    if not found:
-        raise CommandError(f"'cases' of {label} is empty; remove it to use the scenario unchanged.")
-    return found
+    values, _ = read_plan(source, TUNING_PLAN, "tuning", "tuning", TUNINGS)
+    if "cases" in values:
+        values["cases"] = [
+            Case(**{"name": str(position), **list_given(case)})
+            for position, case in enumerate(values["cases"], 1)
+        ]
+    return TuningPlan(**values)

@@ -121,7 +121,7 @@ def test_missing_gains_are_named_for_that_controller_only(controller: str, slew:
 
 def test_missing_set_lists_the_sets(slew: Path) -> None:
     slew.write_text(without_table(TILT, "gains.rsba.robust"))
-    sets = "damped, compensated, compliant and published"
+    sets = "damped, compensated, published and compliant"
     with pytest.raises(ec.CommandError, match=rf"or choose {sets} with --gains\.$"):
         ec.load(slew)
 
@@ -153,7 +153,7 @@ LACKING_TABLES = {
     "actuator": "lacks the table [actuator], the data of motor",
     "actuator.motor": "[actuator] of the joint file 'slew.toml' cannot be used for 7 reasons:",
     "actuator.sensor": "cannot be used: [sensor] lacks bits or steps or resolution",
-    "start": "lacks the table [start], where the screw starts",
+    "start": "lacks the table [start], the start position of the screw",
     "reference": "lacks the table [reference], the motion of the joint",
     "load": "lacks the table [load], the load force",
     "observer": "'observer' in [gains.rsba.compensated] of the joint file 'slew.toml' is",
@@ -164,13 +164,13 @@ LACKING_ENTRIES = {
     "kind =": 'lacks kind; write kind = "joint"',
     "description =": "lacks description",
     "sample_time = 1e-4  #": "lacks sample_time, the sample time of observer and controller; write",
-    "stop_time =": "[run] of the joint file 'slew.toml' lacks stop_time, in s; write stop_time = 10.0",
+    "stop_time =": "[run] of the joint file 'slew.toml' lacks stop_time, the stop time in s; write",
     "step_size =": "[run] of the joint file 'slew.toml' lacks step_size",
     "J_m =": '[motor] lacks J_m, the rotor inertia; write J_m = "9.6 kg cm^2"',
     "x_L =": "[start] of the joint file 'slew.toml' lacks x_L, the initial screw position; write x_L = 0.24",
-    "q_E =": "lacks q_E, the end of the reference; write q_E = 0.270",
+    "q_E =": "lacks q_E, the end of the reference; write q_E = 0.27.",
     "v_peak =": "[reference] of the joint file 'slew.toml' has neither v_peak nor duration",
-    "level =": "lacks level, the load force; write level = 57e3",
+    "level =": "lacks level, the load force; write level = 57000.",
     "beta_1 =": "[gains.rsba.robust] of the joint file 'slew.toml' lacks beta_1; write beta_1 = ...",
     "zeta =": "[gains.rsba.published] of the joint file 'slew.toml' lacks zeta; write zeta = [..., ...,",
     "k_p = 415.0": "[gains.foc.tuned] of the joint file 'slew.toml' lacks k_p",
@@ -182,10 +182,14 @@ WRONG = {
     "unknown table": ("[load]", "[laod]", "has the unknown entry 'laod'; did you mean 'load'?"),
     "unknown entry": ("q_E =", "q_F =", "has the unknown entry 'q_F'; did you mean"),
     "unknown gain": ("beta_2 =", "beta2 =", "has the unknown entry 'beta2'; did you mean 'beta_2'?"),
-    "unknown set": ("gains.rsba.robust", "gains.rsba.robst", "gains 'robst'; did you mean 'robust'?"),
-    "unknown controller": ("[gains.cac.tuned]", "[gains.cca.tuned]", "'cca'; did you mean 'cac'?"),
+    "unknown set": ("gains.rsba.robust", "gains.rsba.robst", "unknown entry 'robst'; did you mean 'robust'?"),
+    "unknown controller": (
+        "[gains.cac.tuned]",
+        "[gains.cca.tuned]",
+        "unknown entry 'cca'; did you mean 'cac'?",
+    ),
     "unknown rule": ('rule = "rule"', 'rule = "rules"', "is 'rules'; it must be 'tuned' or 'rule'"),
-    "unknown option": ("stop_time =", "stop_tim =", "lacks stop_time"),
+    "unknown option": ("stop_time =", "stop_tim =", "entry 'stop_tim'; did you mean 'stop_time'?"),
     "unknown parameter": ("high = 2.0", "hi = 2.0", "has the unknown entry 'd_2.hi'; did you mean"),
     "text": ("x_L = 0.385", 'x_L = "far"', "'x_L' in [start] of the joint file 'slew.toml' is 'far'"),
     "another unit": ("x_L = 0.385", 'x_L = "3 kg"', "'x_L' in [start]"),
@@ -199,7 +203,7 @@ WRONG = {
     "elsewhere": ("F_2 = 0.01", "F_2 = 0.01\n[plant.motor]\nR_s = 1.0", "it follows from [actuator]"),
     "seed": ("seed = 715827883", 'seed = "x"', "it must be a whole number"),
     "control": ("[start]", "[actuator.control]\nk_1 = 0.05\n[start]", "[gains] of a joint file has all"),
-    "drive": ("[start]", '[drive.motor]\nR = "1 Ohm"\n[start]', "entry 'motor'; use inverter"),
+    "drive": ("[start]", '[drive.motor]\nR = "1 Ohm"\n[start]', "entry 'motor'; use always, inverter"),
     "no table": ("[paper.study]", "[paper.x]\nrsba = 1\n[paper.study]", "it must be a table, [paper.x.rsba]"),
 }
 
@@ -313,7 +317,11 @@ def test_motion_of_an_experiment_peaks_at_its_speed_and_repeats() -> None:
     ("old", "new", "expected"),
     [
         ("period = 8.0", "period = 7.0", "is 7 s, but the moves take 7.5 s in total"),
-        ("[0.3, 0.4, 0.3]", "[0.3, 0.3]", "'way_points' in [experiment.one.reference] of the joint file"),
+        (
+            "[0.3, 0.4, 0.3]",
+            "[0.3, 0.3]",
+            "[experiment.one.reference] of the joint file 'slew.toml' has the way_points [0.3, 0.3]",
+        ),
         ("[0.3, 0.4, 0.3]", "[0.3]", "must be 2 to"),
         ("v_peak = 0.05", "", "lacks v_peak, the peak speed of every move"),
         ("level = 1e3", "", "lacks level, the load force"),

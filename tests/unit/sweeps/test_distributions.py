@@ -213,8 +213,11 @@ BAD: list[tuple[Any, str]] = [
     ({"low": 0, "high": 1}, "the table has no distribution; write distribution = one of uniform"),
     (table("uniform", low=0), "a uniform distribution needs low and high."),
     (table("triangular", low=0, high=1), "a triangular distribution needs low, mode and high."),
-    (table("normal", mean=0, deviatoin=1), "a normal distribution has no 'deviatoin'; did you mean"),
-    (table("uniform", low=0, high=1, xyz=2), "no 'xyz'; it may have low, high, points and relative."),
+    (
+        table("normal", mean=0, deviatoin=1),
+        "normal distribution has the unknown entry 'deviatoin'; did you mean",
+    ),
+    (table("uniform", low=0, high=1, xyz=2), "unknown entry 'xyz'; use low, high, points and relative."),
     (table("uniform", low=1, high=1), "needs low < high; 1.0 to 1.0 is an empty range."),
     (table("integers", low=2, high=1), "needs low <= high; 2 to 1 is an empty range."),
     (table("normal", mean=0, deviation=1, low=2, high=1), "2.0 to 1.0 is an empty range."),

@@ -63,7 +63,7 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "unknown metric": ({"metrics": ["lift.torque_peak"]}, "did you mean lift.torque_peak_N_m"),
     "unknown in expression": ({"metrics": ["a = max(lift.plant.i_qq)"]}, "Did you mean lift.plant.i_q"),
     "unknown signal": ({"signals": ["lift.plant.x_LL"]}, "did you mean lift.plant.x_L"),
-    "seed": ({"seed": -1}, "the seed -1 of the sweep of .* must be from 0"),
+    "seed": ({"seed": -1}, "'seed' of the sweep of .* is -1; it must be at least 0"),
     "runs of a grid": ({"runs": 3, "sampling": "grid"}, "has no number of runs"),
     "workers": ({"workers": 0}, "at least 1"),
     "scheduler": ({"scheduler": 3}, "the scheduler is 3"),
@@ -101,15 +101,15 @@ PLAN = f'scenario = "lift"\nstop_time = 0.002\n[vary]\n"{R_S}" = [0.1]\n'
 FILES: dict[str, tuple[bytes, str]] = {
     "no TOML": (b"vary = [", "the plan 'p.toml' is not TOML: "),
     "unknown key": (b'sead = 3\n' + PLAN.encode(), "did you mean 'seed'?"),
-    "no scenario": (PLAN.replace("scenario", "description").encode(), "has no scenario"),
-    "key of one run": (b"real_time = 1.0\n" + PLAN.encode(), "has the key 'real_time'"),
+    "no scenario": (PLAN.replace("scenario", "description").encode(), "lacks scenario, the name"),
+    "key of one run": (b"real_time = 1.0\n" + PLAN.encode(), "has the unknown entry 'real_time'"),
     "vary is no table": (b'scenario = "lift"\nvary = 3\n', "'vary' of the plan"),
     "brackets": (b"vary = " + b"[" * 100_000, "is not TOML"),
     "empty": (b"", "."),
     "no text": (b"\xff\xfe\x00", "not a text in UTF-8"),
     "NUL": (PLAN.encode() + b"\0", "."),
     "runs": (b'runs = "many"\n' + PLAN.encode(), "'runs' of the plan"),
-    "metrics": (b"metrics = 3\n" + PLAN.encode(), "must be a list or a table"),
+    "metrics": (b"metrics = 3\n" + PLAN.encode(), "must be a list"),
     "lone surrogate": (b'description = "\\ud800"\n' + PLAN.encode(), "."),
 }  # fmt: skip
 

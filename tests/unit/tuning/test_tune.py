@@ -364,7 +364,7 @@ def test_invalid_loops_give_one_message(
         ({"cases": [ec.Case("a", 1.0, {"flavour": "python"})]}, "'flavour' of the case 'a' of the tuning"),
         ({"seeds": ["v.f.nothing*"]}, "has no variable 'nothing*'"),
         ({"training": 0}, "'training' of the tuning is 0; it must be at least 1"),
-        ({"tolerance": -1.0}, "'tolerance' of the tuning is -1.0; it must be a number from 0"),
+        ({"tolerance": -1.0}, "'tolerance' of the tuning is -1.0; it must be at least 0"),
     ],
 )
 def test_invalid_plans_give_one_message(
@@ -378,7 +378,7 @@ def test_invalid_plans_give_one_message(
 def test_unknown_key_of_a_file_is_reported(tmp_path: Path) -> None:
     file = tmp_path / "gains.toml"
     file.write_text('scenario = "tilt"\nevaluation = 3\n[vary]\na = "1:2"\n')
-    with pytest.raises(CommandError, match="has the key 'evaluation'; did you mean 'evaluations'"):
+    with pytest.raises(CommandError, match="has the unknown entry 'evaluation'; did you mean 'evaluations'"):
         ec.tune(file)
 
 

@@ -166,11 +166,11 @@ WRONG = [
     ("ref.opt", "StopTime, 0.18", "StopTime, nan", "it must be a finite number"),
     ("ref.opt", "StepSize, 0.0005", "StepSize, 0.3", "not a whole number of steps of 0.3 s"),
     ("ref.opt", "StopTime, 0.18", "StopTime, -1", "not a whole number of steps"),
-    ("ref.toml", "made_by", "maid_by", "has the unknown key 'maid_by'; allowed are made_by, set, tolerance"),
-    ("ref.toml", "made_by =", "made_by", "is not valid TOML"),
+    ("ref.toml", "made_by", "maid_by", "has the unknown entry 'maid_by'; did you mean 'made_by'?"),
+    ("ref.toml", "made_by =", "made_by", "is not TOML"),
     ("ref.toml", "[set]", '[set]\n"motor.R_q" = 1', "has no variable 'motor.R_q'"),
     ("ref.toml", "[set]", '[set]\n"motor.R_s" = -1', "is out of range"),
-    ("ref.toml", "relative = ", "relativ = ", "it must be a number, or { relative = ..."),
+    ("ref.toml", "relative = ", "relativ = ", "has the unknown entry 'relativ'; did you mean 'relative'?"),
 ]
 """The file of a reference, the text to replace, the new text, and the message."""
 

@@ -1,9 +1,8 @@
 """`emla list`."""
 
-import tomllib
-
 from rich.table import Table
 
+from ...base.toml_structs import read_toml
 from ...fmu.models import MODELS
 from ...run.options import list_options
 from ...run.scenarios.built_in import PLANS, SCENARIOS, TUNINGS, find_built_in
@@ -28,10 +27,10 @@ def command() -> None:
         scenarios.add_row(f"[bold]{name}[/]", str(scenario.options.get("gains") or ""), scenario.description)
     plans = Table("plan", "description", title="Sweeps: emla sweep PLAN", title_justify="left")
     for name, text in PLANS.items():
-        plans.add_row(f"[bold]{name}[/]", str(tomllib.loads(text()).get("description", "")))
+        plans.add_row(f"[bold]{name}[/]", str(read_toml(text(), name).get("description", "")))
     tunings = Table("plan", "description", title="Tunings: emla tune PLAN", title_justify="left")
     for name, text in TUNINGS.items():
-        tunings.add_row(f"[bold]{name}[/]", str(tomllib.loads(text()).get("description", "")))
+        tunings.add_row(f"[bold]{name}[/]", str(read_toml(text(), name).get("description", "")))
     models = Table("model", "description", title="Models: emla build MODEL", title_justify="left")
     for name, block in MODELS.items():
         models.add_row(f"[bold]{name}[/]", (block.__doc__ or "").strip().splitlines()[0])

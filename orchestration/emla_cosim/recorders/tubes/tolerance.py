@@ -8,7 +8,6 @@ import numpy as np
 from ...base.arrays import Vector
 from ...base.errors import CommandError
 from ...base.patterns import matches_pattern
-from ...base.values import convert_value
 from .tube import Tube
 
 RELATIVE = 1e-3
@@ -100,19 +99,6 @@ def _read(text: str) -> tuple[str, Tolerance]:
             "SIGNAL=relative:NUMBER,absolute:NUMBER,time:NUMBER."
         )
     return pattern.strip() or "*", Tolerance(**found)
-
-
-def parse_tolerances(table: object, where: str) -> dict[str, Tolerance]:
-    """Read tolerances from the table of a file.
-
-    Args:
-        table: A number, or a table with the parts of a `Tolerance`, by name or pattern of signals.
-        where: Name of the file in messages.
-
-    Raises:
-        CommandError: The table has another form.
-    """
-    return convert_value(table, Mapping[str, Tolerance], f"'tolerance' of {where}")
 
 
 def _or(value: float | None, otherwise: float) -> float:

@@ -86,7 +86,7 @@ def _load_scenario_file(
     options = Options()
     layers = (read,) if described is read else (described, read)
     for layer in layers:
-        options = options.updated(with_gains(layer.options), f"the scenario '{layer.where}'", layer.folder)
+        options = options.merged(with_gains(layer.options))
     values = read_options(given)
     options = options.merged(with_gains(values))
     made_of: dict[str, Any] = {}
@@ -157,7 +157,7 @@ def _load_fmu(
     """Return the scenario of an FMU, with the options of a scenario file."""
     _refuse_of_built_in(read, given)
     values = read_options(given)
-    options = Options().updated(read.options, f"the scenario '{read.where}'", read.folder).merged(values)
+    options = Options().merged(read.options).merged(values)
     with accept_faults(options.lenient):  # preparing lists them
         alone = make_single_fmu(path, options)
     return Scenario(
@@ -178,13 +178,12 @@ def _load_ssp(
 
     _refuse_of_built_in(read, given)
     held = ResourceHolder()
-    of_file = Options().updated(read.options, f"the scenario '{read.where}'", read.folder)
+    of_file = Options().merged(read.options)
     values = read_options(given)
     with accept_faults(of_file.merged(values).lenient) as faults:
         document = held.stack.enter_context(read_ssp(path))
         times, notes = _times(document, of_file.merged(values))
-    options = Options().updated(times)
-    options = options.updated(read.options, f"the scenario '{read.where}'", read.folder)
+    options = Options().updated(times).merged(read.options)
     return Scenario(
         name or document.name,
         read.description or document.description,

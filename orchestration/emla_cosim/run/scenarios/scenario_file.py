@@ -1,25 +1,26 @@
 """Scenario files: TOML with a system and the options to run it."""
 
-import difflib
-import tomllib
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, get_origin
+from typing import Annotated, Any
 
-from ...base.errors import CommandError, check_choice, join_names
+import msgspec
+
+from ...base.errors import CommandError, check_choice
 from ...base.option import RUN
+from ...base.toml_structs import describe, list_given, read_toml
 from ...base.values import convert_value
 from ...system.model import System
-from ..options import list_options
+from .option_fields import with_options
 
 
 @dataclass(frozen=True)
 class ScenarioFile:
     """A scenario file. `system` is the name of a built-in system or the path of an SSP.
 
-    `options` are as written in the file; their paths are relative to `folder`. Messages call the file
-    `where`. If the file itself describes the system, `make` makes it from a controller and a gain set.
+    `options` are values by name. Paths in the file are relative to `folder`. Messages call the file `where`.
+    If the file itself describes the system, `make` makes it from a controller and a gain set.
     """
 
     description: str
@@ -28,6 +29,20 @@ class ScenarioFile:
     where: str
     folder: Path
     make: Callable[..., System] | None = None
+
+
+class ScenarioTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A scenario: a system, and options to run it. All options of `emla run` can be here, but a few."""
+
+    system: Annotated[
+        str, describe("name of a built-in system, or path of an SSP, FMU or joint file", "study")
+    ]
+    description: Annotated[str, describe("purpose, in one line")] = ""
+
+
+def scenario_struct() -> type[ScenarioTable]:
+    """Return the struct of scenario files, with the options of a run."""
+    return with_options(ScenarioTable, "Scenario", RUN)
 
 
 @dataclass(frozen=True)
@@ -48,26 +63,16 @@ KINDS: dict[str, Kind] = {}
 
 def parse_scenario(text: str, where: str, folder: Path) -> ScenarioFile:
     """Parse a scenario file, or one of `KINDS`. Raise CommandError for invalid TOML and unknown keys."""
-    try:
-        content = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # RecursionError: too deeply nested
-        raise CommandError(f"the scenario '{where}' is not TOML: {error}.") from error
+    label = f"the scenario '{where}'"
+    content = read_toml(text, label)
     if isinstance(content.get("kind"), str):  # otherwise it is the option, a list
         check_choice(f"kind of file in '{where}':", content["kind"], KINDS)
         return KINDS[content["kind"]].read(content, where, folder)
-    label = f"the scenario '{where}'"
     if "system" not in content:
         _refuse_without_kind(content, label)
-    given = read_given_options(content, label, ("system", "description"))
-    if "system" not in content:
-        raise CommandError(f'{label} has no system; write system = "study" or the path of an SSP.')
-    return ScenarioFile(
-        convert_value(content.get("description", ""), str, f"'description' of {label}"),
-        convert_value(content["system"], str, f"'system' of {label}"),
-        given,
-        where,
-        folder,
-    )
+    table = convert_value(content, scenario_struct(), label, folder)
+    options = list_given(table, ScenarioTable.__struct_fields__)
+    return ScenarioFile(table.description, table.system, options, where, folder)
 
 
 def _refuse_without_kind(content: Mapping[str, Any], label: str) -> None:
@@ -79,43 +84,3 @@ def _refuse_without_kind(content: Mapping[str, Any], label: str) -> None:
                 f"for a {kind}.",
                 key="kind",
             )
-
-
-def read_given_options(
-    content: Mapping[str, Any], label: str, own: Sequence[str], command: str = RUN
-) -> dict[str, Any]:
-    """Return the options of a command from the keys of a file.
-
-    Args:
-        content: Content of the file.
-        label: Name of the file in messages.
-        own: Other keys that the file may have.
-        command: Command whose options the file may have.
-
-    Raises:
-        CommandError: If the file has an unknown key.
-    """
-    options = {name: option for name, option in list_options(command).items() if option.about.in_file}
-    known = sorted([*options, *own])
-    for key in content:
-        if key not in known:
-            near = difflib.get_close_matches(key, known, n=1)
-            meant = f"did you mean '{near[0]}'?" if near else f"known keys: {join_names(known)}."
-            raise CommandError(f"{label} has the key '{key}'; {meant}", key=key)
-    given = {key: value for key, value in content.items() if key in options}
-    for key, value in given.items():
-        if get_origin(options[key].type) is Mapping and isinstance(value, dict):
-            given[key] = dict(_flatten(value, options[key].type.__args__[1]))
-    return given
-
-
-def _flatten(table: Mapping[str, Any], of: Any) -> Iterator[tuple[str, Any]]:
-    """Yield entries by their full name: TOML nests names with dots unless they are quoted.
-
-    If the entries are tables themselves, names have to be quoted.
-    """
-    for key, value in table.items():
-        if isinstance(value, dict) and not hasattr(of, "__dataclass_fields__"):
-            yield from ((f"{key}.{name}", inner) for name, inner in _flatten(value, of))
-        else:
-            yield key, value

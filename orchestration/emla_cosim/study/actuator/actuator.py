@@ -1,10 +1,8 @@
 """An actuator, read from a file or created in Python."""
 
-import difflib
 import hashlib
-import tomllib
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, fields
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -14,25 +12,25 @@ from emla_fmu.parameters import EmlaParameters
 from ...base.errors import CommandError, join_names
 from ...base.files import read_file
 from ...base.option import FileOrObject
+from ...base.table_entries import Location, combine_problems, unknown_entry
+from ...base.toml_structs import list_given, read_toml
+from ...base.values import convert_at
 from . import derived
 from .consistency import find_contradictions, remarks
 from .conversion import Conversion, list_conversions
-from .entries import ANY_OF, NEEDED, ONE_OF, TABLES, SheetEntry
-from .sheet_values import SheetValue, read_sheet_value
-
-_TEXTS = ("name", "source")
-_NOTHING: Mapping[str, Any] = {}
+from .entries import ANY_OF, NEEDED, ONE_OF, TABLES
+from .sheet_struct import ACTUATOR, SheetTable
+from .sheet_values import SheetValue
 
 
-def actuator_tables(path: Path) -> tuple[dict[str, Any], str]:
+def read_tables(path: Path) -> tuple[dict[str, Any], str]:
     """Return the tables of an actuator's file and its SHA-256; raise CommandError if it is not TOML."""
     label, content = f"the actuator '{path}'", read_file(path, "the actuator")
     try:
-        return tomllib.loads(content.decode("utf-8-sig")), hashlib.sha256(content).hexdigest()
+        text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise CommandError(f"{label} is not a text in UTF-8.") from error
-    except (ValueError, RecursionError) as error:
-        raise CommandError(f"{label} is not TOML: {error}.") from error
+    return read_toml(text, label), hashlib.sha256(content).hexdigest()
 
 
 @dataclass(frozen=True)
@@ -78,11 +76,8 @@ class Actuator(FileOrObject):
     sha256: str | None = None
 
     def __post_init__(self) -> None:
-        problems = [*_problems(self)]
-        if not problems:
-            problems = [*find_contradictions(self.values)]
-        if problems:
-            raise _raise_problems(self.label, problems)
+        if problems := self._problems() or [f"{text}." for text in find_contradictions(self.values)]:
+            raise _combine(self.label, problems)
 
     @classmethod
     def read(cls, path: str | Path) -> "Actuator":
@@ -92,7 +87,7 @@ class Actuator(FileOrObject):
             CommandError: the file cannot be read, or its entries are wrong.
         """
         path = Path(path)
-        tables, sha256 = actuator_tables(path)
+        tables, sha256 = read_tables(path)
         return cls.of_tables(tables, f"the actuator '{path}'", path, sha256)
 
     @classmethod
@@ -110,13 +105,47 @@ class Actuator(FileOrObject):
         Raises:
             CommandError: Entries are wrong; the message lists all faults.
         """
-        if problems := [*_wrong_tables(tables)]:
-            raise _raise_problems(label, problems)
-        needed = {name: tables.get(name, _NOTHING) for name in NEEDED}
+        names = ACTUATOR.__struct_fields__
+        if problems := [str(unknown_entry("it", key, names)) for key in tables if key not in names]:
+            raise _combine(label, problems)
         try:
-            return cls(**{**needed, **tables}, file=file, sha256=sha256)
+            return cls(**{**{name: {} for name in NEEDED}, **tables}, file=file, sha256=sha256)
         except CommandError as error:
-            raise _raise_problems(label, error.fields["problems"]) from None
+            raise _combine(label, error.fields["problems"]) from None
+
+    def changed(self, entries: Mapping[str, Mapping[str, Any]], label: str) -> "Actuator":
+        """Return the actuator with other entries.
+
+        Args:
+            entries: Values by table and entry.
+            label: The name of the new actuator in messages.
+
+        Raises:
+            CommandError: Entries are wrong; the message lists all faults.
+        """
+        tables: dict[str, Any] = {
+            name: {**content, **entries.get(name, {})} for name, content in self.tables.items()
+        }
+        texts = {"name": self.name, "source": self.source}
+        return Actuator.of_tables({**tables, **texts}, label, self.file, self.sha256)
+
+    @property
+    def tables(self) -> dict[str, Mapping[str, Any]]:
+        """The tables by name."""
+        return {name: getattr(self, name) for name in TABLES}
+
+    def _problems(self) -> list[str]:
+        """Return a message for each entry that is missing, unknown or invalid."""
+        problems = list[str]()
+        try:
+            poles = self.printed.get("motor.poles")
+        except CommandError as error:
+            problems, poles = [*error.fields.get("problems", [str(error)])], None
+        if poles is not None and poles.number % 2.0:
+            problems.append(f"motor.poles is {poles.text}; it must be even.")
+        if all(isinstance(content, Mapping) for content in self.tables.values()):
+            problems += _combinations(self.tables)
+        return problems
 
     @property
     def label(self) -> str:
@@ -133,7 +162,14 @@ class Actuator(FileOrObject):
     @cached_property
     def printed(self) -> dict[str, SheetValue]:
         """All entries by "table.key"."""
-        return {place: read_sheet_value(value, entry, place) for place, entry, value in _entries(self)}
+        tables = {name: content for name, content in self.tables.items() if name in NEEDED or content != {}}
+        content = {"name": self.name, "source": self.source, **tables}
+        sheet = convert_at(content, ACTUATOR, Location("", ""))
+        return {
+            f"{table}.{key}": value
+            for table, entries in list_given(sheet, SheetTable.__struct_fields__).items()
+            for key, value in list_given(entries).items()
+        }
 
     @property
     def values(self) -> dict[str, float]:
@@ -181,83 +217,26 @@ class Actuator(FileOrObject):
         }
 
 
-def _entries(actuator: Actuator) -> Iterator[tuple[str, SheetEntry, Any]]:
-    """Yield place, entry and value of all known entries."""
-    for table, entries in TABLES.items():
-        given = getattr(actuator, table)
-        yield from ((f"{table}.{e.key}", e, given[e.key]) for e in entries if e.key in given)
-
-
-def _problems(actuator: Actuator) -> Iterator[str]:
-    """Yield a message for each entry that is missing, unknown or invalid."""
-    tables = {f.name: getattr(actuator, f.name) for f in fields(actuator) if f.name in TABLES}
-    if wrong := [*_wrong_tables({**tables, "name": actuator.name, "source": actuator.source})]:
-        yield from wrong
-        return
-    for table, entries in TABLES.items():
-        if table in NEEDED or tables[table]:
-            yield from _missing(table, tables[table], entries)
-        yield from _unknown(table, tables[table], [e.key for e in entries])
-    for place, entry, value in _entries(actuator):
-        try:
-            found = read_sheet_value(value, entry, place)
-        except CommandError as error:
-            yield str(error).removesuffix(".")
-            continue
-        if place == "motor.poles" and found.number % 2.0:
-            yield f"motor.poles is {found.text}; it must be even"
-    if actuator.thermal and "i_N" not in actuator.motor:
-        yield "[thermal] needs motor.i_N, the current that causes its permitted_rise"
-
-
-def _missing(table: str, given: Mapping[str, Any], entries: tuple[SheetEntry, ...]) -> Iterator[str]:
-    """Yield a message for each entry that a table lacks."""
-    examples = {e.key: e.example for e in entries}
-    for entry in entries:
-        if entry.needed and entry.key not in given:
-            yield f'[{table}] lacks {entry.key}, the {entry.about}; write {entry.key} = "{entry.example}"'
-    for where, keys in (*ONE_OF, *ANY_OF):
-        if where != table:
-            continue
-        there = [key for key in keys if key in given]
-        if not there:
-            shown = [f'{key} = "{examples[key]}"' for key in keys]
-            yield f"[{table}] lacks {' or '.join(keys)}; write {' or '.join(shown)}"
-        if len(there) > 1 and (where, keys) in ONE_OF:
-            yield f"[{table}] has {join_names(there)}, which mean the same; keep one"
-    if table == "motor" and ("L" in given, "L_d" in given, "L_q" in given) not in _INDUCTANCES:
-        yield "[motor] needs L, or both L_d and L_q"
+def _combinations(tables: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
+    """Yield a message for each choice between entries that a sheet leaves open, or makes twice."""
+    for table, keys in (*ONE_OF, *ANY_OF):
+        present = [key for key in keys if key in tables[table]]
+        if not present:
+            examples = {entry.key: entry.example for entry in TABLES[table]}
+            texts = [f'{key} = "{examples[key]}"' for key in keys]
+            yield f"[{table}] lacks {' or '.join(keys)}; write {' or '.join(texts)}."
+        if len(present) > 1 and (table, keys) in ONE_OF:
+            yield f"[{table}] has {join_names(present)}, which mean the same; keep one."
+    if tuple(key in tables["motor"] for key in ("L", "L_d", "L_q")) not in _INDUCTANCES:
+        yield "[motor] needs L, or both L_d and L_q."
+    if tables["thermal"] and "i_N" not in tables["motor"]:
+        yield "[thermal] needs motor.i_N, the current that causes its permitted_rise."
 
 
 _INDUCTANCES = ((True, False, False), (False, True, True))
 
 
-def _unknown(table: str, given: Mapping[str, Any], known: list[str]) -> Iterator[str]:
-    for key in given:
-        if key not in known:
-            yield f"[{table}] has the unknown entry '{key}'; {_suggest_key(key, known)}"
-
-
-def _wrong_tables(content: Mapping[str, Any]) -> Iterator[str]:
-    """Yield a message for each key that is not a table or text of an actuator, or has the wrong type."""
-    known = [*TABLES, *_TEXTS]
-    for key, value in content.items():
-        if key not in known:
-            yield f"it has the unknown table '{key}'; {_suggest_key(key, known)}"
-        elif key in _TEXTS and not isinstance(value, str):
-            yield f"'{key}' is {value!r}; it must be a text"
-        elif key in TABLES and not isinstance(value, Mapping):
-            yield f"'{key}' is {value!r}; it must be a table, [{key}]"
-
-
-def _suggest_key(key: Any, known: list[str]) -> str:
-    near = difflib.get_close_matches(str(key), known, n=1, cutoff=0.5)
-    return f"did you mean '{near[0]}'?" if near else f"use {join_names(known)}"
-
-
-def _raise_problems(label: str, problems: list[str]) -> CommandError:
-    ended = [p if p.endswith("?") else f"{p}." for p in problems]
-    if len(ended) == 1:
-        return CommandError(f"{label} cannot be used: {ended[0]}", problems=problems)
-    lines = "".join(f"\n  {one}" for one in ended)
-    return CommandError(f"{label} cannot be used for {len(ended)} reasons:{lines}", problems=problems)
+def _combine(label: str, problems: Sequence[str]) -> CommandError:
+    if len(problems) == 1:
+        return CommandError(f"{label} cannot be used: {problems[0]}", problems=list(problems))
+    return combine_problems(label, problems)

@@ -1,12 +1,12 @@
 """The joint files that come with the study, by name."""
 
-import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
 
-from ...base.errors import check_choice
+from ...base.errors import CommandError, check_choice
+from ...base.toml_structs import read_toml
 from .schema import JointFile, read_joint
 
 _FOLDER = "emla_cosim.study.joints"
@@ -28,8 +28,8 @@ def has_tuning(name: str) -> bool:
     """Return whether a joint file has the table `[tuning]`; False for a file that is not TOML."""
     text = read_joint_text(name)
     try:
-        return "tuning" in text and "tuning" in tomllib.loads(text)  # reading takes longer
-    except ValueError:
+        return "tuning" in text and "tuning" in read_toml(text, name)  # reading takes longer
+    except CommandError:
         return False
 
 

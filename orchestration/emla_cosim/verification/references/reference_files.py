@@ -5,21 +5,23 @@
 and the origin of the reference (`made_by`).
 """
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
+import msgspec
 import numpy as np
 
 from ...base.arrays import Vector
+from ...base.class_structs import record
 from ...base.errors import CommandError
 from ...base.files import read_text
+from ...base.toml_structs import describe, read_toml
 from ...base.values import convert_value
 from ...fmu.elements import number_range
 from ...fmu.interface import Interface
-from ...recorders.tubes.tolerance import Tolerance, parse_tolerances
+from ...recorders.tubes.tolerance import Tolerance
 from ...system.vectors import find_indices
 from .related_result import find_related_result
 
@@ -29,7 +31,16 @@ _OPTIONS = ("StartTime", "StopTime", "StepSize", "OutputIntervalLength")
 _SOLUTION = "_ref.csv"
 """End of the name of a solution."""
 
-_KEYS = ("made_by", "set", "tolerance")
+
+class ReferenceTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What belongs to a reference solution."""
+
+    made_by: Annotated[str, describe("origin of the reference")] = ""
+    set: Annotated[Mapping[str, Any], describe("start values by name")] = msgspec.field(default_factory=dict)
+    tolerance: Annotated[
+        dict[str, record(Tolerance)],  # type: ignore[valid-type]
+        describe("tolerances by name or pattern of signals"),
+    ] = msgspec.field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -176,15 +187,7 @@ def _about(path: Path) -> dict[str, Any]:
     """Read the TOML file of the reference; return nothing if it does not exist."""
     if not path.is_file():
         return {}
-    where = f"'{path}'"
-    try:
-        table = tomllib.loads(read_text(path, "what belongs to the reference"))
-    except tomllib.TOMLDecodeError as error:
-        raise CommandError(f"{where} is not valid TOML: {error}.") from error
-    if wrong := [key for key in table if key not in _KEYS]:
-        raise CommandError(f"{where} has the unknown key '{wrong[0]}'; allowed are {', '.join(_KEYS)}.")
-    return {
-        "start_values": convert_value(table.get("set", {}), Mapping[str, Any], f"'set' of {where}"),
-        "tolerance": parse_tolerances(table.get("tolerance", {}), where),
-        "made_by": str(table.get("made_by", "")),
-    }
+    label = f"'{path}'"
+    content = read_toml(read_text(path, "what belongs to the reference"), label)
+    table = convert_value(content, ReferenceTable, label)
+    return {"start_values": table.set, "tolerance": table.tolerance, "made_by": table.made_by}

@@ -1,0 +1,63 @@
+"""`emla schema`."""
+
+import json
+from collections.abc import Callable, Mapping
+from typing import Annotated, NamedTuple
+
+import msgspec
+import typer
+from rich.table import Table
+
+from ...base.errors import check_choice
+from ...base.schemas import make_schema
+from ...identification.plan import identification_struct
+from ...run.scenarios.scenario_file import scenario_struct
+from ...study.actuator.sheet_struct import ACTUATOR
+from ...study.joints.joint_table import joint_struct
+from ...study.registration import register
+from ...sweeps.plan import SWEEP_PLAN
+from ...sweeps.plan_files import plan_struct
+from ...trajectories.problem import PROBLEM
+from ...tuning.plan import TUNING_PLAN
+from ...verification.references.reference_files import ReferenceTable
+from ...views.terminal import print_exactly, show
+
+register()
+
+
+class FileKind(NamedTuple):
+    """A kind of file: what it is for, and its struct."""
+
+    about: str
+    struct: Callable[[], type[msgspec.Struct]]
+
+
+FILE_KINDS: Mapping[str, FileKind] = {
+    "scenario": FileKind("Scenario: a system and options to run it", scenario_struct),
+    "joint": FileKind("Joint: actuator, gains, motion and load", joint_struct),
+    "actuator": FileKind("Data sheet of an actuator", lambda: ACTUATOR),
+    "sweep": FileKind("Plan of emla sweep", lambda: plan_struct(SWEEP_PLAN)),
+    "tune": FileKind("Plan of emla tune", lambda: plan_struct(TUNING_PLAN)),
+    "identify": FileKind("Plan of emla identify", lambda: plan_struct(identification_struct())),
+    "trajectory": FileKind("Problem of emla trajectory", lambda: PROBLEM),
+    "reference": FileKind("What belongs to a reference solution, MODEL_ref.toml", lambda: ReferenceTable),
+}
+"""Kinds of files in TOML that commands read, by name."""
+
+EXAMPLES = ("emla schema", "emla schema joint")
+
+
+def command(
+    kind: Annotated[
+        str | None, typer.Argument(help="Kind of file. Default: list the kinds.", metavar="[KIND]")
+    ] = None,
+) -> None:
+    """Print the JSON Schema of a kind of file, with which editors complete and check."""
+    if kind is None:
+        table = Table("kind", "file", title="Kinds of files: emla schema KIND", title_justify="left")
+        for name, (about, _) in FILE_KINDS.items():
+            table.add_row(f"[bold]{name}[/]", about)
+        show(table)
+        return
+    check_choice("kind of file", kind, FILE_KINDS)
+    print_exactly(json.dumps(make_schema(FILE_KINDS[kind].struct(), FILE_KINDS[kind].about), indent=2) + "\n")

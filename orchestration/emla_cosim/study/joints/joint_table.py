@@ -1,0 +1,126 @@
+"""Joint files as structs of msgspec."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal, NamedTuple
+
+import msgspec
+
+from ...base.errors import CommandError
+from ...base.option import RUN
+from ...base.table_entries import Location
+from ...base.toml_structs import describe, dotted, extend_struct, quantity, read_by
+from ...run.scenarios.option_fields import with_options
+from ..actuator.actuator import Actuator, read_tables
+from ..actuator.sheet_struct import ACTUATOR
+from .block_tables import DISTURBANCE, PLANT
+from .gain_tables import controllers_struct, observer_table
+from .motions import Compliance, JointExperiment, Load, Move, StartPosition
+
+
+class Cells(NamedTuple):
+    """Position error in m, speed error in m/s, torque effort in N m and convergence time in s.
+
+    In normalised averages they are ratios. The names are those of `JointFigures`.
+    """
+
+    position_error_m: float
+    velocity_error_m_s: float
+    torque_effort_N_m: float
+    convergence_time_s: float
+
+
+_UNITS = ("m", "m/s", "N.m", "s")
+
+FIGURES = extend_struct(
+    msgspec.Struct,
+    "Figures",
+    [(name, Annotated[float, quantity(unit)]) for name, unit in zip(Cells._fields, _UNITS, strict=True)],
+)
+
+
+class RunTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The options of the joint's scenario."""
+
+    stop_time: Annotated[float, quantity("s", "stop time in s", 10.0)]
+    step_size: Annotated[float, quantity("s", "communication step in s", 1e-4)]
+
+
+class DriveTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Entries of the actuator in scenarios with a realistic drive."""
+
+    always: Annotated[bool, describe("whether the joint always runs with these entries")] = False
+    inverter: Mapping[str, Any] | None = None
+    sensor: Mapping[str, Any] | None = None
+    friction: Mapping[str, Any] | None = None
+    stop: Mapping[str, Any] | None = None
+    thermal: Mapping[str, Any] | None = None
+
+
+class Tuning(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Data for `emla tune`: the convergence time to beat, and values for the case with noise."""
+
+    convergence_time: Annotated[float, quantity("s", "convergence time to beat", 0.085)] | None = None
+    noisy: Annotated[
+        dict[str, Annotated[int | float, describe("number")]], dotted("start values of the case with noise")
+    ] = msgspec.field(default_factory=dict)
+
+
+def _read_actuator(value: Any, at: Location, folder: Path | None) -> Actuator:
+    """Read the actuator, inline or from the file that the entry names."""
+    label = f"[actuator] of {at.file}"
+    if isinstance(value, str):
+        path = (folder or Path()) / value
+        label, value = f"the actuator '{path}'", read_tables(path)[0]
+    if not isinstance(value, Mapping):
+        raise CommandError(f"{label} is {value!r}; it must be a table, or the path of a file.")
+    if "control" in value:
+        raise CommandError(
+            f"{label} has the table 'control'; remove it, since [gains] of a joint file has all gains.",
+            key="control",
+        )
+    return Actuator.of_tables(value, label)
+
+
+class JointTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """All data of a joint."""
+
+    kind: Literal["joint"]
+    description: Annotated[str, describe("line that `emla list` shows")]
+    sample_time: Annotated[float, quantity("s", "sample time of observer and controller", 1e-4, gt=0.0)]
+    seed: Annotated[int, describe("start of the random sequences")] | None = None
+    run: Any
+    actuator: Annotated[
+        str | ACTUATOR,  # type: ignore[valid-type]
+        read_by(_read_actuator, "data of motor, screw, inverter and sensor, or the path of a file"),
+    ]
+    drive: DriveTable = DriveTable()
+    start: Annotated[StartPosition, describe("start position of the screw")]
+    reference: Annotated[Move, describe("motion of the joint")]
+    load: Annotated[Load, describe("load force")]
+    disturbance: Annotated[DISTURBANCE, dotted("parameters of the disturbance")] = DISTURBANCE()  # type: ignore[valid-type]
+    plant: Annotated[PLANT, dotted("parameters of the plant")] = PLANT()  # type: ignore[valid-type]
+    compliance: Compliance | None = None
+    observer: Mapping[str, Any] = msgspec.field(default_factory=dict)
+    gains: Any = None
+    tuning: Tuning | None = None
+    experiment: dict[str, JointExperiment] = msgspec.field(default_factory=dict)
+    paper: dict[str, dict[str, FIGURES]] = msgspec.field(default_factory=dict)  # type: ignore[valid-type]
+
+
+KEYS = frozenset(JointTable.__struct_fields__) - {"description", "actuator", "gains"}
+"""Entries that a scenario file does not support."""
+
+
+def joint_struct() -> type[JointTable]:
+    """Return the struct of joint files, with the options and the controllers that are registered."""
+    run = Annotated[with_options(RunTable, "Run", RUN), describe("options of its scenario")]
+    return extend_struct(
+        JointTable,
+        "Joint",
+        [
+            ("run", run),
+            ("observer", dict[str, observer_table()], msgspec.field(default_factory=dict)),
+            ("gains", controllers_struct(), None),
+        ],
+    )

@@ -1,0 +1,168 @@
+"""Start, motion and load of a joint, as tables of its file."""
+
+import math
+from itertools import pairwise
+from typing import Annotated, Any
+
+import msgspec
+
+from emla_fmu import motion_law
+from emla_fmu.disturbance import LEVELS
+from emla_fmu.reference import MOVES, quintic_duration, rest_to_rest
+from emla_fmu.schedule import NEVER
+
+from ...base.toml_structs import describe, quantity
+
+
+class StartPosition(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The start position of a joint."""
+
+    x_L: Annotated[float, quantity("m", "initial screw position", 0.24)]
+
+
+class Move(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The motion of a joint: one quintic move, defined by its peak speed or its duration."""
+
+    q_S: Annotated[float, quantity("m", "start of the reference", 0.244)]
+    q_E: Annotated[float, quantity("m", "end of the reference", 0.27)]
+    v_peak: Annotated[float, quantity("m/s", "peak speed", 0.06, gt=0.0)] | None = None
+    duration: Annotated[float, quantity("s", "duration of the move", 2.0, gt=0.0)] | None = None
+
+    def __post_init__(self) -> None:
+        """Check that the move has a length and one duration."""
+        if (self.v_peak is None) == (self.duration is None):
+            has = "neither v_peak nor duration" if self.v_peak is None else "both v_peak and duration"
+            raise ValueError(f"has {has}; write one of them.")
+        if self.q_S == self.q_E:
+            raise ValueError("has q_S = q_E; they must differ.")
+
+    @property
+    def peak(self) -> float:
+        """The peak speed in m/s."""
+        if self.v_peak is not None:
+            return self.v_peak
+        return 15.0 * abs(self.q_E - self.q_S) / (8.0 * (self.duration or 1.0))
+
+    def parameters(self) -> dict[str, Any]:
+        """Return the parameters of the reference."""
+        return rest_to_rest(self.q_S, self.q_E, self.peak)
+
+
+class Cycle(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A periodic motion: moves with one peak speed between way-points, and equal dwells."""
+
+    way_points: Annotated[tuple[float, ...], quantity("m", "way-points of a cycle", [0.05, 0.3, 0.05])]
+    v_peak: Annotated[float, quantity("m/s", "peak speed of every move", 0.026, gt=0.0)]
+    period: Annotated[float, quantity("s", "time after which the motion repeats", 40.0, gt=0.0)]
+
+    def __post_init__(self) -> None:
+        """Check the way-points and the period."""
+        points = self.way_points
+        if not 2 <= len(points) <= MOVES + 1 or any(a == b for a, b in pairwise(points)):
+            raise ValueError(
+                f"has the way_points {list(points)}; they must be 2 to {MOVES + 1} positions, each different "
+                "from the one before."
+            )
+        if sum(self.durations) > self.period:
+            raise ValueError(
+                f"has a period that is {self.period:g} s, but the moves take {sum(self.durations):g} s in "
+                "total."
+            )
+
+    @property
+    def durations(self) -> list[float]:
+        """The durations of the moves in s."""
+        return [quintic_duration(b - a, self.v_peak) for a, b in pairwise(self.way_points)]
+
+    def parameters(self) -> dict[str, Any]:
+        """Return the parameters of the reference."""
+        durations = self.durations
+        moves = len(durations)
+        dwell = (self.period - sum(durations)) / moves
+        starts = [sum(durations[:i]) + i * dwell for i in range(moves)]
+        rest = MOVES - moves
+        return {
+            "x": [*self.way_points, *[self.way_points[-1]] * rest],
+            "start": [*starts, *[NEVER] * rest],
+            "duration": [*durations, *[1.0] * rest],
+            "period": self.period,
+        }
+
+
+class Load(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Load force: levels in N, positive against extension, and a ripple.
+
+    `start` has the times in s at which the second and later levels begin.
+    """
+
+    level: Annotated[tuple[float, ...], quantity("N", "load force", 57e3)]
+    start: Annotated[tuple[float, ...], quantity("s", "times of the levels", [2.0])] | None = None
+    ramp: Annotated[float, quantity("s", "time between levels", 0.5, gt=0.0)] | None = None
+    ripple: Annotated[float, quantity("N", "width of the ripple", 5e3)] | None = None
+    ripple_omega: Annotated[float, quantity("rad/s", "angular frequency of the ripple", 628.0)] | None = None
+
+    def __post_init__(self) -> None:
+        """Check the number of levels and of times."""
+        count, times = len(self.level), len(self.start or ())
+        if not 1 <= count <= LEVELS:
+            raise ValueError(f"has {count} values of level; it must have 1 to {LEVELS}.")
+        if times != count - 1:
+            raise ValueError(
+                f"has {count} levels and {times} times in start; each level except the first needs one."
+            )
+
+    @property
+    def largest(self) -> float:
+        """The load force in N of the largest magnitude."""
+        level = max(self.level, key=abs)
+        return level + math.copysign(0.5 * (self.ripple or 0.0), level)
+
+    def parameters(self) -> dict[str, Any]:
+        """Return the load as parameters of the disturbance."""
+        given = {"ramp": self.ramp, "ripple": self.ripple, "ripple_omega": self.ripple_omega}
+        found: dict[str, Any] = {"level": (*self.level, *[self.level[-1]] * (LEVELS - len(self.level)))}
+        if self.start is not None:
+            found["level_start"] = (NEVER, *self.start, *[NEVER] * (LEVELS - 1 - len(self.start)))
+        return found | {name: value for name, value in given.items() if value is not None}
+
+
+def _stiffness(part: str) -> msgspec.Meta:
+    return quantity("N/m", f"stiffness of the {part}", "1200 N/um", gt=0.0)
+
+
+class Compliance(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A load that is not rigid: its mass, what is in series between it and the motor, and backlash.
+
+    `damping_ratio` is that of the load swinging against a screw that is held. `backlash` is the whole play.
+    """
+
+    mass: Annotated[float, quantity("kg", "mass of the load", 5e3, gt=0.0)]
+    bearing: Annotated[float, _stiffness("bearing")]
+    screw: Annotated[float, _stiffness("screw")]
+    nut: Annotated[float, _stiffness("nut")]
+    structure: Annotated[float, _stiffness("structure")]
+    damping_ratio: Annotated[float, quantity("", "damping ratio of the load", 0.02)] = 0.0
+    backlash: Annotated[float, quantity("m", "backlash", 3e-6)] = 0.0
+
+    @property
+    def stiffness(self) -> float:
+        """The stiffness of all parts in series, N/m (7)."""
+        return motion_law.k_L(self.bearing, self.screw, self.nut, self.structure)
+
+    def parameters(self, force: float) -> dict[str, Any]:
+        """Return the parameters of the plant, for a load that rests under `force` in N at the start."""
+        k = self.stiffness
+        return {
+            "m_load": self.mass,
+            "stiffness": k,
+            "damping": 2.0 * self.damping_ratio * math.sqrt(k * self.mass),
+            "backlash": self.backlash,
+            "deflection_start": force / k + math.copysign(0.5 * self.backlash, force),
+        }
+
+
+class JointExperiment(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Motion and load of a joint in an experiment of the paper."""
+
+    reference: Annotated[Cycle, describe("motion of the joint")]
+    load: Annotated[Load, describe("load force")]
