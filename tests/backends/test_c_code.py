@@ -149,7 +149,7 @@ REFUSED: list[tuple[str, dict[str, Any], str]] = [
     (
         "x.c",
         {"components": CONTROL, "outputs": ["lift.plant.x_L"]},
-        "no output matches 'lift.plant.x_L'; there are",
+        "no output matches 'lift.plant.x_L'; did you mean lift.controller.u_q",
     ),
     (
         "x.c",

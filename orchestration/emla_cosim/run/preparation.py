@@ -1,5 +1,6 @@
 """Prepare a system to run or to export: build FMUs, apply parameter files, replace components."""
 
+import contextlib
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -13,7 +14,7 @@ from ..fmu.interface import KINDS, Interface, read_interfaces
 from ..fmu.models import build, check_build_path
 from ..inputs.loaded_input import LoadedInput, find_data_end
 from ..inputs.wired_inputs import wire_inputs
-from ..system.model import Replacement, System, Value
+from ..system.model import Replacement, ShortNameError, System, Value
 from ..system.names import Names
 from ..system.signal_faults import add_fault_components, wire_faults
 from ..system.structure import set_structure, structure_of
@@ -92,8 +93,9 @@ def _check_components(system: System, names: Sequence[str], values: Mapping[str,
     for name in names:
         system.component(name)
     for name in values:
-        if "." in name and not has_wildcard(name):
-            system.split(name)
+        with contextlib.suppress(ShortNameError):  # the variables of the FMUs may explain it
+            if not has_wildcard(name):
+                system.split(name)
 
 
 def _structural_values(

@@ -13,6 +13,10 @@ from .bond import Bond
 Value = float | int | bool | str
 
 
+class ShortNameError(CommandError):
+    """A name is too short to have a component and a variable."""
+
+
 @dataclass(frozen=True)
 class Alias:
     """The FMU's name and unit of a variable, if start values and results use another name or unit.
@@ -214,7 +218,7 @@ class System:
             names = path.split(".")
             if len(names) <= longest or not names[-1]:
                 example = f"{self.components[0].name}.VARIABLE" if self.components else "COMPONENT.VARIABLE"
-                raise CommandError(f"'{path}' is not a variable; write it as {example}.", name=path)
+                raise ShortNameError(f"'{path}' is not a variable; write it as {example}.", name=path)
             raise self._unknown(".".join(names[:longest]))
         return self._by_name[path[:found]], path[found + 1 :]
 

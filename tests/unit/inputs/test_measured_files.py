@@ -33,7 +33,8 @@ STOP = 0.01
 @cache
 def lift(folder: Path) -> tuple[System, dict[str, Interface]]:
     scenario = ec.load("lift", fmus=folder)
-    system, fmus = prepare_system(scenario.system, scenario.options, Progress())
+    prepared = prepare_system(scenario.system, scenario.options, Progress())
+    system, fmus = prepared.system, prepared.fmus
     return system, read_interfaces(fmus)
 
 

@@ -137,7 +137,7 @@ def test_binary_values_pass_through_connections(path: Path, options: dict[str, A
         (
             "a.Binary_source -> b.Binary_in",
             {"set": {"a.Binary_in": "00"}},
-            "a.Binary_in is Binary and cannot be",
+            "a.Binary_in cannot be set: it is Binary",
         ),
     ],
 )

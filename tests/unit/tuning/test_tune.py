@@ -362,7 +362,7 @@ def test_invalid_loops_give_one_message(
         ({"cases": [ec.Case("a", 0.0)]}, "no case of the tuning has a weight"),
         ({"cases": [ec.Case("a", 1.0, {"v.f.x": "1:2"})]}, "must be one value"),
         ({"cases": [ec.Case("a", 1.0, {"flavour": "python"})]}, "'flavour' of the case 'a' of the tuning"),
-        ({"seeds": ["v.f.nothing*"]}, "has no variable 'nothing*'"),
+        ({"seeds": ["v.f.nothing*"]}, "no variable that can be set matches 'v.f.nothing*'"),
         ({"training": 0}, "'training' of the tuning is 0; it must be at least 1"),
         ({"tolerance": -1.0}, "'tolerance' of the tuning is -1.0; it must be at least 0"),
     ],
