@@ -17,8 +17,8 @@ from .units import (
     LinearTransformation,
     SiUnit,
     UndefinedUnitError,
-    explain_contradiction,
     find_conversion,
+    list_contradictions,
 )
 
 LENIENT = "lenient"
@@ -98,7 +98,7 @@ def note_fault(where: str, *problems: str) -> None:
         where: The name of the file.
         *problems: The problems, without full stops.
     """
-    if (current := _current.get()) is not None:
+    if problems and (current := _current.get()) is not None:
         current.add(where, problems)
 
 
@@ -133,6 +133,7 @@ def convert_documents_units(where: str, source: SiUnit | None, target: SiUnit | 
     Raises:
         ValueError: If there is no conversion; the message is a phrase.
     """
+    contradictions = list_contradictions(source, target)
     try:
         conversion = find_conversion(source, target)
     except UndefinedUnitError as error:
@@ -141,24 +142,6 @@ def convert_documents_units(where: str, source: SiUnit | None, target: SiUnit | 
         note_fault(where, f"{error}; the number is not changed")
         return IDENTITY
     except ValueError as error:
-        raise ValueError("; ".join([str(error), *_contradictions(source, target)])) from error
-    note_contradictions(where, source, target)
+        raise ValueError("; ".join([str(error), *contradictions])) from error
+    note_fault(where, *(f"{text}; it is converted as declared" for text in contradictions))
     return conversion
-
-
-def note_contradictions(where: str, source: SiUnit | None, target: SiUnit | None) -> None:
-    """Report units between which values are converted and whose definitions contradict their names.
-
-    Args:
-        where: What has the units, for the list of accepted faults.
-        source: The unit of the source.
-        target: The unit of the target.
-    """
-    if problems := _contradictions(source, target):
-        note_fault(where, *(f"{text}; it is converted as declared" for text in problems))
-
-
-def _contradictions(source: SiUnit | None, target: SiUnit | None) -> list[str]:
-    if source is None or target is None or source == target:
-        return []
-    return [text for unit in (source, target) if (text := explain_contradiction(unit)) is not None]

@@ -8,15 +8,15 @@ from dataclasses import dataclass, replace
 from decimal import Decimal
 
 from .errors import CommandError
-from .faults import note_contradictions
+from .faults import note_fault
 from .units import (
     IDENTITY,
     LinearTransformation,
     SiUnit,
     UndefinedUnitError,
-    explain_contradiction,
     find_conversion,
     find_unit,
+    list_contradictions,
     list_meanings,
     read_turns,
 )
@@ -78,17 +78,17 @@ def resolve_conversion(unit: SiUnit | None, target: SiUnit | None, label: str) -
     written = read_turns(unit, target)
     if unit.is_difference and not target.is_difference and target.powers == {"K": 1}:
         raise CommandError(f"{label} is a difference, but must be a temperature; write it in degC or K.")
+    contradictions = list_contradictions(written, target)
     try:
         conversion = find_conversion(written, target)
     except UndefinedUnitError as error:
         raise CommandError(f"{label} has {error}.") from error
     except ValueError as error:
-        contradiction = explain_contradiction(unit) or explain_contradiction(target)
-        reason = f": {contradiction}" if contradiction else ""
+        reason = "".join(f": {text}" for text in contradictions)
         raise CommandError(
             f"{label} has {error}, which cannot be converted into each other{reason}."
         ) from error
-    note_contradictions(label, written, target)
+    note_fault(label, *(f"{text}; it is converted as declared" for text in contradictions))
     return conversion
 
 

@@ -19,6 +19,7 @@ __all__ = [
     "find_unit",
     "format_powers",
     "is_same_factor",
+    "list_contradictions",
     "list_meanings",
     "read_turns",
 ]
@@ -157,6 +158,13 @@ def explain_contradiction(unit: SiUnit) -> str | None:
     if not unit.is_difference and abs(unit.offset - by_name.offset) > _TOLERANCE * abs(by_name.offset):
         return f"the unit {unit} has the offset {unit.offset:g}, but its name means {by_name.offset:g}"
     return None
+
+
+def list_contradictions(source: SiUnit | None, target: SiUnit | None) -> list[str]:
+    """Return the contradictions of units that differ; values in the same unit need no conversion."""
+    if source is None or target is None or source == target:
+        return []
+    return [text for unit in (source, target) if (text := explain_contradiction(unit)) is not None]
 
 
 def define_display_unit(unit: SiUnit, name: str, factor: float, offset: float) -> SiUnit:

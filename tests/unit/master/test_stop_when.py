@@ -54,7 +54,8 @@ def test_a_run_ends_at_the_first_point_that_meets_the_condition(
 
 
 def test_error_control_ends_at_the_condition(fmu_folder: Path) -> None:
-    ended = run(lift(fmu_folder, stop_when=[CONDITION], error_tolerance=1e-3, output_interval=1e-5))
+    condition = f"{SIGNAL} > 0,15 kN.m"  # the limit in another unit
+    ended = run(lift(fmu_folder, stop_when=[condition], error_tolerance=1e-3, output_interval=1e-5))
     above = ended[SIGNAL] > LIMIT
     assert above[-1] and not above[:-1].any() and ended.end_s < STOP
 
@@ -89,6 +90,7 @@ def test_run_in_single_steps_stays_at_its_end(fmu_folder: Path) -> None:
         ("lift.plant.x_L", "the condition 'lift.plant.x_L' of stop_when is invalid"),
         ("lift.plant.x_L > nan", "stop_when is invalid"),
         ("1 < 2 < 3", "stop_when is invalid"),
+        ("lift.plant.x_L > 3 s", "the condition on lift.plant.x_L has the units s and m"),
     ],
 )
 def test_wrong_conditions_are_refused(text: str, sentence: str, fmu_folder: Path) -> None:

@@ -17,6 +17,11 @@ def test_a_life_needs_a_unit(life: str, emla: Emla) -> None:
     assert message == f"Error: --life {life} has no unit; write '{life} h' or '{life} s'."
 
 
+def test_a_temperature_needs_a_unit(emla: Emla) -> None:
+    message = sentence(emla("size", "prototype", "--ambient", "40"), 2)
+    assert message == "Error: --ambient 40 has no unit; write '40 degC' or '40 degF' or '40 K'."
+
+
 def test_a_run_that_an_fmu_ends_is_not_sized(fmu_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Its last rows would count as the whole cycle."""
     run, reason = Simulation.run, "the run ended at t = 0.2 s: it asked to end the simulation."
