@@ -165,9 +165,9 @@ def test_events_are_those_of_faults_held_data_and_schedules() -> None:
     again = Input(data=data, interpolation="held", end="repeat")
     linear = Input(data={"time": [0.5, 0.6, 0.8], "j.b.u": [1.0, 1.0, 4.0]})
     faults = [Fault("j.a.u", "offset", 1.5, 0.25, 1.0), Fault("j.a.u", "freeze", 7.0)]
-    assert sorted(input_events([held], faults, {}, 9.0)) == [1.5, 1.75, 2.0, 3.0, 7.0]
-    assert sorted(input_events([again], [], {}, 8.0)) == [2.0, 3.0, 5.0, 6.0, 8.0, 9.0]
-    assert sorted(input_events([linear], [], {}, 9.0)) == [0.5, 0.8]
+    assert sorted(input_events([held], faults, {}, 0.0, 9.0)) == [1.5, 1.75, 2.0, 3.0, 7.0]
+    assert sorted(input_events([again], [], {}, 0.0, 8.0)) == [2.0, 3.0, 5.0, 6.0, 8.0, 9.0]
+    assert sorted(input_events([linear], [], {}, 0.0, 9.0)) == [0.5, 0.8]
     assert row_distance([held, linear]) == pytest.approx(0.15)
     assert row_distance([held]) == row_distance([]) == np.inf
     parameters = {"j.d.load.start[2]": 0.7, "j.d.load.ramp": 0.5, "j.d.supply.start": 3.0}

@@ -17,8 +17,8 @@ _CLOCK = (
 )
 _CLOCK_TEXT = re.compile(_CLOCK, re.IGNORECASE)
 _DATE = re.compile(r"([0-9]{4})()([0-9]{2})()([0-9]{2})|([0-9]{1,4})([-./])([0-9]{1,2})\7([0-9]{1,4})")
-_PLAIN = re.compile(r"\s*[-+.,0-9eE]*\s*")
-"""A number, or nothing."""
+_NUMBER = re.compile(r"\s*[0-9]*[.,]?[0-9]*\s*")
+"""A number without a sign, or nothing; some could be read as a clock time or a date."""
 
 _DAY = 86_400_000_000_000
 """A day in ns."""
@@ -29,12 +29,7 @@ _EPOCH = 1e9, 5e9
 
 def is_clock(text: object) -> bool:
     """Return whether a text is a clock time, a date, or both; numbers are neither."""
-    return isinstance(text, str) and not is_plain(text) and _CLOCK_TEXT.fullmatch(text) is not None
-
-
-def is_plain(text: str) -> bool:
-    """Return whether a text is empty or one number: at most one separator, which a date has twice."""
-    return bool(_PLAIN.fullmatch(text)) and not _DATE.fullmatch(text.strip())
+    return isinstance(text, str) and not _NUMBER.fullmatch(text) and bool(_CLOCK_TEXT.fullmatch(text))
 
 
 def is_epoch(time: float) -> bool:

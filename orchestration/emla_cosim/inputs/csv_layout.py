@@ -31,7 +31,6 @@ class CsvLayout:
     """The layout of a text file.
 
     Attributes:
-        header: The line with the names of the columns, as it is.
         names: The names of the columns.
         units: The cells of the row of units; empty without such a row.
         first: The cells of the first row of numbers; empty without rows.
@@ -41,7 +40,6 @@ class CsvLayout:
         between: The number of lines between the header with its units and the numbers.
     """
 
-    header: str
     names: Sequence[str]
     units: Sequence[str]
     first: Sequence[str]
@@ -77,6 +75,22 @@ def find_layout(content: bytes) -> CsvLayout | None:
     return _first_line_layout(lines)
 
 
+def find_result_layout(content: bytes) -> CsvLayout | None:
+    """Return the layout of a table that a run wrote; None for another one.
+
+    Its names are kept as they are, with blanks and line ends.
+
+    Args:
+        content: Whole lines.
+    """
+    lines = _first_lines(content) if content.startswith(b"time,") else []
+    names = _cells(lines[0].text, ",") if lines else []
+    if len(names) < 2:
+        return None
+    first = _split(lines[1].text, ",") if len(lines) > 1 else ()
+    return CsvLayout(names, (), first, ",", lines[0].end)
+
+
 def is_list(cell: str) -> bool:
     """Return whether a cell has several numbers, separated by spaces: the elements of an array."""
     numbers = cell.split()
@@ -103,7 +117,7 @@ def _first_line_layout(lines: Sequence[_Line]) -> CsvLayout:
     rows = [_split(line.text, delimiter) for line in lines[1:3]]
     if rows and len(rows[0]) == len(names) and _is_units(rows[0]):
         units, end, rows = rows[0], lines[1].end, rows[1:]
-    return CsvLayout(header, names, units, rows[0] if rows else (), delimiter, end)
+    return CsvLayout(names, units, rows[0] if rows else (), delimiter, end)
 
 
 def _layout_above(lines: Sequence[_Line], row: int, delimiter: str, first: Sequence[str]) -> CsvLayout | None:
@@ -121,7 +135,6 @@ def _layout_above(lines: Sequence[_Line], row: int, delimiter: str, first: Seque
     has_units = header > 0 and _is_units(above[header - 1])
     line = row - 1 - header
     return CsvLayout(
-        lines[line].text,
         above[header],
         above[header - 1] if has_units else (),
         first,
@@ -152,8 +165,14 @@ def _is_units(cells: Sequence[str]) -> bool:
 
 
 def _split(line: str, delimiter: str) -> list[str]:
-    cells = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
-    return [cell.strip() for cell in cells]
+    return [cell.strip() for cell in _cells(line, delimiter, skips_blanks=True)]
+
+
+def _cells(line: str, delimiter: str, skips_blanks: bool = False) -> list[str]:
+    try:
+        return next(csv.reader([line], delimiter=delimiter, skipinitialspace=skips_blanks), [])
+    except csv.Error:  # a cell of more than 128 KiB, or a line end without quotes
+        return []
 
 
 def _first_lines(content: bytes) -> list[_Line]:

@@ -15,10 +15,10 @@ def find_data_names(names: Iterable[str]) -> dict[str, str]:
     Args:
         names: The names to search.
     """
-    found: dict[str, str] = {}
+    signals: dict[str, str] = {}
     for name in names:
         if name.startswith(NAME):
             component, _, signal = name.partition(".")
             if _OWN_NAME.fullmatch(component):
-                found.setdefault(signal, name)
-    return found
+                signals.setdefault(signal, name)
+    return signals

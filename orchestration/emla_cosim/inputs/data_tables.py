@@ -12,7 +12,7 @@ from ..base.errors import CommandError, join_names
 from ..base.quantities import resolve_conversion
 from ..base.signal_types import REAL, SignalType
 from ..base.units import LinearTransformation, SiUnit
-from ..base.wording import format_count
+from ..base.wording import format_count, shorten_line
 from .csv_layout import NUMBER
 from .headers import Header, is_same_unit, is_unit, parse_data_unit, rate_of
 
@@ -24,6 +24,9 @@ FindIndices = Callable[[str], Sequence[str] | None]
 
 _DECIMAL_COMMA = r"^([-+]?[0-9]*),([0-9]*(?:[eE][-+]?[0-9]+)?)$", "${1}.${2}"
 """A number with a decimal comma, and its replacement."""
+
+_LETTERS = 60
+"""Most letters of a name in a message."""
 
 _NAMED = 8
 """Most columns that a message names."""
@@ -294,7 +297,7 @@ class DataTable:
 
     def join_names(self) -> str:
         """Return the names of the first columns for a message."""
-        names = [f"'{h.name}'" for h in self.headers if h.name]
+        names = [f"'{shorten_line(h.name, _LETTERS)}'" for h in self.headers if h.name]
         if len(names) > _NAMED:
             names = [*names[:_NAMED], f"{len(names) - _NAMED} more"]
         return join_names(names) if names else "none"

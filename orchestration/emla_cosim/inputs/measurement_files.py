@@ -70,12 +70,12 @@ def read_groups(file: Path, content: bytes, label: str) -> list[ChannelGroup]:
         raise CommandError(f"{label} cannot be read: {reason}.") from error
 
 
-def choose_group(groups: Sequence[ChannelGroup], asked: Sequence[str], label: str) -> ChannelGroup:
+def choose_group(groups: Sequence[ChannelGroup], names: Sequence[str], label: str) -> ChannelGroup:
     """Return the only group that has channels of all these names.
 
     Args:
         groups: The groups.
-        asked: Names of channels, or patterns. Names that no group has are ignored.
+        names: Names of channels, or patterns. Names that no group has are ignored.
         label: What error messages call the file.
 
     Raises:
@@ -85,24 +85,24 @@ def choose_group(groups: Sequence[ChannelGroup], asked: Sequence[str], label: st
         return groups[0]
     if not groups:
         raise CommandError(f"{label} has no channels with numbers.")
-    known = [a for a in asked if any(_has(group, a) for group in groups)]
-    found = [group for group in groups if known and all(_has(group, a) for a in known)]
-    if len(found) == 1:
-        return found[0]
-    names = join_names([f"'{g.name}'" for g in groups[:8]])
-    if not known:
+    present = [a for a in names if any(_has(group, a) for group in groups)]
+    matches = [group for group in groups if present and all(_has(group, a) for a in present)]
+    if len(matches) == 1:
+        return matches[0]
+    listed = join_names([f"'{g.name}'" for g in groups[:8]])
+    if not present:
         raise CommandError(
-            f"{label} has channels sampled at different times, in the groups {names}; name the channels to "
+            f"{label} has channels sampled at different times, in the groups {listed}; name the channels to "
             "use."
         )
-    if not found:
+    if not matches:
         raise CommandError(
-            f"{label} has {join_names(known)} in different groups, sampled at different times; use one input "
-            "for each group."
+            f"{label} has {join_names(present)} in different groups, sampled at different times; use one "
+            "input for each group."
         )
     raise CommandError(
-        f"{label} has {join_names(known)} in the groups {join_names([g.name for g in found])}; the names of "
-        "channels must be unique."
+        f"{label} has {join_names(present)} in the groups {join_names([g.name for g in matches])}; the names "
+        "of channels must be unique."
     )
 
 
@@ -113,7 +113,7 @@ def _has(group: ChannelGroup, name: str) -> bool:
 def _read_mdf(file: Path) -> list[ChannelGroup]:
     from asammdf import MDF
 
-    found = []
+    groups = []
     mdf = MDF(file)  # the readers keep it open: opening it reads the descriptions of all channels
     for number, group in enumerate(mdf.groups):
         master = mdf.masters_db.get(number)
@@ -125,8 +125,8 @@ def _read_mdf(file: Path) -> list[ChannelGroup]:
             if index != master
         ]
         name = str(getattr(group.channel_group, "acq_name", "") or f"group {number + 1}")
-        found.append(ChannelGroup(name, [Channel(TIME, "s", _mdf_reader(mdf, number, None)), *channels]))
-    return found
+        groups.append(ChannelGroup(name, [Channel(TIME, "s", _mdf_reader(mdf, number, None)), *channels]))
+    return groups
 
 
 def _unit_of(channel: Any) -> str | None:
@@ -152,7 +152,7 @@ def _mdf_reader(
 def _read_tdms(file: Path) -> list[ChannelGroup]:
     from nptdms import TdmsFile
 
-    found = []
+    groups = []
     for group in TdmsFile.read(file).groups():
         channels = [Channel(c.name, _tdms_unit(c.properties), _tdms_reader(c)) for c in group.channels()]
         timed = next((c for c in group.channels() if "wf_increment" in c.properties), None)
@@ -160,8 +160,8 @@ def _read_tdms(file: Path) -> list[ChannelGroup]:
             track = timed.time_track()
             channels = [Channel(TIME, "s", lambda track=track: (track, track)), *channels]
         if channels:
-            found.append(ChannelGroup(group.name, channels))
-    return found
+            groups.append(ChannelGroup(group.name, channels))
+    return groups
 
 
 def _tdms_unit(properties: Mapping[str, Any]) -> str | None:

@@ -16,7 +16,7 @@ from ..base.files import read_file
 from ..base.signal_types import COLUMN_TYPES, SignalType, read_types
 from ..base.wording import format_count
 from ..recorders.registry import TABLES, format_of
-from .csv_layout import NOT_FINITE, NUMBER, CsvLayout, bare_unit, find_layout, is_list
+from .csv_layout import NOT_FINITE, NUMBER, CsvLayout, bare_unit, find_layout, find_result_layout, is_list
 from .data_tables import DataTable
 from .headers import Header, is_same_unit, is_unit, read_metadata_units
 from .measurement_files import TIME, ChannelGroup, choose_group, is_measurement_file, read_groups
@@ -48,8 +48,7 @@ def read_table(file: Path, what: str, columns: Sequence[str] = (), is_result: bo
         return _read_measurement(label, choose_group(read_groups(file, begin, label), columns, label))
     if begin.startswith(_PARQUET) or file.suffix.lower() == ".parquet":
         return _read_parquet(label, file, is_result)
-    content = read_file(file, what)
-    return _read_csv(label, content[: content.rfind(b"\n") + 1] if is_result else content, is_result)
+    return _read_csv(label, read_file(file, what), is_result)
 
 
 def readable(label: str, read: Callable[[], _T]) -> _T:
@@ -68,10 +67,17 @@ def _read_csv(label: str, content: bytes, is_result: bool = False) -> DataTable:
     have a decimal comma. Lines that begin with # are comments. Other lines may precede the names, and a row
     of units may follow them.
     """
-    content, encoding = (content, None) if is_result else _to_utf_8(content)
+    content, encoding = _to_utf_8(content)
     if b"\0" in content:
         raise CommandError(f"{label} is not a text file; it must be CSV or Parquet.")
-    layout = find_layout(content)
+    layout = find_result_layout(content[: content.rfind(b"\n") + 1]) if is_result else None
+    if layout is not None:
+        content = content[: content.rfind(b"\n") + 1]
+    else:
+        is_result = False
+        content = content.replace(b"\r\n", b"\n").replace(b"\r", b"\n") if b"\r" in content else content
+        content = content.rstrip()
+        layout = find_layout(content)
     if layout is None:
         raise CommandError(f"{label} is empty.")
     if all(NUMBER.fullmatch(name) for name in layout.names):
@@ -83,9 +89,12 @@ def _read_csv(label: str, content: bytes, is_result: bool = False) -> DataTable:
     if rows.startswith(b"\n"):
         rows = rows.lstrip(b"\n")
 
+    has_quotes = b'"' in rows
+
     def read(positions: Sequence[int], as_text: bool) -> Sequence[polars.Series]:
         first_error: Exception | None = None
-        for kind in (polars.String,) if as_text else (polars.Float64, polars.String):
+        # polars panics for numbers that are a lone quote
+        for kind in (polars.String,) if as_text or has_quotes else (polars.Float64, polars.String):
             try:
                 frame = polars.read_csv(
                     io.BytesIO(rows),
@@ -104,8 +113,7 @@ def _read_csv(label: str, content: bytes, is_result: bool = False) -> DataTable:
 
     first = dict(enumerate(layout.first)) if len(layout.first) == len(names) else {}
     lists = {i: len(cell.split()) for i, cell in first.items() if is_list(cell)}
-    texts = next(csv.reader([layout.header])) if is_result else layout.names
-    headers = _add_units(label, [_header(text, is_result) for text in texts], layout.units)
+    headers = _add_units(label, [_header(text, is_result) for text in layout.names], layout.units)
     types = {headers[i].name: SignalType(kind) for i, cell in first.items() if (kind := _find_kind(cell))}
     table = DataTable(label, headers, read, lists, layout.delimiter != ",", types)
     for count, place in ((layout.skipped, "before"), (layout.between, "below")):
@@ -122,7 +130,7 @@ def _header(text: str, is_result: bool, unit: str | None = None) -> Header:
 
 
 def _to_utf_8(content: bytes) -> tuple[bytes, str | None]:
-    """Return a text in UTF-8 with line ends of one character, and its encoding if it is another one."""
+    """Return a text in UTF-8, and its encoding if it is another one."""
     encoding = None
     if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         with contextlib.suppress(UnicodeDecodeError):
@@ -135,9 +143,7 @@ def _to_utf_8(content: bytes) -> tuple[bytes, str | None]:
             content, encoding = content.decode("cp1252").encode(), "Windows-1252 (Latin-1)"
         except UnicodeDecodeError:
             content, encoding = content.decode("latin-1").encode(), "Latin-1"
-    if b"\r" in content:
-        content = content.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-    return content.rstrip(), encoding
+    return content, encoding
 
 
 def _add_units(label: str, headers: Sequence[Header], units: Sequence[str]) -> Sequence[Header]:

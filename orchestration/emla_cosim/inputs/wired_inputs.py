@@ -14,6 +14,9 @@ from .data_names import NAME
 from .loaded_input import LoadedInput
 from .table_fmus import build_cached_fmu
 
+_NAMED = 8
+"""Most texts that a note lists."""
+
 
 @dataclass(frozen=True)
 class WiredInputs:
@@ -51,108 +54,101 @@ def wire_inputs(
         CommandError: If a table does not fit the system.
         RunError: If an FMU cannot be built.
     """
-    found = [bind_columns(t.source, t.data, t.time, system, interfaces) for t in tables]
-    check_single_binding([one for driven, _ in found for one in driven])
+    bound = [bind_columns(t.source, t.data, t.time, system, interfaces) for t in tables]
+    check_single_binding([binding for bindings, _ in bound for binding in bindings])
     fmus, notes = dict[str, Path](), list[str]()
-    for table, (driven, idle) in zip(tables, found, strict=True):
-        notes += [f"{table.source.label} {note}." for note in table.data.notes]
-        if assumed := [one for one in driven if one.is_assumed]:
-            notes.append(_describe_assumed(table, assumed))
-        discrete = [
-            one.signal
-            for one in driven
-            if one.is_discrete and one.type.kind == "Real" and table.source.interpolation != "held"
-        ]
-        if discrete:
-            more = f" and {len(discrete) - 8} more" if len(discrete) > 8 else ""
+    for table, (bindings, idle) in zip(tables, bound, strict=True):
+        label = table.source.label
+        notes += [f"{label} {note}." for note in table.data.notes]
+        if assumed := [binding for binding in bindings if binding.is_assumed]:
+            texts = [f"'{table.data.headers[b.column].text}' in {b.unit}" for b in assumed]
             notes.append(
-                f"{table.source.label} drives discrete variables, whose values hold between rows: "
-                f"{', '.join(discrete[:8])}{more}."
+                f"{label} has columns without a unit, which are read in the unit of their signal: "
+                f"{_list_few(texts)}."
+            )
+        discrete = [b.signal for b in bindings if b.is_discrete and b.type.kind == "Real"]
+        if discrete and table.source.interpolation != "held":
+            notes.append(
+                f"{label} drives discrete variables, whose values hold between rows: {_list_few(discrete)}."
             )
         if idle:
-            more = f" and {len(idle) - 8} more" if len(idle) > 8 else ""
-            notes.append(f"{table.source.label} has columns that drive nothing: {', '.join(idle[:8])}{more}.")
+            notes.append(f"{label} has columns that drive nothing: {_list_few(idle)}.")
         if table.source.end == "stop":
-            notes.append(
-                f"the run stops where the data of {table.source.label} end, at t = {table.times[-1]:.9g} s."
-            )
-        places, rest = _places(system, driven)
-        for name, part in places.items():
-            fmus[name] = build_cached_fmu(table, [(one, one.variable) for one in part], platforms)
+            notes.append(f"the run stops where the data of {label} end, at t = {table.times[-1]:.9g} s.")
+        replaced, rest = _split_bindings(system, bindings)
+        for name, part in replaced.items():
+            fmus[name] = build_cached_fmu(table, [(binding, binding.variable) for binding in part], platforms)
             system = _replace_component(system, name, fmus[name])
-        for letter in dict.fromkeys(TYPES[one.type.kind] for one in rest):
-            part = [one for one in rest if TYPES[one.type.kind] == letter]
+        for letter in dict.fromkeys(TYPES[binding.type.kind] for binding in rest):
+            part = [binding for binding in rest if TYPES[binding.type.kind] == letter]
             name = find_free_name(NAME, {x for c in system.components for x in (c.name, c.branch)})
-            fmus[name] = build_cached_fmu(table, [(one, one.signal) for one in part], platforms)
+            fmus[name] = build_cached_fmu(table, [(binding, binding.signal) for binding in part], platforms)
             system = _add_component(system, name, fmus[name], part)
             notes += _describe_partly_replaced(name, part)
     return WiredInputs(system, fmus, notes)
 
 
-def _places(
-    system: System, driven: Sequence[ColumnBinding]
+def _split_bindings(
+    system: System, bindings: Sequence[ColumnBinding]
 ) -> tuple[dict[str, list[ColumnBinding]], list[ColumnBinding]]:
     """Return the bindings that replace whole components, by component, and the others."""
     outputs: dict[str, list[ColumnBinding]] = {}
-    for one in driven:
-        if one.output:
-            outputs.setdefault(one.component, []).append(one)
-    whole = {
+    for binding in bindings:
+        if binding.output:
+            outputs.setdefault(binding.component, []).append(binding)
+    replaced = {
         name: part
         for name, part in outputs.items()
-        if {x.output for x in system.out_of(name)} <= {one.variable for one in part}
-        and len({TYPES[one.type.kind] for one in part}) == 1
+        if {x.output for x in system.out_of(name)} <= {binding.variable for binding in part}
+        and len({TYPES[binding.type.kind] for binding in part}) == 1
     }
-    return whole, [one for one in driven if not (one.output and one.component in whole)]
+    return replaced, [b for b in bindings if not (b.output and b.component in replaced)]
 
 
 def _replace_component(system: System, name: str, fmu: Path) -> System:
     """Replace a component by a table, without connections to its inputs and without start values."""
     changed = replace(system.component(name), model="", fmu=fmu, parameters={}, aliases={})
-    kept = tuple(x for x in system.connections if x.target != name)
-    return replace(system.with_component(changed), connections=kept)
+    connections = tuple(x for x in system.connections if x.target != name)
+    return replace(system.with_component(changed), connections=connections)
 
 
-def _add_component(system: System, name: str, fmu: Path, driven: Sequence[ColumnBinding]) -> System:
+def _add_component(system: System, name: str, fmu: Path, bindings: Sequence[ColumnBinding]) -> System:
     """Add a table as a component of its own."""
-    outputs = {(one.component, one.variable): one.signal for one in driven if one.output}
-    inputs = {(one.component, one.variable): one.signal for one in driven if not one.output}
+    ends = {(b.component, b.variable): b for b in bindings}
+    outputs = {end: b.signal for end, b in ends.items() if b.output}
+    inputs = {end: b.signal for end, b in ends.items() if not b.output}
     connections = [
         replace(x, source=name, output=outputs[x.ends[0]]) if x.ends[0] in outputs else x
         for x in system.connections
         if x.ends[1] not in inputs
     ]
     connections += [Connection(name, signal, *end) for end, signal in inputs.items()]
-    taken: dict[str, list[str]] = {}
+    driven: dict[str, list[str]] = {}
     for component, variable in inputs:
-        taken.setdefault(component, []).append(variable)
-    components = [_drop_driven_values(c, taken.get(c.name, ())) for c in system.components]
+        driven.setdefault(component, []).append(variable)
+    components = [_drop_driven_values(c, driven.get(c.name, ())) for c in system.components]
     components = [Component(name, fmu=fmu), *components]
     return replace(system, components=tuple(components), connections=tuple(connections))
 
 
 def _drop_driven_values(component: Component, driven: Iterable[str]) -> Component:
     """Return a component without start values of inputs that are connected now."""
-    gone = set(driven)
-    kept = {n: v for n, v in component.parameters.items() if component.alias(n).variable not in gone}
-    return replace(component, parameters=kept)
+    names = set(driven)
+    values = {n: v for n, v in component.parameters.items() if component.alias(n).variable not in names}
+    return replace(component, parameters=values)
 
 
-def _describe_partly_replaced(name: str, driven: Sequence[ColumnBinding]) -> list[str]:
+def _describe_partly_replaced(name: str, bindings: Sequence[ColumnBinding]) -> list[str]:
     """Return messages on outputs that are still computed but not used."""
     return [
-        f"{one.component} still computes {one.signal}, but it is not used: {name}.{one.signal} provides "
-        "the data instead."
-        for one in driven
-        if one.output
+        f"{b.component} still computes {b.signal}, but it is not used: {name}.{b.signal} provides the data "
+        "instead."
+        for b in bindings
+        if b.output
     ]
 
 
-def _describe_assumed(table: LoadedInput, driven: Sequence[ColumnBinding]) -> str:
-    """Return the message on columns that have the unit of their signal because they name none."""
-    units = [f"'{table.data.headers[one.column].text}' in {one.unit}" for one in driven[:8]]
-    more = f" and {len(driven) - 8} more" if len(driven) > 8 else ""
-    return (
-        f"{table.source.label} has columns without a unit, which are read in the unit of their signal: "
-        f"{', '.join(dict.fromkeys(units))}{more}."
-    )
+def _list_few(texts: Sequence[str]) -> str:
+    """Return the first of these texts, and how many more there are."""
+    more = f" and {len(texts) - _NAMED} more" if len(texts) > _NAMED else ""
+    return ", ".join(dict.fromkeys(texts[:_NAMED])) + more

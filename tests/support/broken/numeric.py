@@ -23,7 +23,7 @@ def _with_reference(name: str, change: Callable[[Columns], object]) -> Callable[
         path = build_good_fmu(folder, name=name)
         assert examine(path, settings=Settings(recording=ec.Recording(folder)), apart=()).passed
         file = folder / f"{name}_ref.csv"
-        columns = read_columns(file, "the reference")
+        columns, _ = read_columns(file, "the reference")
         change(columns)
         rows = np.column_stack(list(columns.values()))
         np.savetxt(file, rows, delimiter=",", header=",".join(columns), comments="", fmt="%.17g")

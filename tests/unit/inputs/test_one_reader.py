@@ -59,7 +59,7 @@ def of_reference(file: Path, fmu: Path) -> Series:
 
 
 def of_verification(file: Path, fmu: Path) -> Series:
-    columns = read_columns(file, "the inputs", interface_of(fmu))
+    columns, _ = read_columns(file, "the inputs", interface_of(fmu))
     return columns["time"].tolist(), columns["u"].tolist()
 
 
@@ -129,7 +129,7 @@ ARRAYS = {"v[1]": [0.001, 3.0], "v[3]": [0.003, 5.0], "m[1,2]": [2.0, 2.0], "m[2
 def test_cells_with_the_elements_of_arrays(passing: Path, tmp_path: Path) -> None:
     file = tmp_path / "data.csv"
     file.write_text(CELLS)
-    columns = read_columns(file, "the inputs", interface_of(passing))
+    columns, _ = read_columns(file, "the inputs", interface_of(passing))
     for name, values in ARRAYS.items():
         np.testing.assert_allclose(columns[name], values, rtol=1e-12)
     options = {"step_size": 0.5, "stop_time": 1.0}

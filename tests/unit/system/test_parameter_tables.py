@@ -146,7 +146,7 @@ def test_invalid_tables(fmu_folder: Path, tmp_path: Path, text: str, message: st
 
 def test_invalid_parquet_files(fmu_folder: Path, tmp_path: Path) -> None:
     file = tmp_path / "levels.parquet"
-    for column in ([[1.0]], ["one"], [None], [float("nan")], [True]):
+    for column in (["one"], [None], [float("nan")], [True]):
         polars.DataFrame({LEVEL: column}).write_parquet(file)
         with pytest.raises(ec.CommandError, match=r"levels\.parquet"):
             values(fmu_folder, file)

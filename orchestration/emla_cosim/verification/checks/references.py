@@ -81,7 +81,7 @@ def _judged(subject: Subject, reference: ReferenceSolution) -> CheckOutcome:
     )
     left = select_outside(comparisons)
     if left:
-        more = tuple(describe_departure(c) + "." for c in left[1:])
+        more = (*(describe_departure(c) + "." for c in left[1:]), *reference.notes)
         return failed(f"{describe_departure(left[0])}.", details=more, comparisons=comparisons)
     if not comparisons:
         return failed("The reference has only the column time.")
@@ -89,6 +89,7 @@ def _judged(subject: Subject, reference: ReferenceSolution) -> CheckOutcome:
     return passed(
         f"{len(comparisons)} signals stay within their tubes; {closest.signal} comes closest to its limit, "
         f"with {closest.worst / closest.tube.value if closest.tube.value else 0.0:.0%} of the tolerance.",
+        details=tuple(reference.notes),
         comparisons=comparisons,
     )
 

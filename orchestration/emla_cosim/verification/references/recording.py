@@ -57,7 +57,9 @@ def check_recording(recording: Recording, fmus: Iterable[Path]) -> None:
         _course(subject, recording)
         read_start_values(subject, recording.values)
         if recording.inputs is not None:
-            inputs_at(subject, read_columns(recording.inputs, "the inputs", subject.interface), np.zeros(2))
+            inputs_at(
+                subject, read_columns(recording.inputs, "the inputs", subject.interface)[0], np.zeros(2)
+            )
 
 
 def record_reference(subject: Subject, recording: Recording) -> list[Path]:
@@ -73,7 +75,7 @@ def record_reference(subject: Subject, recording: Recording) -> list[Path]:
     every = max(1, count // _ROWS)
     times = np.asarray(start + step * np.arange(0, count + 1, every), dtype=np.float64)
     if recording.inputs is not None:
-        inputs = read_columns(recording.inputs, "the inputs", subject.interface)
+        inputs, _ = read_columns(recording.inputs, "the inputs", subject.interface, start)
     else:
         inputs = excite_inputs(subject, recording.shape, times)
     names = outputs(subject)

@@ -5,7 +5,7 @@
 and the origin of the reference (`made_by`).
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
@@ -58,6 +58,7 @@ class ReferenceSolution:
         start_values: Start values by name.
         tolerance: Tolerances by name or pattern.
         made_by: Origin of the reference.
+        notes: What users should know of how the tables were read.
     """
 
     folder: Path
@@ -70,6 +71,7 @@ class ReferenceSolution:
     start_values: Mapping[str, Any] = field(default_factory=dict)
     tolerance: Mapping[str, Tolerance] = field(default_factory=dict)
     made_by: str = ""
+    notes: Sequence[str] = ()
 
 
 def find_solution(fmu: Path, given: Path | None, unpacked: Path | None = None) -> Path | None:
@@ -104,35 +106,45 @@ def read_reference(solution: Path, interface: Interface | None = None) -> Refere
     Raises:
         CommandError: If a file is invalid, or does not fit the variables.
     """
-    columns = read_columns(solution, "the reference", interface, has_gaps=True)
     name = solution.name.removesuffix(_SOLUTION)
     given = solution.with_name(f"{name}_in.csv")
     options = _options(solution.with_name(f"{name}_ref.opt"))
+    start = options.get("StartTime", 0.0)
+    columns, notes = read_columns(solution, "the reference", interface, start, has_gaps=True)
+    inputs = dict[str, Vector]()
+    if given.is_file():
+        inputs, more = read_columns(given, "the inputs", interface, start)
+        notes = [*notes, *more]
     about = _about(solution.with_name(f"{name}_ref.toml"))
     time = columns["time"]
     step = options.get("StepSize", 0.0) or options.get("OutputIntervalLength", 0.0)
     return ReferenceSolution(
         folder=solution.parent,
         solution=columns,
-        inputs=read_columns(given, "the inputs", interface) if given.is_file() else {},
+        inputs=inputs,
         start=options.get("StartTime", float(time[0])),
         stop=options.get("StopTime", float(time[-1])),
         step=step if step > 0.0 else None,
         interval=options.get("OutputIntervalLength"),
+        notes=notes,
         **about,
     )
 
 
 def read_columns(
-    path: Path, what: str, interface: Interface | None = None, has_gaps: bool = False
-) -> dict[str, Vector]:
-    """Read the columns of a table by name, `time` in s first, in the units and types of an FMU's variables.
+    path: Path, what: str, interface: Interface | None = None, start: float = 0.0, has_gaps: bool = False
+) -> tuple[dict[str, Vector], list[str]]:
+    """Read the columns of a table, in the units and types of an FMU's variables.
 
     Args:
         path: The file.
         what: Name of the file in messages: `the inputs`.
         interface: The variables; columns with other names are not converted.
+        start: The start of the run in s.
         has_gaps: Whether cells may be empty or not finite.
+
+    Returns:
+        The columns by name, `time` in s first, and what users should know of how they were read.
 
     Raises:
         CommandError: The file is not a table of values of the variables, or times decrease.
@@ -143,7 +155,7 @@ def read_columns(
     data = read_table(path, what)
     variables = interface.variables if interface is not None else {}
     data.match_names(lambda name: [] if name in variables else find_indices(name, variables) or None)
-    time, times = read_times(data, least=1)
+    time, times = read_times(data, start=start, least=1)
     columns = {"time": times}
     data.load([i for i in range(len(data.headers)) if i != time])
     for position, header in enumerate(data.headers):
@@ -162,7 +174,7 @@ def read_columns(
             columns[header.name], _ = data.in_unit(position, header.name, unit, has_gaps=has_gaps)
         else:
             columns[header.name] = data.values(position, type_, has_gaps, limits)
-    return columns
+    return columns, [f"{data.label} {note}." for note in data.notes]
 
 
 def _options(path: Path) -> dict[str, float]:
