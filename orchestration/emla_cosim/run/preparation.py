@@ -50,7 +50,7 @@ def prepare_system(system: System, options: Options, progress: Progress) -> tupl
     """
     tables, as_made = [LoadedInput.of(source) for source in options.input], system
     all_without = "--no-event-mode without a name means all components."
-    without_events = [select_components([p], system, all_without) for p in options.without_event_mode]
+    without_events = [select_components([p], system, all_without) for p in options.no_event_mode]
     system, faults = add_fault_components(system.with_main(), options.fault)
     system.with_parameters(select_plain_names(options.set))  # report unknown names before anything is built
     replacements = options.replacements()
