@@ -379,7 +379,7 @@ def test_isolate_takes_patterns_and_true(package: Path, tmp_path: Path) -> None:
         load(package).prepare(isolate=["j.bat"])
     file = tmp_path / "isolated.toml"
     file.write_text(f'system = "{package}"\nisolate = true\n')
-    assert load(file).options.isolated == ["*"]
+    assert load(file).options.isolate == ["*"]
 
 
 # ---- the record of the present call ------------------------------------------------------------

@@ -69,9 +69,8 @@ def accepted_type(option: Option) -> str:
     """Return what `read_option` accepts for an option, as the text of an annotation."""
     if option.about.arrays:
         return "Mapping[str, Value | np.generic | Sequence[Value] | NDArray[Any]]"
-    if option.about.unit:
-        return " | ".join(_union([*_parts(option.type), str]))
-    return " | ".join(_union(_parts(option.type)))
+    more = [str] * bool(option.about.unit) + [bool] * bool(option.about.alone)
+    return " | ".join(_union([*_parts(option.type), *more]))
 
 
 def _parts(type_: Any) -> tuple[Any, ...]:

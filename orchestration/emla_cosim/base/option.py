@@ -55,7 +55,7 @@ class OptionInfo:
         commands: The commands that take it.
         parse: Converts the text of the command line, or the list of texts if the option can be repeated.
         takes: A type whose objects Python code can pass unchanged, also as entries of a table.
-        alone: The value of a flag without a value on the command line.
+        alone: The value of a flag without a value on the command line, and of True elsewhere.
         negative: Whether a switch has a second flag `--no-...`.
         writes: `file` or `folder` if the value names an output.
         repeated: Whether commands that repeat a run keep the option.
@@ -249,11 +249,6 @@ class Option:
         if self.about.takes not in inner:
             return of
         return Union[tuple(t for t in inner if t is not self.about.takes)]  # noqa: UP007
-
-    @property
-    def label(self) -> str:
-        """Return the name in messages about the command line."""
-        return self.placeholder if self.about.group == ARGUMENTS else self.flag
 
     @property
     def noun(self) -> str:

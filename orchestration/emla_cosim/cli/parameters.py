@@ -80,8 +80,8 @@ def _read(option: Option, text: Any) -> Any:
     if option.about.unit:
         return read_option(option.name, text, option.flag, known={option.name: option})
     if option.is_repeatable:
-        return [_read_plain(option.label, part, option.text_type) for part in text]
-    return _read_plain(f"{option.label} {text}", text, option.text_type)
+        return [_read_plain(f"{option.flag} {part}", part, option.text_type) for part in text]
+    return _read_plain(f"{option.flag} {text}", text, option.text_type)
 
 
 def _read_plain(label: str, text: Any, kind: Callable[[Any], Any]) -> Any:

@@ -5,7 +5,7 @@ Algorithms, step-size controls and recorders add options of their own: the field
 
 import dataclasses
 import difflib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -98,16 +98,6 @@ class Options(AnalysisOptions, OutputOptions, SteppingOptions, SystemOptions):
         given = self.class_options.keys()
         implied = (n for n, kind in STEP_SIZE_CONTROLS.items() if not list_names(kind).isdisjoint(given))
         return next(implied, next(iter(STEP_SIZE_CONTROLS)))
-
-    @property
-    def isolated(self) -> Sequence[str]:
-        """Return the patterns of the components to isolate."""
-        return _list_patterns(self.isolate)
-
-    @property
-    def without_event_mode(self) -> Sequence[str]:
-        """Return the patterns of the components that run without event mode."""
-        return _list_patterns(self.no_event_mode)
 
     def replacements(self) -> dict[str, Replacement]:
         """Return the replacements by component, with the files of the option `mapping`.
@@ -215,13 +205,6 @@ def select_repeatable(options: Mapping[str, Any]) -> dict[str, Any]:
     return {n: v for n, v in options.items() if n not in known or known[n].about.repeated}
 
 
-def _list_patterns(value: Sequence[str] | bool) -> Sequence[str]:
-    """Return the patterns of an option that names components; True means all."""
-    if isinstance(value, bool):
-        return ["*"] if value else []
-    return value
-
-
 def _name_of(chosen: str | _Kind, kinds: Mapping[str, type[_Kind]]) -> str:
     if isinstance(chosen, str):
         return chosen
@@ -269,30 +252,24 @@ def read_option(
 
 def _read(option: Option, value: Any, label: str, folder: Path | None) -> Any:
     takes, unit = option.about.takes, option.about.unit
+    if option.about.alone and isinstance(value, bool):
+        return [option.about.alone] if value else []
     if takes is not None and isinstance(value, takes):
         return value
     if unit and isinstance(value, str):
-        value = _in_unit(value, unit, label)
+        value = parse_quantity(value, label).in_unit(parse_unit_name(unit, label), label)
     if option.about.arrays and isinstance(value, Mapping):
         value = list_elements(value)
     objects = {}
     if takes is not None and isinstance(value, Mapping):
-        objects = {name: one for name, one in value.items() if isinstance(one, takes)}
-        value = {name: one for name, one in value.items() if name not in objects}
-    found = convert_value(value, option.plain_type, label, folder)
+        objects = {name: entry for name, entry in value.items() if isinstance(entry, takes)}
+        value = {name: entry for name, entry in value.items() if name not in objects}
+    converted = convert_value(value, option.plain_type, label, folder)
     if objects:
-        return {**found, **objects}
-    for one in found if isinstance(found, list) else [found]:
-        option.check(one)
-    return found
-
-
-def _in_unit(text: str, unit: str, label: str) -> float:
-    """Read a number, or a quantity in this unit. Raise CommandError for any other text."""
-    try:
-        return float(text)
-    except ValueError:
-        return read_quantity(text, label, unit)
+        return {**converted, **objects}
+    for part in converted if isinstance(converted, list) else [converted]:
+        option.check(part)
+    return converted
 
 
 def _suggest_option(name: str, known: Mapping[str, Option]) -> str:

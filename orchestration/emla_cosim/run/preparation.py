@@ -47,7 +47,7 @@ def prepare_system(system: System, options: Options, progress: Progress) -> Prep
     start, as_made = options.start_time or 0.0, system
     tables = [LoadedInput.of(source, start) for source in options.input]
     all_without = "--no-event-mode without a name means all components."
-    without_events = [select_components([p], system, all_without) for p in options.without_event_mode]
+    without_events = [select_components([p], system, all_without) for p in options.no_event_mode]
     system, faults = add_fault_components(system.with_main(), options.fault)
     replacements = options.replacements()
     _check_components(system, [*replacements], options.set)

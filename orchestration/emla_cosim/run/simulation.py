@@ -131,7 +131,7 @@ class Simulation:
         self._as_made = system
         self._data = [DataSpan.of(s, self.options.start_time or 0.0) for s in self.options.input]
         # report wrong names before anything is built
-        apart = select_components(self.options.isolated, system, "--isolate without a name isolates all.")
+        apart = select_components(self.options.isolate, system, "--isolate without a name isolates all.")
         with show_paths_relative_to(unpacked), accept_faults(self.options.lenient) as self._faults:
             self._faults.merge(accepted or {})
             prepared = prepare_system(system, self.options, told)

@@ -129,13 +129,12 @@ class SystemOptions:
         commands=(RUN, SWEEP, COMPARE, INFO, EXPORT, LINEARIZE, SIZE),
         in_sweep=SAME,
     )
-    no_event_mode: Sequence[str] | bool = _prepared(
+    no_event_mode: Sequence[str] = _prepared(
         [],
         help="Run a co-simulation FMU of FMI 3.0 without event mode and early return, although it has event "
         "mode (repeatable; * matches any text). Without a name: all components.",
         metavar="[COMPONENT]",
         commands=(RUN, SWEEP, COMPARE, INFO, EXPORT, LINEARIZE, SIZE),
-        takes=bool,
         alone="*",
         in_sweep=SAME,
     )
@@ -149,13 +148,12 @@ class SystemOptions:
         stage=LOADING,
         in_sweep=SAME,
     )
-    isolate: Sequence[str] | bool = _system(
+    isolate: Sequence[str] = _system(
         [],
         help="Run a component in a separate process, so that a crash ends only that process (repeatable; "
         "* matches any text). Without a name: all components.",
         metavar="[COMPONENT]",
         commands=(RUN, SWEEP, COMPARE),
-        takes=bool,
         alone="*",
         stage=LOADING,
         in_sweep=SAME,

@@ -80,6 +80,10 @@ def test_values_of_options(line: str, values: dict[str, Any]) -> None:
             "run lift --stop-time ''",
             "--stop-time is ''; it must be a number, or a number and a unit such as 30 kN.",
         ),
+        (
+            "run lift --stop-time nan",
+            "--stop-time is 'nan'; it must be a number, or a number and a unit such as 30 kN.",
+        ),
         ("run lift --fmi-tolerance x", "--fmi-tolerance x is not a number."),
         ("run lift --step-multiple a=2.5", "--step-multiple a=2.5 is not a whole number."),
         ("run lift --threads x", "--threads x is neither a whole number nor auto."),
