@@ -37,7 +37,7 @@ from emla_cosim.master.stepping import lanes as choice
 from emla_cosim.master.stepping.fixed_steps import FixedSteps
 from emla_cosim.master.stepping.schedule import ThreadSchedule, schedule_tasks
 from emla_cosim.master.stepping.timing import make_communication_points
-from emla_cosim.run.options import read_threads
+from emla_cosim.run.stepping_options import read_threads
 from emla_cosim.stepper.layout import Failure
 from emla_cosim.stepper.library import load_stepper
 from tests.support.ctrl_c import interrupt_steps
