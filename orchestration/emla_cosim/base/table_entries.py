@@ -11,6 +11,9 @@ import msgspec
 
 from .errors import CommandError, join_names
 
+_LEAST_SIMILARITY = 0.5
+"""Of names that may be meant, from 0 to 1; as `difflib.get_close_matches` counts it."""
+
 
 @dataclass(frozen=True)
 class Location:
@@ -81,10 +84,15 @@ def combine_problems(label: str, problems: Sequence[str]) -> CommandError:
     )
 
 
-def _nearest(name: str, names: Collection[str]) -> list[str]:
-    """Return the name that differs in its case only, or a similar one, or none."""
-    same = [n for n in names if n.lower() == name.lower()]
-    return same[:1] or difflib.get_close_matches(name, names, n=1, cutoff=0.5)
+def _nearest(name: str, names: Collection[str], absent: Collection[str]) -> list[str]:
+    """Return the most similar name, or none; of equal ones, one that is absent."""
+
+    def similarity(other: str) -> tuple[float, bool]:
+        is_same = other.lower() == name.lower()
+        return 1.0 if is_same else difflib.SequenceMatcher(None, other, name).ratio(), other in absent
+
+    nearest = max(names, key=similarity, default="")
+    return [nearest] if nearest and similarity(nearest)[0] >= _LEAST_SIMILARITY else []
 
 
 def unknown_entry(
@@ -96,9 +104,9 @@ def unknown_entry(
         table: What messages call the table.
         key: The entry.
         names: The entries that the table can have.
-        absent: Those of them that it does not have, one of which may be meant.
+        absent: Those of them that it does not have; one of them is meant rather than another one.
     """
-    near = _nearest(str(key), absent) or _nearest(str(key), names)
+    near = _nearest(str(key), names, absent)
     remedy = f"did you mean '{near[0]}'?" if near else f"use {join_names(names or ['none'])}."
     return CommandError(f"{table} has the unknown entry '{key}'; {remedy}", key=key, near=near)
 
