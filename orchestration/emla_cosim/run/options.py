@@ -257,7 +257,7 @@ def _read(option: Option, value: Any, label: str, folder: Path | None) -> Any:
     if takes is not None and isinstance(value, takes):
         return value
     if unit and isinstance(value, str):
-        value = parse_quantity(value, label).in_unit(parse_unit_name(unit, label), label)
+        value = read_quantity(value, label, unit)
     if option.about.arrays and isinstance(value, Mapping):
         value = list_elements(value)
     objects = {}

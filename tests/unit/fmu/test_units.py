@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from emla_cosim.system.start_values import resolve_start_values
 
 from emla_cosim.base.errors import CommandError
 from emla_cosim.base.faults import accept_faults
@@ -11,7 +12,6 @@ from emla_cosim.system.fault import Fault
 from emla_cosim.system.model import Component, System
 from emla_cosim.system.resolution import resolve_system
 from emla_cosim.system.signal_faults import add_fault_components, wire_faults
-from emla_cosim.system.start_values import resolve_start_values
 from tests.support.hand_written_fmus import edit_description
 from tests.support.ssp_documents import fake_fmu
 
