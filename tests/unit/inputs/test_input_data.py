@@ -92,7 +92,7 @@ def test_numbers_are_read_to_the_last_bit(
         ("time,x,x\n0,1,1\n1,2,2\n", "has 2 columns 'x'; each needs its own name"),
         ("0,1\n1,2\n", "begins with numbers; its first row must have the names"),
         ("when,x\n0,1\n1,2\n", "has no column called time or t, but 'when' and 'x'; call the column"),
-        ("time [N],x\n0,1\n1,2\n", "is for time and has the units N and s"),
+        ("time [N],x\n0,1\n1,2\n", "for time has the units N and s"),
         ("time [blub],x\n0,1\n1,2\n", "has the unknown unit 'blub'"),
         ("t,T\n0,1\n1,2\n", "has several columns called time or t"),
         ("time,x\n-1e308,1\n1e308,2\n", "has times beyond 1e.100 s"),

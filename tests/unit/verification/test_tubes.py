@@ -9,10 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from emla_cosim.base.errors import CommandError
+from emla_cosim.base.values import convert_value
 from emla_cosim.recorders.tubes.signal_check import compare_signal, describe_departure, select_outside
 from emla_cosim.recorders.tubes.signal_comparison import Comparison
-from emla_cosim.recorders.tubes.tolerance import Tolerance, find_tolerance, parse_tolerances, read_tolerances
+from emla_cosim.recorders.tubes.tolerance import Tolerance, find_tolerance, read_tolerances
 from emla_cosim.recorders.tubes.tube import Tube
+from emla_cosim.verification.references.reference_files import ReferenceTable
 
 EXACT = Tolerance(relative=1e-3, time=0.0)
 
@@ -151,7 +153,7 @@ def test_invalid_tolerances(texts: list[str], message: str) -> None:
 
 
 def test_tolerances_of_a_file() -> None:
-    found = parse_tolerances({"x": 1e-5, "y": {"time": 0.0}}, "'f'")
-    assert found == {"x": Tolerance(1e-5), "y": Tolerance(time=0.0)}
-    with pytest.raises(CommandError, match=r"'x' in 'tolerance' of 'f' is .*; it must be a number, or"):
-        parse_tolerances({"x": {"tme": 0.0}}, "'f'")
+    table = convert_value({"tolerance": {"x": 1e-5, "y": {"time": 0.0}}}, ReferenceTable, "'f'")
+    assert table.tolerance == {"x": Tolerance(1e-5), "y": Tolerance(time=0.0)}
+    with pytest.raises(CommandError, match="unknown entry 'tme'; did you mean 'time'"):
+        convert_value({"tolerance": {"x": {"tme": 0.0}}}, ReferenceTable, "'f'")

@@ -2,13 +2,14 @@
 
 import json
 from collections.abc import Callable, Mapping
-from typing import Annotated, NamedTuple
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import msgspec
-import typer
 from rich.table import Table
 
 from ...base.errors import check_choice
+from ...base.option import argument
 from ...base.schemas import make_schema
 from ...identification.plan import identification_struct
 from ...run.scenarios.scenario_file import scenario_struct
@@ -47,17 +48,21 @@ FILE_KINDS: Mapping[str, FileKind] = {
 EXAMPLES = ("emla schema", "emla schema joint")
 
 
-def command(
-    kind: Annotated[
-        str | None, typer.Argument(help="Kind of file. Default: list the kinds.", metavar="[KIND]")
-    ] = None,
-) -> None:
+@dataclass(frozen=True)
+class Parameters:
+    """Arguments of the command."""
+
+    kind: str | None = argument(None, help="Kind of file. Default: list the kinds.", metavar="KIND")
+
+
+def command(chosen: Parameters, given: dict[str, Any]) -> None:
     """Print the JSON Schema of a kind of file, with which editors complete and check."""
-    if kind is None:
+    if chosen.kind is None:
         table = Table("kind", "file", title="Kinds of files: emla schema KIND", title_justify="left")
         for name, (about, _) in FILE_KINDS.items():
             table.add_row(f"[bold]{name}[/]", about)
         show(table)
         return
-    check_choice("kind of file", kind, FILE_KINDS)
-    print_exactly(json.dumps(make_schema(FILE_KINDS[kind].struct(), FILE_KINDS[kind].about), indent=2) + "\n")
+    check_choice("kind of file", chosen.kind, FILE_KINDS)
+    kind = FILE_KINDS[chosen.kind]
+    print_exactly(json.dumps(make_schema(kind.struct(), kind.about), indent=2) + "\n")
