@@ -210,6 +210,15 @@ def number_range(variable: ModelVariable) -> tuple[float, float]:
     return int(limits.min), int(limits.max)
 
 
+def declared_range(variable: ModelVariable) -> tuple[float, float]:
+    """Return the minimum and the maximum of a number: its own, or else those of its declared type."""
+    smallest, largest = number_range(variable)
+    own = (variable.min, variable.max)
+    of_type = (getattr(variable.declaredType, name, None) for name in ("min", "max"))
+    low, high = (x if x is not None else y for x, y in zip(own, of_type, strict=True))
+    return smallest if low is None else float(low), largest if high is None else float(high)
+
+
 def is_plain(variables: Sequence[ModelVariable]) -> bool:
     """Return whether a vector of doubles, in this order, is the memory that one FMI call needs."""
     pending: list[tuple[int | None, int]] = []

@@ -26,7 +26,15 @@ from .attribute_faults import (
 )
 from .clocks import CLOCK, explain_unsupported_clock
 from .dependencies import Dependencies
-from .elements import BINARY, WIDE, ElementVariable, is_supported, is_version_3, split_arrays
+from .elements import (
+    BINARY,
+    WIDE,
+    ElementVariable,
+    declared_range,
+    is_supported,
+    is_version_3,
+    split_arrays,
+)
 from .units import FmuUnits
 
 _DESCRIPTION, _BUILD = "modelDescription.xml", "sources/buildDescription.xml"
@@ -177,7 +185,22 @@ def read_interface(path: Path, structure: Mapping[str, int] | None = None) -> In
     for unit in interface.description.unitDefinitions:
         if unit.baseUnit is not None and not (math.isfinite(f := float(unit.baseUnit.factor)) and f != 0.0):
             raise CommandError(f"'{path}' has the unit '{unit.name}' with the factor {f:g}.")
+    if faults := list(_find_range_faults(interface)):
+        note_fault(str(path), *faults)
     return interface
+
+
+def _find_range_faults(interface: Interface) -> Iterator[str]:
+    """Yield start values that the FMU itself declares out of range, and ranges without any value."""
+    for name, variable in interface.variables.items():
+        if variable.type not in ("Real", "Integer") or (variable.start is None and variable.min is None):
+            continue
+        low, high = declared_range(variable)
+        if low > high:
+            yield f"{name} has the minimum {low:g}, above its maximum of {high:g}"
+        elif variable.start is not None and not low <= (start := float(variable.start)) <= high:
+            limit = f"below its minimum of {low:g}" if start < low else f"above its maximum of {high:g}"
+            yield f"{name} starts at {start:g}, {limit}"
 
 
 def read_description(

@@ -10,7 +10,7 @@ from fmpy.model_description import ModelVariable
 from ..base.errors import CommandError
 from ..base.wording import format_number as in_digits
 from .clocks import CLOCK
-from .elements import BINARY, number_range
+from .elements import BINARY, declared_range
 from .interface import Interface
 
 TypedValue = tuple[ModelVariable, Any]
@@ -120,9 +120,13 @@ def convert_start_value(component: str, interface: Interface, variable: ModelVar
         kind = "number" if variable.type == "Real" else "whole number"
         raise CommandError(f"{name} = {value} is not a {kind}.") from error
     unit = f" {variable.unit}" if variable.unit else ""
-    smallest, largest = number_range(variable)
-    low = float(variable.min) if variable.min is not None else smallest
-    high = float(variable.max) if variable.max is not None else largest
+    low, high = declared_range(variable)
+    if low > high:
+        raise CommandError(
+            f"{name} cannot be set: the FMU declares the minimum {in_digits(low)}{unit}, above its maximum "
+            f"of {in_digits(high)}{unit}.",
+            variable=name,
+        )
     if not (low <= number <= high and np.isfinite(number)):
         limits = [f"at least {in_digits(low)}"] if low > -np.inf else []
         limits += [f"at most {in_digits(high)}"] if high < np.inf else []

@@ -91,6 +91,25 @@ def test_parameters_without_variability_are_fixed(tmp_path: Path, emla: Emla) ->
     assert Path("faulty/results.csv").read_text() == Path("whole/results.csv").read_text()
 
 
+def test_ranges_that_an_fmu_breaks_itself_are_reported(reference: Path, tmp_path: Path, emla: Emla) -> None:
+    before = 'min="1e-06" start="1.0"'
+    high = edit_description(reference, tmp_path / "high.fmu", before, 'min="1.5" start="1.0"')
+    result = load(high, **SHORT).prepare().run()
+    (problems,) = result.record["accepted_faults"].values()
+    assert problems[0] == "move.duration[1] starts at 1, below its minimum of 1.5"
+    empty = edit_description(reference, tmp_path / "empty.fmu", before, 'min="2.5" max="1.5" start="1.0"')
+    assert "has the minimum 2.5, above its maximum of 1.5" in emla("info", str(empty)).stdout
+    text = sentence(emla("run", str(empty), "--set", "move.duration[1]=2", "--no-plots"), 2)
+    assert "cannot be set: the FMU declares the minimum 2.5 s, above its maximum of 1.5 s." in text
+
+
+def test_limits_of_a_declared_type_count(reference: Path, tmp_path: Path, emla: Emla) -> None:
+    edits = ('<Real quantity="Time" unit="s" />', '<Real quantity="Time" unit="s" min="1e-6" max="1.5" />')
+    typed = edit_description(reference, tmp_path / "typed.fmu", *edits)
+    text = sentence(emla("run", str(typed), "--set", "move.duration[1]=2", "--no-plots"), 2)
+    assert "move.duration[1] = 2 s is out of range: it must be at least 1e-06 and at most 1.5 s." in text
+
+
 def test_other_faults_need_the_option(reference: Path, tmp_path: Path, emla: Emla) -> None:
     faulty = edit_description(reference, tmp_path / "x.fmu", *UNKNOWN, *dated(reference))
     times = ("--stop-time", "0.02", "--step-size", "1 ms", "--no-plots")

@@ -235,7 +235,7 @@ def test_file_command_python_and_package_give_the_same(emla: Emla, fmu_folder: P
 
 
 def test_checkpoint_within_a_freeze_is_continued(emla: Emla) -> None:
-    fault = ["lift", "--fault", f"{ENCODER}=freeze@0.004+0.001"]
+    fault = ["lift", "--fault", f"{ENCODER}=freeze@0.004+0.001", "--output-interval", "1ms"]
     whole = ran(emla, *fault, "--stop-time", "0.01", folder="whole")
     ran(emla, *fault, "--stop-time", "0.0045", "--checkpoint", "c", folder="parts")
     assert ran(emla, *fault, "--stop-time", "0.01", "--resume", "c", folder="parts") == whole

@@ -146,5 +146,5 @@ def test_times_may_have_units(emla: Emla) -> None:
     assert (options.step_size, options.stop_time, options.output_interval) == (1e-4, 120.0, 5e-4)
     for text, words in (("2 m", "has the units m and s"), ("soon", "be a number"), ("2 x", "unknown unit")):
         assert words in sentence(emla("run", "lift", "--stop-time", text), 2)
-    for text in ("nan", "inf", "-1", "1e-400 s", ""):
+    for text in ("nan", "inf", "-1", ""):
         sentence(emla("run", "lift", f"--stop-time={text}"), 2)
