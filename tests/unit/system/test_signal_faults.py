@@ -274,9 +274,9 @@ def test_invalid_faults(fault: str, words: str, fmu_folder: Path) -> None:
 @pytest.mark.parametrize(
     ("table", "words"),
     [
-        ('signal = "lift.plant.x_measured"', "signal ="),
+        ('signal = "lift.plant.x_measured"', "cannot be used for 2 reasons"),
         ('signal = "lift.plant.x_measured"\nkind = "freeze"\nstart = "soon"', "'start'"),
-        ('signal = "lift.plant.x_measured"\nkind = "freeze"\nstart = 1\nend = 2', "signal ="),
+        ('signal = "lift.plant.x_measured"\nkind = "freeze"\nstart = 1\nend = 2', "unknown entry 'end'"),
     ],
 )
 def test_invalid_tables_of_a_scenario_file(table: str, words: str, emla: Emla) -> None:
