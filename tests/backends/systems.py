@@ -439,7 +439,7 @@ SYSTEMS: dict[str, Entry] = {
         fmi_2_types,
         step=0.01,
         has={"libraries", "types of FMI 2.0"},
-        lacks={"error control"},
+        lacks={"error control"},  # the shortest step, which its jumps take, depends on the stop time
     ),
     "events": Entry(events, step=0.125, has={"events"}),
     "clocks": Entry(clocks, **TICKS),
