@@ -627,9 +627,10 @@ def test_units_of_catalogues(entry: str, text: str, number: float) -> None:
     assert read_sheet_value(text, found, entry).number == pytest.approx(number, rel=1e-12)
 
 
-def test_pounds_without_a_quantity_are_refused() -> None:
-    with pytest.raises(ec.CommandError, match=r"mass or a force; write lbm or lbf"):
-        ec.load("prototype", set={"prototype.disturbance.load.level[1]": "30 lb"}).prepare()
+def test_pounds_are_of_the_quantity_of_their_variable() -> None:
+    name = "prototype.disturbance.load.level[1]"
+    with ec.load("prototype", set={name: "30 lb"}).prepare() as simulation:
+        assert simulation.run(stop_time=0.0).parameters[name] == pytest.approx(30.0 * 4.4482216152605)
     (mass,) = [e for e in TABLES["screw"] if e.key == "M_BS"]
     with pytest.raises(ec.CommandError, match="lbf"):
         read_sheet_value("30 lbf", mass, "screw.M_BS")
