@@ -14,7 +14,7 @@ from ..base.errors import CommandError, RunError, check_choice, join_names
 from ..base.option import COMPARE, SHOWING
 from ..base.progress import Progress
 from ..base.values import convert_value
-from ..run.option_types import CompareOptions
+from ..run.option_types import VariantOptions
 from ..run.options import list_options as options_table
 from ..run.scenarios.built_in import SCENARIOS
 from ..sandbox.interruption import catch_interrupts
@@ -57,7 +57,7 @@ def compare(
     output: str | Path | None = None,
     overwrite: bool = False,
     progress: Progress | None = None,
-    **options: Unpack[CompareOptions],
+    **options: Unpack[VariantOptions],
 ) -> CompareResult:
     """Run a built-in scenario with several controllers, and put their metrics into tables.
 

@@ -24,7 +24,7 @@ from ..fmu.interface import (
 )
 from ..master.grouping import find_groups
 from ..run.event_mode import describe_disabled_event_mode
-from ..run.option_types import LoadOptions
+from ..run.option_types import RunOptions
 from ..run.options import list_options
 from ..run.preparation import prepare_system
 from ..run.scenarios.loading import is_fmu
@@ -40,7 +40,7 @@ from .variable_rows import ConnectionIndex, End, VariableRows, read_fmu_variable
 
 
 def info(
-    source: str | Path | System, progress: Progress | None = None, **options: Unpack[LoadOptions]
+    source: str | Path | System, progress: Progress | None = None, **options: Unpack[RunOptions]
 ) -> Info:
     """Return what an FMU, an SSP, a scenario or a system contains, with all changes that the options make.
 

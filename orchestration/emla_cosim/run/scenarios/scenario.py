@@ -15,7 +15,7 @@ from ...recorders.metrics import TRACKED
 from ...system.model import System
 from ..event_mode import describe_disabled_event_mode
 from ..lost_values import describe_lost_values
-from ..option_types import PrepareOptions
+from ..option_types import RunOptions
 from ..options import Options, list_options, read_options
 from ..origin import RunOrigin
 from ..preparation import limit_to_data_end, prepare_system
@@ -91,7 +91,7 @@ class Scenario:
         notes = self.notes if self.remarks is None else self.remarks(self.system, options)
         return tuple(dict.fromkeys((*notes, *options.overridden_notes())))
 
-    def prepare(self, progress: Progress | None = None, **options: Unpack[PrepareOptions]) -> Simulation:
+    def prepare(self, progress: Progress | None = None, **options: Unpack[RunOptions]) -> Simulation:
         """Build and load all FMUs and compile the loop, so that the scenario can run many times.
 
         Args:
@@ -129,7 +129,7 @@ class Scenario:
         self,
         file: str | Path,
         progress: Progress | None = None,
-        **options: Unpack[PrepareOptions],
+        **options: Unpack[RunOptions],
     ) -> Path:
         """Write the system as an SSP, as one FMU, or components as plain C, with all changes by the options.
 
