@@ -110,20 +110,7 @@ def command(chosen: Parameters, given: dict[str, Any]) -> None:
     if plots:
         folder.check_files(folder.pictures)
     with BarProgress() as progress:
-        result = compare(
-            chosen.scenario,
-            chosen.controllers,
-            gains=chosen.gains,
-            table=chosen.table,
-            seeds=chosen.seeds,
-            reserves=chosen.reserves,
-            resolution=chosen.resolution,
-            scheduler=chosen.scheduler,
-            workers=chosen.workers,
-            output=place,
-            progress=progress,
-            **given,
-        )
+        result = compare(output=place, progress=progress, **vars(chosen), **given)
         pictures = folder.draw_result(result) if plots else []
     _show(result, place, pictures)
     if not result.complete:

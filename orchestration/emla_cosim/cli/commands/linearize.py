@@ -81,23 +81,9 @@ class Parameters:
 def command(chosen: Parameters, given: dict[str, Any]) -> None:
     """Compute frequency responses and margins of a scenario."""
     place = chosen.output or results_folder(f"linearize-{Path(chosen.scenario).stem}")
+    given |= vars(chosen) | {"output": place}
     with BarProgress() as progress:
-        result = linearize(
-            chosen.scenario,
-            open=chosen.open,
-            perturb=chosen.perturb,
-            read=chosen.read,
-            at=chosen.at,
-            duration=chosen.duration,
-            amplitude=chosen.amplitude,
-            matrices=chosen.matrices,
-            steady=chosen.steady,
-            free=chosen.free,
-            output=place,
-            plots=chosen.plots,
-            progress=progress,
-            **given,
-        )
+        result = linearize(given.pop("scenario"), progress=progress, **given)
     for table in format_margins(result):
         show(table)
     if result.matrices is not None:

@@ -83,20 +83,9 @@ def command(chosen: Parameters, given: dict[str, Any]) -> None:
     actuators, candidates = _split_candidates(given.pop("actuator", None) or {})
     if actuators:
         given["actuator"] = actuators
+    given |= vars(chosen) | {"output": place}
     with BarProgress() as progress:
-        result = size(
-            chosen.scenario,
-            candidates=candidates,
-            cycle=chosen.cycle,
-            lead_in=chosen.lead_in,
-            ambient=chosen.ambient,
-            life=chosen.life,
-            output=place,
-            plots=chosen.plots,
-            report=chosen.report,
-            progress=progress,
-            **given,
-        )
+        result = size(given.pop("scenario"), candidates=candidates, progress=progress, **given)
     for table in format_tables(result):
         show(table)
     files = [RECORD, TABLE, CYCLES, *(list_pictures(result) if chosen.plots else [])]

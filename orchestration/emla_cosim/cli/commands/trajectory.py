@@ -84,21 +84,10 @@ def command(chosen: Parameters, given: dict[str, Any]) -> None:
     place = chosen.output or _default_path()
     pictures = picture_places(place, chosen.plots, chosen.problem, overwrite)
     payload = payload_place(place, asked, overwrite)
+    given |= vars(chosen) | {"output": place, "problem": asked}
+    del given["set"]
     with BarProgress() as progress:
-        result = trajectory(
-            asked,
-            end_speed=chosen.end_speed,
-            tie_break=chosen.tie_break,
-            degree=chosen.degree,
-            knots=chosen.knots,
-            points=chosen.points,
-            subdivisions=chosen.subdivisions,
-            starts=chosen.starts,
-            output=place,
-            overwrite=overwrite,
-            plots=chosen.plots,
-            progress=progress,
-        )
+        result = trajectory(progress=progress, **given)
     for remark in remarks(result):
         print_line(remark)
     show(format_costs(result))
