@@ -23,10 +23,10 @@ from ..fmu.interface import (
     read_description,
 )
 from ..master.grouping import find_groups
-from ..run.event_mode import describe_disabled_event_mode
 from ..run.option_types import RunOptions
 from ..run.options import list_options
 from ..run.preparation import prepare_system
+from ..run.remarks import describe_disabled_event_mode
 from ..run.scenarios.loading import is_fmu
 from ..run.scenarios.scenario import Scenario
 from ..run.scenarios.single_fmu import make_component_name

@@ -24,9 +24,9 @@ from ..master.algorithms.registry import ALGORITHMS
 from ..master.stepping.registry import STEP_SIZE_CONTROLS
 from ..recorders.metrics import METRICS
 from ..recorders.registry import RECORDERS
-from ..run.event_mode import describe_disabled_event_mode
 from ..run.options import Options
 from ..run.preparation import limit_to_data_end, prepare_system
+from ..run.remarks import describe_disabled_event_mode
 from ..run.run_record import RunDefinition
 from ..run.run_setup import run_times
 from ..run.scenarios.scenario import Scenario

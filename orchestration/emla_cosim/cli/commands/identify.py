@@ -72,10 +72,8 @@ class Parameters:
 def command(chosen: Parameters, given: dict[str, Any]) -> None:
     """Estimate parameters from measured data."""
     found = load_identification_plan(chosen.plan)
-    place, plots = (
-        Path(given.get("output") or results_folder(f"identify-{found.name}")),
-        given.get("plots", True),
-    )
+    place = Path(given.get("output") or results_folder(f"identify-{found.name}"))
+    plots = given.get("plots", True)
     given |= vars(chosen) | {"plan": found, "output": place, "design": chosen.design or None}
     with BarProgress() as progress:
         result = identify(given.pop("plan"), progress=progress, **given)

@@ -13,12 +13,11 @@ from ...base.progress import Progress
 from ...master.stepping.timing import CommunicationPoints
 from ...recorders.metrics import TRACKED
 from ...system.model import System
-from ..event_mode import describe_disabled_event_mode
-from ..lost_values import describe_lost_values
 from ..option_types import RunOptions
 from ..options import Options, list_options, read_options
 from ..origin import RunOrigin
 from ..preparation import limit_to_data_end, prepare_system
+from ..remarks import describe_disabled_event_mode, describe_lost_values
 from ..run_setup import run_times
 from ..simulation import Simulation
 from .exported_files import FMU, SSP, C, find_kind, list_asked_for, refuse_unsuited
