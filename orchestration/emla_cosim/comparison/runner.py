@@ -14,7 +14,7 @@ from ..base.errors import CommandError, RunError, check_choice, join_names
 from ..base.option import COMPARE, SHOWING
 from ..base.progress import Progress
 from ..base.values import convert_value
-from ..run.option_types import VariantOptions
+from ..run.option_types import CompareOptions
 from ..run.options import list_options as options_table
 from ..run.scenarios.built_in import SCENARIOS
 from ..sandbox.interruption import catch_interrupts
@@ -57,7 +57,7 @@ def compare(
     output: str | Path | None = None,
     overwrite: bool = False,
     progress: Progress | None = None,
-    **options: Unpack[VariantOptions],
+    **options: Unpack[CompareOptions],
 ) -> CompareResult:
     """Run a built-in scenario with several controllers, and put their metrics into tables.
 
@@ -210,7 +210,7 @@ def _check(table: str | None, resolution: int | None, options: Mapping[str, Any]
         raise CommandError(f"only the table {STABILITY} has a resolution; remove the option.")
     if resolution is not None:
         check_resolution(resolution)
-    known = {name for name, one in options_table(COMPARE).items() if one.about.stage != SHOWING}
+    known = {name for name, one in options_table(COMPARE).items() if one.stage != SHOWING}
     if wrong := [n for n in options if n in options_table() and n not in known]:
         raise CommandError(f"comparisons do not support the option {wrong[0]}; remove it.")
 

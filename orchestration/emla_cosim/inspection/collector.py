@@ -68,9 +68,7 @@ def info(
     try:
         scenario = load(source, **options)
     except CommandError:
-        of_ours = {
-            n for n, one in list_options().items() if one.about.stage == BUILDING or not one.about.repeated
-        }
+        of_ours = {n for n, one in list_options().items() if one.stage == BUILDING or not one.repeated}
         if (
             set(options) - of_ours - {LENIENT}
             or not isinstance(source, (str, Path))

@@ -22,14 +22,12 @@ _Path = str | Path
 _Time = float | str | None
 
 
-class VariantOptions(TypedDict, total=False):
-    """Options of `compare` and `tune`."""
+class CompareOptions(TypedDict, total=False):
+    """Options of `compare`."""
 
     set: Mapping[str, Value | np.generic | Sequence[Value] | NDArray[Any]]
     replace: Mapping[str, Replacement | _Path | Mapping[str, Any]]
     input: Sequence[Input | _Path | Mapping[str, Any]]
-    controller: str | type | None
-    gains: str | None
     actuator: Mapping[str, _Path | FileOrObject]
     sheet: Mapping[str, Value]
     fault: Sequence[Fault | str | Mapping[str, Any]]
@@ -68,7 +66,14 @@ class VariantOptions(TypedDict, total=False):
     largest_step: _Time
 
 
-class SweepOptions(VariantOptions, total=False):
+class TuneOptions(CompareOptions, total=False):
+    """Options of `tune`."""
+
+    controller: str | type | None
+    gains: str | None
+
+
+class SweepOptions(TuneOptions, total=False):
     """Options of `sweep` and `identify`."""
 
     require: Sequence[str]

@@ -622,11 +622,11 @@ class Simulation:
                 raise CommandError(
                     f"the option '{option.name}' cannot change between runs; pass it to `prepare`."
                 )
-            if option.about.stage == SHOWING:
+            if option.stage == SHOWING:
                 raise CommandError(
                     f"the option '{option.name}' is for the command line; use `save` of the result."
                 )
-            if option.about.stage == SHARING:
+            if option.stage == SHARING:
                 raise CommandError(f"the option '{option.name}' is for sweeps, comparisons and tunings.")
         return read_options(given)
 

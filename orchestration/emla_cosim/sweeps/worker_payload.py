@@ -93,10 +93,10 @@ class Preparation:
             progress.note(f"Note: {remark}")
         progress.advance(1)
         usual, known = Options(), options_of(Options)
-        done = {o.name for o in known if o.about.stage in (BUILDING, PREPARING)}
+        done = {o.name for o in known if o.stage in (BUILDING, PREPARING)}
         if not options.follow_models:
             done.add("set")  # else it tells a variant which parameters must not follow its own values
-        done |= {o.name for o in known if o.about.in_sweep == LEFT_OUT}
+        done |= {o.name for o in known if o.in_sweep == LEFT_OUT}
         return cls(
             scenario.name,
             prepared.system,

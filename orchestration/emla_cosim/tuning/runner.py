@@ -13,7 +13,7 @@ import polars
 from ..base.errors import RunError
 from ..base.progress import Progress
 from ..base.values import convert_value
-from ..run.option_types import VariantOptions
+from ..run.option_types import TuneOptions
 from ..run.options import select_repeatable
 from ..run.scenarios.scenario import Scenario
 from ..run.stop_conditions import check_no_condition
@@ -58,7 +58,7 @@ def tune(
     overwrite: bool = False,
     plots: bool = True,
     progress: Progress | None = None,
-    **options: Unpack[VariantOptions],
+    **options: Unpack[TuneOptions],
 ) -> TuneResult:
     """Search gains that make an objective small while conditions hold.
 

@@ -37,7 +37,7 @@ def use(scenario: ec.Scenario, simulation: ec.Simulation) -> None:
     simulation.run(stop_tiem=1)  # error
     simulation.run(stop_time=[1])  # error
     ec.sweep("lift", stop_tiem=1)  # error
-    ec.compare("lift", contoller="rsba")  # error
+    ec.compare("lift", controller="rsba")  # error
     ec.tune("lift", stop_tiem=1)  # error
     ec.info("lift", stop_tiem=1)  # error
     scenario.export("lift.ssp", stop_tiem=1)  # error
@@ -46,7 +46,7 @@ def use(scenario: ec.Scenario, simulation: ec.Simulation) -> None:
 
 def test_every_option_has_a_type() -> None:
     for types, command, others in ((RunOptions, None, set[str]()), (SweepOptions, SWEEP, {"overwrite"})):
-        options = {name for name, o in list_options(command).items() if o.about.stage != SHOWING}
+        options = {name for name, o in list_options(command).items() if o.stage != SHOWING}
         assert types.__annotations__.keys() == options - others
 
 

@@ -58,7 +58,7 @@ def command(chosen: Parameters, given: dict[str, Any]) -> None:
 
 def _same_table(given: Iterable[Option]) -> bool:
     """Return whether these options leave the table the same: those that no record or repetition has."""
-    return all(not (one.about.recorded and one.about.repeated) for one in given)
+    return all(not (one.recorded and one.repeated) for one in given)
 
 
 def _record(run: Path) -> Path:

@@ -75,7 +75,7 @@ class Scenario:
         if not given:
             return self
         for name, option in list_options().items():
-            if name in given and option.about.makes:
+            if name in given and option.makes:
                 raise CommandError(
                     f"the system of '{self.name}' exists already; set {name} when you load the scenario.",
                     option=name,
