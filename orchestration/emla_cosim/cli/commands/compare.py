@@ -21,7 +21,6 @@ from ...views.terminal import print_line, show
 from .options import scheduler, workers
 
 OPTIONS = COMPARE
-"""Options of the command."""
 
 _MOST_LOST = 12
 """Most joints that were not held to show; the file has all of them."""
@@ -32,7 +31,6 @@ EXAMPLES = (
     "emla compare study --controllers rsba,foc",
     "emla compare study --table paper",
 )
-"""Examples in the help."""
 
 
 def _split_names(text: str) -> list[str]:

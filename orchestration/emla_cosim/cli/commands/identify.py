@@ -18,7 +18,6 @@ from ...views.terminal import print_line, show
 from .options import scheduler, workers
 
 OPTIONS = SWEEP
-"""Options of the command."""
 
 _DATA, _SEARCH = "Data", "Estimation"
 
@@ -27,7 +26,6 @@ EXAMPLES = (
     "--measured test.csv:lift.plant.x_L=position --vary lift.plant.friction.F_C=1:1000",
     "emla identify plan.toml --report",
 )
-"""Examples in the help."""
 
 
 @dataclass(frozen=True)

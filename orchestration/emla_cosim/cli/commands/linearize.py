@@ -15,7 +15,6 @@ from ...views.terminal import print_line, show
 from .options import scenario
 
 OPTIONS = LINEARIZE
-"""Options of the command."""
 
 _WHAT = "What is computed"
 
@@ -25,7 +24,6 @@ EXAMPLES = (
     "emla linearize lift --perturb lift.plant.F_L --read lift.plant.x_L --stop-time 1",
     "emla linearize pendulum.fmu --kind me --matrices --perturb torque --read angle --steady",
 )
-"""Examples in the help."""
 
 
 @dataclass(frozen=True)

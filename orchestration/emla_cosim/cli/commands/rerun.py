@@ -17,13 +17,11 @@ from ...views.terminal import print_line
 from .run import run_into
 
 OPTIONS = RUN
-"""Options of the command."""
 
 EXAMPLES = (
     "emla rerun results/study",
     "emla rerun results/study/run.json --step-size 5e-5 --output finer",
 )
-"""Examples in the help."""
 
 
 @dataclass(frozen=True)

@@ -26,14 +26,12 @@ from .crash_record import CrashRecorder
 from .options import scenario
 
 OPTIONS = RUN
-"""Options of the command."""
 
 EXAMPLES = (
     "emla run study --stop-time 2 --gains robust",
     "emla run lift --set lift.plant.motor.R_s=0.2 --replace lift.controller=mine.fmu",
     "emla run mine.toml --output results/mine --no-plots",
 )
-"""Examples in the help."""
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,6 @@ from ...views.terminal import print_line, show
 from .options import scenario
 
 OPTIONS = SIZE
-"""Options of the command."""
 
 _WHAT = "What is required"
 
@@ -28,7 +27,6 @@ EXAMPLES = (
     "emla size study --actuator lift=a.toml,b.toml --actuator tilt=c.toml,d.toml",
     "emla size mine.toml --cycle 4s --ambient 95degF",
 )
-"""Examples in the help."""
 
 
 def _read_temperature(text: str) -> float:

@@ -24,7 +24,6 @@ from ...views.terminal import print_line, show
 from .options import plan, scheduler, workers
 
 OPTIONS = SWEEP
-"""Options of the command."""
 
 _MOST_LETTERS = 1600
 """Most commands to show."""
@@ -36,7 +35,6 @@ EXAMPLES = (
     "emla sweep lift --vary lift.plant.motor.R_s=80%:120% --runs 200 --seed 1",
     "emla sweep study-robustness --output results/robust",
 )
-"""Examples in the help."""
 
 
 def _read_factors(texts: Sequence[str]) -> dict[str, str]:

@@ -17,7 +17,6 @@ from ...views.progress_bars import BarProgress
 from ...views.terminal import print_line, show
 
 OPTIONS = TRAJECTORY
-"""Options of the command."""
 
 _WHAT, _HOW = "Problem", "Optimisation"
 _DEFAULTS = trajectory.__kwdefaults__ or {}
@@ -26,7 +25,6 @@ EXAMPLES = (
     "emla trajectory",
     "emla trajectory --set t_M=20 --output mine.json",
 )
-"""Examples in the help."""
 
 
 @dataclass(frozen=True)

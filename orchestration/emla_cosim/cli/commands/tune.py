@@ -19,7 +19,6 @@ from ...views.terminal import print_line, show
 from .options import plan, scheduler, workers
 
 OPTIONS = SWEEP
-"""Options of the command."""
 
 _WANTED, _TRIED = "Objective", "Search"
 
@@ -27,7 +26,6 @@ EXAMPLES = (
     "emla tune rsba-tilt",
     "emla tune lift --vary lift.controller.k_1=10:1000 --objective lift.position_error_m",
 )
-"""Examples in the help."""
 
 
 @dataclass(frozen=True)
