@@ -16,13 +16,12 @@ def on_page_markdown(markdown: str, **_: object) -> str:
 def _lines() -> Iterator[str]:
     for group in (SYSTEM, STEPPING, OUTPUT, RUNS):
         yield f"### {group}\n\n| Command line | Name elsewhere | Meaning |\n|---|---|---|"
-        yield from (_row(option) for option in list_options().values() if option.about.group == group)
+        yield from (_row(option) for option in list_options().values() if option.group == group)
         yield ""
 
 
 def _row(option: Option) -> str:
-    about = option.about
-    limits = "" if about.in_file else " Not in scenario files."
-    if RUN not in about.commands:
-        limits += f" Of {' and '.join(f'`emla {c}`' for c in about.commands)}."
+    limits = "" if option.in_file else " Not in scenario files."
+    if RUN not in option.commands:
+        limits += f" Of {' and '.join(f'`emla {c}`' for c in option.commands)}."
     return f"| `{option.headline}` | `{option.name}` | {option.meaning}{limits} |"

@@ -97,7 +97,7 @@ _ONLY = {"fmus": ["ok.toml", "device", "ok.toml/x"], "platform": [host_platform(
 
 def _values(option: Option) -> st.SearchStrategy[str]:
     """Texts for an option, right and wrong."""
-    choices = [] if option.about.choices is None else list(option.about.choices())
+    choices = [] if option.choices is None else list(option.choices())
     if option.name in _ONLY:
         return st.sampled_from(_ONLY[option.name])
     useful = st.sampled_from([*_USEFUL.get(option.name, ()), *choices] or ["x"])

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import MISSING, dataclass, field, fields, is_dataclass
+from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass, replace
 from functools import cache
 from pathlib import Path
 from types import NoneType, UnionType
@@ -34,9 +34,24 @@ VARIES, SAME, LEFT_OUT = "varies", "same", "left out"
 """How a sweep treats an option: it can vary it, keeps it the same in all variants, or ignores it."""
 
 
+class FileOrObject:
+    """Base class of objects that can replace the file from which they can be read."""
+
+    file: Path | None = None
+    """The file from which it was read; None if it was made in Python."""
+
+    def record(self) -> dict[str, Any]:
+        """Return the content for run.json."""
+        raise NotImplementedError
+
+    def repeatable(self) -> Any:
+        """Return the value of an option that reads it again, as JSON; None if only Python can make it."""
+        return None if self.file is None else str(self.file)
+
+
 @dataclass(frozen=True)
-class OptionInfo:
-    """Information on an option beside its name, type and default.
+class Option:
+    """An option: a field of a dataclass, whose name, type and default it has.
 
     Attributes:
         help: The help text.
@@ -57,12 +72,14 @@ class OptionInfo:
         takes: A type whose objects Python code can pass unchanged, also as entries of a table.
         alone: The value of a flag without a value on the command line, and of True elsewhere.
         negative: Whether a switch has a second flag `--no-...`.
-        writes: `file` or `folder` if the value names an output.
         repeated: Whether commands that repeat a run keep the option.
         arrays: Whether a list in a table sets the elements `name[1]`, `name[2]`.
         stage: What uses the option.
         in_sweep: How a sweep treats it.
         makes: The part of a built-in system that the option decides; other systems refuse the option.
+        name: The name of the field.
+        type: The type of the field.
+        default: The default of the field; `MISSING` if the option is required.
     """
 
     help: str
@@ -82,78 +99,14 @@ class OptionInfo:
     takes: type | None = None
     alone: str = ""
     negative: bool = True
-    writes: str = ""
     repeated: bool = True
     arrays: bool = False
     stage: str = RUNNING
     in_sweep: str = VARIES
     makes: str = ""
-
-
-class FileOrObject:
-    """Base class of objects that can replace the file from which they can be read."""
-
-    file: Path | None = None
-    """The file from which it was read; None if it was made in Python."""
-
-    def record(self) -> dict[str, Any]:
-        """Return the content for run.json."""
-        raise NotImplementedError
-
-    def repeatable(self) -> Any:
-        """Return the value of an option that reads it again, as JSON; None if only Python can make it."""
-        return None if self.file is None else str(self.file)
-
-
-def option(default: Any = None, /, help: str = "", **about: Any) -> Any:
-    """Declare a field of a dataclass as an option.
-
-    Args:
-        default: default value of the option.
-        help: one line for the help of the command line.
-        **about: further properties, such as `unit`, `above`, `below` and `choices`; see `OptionInfo`.
-
-    Returns:
-        A dataclass field.
-
-    Examples:
-        >>> from dataclasses import dataclass
-        >>> import emla_cosim as ec
-        >>> @dataclass(eq=False)
-        ... class Relaxed(ec.Jacobi):
-        ...     relaxation: float = ec.option(1.0, help="Factor of each correction.", above=0.0)
-        >>> Relaxed(relaxation=0.5).relaxation
-        0.5
-    """
-    described = {"about": OptionInfo(help, **about)}
-    if isinstance(default, (list, dict)):
-        return field(default_factory=default.copy, metadata=described)
-    return field(default=default, metadata=described)
-
-
-def argument(default: Any = MISSING, /, help: str = "", metavar: str | None = None) -> Any:
-    """Declare a field of a dataclass as an argument without a flag; one without a default is required."""
-    return option(default, help=help, metavar=metavar, group=ARGUMENTS)
-
-
-def switch(help: str, group: str = OTHERS) -> Any:
-    """Declare a field of a dataclass as a flag that turns something on."""
-    return option(False, help=help, group=group, negative=False)
-
-
-@dataclass(frozen=True)
-class Option:
-    """An option with its name, type and default."""
-
-    name: str
-    type: Any
-    default: Any
-    about: OptionInfo
-
-    @property
-    def flag(self) -> str:
-        """Return the flag of the command line."""
-        return self.about.flag or f"--{self.name.replace('_', '-')}"
+    name: str = ""
+    type: Any = None
+    default: Any = None
 
     @property
     def is_required(self) -> bool:
@@ -168,14 +121,14 @@ class Option:
     @property
     def flags(self) -> tuple[str, ...]:
         """Return the flag, and of a switch the flag that turns it off."""
-        if self.type is not bool or not self.about.negative:
+        if self.type is not bool or not self.negative:
             return (self.flag,)
         return self.flag, f"--no-{self.flag.removeprefix('--')}"
 
     @property
     def is_repeatable(self) -> bool:
         """Return whether the command line takes it several times."""
-        return self.is_table or (get_origin(self._kinds[0]) is Sequence and self.about.parse is None)
+        return self.is_table or (get_origin(self._kinds[0]) is Sequence and self.parse is None)
 
     @property
     def text_type(self) -> Callable[[str], Any]:
@@ -194,16 +147,16 @@ class Option:
     @property
     def placeholder(self) -> str:
         """Return what stands for the value in the help; empty for a switch."""
-        if self.about.metavar is not None or self.type is bool:
-            return self.about.metavar or ""
-        if self.about.unit:
+        if self.metavar is not None or self.type is bool:
+            return self.metavar or ""
+        if self.unit:
             return "TIME"
         return {Path: "PATH", float: "NUMBER", int: "N"}.get(self.text_type, "NAME")
 
     @property
     def headline(self) -> str:
         """Return the flags with the placeholder of the value; of an argument the placeholder."""
-        if self.about.group != ARGUMENTS:
+        if self.group != ARGUMENTS:
             return f"{', '.join(self.flags)} {self.placeholder}".rstrip()
         text = f"{self.placeholder}..." if self.is_repeatable else self.placeholder
         return text if self.is_required else f"[{text}]"
@@ -211,30 +164,25 @@ class Option:
     @property
     def meaning(self) -> str:
         """Return the help text with choices, unit and default."""
-        text = self.about.help
-        if self.about.choices is not None:
-            text += f" One of {', '.join(map(str, self.about.choices()))}."
-        if self.about.unit:
-            text += f" In {self.about.unit}, or with a unit as in 0.1ms."
+        text = self.help
+        if self.choices is not None:
+            text += f" One of {', '.join(map(str, self.choices()))}."
+        if self.unit:
+            text += f" In {self.unit}, or with a unit as in 0.1ms."
         if isinstance(self.default, (str, int, float)) and not isinstance(self.default, bool):
             default = self.default if isinstance(self.default, str) else f"{self.default:g}"
-            text += f" Default: {default} {self.about.unit}".rstrip() + "."
+            text += f" Default: {default} {self.unit}".rstrip() + "."
         return text
-
-    @property
-    def record(self) -> str:
-        """Return the name in run.json."""
-        return self.about.record or self.name + (f"_{self.about.unit}" if self.about.unit else "")
 
     @property
     def is_prepared(self) -> bool:
         """Return whether its value is fixed once a simulation is prepared."""
-        return self.about.stage in (BUILDING, PREPARING, LOADING)
+        return self.stage in (BUILDING, PREPARING, LOADING)
 
     @property
     def can_vary(self) -> bool:
         """Return whether a sweep can vary it."""
-        return self.about.in_sweep == VARIES and self.about.in_file
+        return self.in_sweep == VARIES and self.in_file
 
     @property
     def plain_type(self) -> Any:
@@ -246,9 +194,9 @@ class Option:
 
     def _without_objects(self, of: Any) -> Any:
         inner = get_args(of)
-        if self.about.takes not in inner:
+        if self.takes not in inner:
             return of
-        return Union[tuple(t for t in inner if t is not self.about.takes)]  # noqa: UP007
+        return Union[tuple(t for t in inner if t is not self.takes)]  # noqa: UP007
 
     @property
     def noun(self) -> str:
@@ -261,35 +209,72 @@ class Option:
         Raises:
             CommandError: If it is not one of the choices, or out of range.
         """
-        about = self.about
         if value is None:
             return
-        if about.choices is not None:
-            check_choice(self.noun, value, about.choices())
-        bounded = math.isfinite(about.above) or math.isfinite(about.below)
-        if bounded and isinstance(value, (int, float)) and not about.above < value < about.below:
+        if self.choices is not None:
+            check_choice(self.noun, value, self.choices())
+        bounded = math.isfinite(self.above) or math.isfinite(self.below)
+        if bounded and isinstance(value, (int, float)) and not self.above < value < self.below:
             raise CommandError(f"the {self.noun} {value:g} must be {self._range()}.", option=self.name)
 
     def _range(self) -> str:
-        above, below = self.about.above, self.about.below
+        above, below = self.above, self.below
         if math.isinf(below):
             return "a positive number" if above == 0.0 else f"more than {above:g}"
         return f"between {above:g} and {below:g}"
 
 
+def option(default: Any = None, /, help: str = "", **about: Any) -> Any:
+    """Declare a field of a dataclass as an option.
+
+    Args:
+        default: default value of the option.
+        help: one line for the help of the command line.
+        **about: further properties, such as `unit`, `above`, `below` and `choices`; see `Option`.
+
+    Returns:
+        A dataclass field.
+
+    Examples:
+        >>> from dataclasses import dataclass
+        >>> import emla_cosim as ec
+        >>> @dataclass(eq=False)
+        ... class Relaxed(ec.Jacobi):
+        ...     relaxation: float = ec.option(1.0, help="Factor of each correction.", above=0.0)
+        >>> Relaxed(relaxation=0.5).relaxation
+        0.5
+    """
+    metadata = {"option": Option(help, **about)}
+    if isinstance(default, (list, dict)):
+        return field(default_factory=default.copy, metadata=metadata)
+    return field(default=default, metadata=metadata)
+
+
+def argument(default: Any = MISSING, /, help: str = "", metavar: str | None = None) -> Any:
+    """Declare a field of a dataclass as an argument without a flag; one without a default is required."""
+    return option(default, help=help, metavar=metavar, group=ARGUMENTS)
+
+
+def switch(help: str, group: str = OTHERS) -> Any:
+    """Declare a field of a dataclass as a flag that turns something on."""
+    return option(False, help=help, group=group, negative=False)
+
+
 @cache
 def options_of(kind: type) -> list[Option]:
     """Return the options among the fields of a class, none if it is not a dataclass."""
-    if not is_dataclass(kind):
-        return []
-    described = [f for f in fields(kind) if "about" in f.metadata]
+    described = [f for f in fields(kind) if "option" in f.metadata] if is_dataclass(kind) else []
     types = get_type_hints(kind) if described else {}
-    return [
-        Option(
-            f.name,
-            types[f.name],
-            f.default_factory() if f.default_factory is not MISSING else f.default,
-            f.metadata["about"],
-        )
-        for f in described
-    ]
+    return [_of_field(f, types[f.name]) for f in described]
+
+
+def _of_field(field: Field[Any], type_: Any) -> Option:
+    declared: Option = field.metadata["option"]
+    return replace(
+        declared,
+        name=field.name,
+        type=type_,
+        default=field.default if field.default_factory is MISSING else field.default_factory(),
+        flag=declared.flag or f"--{field.name.replace('_', '-')}",
+        record=declared.record or "_".join(filter(None, (field.name, declared.unit))),
+    )

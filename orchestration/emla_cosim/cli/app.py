@@ -3,14 +3,15 @@
 `emla --help` needs only this module.
 """
 
+import contextlib
+import gc
+import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from importlib import import_module
 from typing import Any
 
 import click
-
-from .imports import quick_imports
 
 COMMANDS = {
     "build": "Build the built-in FMUs, or FMUs from your Python blocks, for other tools and platforms.",
@@ -37,6 +38,8 @@ ANSWERS = ("list", "info", "schema")
 
 SETTINGS = {"help_option_names": ["-h", "--help"], "max_content_width": 100}
 """Settings of all commands."""
+
+_BLAS_THREADS = "OPENBLAS_NUM_THREADS"
 
 
 class _FirstArgument(click.Command):
@@ -112,6 +115,25 @@ class _Commands(click.Group):
 
         entries = (("Commands", name, text) for name, text in COMMANDS.items())
         formatter.write(format_help(self, ctx, entries, ("Start with", ("emla run study",)), formatter.width))
+
+
+@contextlib.contextmanager
+def quick_imports() -> Iterator[None]:
+    """Import without searching for garbage, and without threads for the linear algebra of NumPy.
+
+    Modules stay, so there is no garbage. Such a thread takes up to 0.1 s of CPU time when it starts, and the
+    matrices here are too small for it. The environment is restored: FMUs may have their own linear algebra.
+    """
+    before = os.environ.get(_BLAS_THREADS)
+    os.environ.setdefault(_BLAS_THREADS, "1")
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.freeze()
+        gc.enable()
+        if before is None:
+            os.environ.pop(_BLAS_THREADS, None)
 
 
 def load_command(name: str) -> click.Command:

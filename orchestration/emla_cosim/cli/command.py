@@ -1,23 +1,29 @@
 """A command of `emla`, made of the module that implements it."""
 
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import wraps
 from types import ModuleType
 from typing import Any
 
 import click
 
-from ..base.option import OUTPUT, Option, OptionInfo, options_of
+from ..base.errors import CosimError, find_exit_code
+from ..base.files import get_working_folder
+from ..base.option import OUTPUT, options_of, switch
 from ..run.options import list_options
-from ..views.terminal import Verbosity, use_verbosity
-from .commands.error_exit import exit_on_error
+from ..sandbox.interruption import raise_on_interrupt
+from ..views.terminal import Verbosity, show_error, show_interrupted, use_verbosity
 from .help_text import format_help
 from .parameters import make_parameters, read_values
 
-_SHOW_FIT = Option(
-    "show_fit",
-    bool,
-    False,
-    OptionInfo("List the variables of a replacement FMU, even if all match.", OUTPUT, negative=False),
-)
+
+@dataclass(frozen=True)
+class _Shown:
+    """Options of commands that replace FMUs."""
+
+    show_fit: bool = switch("List the variables of a replacement FMU, even if all match.", OUTPUT)
 
 
 class Command(click.Command):
@@ -41,11 +47,11 @@ class Command(click.Command):
         self._module, self._is_answer = module, is_answer
         self._declared = options_of(module.Parameters) if hasattr(module, "Parameters") else []
         self._shared = list(list_options(module.OPTIONS).values()) if hasattr(module, "OPTIONS") else []
-        self._fit = [_SHOW_FIT] if any(o.name == "replace" for o in self._shared) and not is_answer else []
-        self._options = [*self._declared, *self._shared, *self._fit]
+        replaces = any(o.name == "replace" for o in self._shared) and not is_answer
+        self._options = [*self._declared, *self._shared, *(options_of(_Shown) if replaces else ())]
         quiet = click.Option(["--quiet", "-q"], is_flag=True, help="Show only errors.", hidden=is_answer)
         parameters = [*make_parameters(self._options), quiet]
-        super().__init__(name, settings, exit_on_error(self._call), parameters, about)
+        super().__init__(name, settings, _exit_on_error(self._call), parameters, about)
 
     def _call(self, quiet: bool, **texts: Any) -> None:
         """Run the command with the texts of the command line."""
@@ -60,6 +66,29 @@ class Command(click.Command):
 
     def format_help(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the help."""
-        entries = [(o.about.group, o.headline, o.meaning) for o in self._options]
+        entries = [(o.group, o.headline, o.meaning) for o in self._options]
         examples = getattr(self._module, "EXAMPLES", ())
         formatter.write(format_help(self, ctx, entries, ("Examples", examples), formatter.width))
+
+
+def _exit_on_error(command: Callable[..., None]) -> Callable[..., None]:
+    """Make a command that fails end with an error message and its exit code."""
+
+    @wraps(command)
+    def guarded(*args: Any, **kwargs: Any) -> None:
+        try:
+            with raise_on_interrupt():
+                get_working_folder()
+                command(*args, **kwargs)
+        except CosimError as error:
+            show_error(str(error))
+            sys.exit(find_exit_code(error))
+        except OSError as error:  # of a file or folder that cannot be used now
+            reason = error.strerror or error
+            show_error(f"'{error.filename}' cannot be used: {reason}." if error.filename else f"{reason}.")
+            sys.exit(1)
+        except KeyboardInterrupt:
+            show_interrupted()
+            sys.exit(1)
+
+    return guarded

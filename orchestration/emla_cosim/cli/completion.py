@@ -28,7 +28,7 @@ def answer(app: click.Command) -> None:
 def complete_value(ctx: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
     """Return completions of the value of a parameter: names, or that the shell is to complete files."""
     option = getattr(parameter, "option", None)
-    choices = option.about.choices if option is not None else None
+    choices = option.choices if option is not None else None
     return _match(choices or _NAMES.get(str(parameter.name), tuple), incomplete)
 
 

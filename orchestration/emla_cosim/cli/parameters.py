@@ -18,7 +18,7 @@ class OptionParameter(click.Option):
 
     def __init__(self, option: Option) -> None:
         is_switch = option.type is bool
-        alone: dict[str, Any] = {"flag_value": option.about.alone} if option.about.alone else {}
+        alone: dict[str, Any] = {"flag_value": option.alone} if option.alone else {}
         super().__init__(
             ["/".join(option.flags), option.name],
             is_flag=is_switch,
@@ -48,7 +48,7 @@ class ArgumentParameter(click.Argument):
 
 def make_parameters(options: Iterable[Option]) -> list[click.Parameter]:
     """Return the parameters that options declare."""
-    return [ArgumentParameter(o) if o.about.group == ARGUMENTS else OptionParameter(o) for o in options]
+    return [ArgumentParameter(o) if o.group == ARGUMENTS else OptionParameter(o) for o in options]
 
 
 def read_values(options: Iterable[Option], texts: dict[str, Any]) -> dict[str, Any]:
@@ -72,12 +72,12 @@ def read_values(options: Iterable[Option], texts: dict[str, Any]) -> dict[str, A
 
 def _read(option: Option, text: Any) -> Any:
     """Convert a text, the texts of a repeatable option, or the state of a switch."""
-    if option.about.parse is not None:
-        return option.about.parse(text)
+    if option.parse is not None:
+        return option.parse(text)
     if option.is_table:
         of = get_args(option.plain_type)[1]
         return {name: _read_entry(option, name, value, of) for name, value in _pairs(option.flag, text)}
-    if option.about.unit:
+    if option.unit:
         return read_option(option.name, text, option.flag, known={option.name: option})
     if option.is_repeatable:
         return [_read_plain(f"{option.flag} {part}", part, option.text_type) for part in text]
@@ -95,7 +95,7 @@ def _read_plain(label: str, text: Any, kind: Callable[[Any], Any]) -> Any:
 
 def _read_entry(option: Option, name: str, text: str, kind: Any) -> Any:
     label = f"{option.flag} {name}={text}"
-    if option.about.arrays and text.startswith("[") and text.endswith("]"):
+    if option.arrays and text.startswith("[") and text.endswith("]"):
         try:
             return parse_list(text)
         except ValueError as error:

@@ -210,7 +210,7 @@ def _check(table: str | None, resolution: int | None, options: Mapping[str, Any]
         raise CommandError(f"only the table {STABILITY} has a resolution; remove the option.")
     if resolution is not None:
         check_resolution(resolution)
-    known = {name for name, one in options_table(COMPARE).items() if one.about.stage != SHOWING}
+    known = {name for name, one in options_table(COMPARE).items() if one.stage != SHOWING}
     if wrong := [n for n in options if n in options_table() and n not in known]:
         raise CommandError(f"comparisons do not support the option {wrong[0]}; remove it.")
 

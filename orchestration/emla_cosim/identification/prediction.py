@@ -12,7 +12,7 @@ import polars
 from ..base.arrays import Vector
 from ..base.errors import CommandError
 from ..run.half_step import HalfStep
-from ..run.lost_values import tells_lost_values
+from ..run.remarks import tells_lost_values
 from ..sweeps.data import DONE, VARIANT
 from ..sweeps.executor import ClusterExecutor, WorkPackage
 from ..sweeps.measures import Measures

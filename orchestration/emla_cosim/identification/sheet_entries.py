@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
-from ..run.followers import following_values
 from ..run.preparation import apply_parameter_files
+from ..run.registered import following_values
 from ..run.scenarios.scenario import Scenario
 from ..sweeps.targets import SHEET, merge_options
 from ..sweeps.worker_payload import Preparation

@@ -23,10 +23,10 @@ from ..fmu.interface import (
     read_description,
 )
 from ..master.grouping import find_groups
-from ..run.event_mode import describe_disabled_event_mode
-from ..run.option_types import LoadOptions
+from ..run.option_types import RunOptions
 from ..run.options import list_options
 from ..run.preparation import prepare_system
+from ..run.remarks import describe_disabled_event_mode
 from ..run.scenarios.loading import is_fmu
 from ..run.scenarios.scenario import Scenario
 from ..run.scenarios.single_fmu import make_component_name
@@ -40,7 +40,7 @@ from .variable_rows import ConnectionIndex, End, VariableRows, read_fmu_variable
 
 
 def info(
-    source: str | Path | System, progress: Progress | None = None, **options: Unpack[LoadOptions]
+    source: str | Path | System, progress: Progress | None = None, **options: Unpack[RunOptions]
 ) -> Info:
     """Return what an FMU, an SSP, a scenario or a system contains, with all changes that the options make.
 
@@ -68,9 +68,7 @@ def info(
     try:
         scenario = load(source, **options)
     except CommandError:
-        of_ours = {
-            n for n, one in list_options().items() if one.about.stage == BUILDING or not one.about.repeated
-        }
+        of_ours = {n for n, one in list_options().items() if one.stage == BUILDING or not one.repeated}
         if (
             set(options) - of_ours - {LENIENT}
             or not isinstance(source, (str, Path))

@@ -11,8 +11,8 @@ import numpy as np
 from ..base.errors import CommandError, CosimError
 from ..base.progress import Progress
 from ..base.values import convert_value
-from ..run.event_mode import describe_disabled_event_mode
-from ..run.option_types import LoadOptions
+from ..run.option_types import RunOptions
+from ..run.remarks import describe_disabled_event_mode
 from ..run.run_setup import run_times
 from ..run.scenarios.scenario import Scenario
 from ..run.simulation import Simulation
@@ -54,7 +54,7 @@ def linearize(
     output: str | Path | None = None,
     plots: bool = True,
     progress: Progress | None = None,
-    **options: Unpack[LoadOptions],
+    **options: Unpack[RunOptions],
 ) -> LinearizeResult:
     """Compute frequency responses and stability margins of a system at a time of a run.
 

@@ -15,8 +15,8 @@ from ..master.instances.event_mode_instance import EventModeInstance
 from ..master.network import Link, Network
 from ..system.model import System
 from .options import Options, read_options
+from .registered import SEEDS
 from .run_setup import run_times, steps_per_row
-from .seeds import SEEDS
 from .simulation import Simulation
 
 _PARTS = tuple(n * 10**k for k in range(3) for n in (2, 5, 10))

@@ -1,6 +1,6 @@
-"""Types of the options that Python takes as keyword arguments, made of the fields of `Options`.
+"""Types of the options that Python takes as keyword arguments.
 
-Change the fields, then run `python -m tests.support.option_types`.
+Type checkers know a wrong name or value from them. Each function refuses the options that it does not take.
 """
 
 from collections.abc import Mapping, Sequence
@@ -18,91 +18,22 @@ from ..recorders.tubes.tolerance import Tolerance
 from ..system.fault import Fault
 from ..system.model import Replacement, Value
 
-
-class RunOptions(TypedDict, total=False):
-    """Options of `Simulation.run`, `attempt` and `start`."""
-
-    set: Mapping[str, Value | np.generic | Sequence[Value] | NDArray[Any]]
-    follow_models: bool
-    stop_time: float | str | None
-    step_size: float | str | None
-    algorithm: str | Algorithm
-    start_time: float | str | None
-    stop_when: Sequence[str]
-    threads: int | None
-    real_time: float | None
-    fmi_tolerance: float | None
-    integrator: str
-    integrator_step: float | str | None
-    step_size_control: str | StepSizeControl | None
-    estimate_coupling: bool
-    overwrite: bool
-    signals: Sequence[str]
-    output_interval: float | str | None
-    output_format: str
-    require: Sequence[str]
-    reference: str | Path | None
-    tolerance: Mapping[str, Tolerance | float | Mapping[str, Any]]
-    roles: Mapping[str, str]
-    criteria: Mapping[str, float | str]
-    bonds: Mapping[str, str]
-    margins: str | Path | None
-    checkpoint: str | Path | None
-    resume: str | Path | None
-    profile: bool
-    extrapolation: str
-    step_multiples: Mapping[str, int]
-    order: Sequence[str]
-    coupling_tolerance: float
-    error_tolerance: float | None
-    largest_step: float | str | None
-
-
-class PrepareOptions(RunOptions, total=False):
-    """Options of `Scenario.prepare` and `export`."""
-
-    replace: Mapping[str, Replacement | str | Path | Mapping[str, Any]]
-    input: Sequence[Input | str | Path | Mapping[str, Any]]
-    fault: Sequence[Fault | str | Mapping[str, Any]]
-    parameters: Sequence[str | Path]
-    mapping: Mapping[str, str | Path]
-    kind: Mapping[str, str]
-    no_event_mode: Sequence[str] | bool
-    integrate_together: bool
-    isolate: Sequence[str] | bool
-    lenient: bool
-    flavour: str
-    fmus: str | Path | None
-    platform: Sequence[str]
-    fmi: int
-    inputs: Sequence[str]
-    outputs: Sequence[str]
-    components: Sequence[str]
-    precision: str
-
-
-class LoadOptions(PrepareOptions, total=False):
-    """Options of `load` and `info`."""
-
-    controller: str | type | None
-    gains: str | None
-    actuator: Mapping[str, str | Path | FileOrObject]
-    sheet: Mapping[str, float | int | bool | str]
-    trajectory: str | Path | None
+_Path = str | Path
+_Time = float | str | None
 
 
 class CompareOptions(TypedDict, total=False):
     """Options of `compare`."""
 
     set: Mapping[str, Value | np.generic | Sequence[Value] | NDArray[Any]]
-    replace: Mapping[str, Replacement | str | Path | Mapping[str, Any]]
-    input: Sequence[Input | str | Path | Mapping[str, Any]]
-    actuator: Mapping[str, str | Path | FileOrObject]
-    sheet: Mapping[str, float | int | bool | str]
+    replace: Mapping[str, Replacement | _Path | Mapping[str, Any]]
+    input: Sequence[Input | _Path | Mapping[str, Any]]
+    actuator: Mapping[str, _Path | FileOrObject]
+    sheet: Mapping[str, Value]
     fault: Sequence[Fault | str | Mapping[str, Any]]
-    trajectory: str | Path | None
-    parameters: Sequence[str | Path]
-    mapping: Mapping[str, str | Path]
+    trajectory: _Path | None
+    parameters: Sequence[_Path]
+    mapping: Mapping[str, _Path]
     follow_models: bool
     kind: Mapping[str, str]
     no_event_mode: Sequence[str] | bool
@@ -110,26 +41,29 @@ class CompareOptions(TypedDict, total=False):
     isolate: Sequence[str] | bool
     lenient: bool
     flavour: str
-    fmus: str | Path | None
-    stop_time: float | str | None
-    step_size: float | str | None
+    fmus: _Path | None
+    stop_time: _Time
+    step_size: _Time
     algorithm: str | Algorithm
-    start_time: float | str | None
+    start_time: _Time
     stop_when: Sequence[str]
     fmi_tolerance: float | None
     integrator: str
-    integrator_step: float | str | None
+    integrator_step: _Time
     step_size_control: str | StepSizeControl | None
-    output_interval: float | str | None
+    estimate_coupling: bool
+    output_interval: _Time
+    roles: Mapping[str, str]
     criteria: Mapping[str, float | str]
-    timeout: float | str | None
+    bonds: Mapping[str, str]
+    timeout: _Time
     patience: float | str
     extrapolation: str
     step_multiples: Mapping[str, int]
     order: Sequence[str]
     coupling_tolerance: float
     error_tolerance: float | None
-    largest_step: float | str | None
+    largest_step: _Time
 
 
 class TuneOptions(CompareOptions, total=False):
@@ -137,12 +71,31 @@ class TuneOptions(CompareOptions, total=False):
 
     controller: str | type | None
     gains: str | None
-    estimate_coupling: bool
-    roles: Mapping[str, str]
-    bonds: Mapping[str, str]
 
 
 class SweepOptions(TuneOptions, total=False):
-    """Options of `sweep`."""
+    """Options of `sweep` and `identify`."""
 
     require: Sequence[str]
+
+
+class RunOptions(SweepOptions, total=False):
+    """Options of functions that load, prepare or run a scenario."""
+
+    platform: Sequence[str]
+    fmi: int
+    inputs: Sequence[str]
+    outputs: Sequence[str]
+    components: Sequence[str]
+    precision: str
+    threads: int | None
+    real_time: float | None
+    overwrite: bool
+    signals: Sequence[str]
+    output_format: str
+    reference: _Path | None
+    tolerance: Mapping[str, Tolerance | float | Mapping[str, Any]]
+    margins: _Path | None
+    checkpoint: _Path | None
+    resume: _Path | None
+    profile: bool

@@ -196,13 +196,13 @@ def list_options(command: str | None = None) -> dict[str, Option]:
     """Return all options by name, or those of one command. Registered classes add theirs."""
     kinds = (*ALGORITHMS.values(), *STEP_SIZE_CONTROLS.values(), *RECORDERS.values())
     options = _FIXED | {o.name: o for kind in kinds for o in options_of(kind)}
-    return {n: o for n, o in options.items() if command is None or command in o.about.commands}
+    return {n: o for n, o in options.items() if command is None or command in o.commands}
 
 
 def select_repeatable(options: Mapping[str, Any]) -> dict[str, Any]:
     """Return options by name, without those that hold for one command only."""
     known = list_options()
-    return {n: v for n, v in options.items() if n not in known or known[n].about.repeated}
+    return {n: v for n, v in options.items() if n not in known or known[n].repeated}
 
 
 def _name_of(chosen: str | _Kind, kinds: Mapping[str, type[_Kind]]) -> str:
@@ -251,14 +251,14 @@ def read_option(
 
 
 def _read(option: Option, value: Any, label: str, folder: Path | None) -> Any:
-    takes, unit = option.about.takes, option.about.unit
-    if option.about.alone and isinstance(value, bool):
-        return [option.about.alone] if value else []
+    takes, unit = option.takes, option.unit
+    if option.alone and isinstance(value, bool):
+        return [option.alone] if value else []
     if takes is not None and isinstance(value, takes):
         return value
     if unit and isinstance(value, str):
         value = read_quantity(value, label, unit)
-    if option.about.arrays and isinstance(value, Mapping):
+    if option.arrays and isinstance(value, Mapping):
         value = list_elements(value)
     objects = {}
     if takes is not None and isinstance(value, Mapping):

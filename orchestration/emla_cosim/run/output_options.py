@@ -36,7 +36,7 @@ _shown = partial(_output, recorded=False, stage=SHOWING, in_sweep=LEFT_OUT)
 class OutputOptions:
     """Options of what a run records, checks and shows."""
 
-    output: Path | None = _shown(help="Output folder. Default: results/SCENARIO.", writes="folder")
+    output: Path | None = _shown(help="Output folder. Default: results/SCENARIO.")
     overwrite: bool = _output(
         False,
         help="Replace files that emla did not write. Links, folders, devices and pipes are never replaced.",
@@ -130,7 +130,6 @@ class OutputOptions:
         help="Save the state of the run to this file, every minute and at the end, for --resume.",
         in_file=False,
         recorded=False,
-        writes="file",
         commands=(RUN,),
         repeated=False,
         in_sweep=LEFT_OUT,

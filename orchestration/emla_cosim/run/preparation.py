@@ -10,18 +10,17 @@ from ..base.errors import CommandError, check_choice, join_names
 from ..base.patterns import has_wildcard
 from ..base.progress import Progress
 from ..base.wording import format_count
-from ..fmu.interface import KINDS, Interface, read_interfaces
+from ..fmu.interface import CO_SIMULATION, KINDS, Interface, read_interfaces
 from ..fmu.models import build, check_build_path
 from ..inputs.loaded_input import LoadedInput, find_data_end
 from ..inputs.wired_inputs import wire_inputs
-from ..system.model import Replacement, ShortNameError, System, Value
+from ..system.model import Component, Replacement, ShortNameError, System, Value
 from ..system.names import Names
 from ..system.signal_faults import add_fault_components, wire_faults
 from ..system.structure import set_structure, structure_of
 from ..system.vectors import connect_elements
-from .event_mode import disable_event_mode
-from .followers import following_values
 from .options import Options
+from .registered import following_values
 from .replacement import replace_component
 from .run_setup import select_components
 
@@ -198,3 +197,36 @@ def _replace_component(
             problems=[str(p) for p in fit.problems],
         )
     return changed
+
+
+def disable_event_mode(system: System, names: Sequence[str], interfaces: Mapping[str, Interface]) -> System:
+    """Return the system with components that run without event mode; those that have none are skipped.
+
+    Args:
+        system: The system, with the kinds as which its FMUs run.
+        names: The components.
+        interfaces: The model description of each component.
+
+    Raises:
+        CommandError: If none of them has event mode, or one has clocks, which tick in event mode only.
+    """
+    able = [n for n in names if _has_event_mode(system.component(n), interfaces[n])]
+    if not able:
+        raise CommandError(
+            f"no FMU has event mode in co-simulation among {join_names(names)}; change the option "
+            "'no_event_mode'."
+        )
+    for name in able:
+        if clocks := interfaces[name].clocks:
+            raise CommandError(
+                f"{name} cannot run without event mode: its FMU has the clock '{clocks[0]}'. In the option "
+                "'no_event_mode', name other components only.",
+                component=name,
+            )
+        system = system.with_component(replace(system.component(name), event_mode=False))
+    return system
+
+
+def _has_event_mode(component: Component, interface: Interface) -> bool:
+    kind = KINDS.get(component.kind) or next(iter(interface.kinds))
+    return kind == CO_SIMULATION and bool(getattr(interface.kinds[kind], "hasEventMode", False))

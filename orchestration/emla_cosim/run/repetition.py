@@ -65,7 +65,7 @@ def _fmus(before: Record, now: Record) -> Iterator[str]:
 
 def _settings(before: Record, now: Record, given: Iterable[str]) -> Iterator[str]:
     then, here = _table(before, "settings"), _table(now, "settings")
-    may_differ = {*given, *(o.record for o in list_options().values() if not o.about.repeated)}
+    may_differ = {*given, *(o.record for o in list_options().values() if not o.repeated)}
     for name in (n for n in here if n in then and n not in may_differ):
         yield from _describe_change(f"the setting {name}", then[name], here[name])
 

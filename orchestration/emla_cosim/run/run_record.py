@@ -42,13 +42,13 @@ class RunDefinition:
     def checkpoint_identity(self) -> dict[str, Any]:
         """What must be equal to continue a run, by its name in messages."""
         times = {"start time": self.options.start_time or 0.0, "step size": self.options.step_size}
-        return {**self._system, **self.values(lambda o: o.about.identity), **times}
+        return {**self._system, **self.values(lambda o: o.identity), **times}
 
     @property
     def variants_identity(self) -> dict[str, Any]:
         """What must be equal to continue many runs of one preparation."""
         times = self.options.start_time, self.options.stop_time, self.options.step_size
-        chosen = self.values(lambda o: o.name if o.about.recorded else "")
+        chosen = self.values(lambda o: o.name if o.recorded else "")
         kinds = {c.name: c.kind for c in self.system.components}
         return {**self._system, "kinds": kinds, "options": chosen, "times": times, "by": chosen["algorithm"]}
 
@@ -130,7 +130,7 @@ def build_run_record(
 
 def _settings(definition: RunDefinition, times: CommunicationPoints, every: int) -> dict[str, Any]:
     """Return the options in effect."""
-    options, found = definition.options, definition.values(lambda o: o.record if o.about.recorded else "")
+    options, found = definition.options, definition.values(lambda o: o.record if o.recorded else "")
     del found["mapping"]  # it is part of the replacement
     is_regular = options.make_step_size_control().is_regular
     interval = every * times.step if is_regular else options.output_interval
@@ -151,8 +151,8 @@ def list_overrides(origin: RunOrigin) -> dict[str, Any]:
     Objects of Python appear as `{"python": name}`, with the name of their class.
     """
     known = list_options()
-    given = {name: value for name, value in origin.overrides.items() if known[name].about.recorded}
-    return {name: _repeatable(value, known[name].about.takes) for name, value in given.items()}
+    given = {name: value for name, value in origin.overrides.items() if known[name].recorded}
+    return {name: _repeatable(value, known[name].takes) for name, value in given.items()}
 
 
 def _repeatable(value: Any, takes: type | None) -> Any:

@@ -51,16 +51,18 @@ from .agreement import (
     find_common_signals,
 )
 from .coupling_summary import EARLIER_RUN, CouplingSummary
-from .event_mode import describe_disabled_event_mode
 from .execution import Run
-from .fallback_signals import choose_fallback_signals
-from .followers import following_values
-from .idle_clocks import describe_idle_clocks
-from .lost_values import describe_lost_values
 from .option_types import RunOptions
 from .options import Options, list_options, read_options
 from .origin import RunOrigin
 from .preparation import limit_to_data_end, prepare_system
+from .registered import following_values
+from .remarks import (
+    choose_fallback_signals,
+    describe_disabled_event_mode,
+    describe_idle_clocks,
+    describe_lost_values,
+)
 from .requirements import Requirement, describe_unmet, parse_requirement, resolve_requirements
 from .result import Result, run_figures
 from .run_record import RunDefinition, build_run_record
@@ -346,8 +348,7 @@ class Simulation:
         conditions = self._resolve_stop_conditions(chosen.stop_when)
         others = assembly.unexchanged
         if not recorded:
-            fallback = choose_fallback_signals(others.values())
-            recorded = fallback.names
+            recorded, fallback = choose_fallback_signals(others.values())
         watched = [condition.figure for condition in conditions]
         assembly.observe([n for n in dict.fromkeys([*self.names, *recorded, *watched]) if n in others], every)
         self._profiler = Profiler(assembly.network.instances) if chosen.profile else None
@@ -441,7 +442,7 @@ class Simulation:
             units,
             outline.types,
             coupling,
-            fallback=None if fallback is None else fallback.remark,
+            fallback=fallback,
             margins=margins,
         )
         with self._abandon_on_error():
@@ -621,11 +622,11 @@ class Simulation:
                 raise CommandError(
                     f"the option '{option.name}' cannot change between runs; pass it to `prepare`."
                 )
-            if option.about.stage == SHOWING:
+            if option.stage == SHOWING:
                 raise CommandError(
                     f"the option '{option.name}' is for the command line; use `save` of the result."
                 )
-            if option.about.stage == SHARING:
+            if option.stage == SHARING:
                 raise CommandError(f"the option '{option.name}' is for sweeps, comparisons and tunings.")
         return read_options(given)
 

@@ -126,7 +126,6 @@ class SystemOptions:
         metavar="[COMPONENT=]cs|me",
         identity="kind",
         parse=read_kinds,
-        commands=(RUN, SWEEP, COMPARE, INFO, EXPORT, LINEARIZE, SIZE),
         in_sweep=SAME,
     )
     no_event_mode: Sequence[str] = _prepared(
@@ -134,7 +133,6 @@ class SystemOptions:
         help="Run a co-simulation FMU of FMI 3.0 without event mode and early return, although it has event "
         "mode (repeatable; * matches any text). Without a name: all components.",
         metavar="[COMPONENT]",
-        commands=(RUN, SWEEP, COMPARE, INFO, EXPORT, LINEARIZE, SIZE),
         alone="*",
         in_sweep=SAME,
     )
@@ -162,7 +160,6 @@ class SystemOptions:
         False,
         help="Accept FMUs and packages that violate their standard where other tools accept them. The "
         "violations are listed.",
-        commands=(RUN, EXPORT, SWEEP, COMPARE, INFO, LINEARIZE, SIZE),
         stage=LOADING,
         in_sweep=SAME,
     )
@@ -177,7 +174,6 @@ class SystemOptions:
         "otherwise your cache.",
         in_file=False,
         recorded=False,
-        writes="folder",
         stage=BUILDING,
     )
     platform: Sequence[str] = _exported(

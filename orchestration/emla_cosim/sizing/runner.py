@@ -18,8 +18,8 @@ from ..base.patterns import matches_pattern
 from ..base.progress import Progress
 from ..base.values import convert_value
 from ..recorders.time_series import TimeSeries
-from ..run.event_mode import describe_disabled_event_mode
-from ..run.option_types import LoadOptions
+from ..run.option_types import RunOptions
+from ..run.remarks import describe_disabled_event_mode
 from ..run.result import Result
 from ..run.run_setup import run_times
 from ..run.scenarios.scenario import Scenario
@@ -61,7 +61,7 @@ def size(
     plots: bool = True,
     report: bool = False,
     progress: Progress | None = None,
-    **options: Unpack[LoadOptions],
+    **options: Unpack[RunOptions],
 ) -> SizeResult:
     """Examine whether actuators do the job of a scenario: continuously, at peak, and for how long.
 

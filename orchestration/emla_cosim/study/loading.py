@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Unpack
 
-from ..run.option_types import LoadOptions
+from ..run.option_types import RunOptions
 from ..run.scenarios.loading import load_scenario
 from ..run.scenarios.scenario import Scenario
 from ..system.model import System
@@ -12,7 +12,7 @@ from .registration import register
 register()
 
 
-def load(source: str | Path | System, **options: Unpack[LoadOptions]) -> Scenario:
+def load(source: str | Path | System, **options: Unpack[RunOptions]) -> Scenario:
     """Load a scenario: a system of FMUs, and the options to run it with.
 
     Args:

@@ -6,10 +6,9 @@ from importlib.resources import files
 
 from ..inputs.schedules import SCHEDULES
 from ..recorders.metrics import METRICS, TRACKED
-from ..run.followers import FOLLOWERS
+from ..run.registered import FOLLOWERS, SEEDS
 from ..run.scenarios.built_in import CHANGES, FOLLOWING, PLANS, READERS, REMARKS, SCENARIOS, SYSTEMS, TUNINGS
 from ..run.scenarios.scenario_file import KINDS, Kind
-from ..run.seeds import SEEDS
 from ..views.animation import ANIMATIONS
 from ..views.plots.by_unit import BY_UNIT
 from ..views.plots.pictures import FIGURES

@@ -188,7 +188,7 @@ class _FactorResolver:
         if name in options:
             if not options[name].can_vary:
                 raise CommandError(f"{self.label}: the option {name} cannot vary between variants.")
-            unit = options[name].about.unit
+            unit = options[name].unit
             return [_Subject(name, OPTION, parse_unit_name(unit, self.label) if unit else None, not unit)]
         components = [c.name for c in self.system.components]
         if name in components:

@@ -21,9 +21,7 @@ def scenario_content(source: Source, options: Mapping[str, Any]) -> dict[str, An
     system = read.system if read.system in SYSTEMS else str((read.folder / read.system).resolve())
     given = merge_options([read.options, options])
     options = {
-        n: x
-        for n, x in given.items()
-        if n in list_options() and list_options()[n].about.in_file and _is_plain(x)
+        n: x for n, x in given.items() if n in list_options() and list_options()[n].in_file and _is_plain(x)
     }
     return {"system": system, **options}
 

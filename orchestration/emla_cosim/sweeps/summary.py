@@ -12,7 +12,7 @@ from ..base.errors import CommandError
 from ..base.wording import format_count
 from ..master.instances.fmu_instance import tells_requested_end
 from ..recorders.metrics import MetricDisplay
-from ..run.lost_values import tells_lost_values
+from ..run.remarks import tells_lost_values
 from ..views.terminal import format_figure
 from .columns import (
     NOT_HELD,

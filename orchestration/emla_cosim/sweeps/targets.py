@@ -91,7 +91,7 @@ def _arguments(option: Option, value: Any) -> list[str] | None:
             return None
         return [text for name, inner in value.items() for text in _entry(flag, name, inner)]
     if isinstance(value, (list, tuple)):
-        if option.about.parse is not None:
+        if option.parse is not None:
             return [flag, ",".join(map(_text, value))]
         if any(isinstance(inner, Input) and not inner.is_text for inner in value):
             return None

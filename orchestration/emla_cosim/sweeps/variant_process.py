@@ -20,7 +20,7 @@ from ..recorders.metrics import MetricsRecorder, describe_divergence
 from ..recorders.recorder import Outline, Recorder
 from ..recorders.time_series import TimeSeries
 from ..run.half_step import halve_step
-from ..run.lost_values import describe_lost_values
+from ..run.remarks import describe_lost_values
 from ..run.requirements import flatten_figures
 from ..run.result import Result
 from ..run.simulation import Simulation

@@ -24,9 +24,9 @@ from ..master.algorithms.registry import ALGORITHMS
 from ..master.stepping.registry import STEP_SIZE_CONTROLS
 from ..recorders.metrics import METRICS
 from ..recorders.registry import RECORDERS
-from ..run.event_mode import describe_disabled_event_mode
 from ..run.options import Options
 from ..run.preparation import limit_to_data_end, prepare_system
+from ..run.remarks import describe_disabled_event_mode
 from ..run.run_record import RunDefinition
 from ..run.run_setup import run_times
 from ..run.scenarios.scenario import Scenario
@@ -93,10 +93,10 @@ class Preparation:
             progress.note(f"Note: {remark}")
         progress.advance(1)
         usual, known = Options(), options_of(Options)
-        done = {o.name for o in known if o.about.stage in (BUILDING, PREPARING)}
+        done = {o.name for o in known if o.stage in (BUILDING, PREPARING)}
         if not options.follow_models:
             done.add("set")  # else it tells a variant which parameters must not follow its own values
-        done |= {o.name for o in known if o.about.in_sweep == LEFT_OUT}
+        done |= {o.name for o in known if o.in_sweep == LEFT_OUT}
         return cls(
             scenario.name,
             prepared.system,

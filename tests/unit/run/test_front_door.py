@@ -416,7 +416,7 @@ def test_imports_are_late(code: str, absent: set[str]) -> None:
 
 IMPORTS = """
 import gc, os
-from emla_cosim.cli.imports import quick_imports
+from emla_cosim.cli.app import quick_imports
 with quick_imports():
     import numpy
     assert not gc.isenabled()

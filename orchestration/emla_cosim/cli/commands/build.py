@@ -27,7 +27,6 @@ from ...views.terminal import print_line, show_file
 _SUPPLY = "FMUs for other companies"
 
 OPTIONS = BUILD
-"""Options of the command."""
 
 EXAMPLES = (
     "emla build EmlaPlant",
@@ -37,7 +36,6 @@ EXAMPLES = (
     "emla build EmlaPlant --hide 'motor.*' --output handout",
     "emla build measured.csv:interpolation=held --output data",
 )
-"""Examples in the help."""
 
 
 @dataclass(frozen=True)

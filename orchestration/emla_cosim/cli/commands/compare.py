@@ -21,7 +21,6 @@ from ...views.terminal import print_line, show
 from .options import scheduler, workers
 
 OPTIONS = COMPARE
-"""Options of the command."""
 
 _MOST_LOST = 12
 """Most joints that were not held to show; the file has all of them."""
@@ -32,7 +31,6 @@ EXAMPLES = (
     "emla compare study --controllers rsba,foc",
     "emla compare study --table paper",
 )
-"""Examples in the help."""
 
 
 def _split_names(text: str) -> list[str]:
@@ -110,20 +108,7 @@ def command(chosen: Parameters, given: dict[str, Any]) -> None:
     if plots:
         folder.check_files(folder.pictures)
     with BarProgress() as progress:
-        result = compare(
-            chosen.scenario,
-            chosen.controllers,
-            gains=chosen.gains,
-            table=chosen.table,
-            seeds=chosen.seeds,
-            reserves=chosen.reserves,
-            resolution=chosen.resolution,
-            scheduler=chosen.scheduler,
-            workers=chosen.workers,
-            output=place,
-            progress=progress,
-            **given,
-        )
+        result = compare(output=place, progress=progress, **vars(chosen), **given)
         pictures = folder.draw_result(result) if plots else []
     _show(result, place, pictures)
     if not result.complete:

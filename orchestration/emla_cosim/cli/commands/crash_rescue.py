@@ -19,7 +19,7 @@ from ...recorders.metrics import MetricsRecorder
 from ...recorders.recorder import Outline, recording
 from ...recorders.row_buffer import show_rows
 from ...recorders.row_file import read_rows
-from ...run.lost_values import describe_lost_values
+from ...run.remarks import describe_lost_values
 from ...run.result import Result
 from ...run.run_record import COMPLETED
 from ...sandbox import crash_page

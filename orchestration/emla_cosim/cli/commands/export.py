@@ -13,7 +13,6 @@ from ...views.terminal import show_file
 from .options import scenario
 
 OPTIONS = EXPORT
-"""Options of the command."""
 
 EXAMPLES = (
     "emla export study study.ssp",
@@ -22,7 +21,6 @@ EXAMPLES = (
     "emla export lift lift.fmu --fmi 3",
     "emla export lift control.c --components controller --components observer --precision float",
 )
-"""Examples in the help."""
 
 _KINDS = {SSP: "the package", FMU: "the FMU", C: "the C file"}
 """What messages call the written file."""

@@ -18,7 +18,6 @@ from ...views.terminal import print_line, show
 from .options import scheduler, workers
 
 OPTIONS = SWEEP
-"""Options of the command."""
 
 _DATA, _SEARCH = "Data", "Estimation"
 
@@ -27,7 +26,6 @@ EXAMPLES = (
     "--measured test.csv:lift.plant.x_L=position --vary lift.plant.friction.F_C=1:1000",
     "emla identify plan.toml --report",
 )
-"""Examples in the help."""
 
 
 @dataclass(frozen=True)
@@ -35,8 +33,7 @@ class Parameters:
     """Arguments and options of the command."""
 
     plan: str = argument(help="Plan (.toml), or a scenario, SSP or FMU as for `emla run`.", metavar="PLAN")
-    measured: Sequence[str] = option(
-        [],
+    measured: Sequence[str] | None = option(
         help="Measured data: a file, and the columns of signals (repeatable).",
         metavar="FILE:SIGNAL=COLUMN,...",
         group=_DATA,
@@ -60,8 +57,8 @@ class Parameters:
     )
     starts: int | None = option(help="Number of starting points. Default: 1.", group=_SEARCH)
     evaluations: int | None = option(help="Most iterations from each point. Default: 50.", group=_SEARCH)
-    profile: Sequence[str] = option(
-        [], help="Parameter whose interval is found by profile likelihood (repeatable).", group=_SEARCH
+    profile: Sequence[str] | None = option(
+        help="Parameter whose interval is found by profile likelihood (repeatable).", group=_SEARCH
     )
     seed: int | None = option(help="Seed of the random starting points. Default: 0.", group=_SEARCH)
     design: bool = switch("Rank the plan's experiments by what they would tell; estimate nothing.", _SEARCH)
@@ -73,29 +70,11 @@ class Parameters:
 def command(chosen: Parameters, given: dict[str, Any]) -> None:
     """Estimate parameters from measured data."""
     found = load_identification_plan(chosen.plan)
-    output, plots = given.pop("output", None), given.pop("plots", True)
-    place = Path(output or results_folder(f"identify-{found.name}"))
+    place = Path(given.get("output") or results_folder(f"identify-{found.name}"))
+    plots = given.get("plots", True)
+    given |= vars(chosen) | {"plan": found, "output": place, "design": chosen.design or None}
     with BarProgress() as progress:
-        result = identify(
-            found,
-            chosen.vary,
-            measured=chosen.measured or None,
-            sigma=chosen.sigma,
-            loss=chosen.loss,
-            starts=chosen.starts,
-            evaluations=chosen.evaluations,
-            profile=chosen.profile or None,
-            seed=chosen.seed,
-            design=chosen.design or None,
-            scheduler=chosen.scheduler,
-            workers=chosen.workers,
-            output=place,
-            overwrite=given.pop("overwrite", False),
-            plots=plots,
-            report=chosen.report,
-            progress=progress,
-            **given,
-        )
+        result = identify(given.pop("plan"), progress=progress, **given)
     for part in format_tables(result):
         show(part)
     files = [RECORD]

@@ -26,7 +26,6 @@ from ...views.terminal import OUT, print_exactly, print_line, show, show_table
 from .options import scenario
 
 OPTIONS = INFO
-"""Options of the command."""
 
 _SCREEN = "-"
 """Value of `--json` that shows JSON."""

@@ -15,7 +15,6 @@ from ...views.terminal import print_line, show
 from .options import scenario
 
 OPTIONS = LINEARIZE
-"""Options of the command."""
 
 _WHAT = "What is computed"
 
@@ -25,7 +24,6 @@ EXAMPLES = (
     "emla linearize lift --perturb lift.plant.F_L --read lift.plant.x_L --stop-time 1",
     "emla linearize pendulum.fmu --kind me --matrices --perturb torque --read angle --steady",
 )
-"""Examples in the help."""
 
 
 @dataclass(frozen=True)
@@ -81,23 +79,9 @@ class Parameters:
 def command(chosen: Parameters, given: dict[str, Any]) -> None:
     """Compute frequency responses and margins of a scenario."""
     place = chosen.output or results_folder(f"linearize-{Path(chosen.scenario).stem}")
+    given |= vars(chosen) | {"output": place}
     with BarProgress() as progress:
-        result = linearize(
-            chosen.scenario,
-            open=chosen.open,
-            perturb=chosen.perturb,
-            read=chosen.read,
-            at=chosen.at,
-            duration=chosen.duration,
-            amplitude=chosen.amplitude,
-            matrices=chosen.matrices,
-            steady=chosen.steady,
-            free=chosen.free,
-            output=place,
-            plots=chosen.plots,
-            progress=progress,
-            **given,
-        )
+        result = linearize(given.pop("scenario"), progress=progress, **given)
     for table in format_margins(result):
         show(table)
     if result.matrices is not None:

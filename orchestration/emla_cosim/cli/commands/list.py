@@ -36,8 +36,8 @@ def command() -> None:
         models.add_row(f"[bold]{name}[/]", (block.__doc__ or "").strip().splitlines()[0])
     choices = Table("option", "choices", title="Choices", title_justify="left")
     for option in list_options().values():
-        if option.about.choices is not None:
-            choices.add_row(option.flag, ", ".join(map(str, option.about.choices())))
+        if option.choices is not None:
+            choices.add_row(option.flag, ", ".join(map(str, option.choices())))
     choices.add_row("--controller", ", ".join(CONTROLLERS))
     for name, controller in CONTROLLERS.items():
         first, *others = controller.gains

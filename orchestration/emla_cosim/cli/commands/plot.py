@@ -20,7 +20,6 @@ from ...views.terminal import print_line, show_file
 register()
 
 OPTIONS = PLOT
-"""Options of the command."""
 
 
 @dataclass(frozen=True)

@@ -17,13 +17,11 @@ from ...views.terminal import print_line
 from .run import run_into
 
 OPTIONS = RUN
-"""Options of the command."""
 
 EXAMPLES = (
     "emla rerun results/study",
     "emla rerun results/study/run.json --step-size 5e-5 --output finer",
 )
-"""Examples in the help."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +56,7 @@ def command(chosen: Parameters, given: dict[str, Any]) -> None:
 
 def _same_table(given: Iterable[Option]) -> bool:
     """Return whether these options leave the table the same: those that no record or repetition has."""
-    return all(not (one.about.recorded and one.about.repeated) for one in given)
+    return all(not (one.recorded and one.repeated) for one in given)
 
 
 def _record(run: Path) -> Path:

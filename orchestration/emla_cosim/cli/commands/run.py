@@ -1,7 +1,7 @@
 """`emla run`."""
 
 import contextlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,24 +16,22 @@ from ...run.result import Result
 from ...run.run_setup import check_run
 from ...run.scenarios.scenario import Scenario
 from ...sandbox.interruption import catch_interrupts
+from ...study.actuator.actuator import Actuator
 from ...study.loading import load
 from ...views.animation import check_animated
 from ...views.output_folder import OutputFolder, results_folder
 from ...views.progress_bars import BarProgress
-from ...views.terminal import show_result
-from .actuators import show_actuators
+from ...views.terminal import print_line, show_result
 from .crash_record import CrashRecorder
 from .options import scenario
 
 OPTIONS = RUN
-"""Options of the command."""
 
 EXAMPLES = (
     "emla run study --stop-time 2 --gains robust",
     "emla run lift --set lift.plant.motor.R_s=0.2 --replace lift.controller=mine.fmu",
     "emla run mine.toml --output results/mine --no-plots",
 )
-"""Examples in the help."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +63,7 @@ def run_into(
     """
     options = chosen.options
     check_run(options, chosen.name)
-    told = show_actuators(chosen)
+    told = _show_actuators(chosen)
     with BarProgress() as progress:
         output = OutputFolder(
             folder,
@@ -105,6 +103,24 @@ def run_into(
     tell(result)
     if result.problem is not None:
         raise CosimError(f"{result.problem} The results so far are in {output.path}.")
+
+
+def _show_actuators(scenario: Scenario) -> Sequence[str]:
+    """Show the non-default actuators of a scenario before the run: data sheet, derived model and notes.
+
+    Return the notes that were shown.
+    """
+    own = {joint: one for joint, one in scenario.options.actuator.items() if isinstance(one, Actuator)}
+    for joint, one in own.items():
+        print_line(f"{joint} has {one.title or one.label}:")
+        for conversion in one.conversions:
+            if conversion.is_short:
+                print_line(f"  {conversion}")
+    if not own:
+        return ()
+    for note in scenario.notes:
+        print_line(f"Note: {note}.")
+    return scenario.notes
 
 
 def _check_places(file: Path | None, options: Options, output: OutputFolder) -> None:

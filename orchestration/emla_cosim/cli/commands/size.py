@@ -18,7 +18,6 @@ from ...views.terminal import print_line, show
 from .options import scenario
 
 OPTIONS = SIZE
-"""Options of the command."""
 
 _WHAT = "What is required"
 
@@ -28,7 +27,6 @@ EXAMPLES = (
     "emla size study --actuator lift=a.toml,b.toml --actuator tilt=c.toml,d.toml",
     "emla size mine.toml --cycle 4s --ambient 95degF",
 )
-"""Examples in the help."""
 
 
 def _read_temperature(text: str) -> float:
@@ -83,20 +81,9 @@ def command(chosen: Parameters, given: dict[str, Any]) -> None:
     actuators, candidates = _split_candidates(given.pop("actuator", None) or {})
     if actuators:
         given["actuator"] = actuators
+    given |= vars(chosen) | {"output": place}
     with BarProgress() as progress:
-        result = size(
-            chosen.scenario,
-            candidates=candidates,
-            cycle=chosen.cycle,
-            lead_in=chosen.lead_in,
-            ambient=chosen.ambient,
-            life=chosen.life,
-            output=place,
-            plots=chosen.plots,
-            report=chosen.report,
-            progress=progress,
-            **given,
-        )
+        result = size(given.pop("scenario"), candidates=candidates, progress=progress, **given)
     for table in format_tables(result):
         show(table)
     files = [RECORD, TABLE, CYCLES, *(list_pictures(result) if chosen.plots else [])]

@@ -24,7 +24,6 @@ from ...views.terminal import print_line, show
 from .options import plan, scheduler, workers
 
 OPTIONS = SWEEP
-"""Options of the command."""
 
 _MOST_LETTERS = 1600
 """Most commands to show."""
@@ -36,7 +35,6 @@ EXAMPLES = (
     "emla sweep lift --vary lift.plant.motor.R_s=80%:120% --runs 200 --seed 1",
     "emla sweep study-robustness --output results/robust",
 )
-"""Examples in the help."""
 
 
 def _read_factors(texts: Sequence[str]) -> dict[str, str]:
@@ -90,28 +88,13 @@ class Parameters:
 def command(chosen: Parameters, given: dict[str, Any]) -> None:
     """Run many variants of a scenario into an output folder."""
     found = load_plan(chosen.plan)
-    output, plots = given.pop("output", None), given.pop("plots", True)
-    place, overwrite = Path(output or results_folder(found.name)), given.pop("overwrite", False)
-    folder = SweepFolder(place, overwrite)
+    place, plots = Path(given.get("output") or results_folder(found.name)), given.pop("plots", True)
+    folder = SweepFolder(place, given.get("overwrite", False))
     if plots:
         folder.check_files(folder.pictures)
+    given |= vars(chosen) | {"plan": found, "output": place}
     with BarProgress() as progress:
-        result = sweep(
-            found,
-            chosen.vary,
-            runs=chosen.runs,
-            seed=chosen.seed,
-            sampling=chosen.sampling,
-            metrics=chosen.metric,
-            signals=chosen.signals,
-            scheduler=chosen.scheduler,
-            workers=chosen.workers,
-            output=place,
-            overwrite=overwrite,
-            resume=chosen.resume,
-            progress=progress,
-            **given,
-        )
+        result = sweep(given.pop("plan"), metrics=given.pop("metric"), progress=progress, **given)
         pictures = _draw_pictures(result, folder, progress) if plots and result.variants.height else []
     _show(result, folder, pictures)
     if not result.complete:

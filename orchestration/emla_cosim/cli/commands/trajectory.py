@@ -17,7 +17,6 @@ from ...views.progress_bars import BarProgress
 from ...views.terminal import print_line, show
 
 OPTIONS = TRAJECTORY
-"""Options of the command."""
 
 _WHAT, _HOW = "Problem", "Optimisation"
 _DEFAULTS = trajectory.__kwdefaults__ or {}
@@ -26,7 +25,6 @@ EXAMPLES = (
     "emla trajectory",
     "emla trajectory --set t_M=20 --output mine.json",
 )
-"""Examples in the help."""
 
 
 @dataclass(frozen=True)
@@ -84,21 +82,10 @@ def command(chosen: Parameters, given: dict[str, Any]) -> None:
     place = chosen.output or _default_path()
     pictures = picture_places(place, chosen.plots, chosen.problem, overwrite)
     payload = payload_place(place, asked, overwrite)
+    given |= vars(chosen) | {"output": place, "problem": asked}
+    del given["set"]
     with BarProgress() as progress:
-        result = trajectory(
-            asked,
-            end_speed=chosen.end_speed,
-            tie_break=chosen.tie_break,
-            degree=chosen.degree,
-            knots=chosen.knots,
-            points=chosen.points,
-            subdivisions=chosen.subdivisions,
-            starts=chosen.starts,
-            output=place,
-            overwrite=overwrite,
-            plots=chosen.plots,
-            progress=progress,
-        )
+        result = trajectory(progress=progress, **given)
     for remark in remarks(result):
         print_line(remark)
     show(format_costs(result))

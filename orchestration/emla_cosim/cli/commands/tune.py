@@ -19,7 +19,6 @@ from ...views.terminal import print_line, show
 from .options import plan, scheduler, workers
 
 OPTIONS = SWEEP
-"""Options of the command."""
 
 _WANTED, _TRIED = "Objective", "Search"
 
@@ -27,7 +26,6 @@ EXAMPLES = (
     "emla tune rsba-tilt",
     "emla tune lift --vary lift.controller.k_1=10:1000 --objective lift.position_error_m",
 )
-"""Examples in the help."""
 
 
 @dataclass(frozen=True)
@@ -71,31 +69,11 @@ class Parameters:
 def command(chosen: Parameters, given: dict[str, Any]) -> None:
     """Tune gains of a scenario's controllers."""
     found = load_tuning_plan(chosen.plan)
-    output, plots = given.pop("output", None), given.pop("plots", True)
-    place = Path(output or results_folder(f"tune-{found.name}"))
-    overwrite = given.pop("overwrite", False)
+    place = Path(given.get("output") or results_folder(f"tune-{found.name}"))
+    given |= vars(chosen) | {"plan": found, "output": place}
     with BarProgress() as progress:
-        result = tune(
-            found,
-            chosen.vary,
-            objective=chosen.objective,
-            require=given.pop("require", None),
-            derive=chosen.derive,
-            metrics=chosen.metric,
-            evaluations=chosen.evaluations,
-            training=chosen.training,
-            validation=chosen.validation,
-            seed=chosen.seed,
-            tolerance=chosen.tolerance,
-            scheduler=chosen.scheduler,
-            workers=chosen.workers,
-            output=place,
-            overwrite=overwrite,
-            plots=plots,
-            progress=progress,
-            **given,
-        )
-    _show(result, place, plots)
+        result = tune(given.pop("plan"), metrics=given.pop("metric"), progress=progress, **given)
+    _show(result, place, given.get("plots", True))
     if not result.complete:
         raise CosimError(f"interrupted; the best gains so far are in {place / BEST}.")
     if (problem := result.problem()) is not None:

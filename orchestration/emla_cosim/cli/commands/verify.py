@@ -31,7 +31,6 @@ from ...views.progress_bars import BarProgress
 from ...views.terminal import show
 
 OPTIONS = VERIFY
-"""Options of the command."""
 
 _WHAT, _MAKE = "What is checked", "Make references"
 _STYLE = {
@@ -45,7 +44,6 @@ EXAMPLES = (
     "emla verify mine.fmu --html report.html",
     "emla verify mine.fmu --record references --stop-time 1",
 )
-"""Examples in the help."""
 
 
 @dataclass(frozen=True)

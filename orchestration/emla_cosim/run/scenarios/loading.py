@@ -145,9 +145,9 @@ def _read(option: str, given: Mapping[str, Path | FileOrObject]) -> dict[str, Fi
 def _refuse_of_built_in(read: ScenarioFile, given: Mapping[str, Any]) -> None:
     """Raise CommandError if an option for built-in systems is set for another system."""
     for name, option in list_options().items():
-        if option.about.makes and (name in given or name in read.options):
+        if option.makes and (name in given or name in read.options):
             raise CommandError(
-                f"'{read.where}' has its own {option.about.makes}; {option.flag} is for built-in systems."
+                f"'{read.where}' has its own {option.makes}; {option.flag} is for built-in systems."
             )
 
 

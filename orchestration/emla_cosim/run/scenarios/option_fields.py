@@ -25,7 +25,7 @@ def with_options(table: type[Struct], name: str, command: str) -> type[Struct]:
     fields = [
         (option.name, _field_type(option), msgspec.UNSET)
         for option in list_options(command).values()
-        if option.about.in_file and option.name not in table.__struct_fields__
+        if option.in_file and option.name not in table.__struct_fields__
     ]
     return extend_struct(table, name, fields)
 
@@ -40,18 +40,18 @@ def _field_type(option: Option) -> Any:
         has_tables = dataclasses.is_dataclass(get_args(option.type)[1])
         extra["is_value"] = lambda _: has_tables
         schema = {} if has_tables else {"x-dotted": True}
-    meta = msgspec.Meta(description=option.about.help, extra=extra, extra_json_schema=schema)
+    meta = msgspec.Meta(description=option.help, extra=extra, extra_json_schema=schema)
     return Annotated[_option_type(option), meta]
 
 
 def _option_type(option: Option) -> Any:
     """Return the type of the value as TOML has it, from which the schema follows."""
-    about, type_ = option.about, option.type if option.about.takes is bool else option.plain_type
-    if about.choices is not None:
-        names = Literal[tuple(about.choices())]  # type: ignore[misc]
+    type_ = option.plain_type
+    if option.choices is not None:
+        names = Literal[tuple(option.choices())]  # type: ignore[misc]
         return list[names] if get_origin(type_) is Sequence else names
-    if about.unit:
-        return Annotated[float, quantity(about.unit)]
-    if about.arrays:
+    if option.unit:
+        return Annotated[float, quantity(option.unit)]
+    if option.arrays:
         return dict[str, float | bool | str | Annotated[list[Any], msgspec.Meta(min_length=1)]]
     return type_in_file(type_)

@@ -69,7 +69,7 @@ def _check(changed: Mapping[str, Any], where: str) -> None:
     for name, value in changed.items():
         if name not in known:
             continue  # reading it gives a better message
-        if not known[name].about.recorded:
+        if not known[name].recorded:
             raise CommandError(f"{where} has the option '{name}', which no record has.")
         for one in _entries(value, known[name].plain_type):
             if _is_table(one) and set(one) == {PYTHON}:

@@ -13,12 +13,11 @@ from ...base.progress import Progress
 from ...master.stepping.timing import CommunicationPoints
 from ...recorders.metrics import TRACKED
 from ...system.model import System
-from ..event_mode import describe_disabled_event_mode
-from ..lost_values import describe_lost_values
-from ..option_types import PrepareOptions
+from ..option_types import RunOptions
 from ..options import Options, list_options, read_options
 from ..origin import RunOrigin
 from ..preparation import limit_to_data_end, prepare_system
+from ..remarks import describe_disabled_event_mode, describe_lost_values
 from ..run_setup import run_times
 from ..simulation import Simulation
 from .exported_files import FMU, SSP, C, find_kind, list_asked_for, refuse_unsuited
@@ -76,7 +75,7 @@ class Scenario:
         if not given:
             return self
         for name, option in list_options().items():
-            if name in given and option.about.makes:
+            if name in given and option.makes:
                 raise CommandError(
                     f"the system of '{self.name}' exists already; set {name} when you load the scenario.",
                     option=name,
@@ -91,7 +90,7 @@ class Scenario:
         notes = self.notes if self.remarks is None else self.remarks(self.system, options)
         return tuple(dict.fromkeys((*notes, *options.overridden_notes())))
 
-    def prepare(self, progress: Progress | None = None, **options: Unpack[PrepareOptions]) -> Simulation:
+    def prepare(self, progress: Progress | None = None, **options: Unpack[RunOptions]) -> Simulation:
         """Build and load all FMUs and compile the loop, so that the scenario can run many times.
 
         Args:
@@ -129,7 +128,7 @@ class Scenario:
         self,
         file: str | Path,
         progress: Progress | None = None,
-        **options: Unpack[PrepareOptions],
+        **options: Unpack[RunOptions],
     ) -> Path:
         """Write the system as an SSP, as one FMU, or components as plain C, with all changes by the options.
 

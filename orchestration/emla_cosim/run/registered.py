@@ -1,12 +1,16 @@
-"""Start values that follow from those that the options set."""
+"""Functions that a study registers: start values that follow from others, and seeds."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 
 from ..system.model import System, Value
 from .options import Options
 
 FOLLOWERS: list[Callable[[System, Options], Mapping[str, Value]]] = []
 """Registered functions that compute such start values, by full name."""
+
+SEEDS: list[Callable[[Mapping[str, float]], Collection[str]]] = []
+"""Registered functions that return the full names of the seeds of random sequences, whose components draw
+numbers in each step, from all parameters."""
 
 
 def following_values(system: System, options: Options) -> dict[str, Value]:
