@@ -9,10 +9,10 @@ import msgspec
 from ...base.errors import CommandError
 from ...base.option import RUN
 from ...base.table_entries import Location
-from ...base.toml_structs import describe, dotted, extend_struct, quantity, read_by
+from ...base.toml_structs import describe, dotted, extend_struct, quantity
 from ...run.scenarios.option_fields import with_options
 from ..actuator.actuator import Actuator, read_tables
-from ..actuator.sheet_struct import ACTUATOR
+from ..actuator.sheet_values import ACTUATOR
 from .block_tables import DISTURBANCE, PLANT
 from .gain_tables import controllers_struct, observer_table
 from .motions import Compliance, JointExperiment, Load, Move, StartPosition
@@ -92,7 +92,7 @@ class JointTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     run: Any
     actuator: Annotated[
         str | ACTUATOR,  # type: ignore[valid-type]
-        read_by(_read_actuator, "data of motor, screw, inverter and sensor, or the path of a file"),
+        describe("data of motor, screw, inverter and sensor, or the path of a file", read=_read_actuator),
     ]
     drive: DriveTable = DriveTable()
     start: Annotated[StartPosition, describe("start position of the screw")]
