@@ -1,8 +1,9 @@
 """Conversion of values from outside to the types that they must have: of Python calls and of TOML files."""
 
+import ast
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import is_dataclass
 from pathlib import Path
 from types import NoneType, UnionType
@@ -93,29 +94,22 @@ def convert_at(value: Any, type_: Any, at: Location, folder: Path | None = None)
     return found if meta is None else _check_bounds(found, meta, at.label, value)
 
 
-def flatten_names(
-    table: Mapping[str, Any], is_value: Callable[[Mapping[str, Any]], bool] = lambda _: False
-) -> Iterator[tuple[str, Any]]:
-    """Yield entries by their full name: TOML nests names with dots unless they are quoted.
+def _flatten(table: Mapping[str, Any], is_value: Callable[[Mapping[str, Any]], bool], at: Location) -> Any:
+    """Return entries by their full name: TOML nests names with dots unless they are quoted.
 
-    Args:
-        table: The table.
-        is_value: Whether an inner table is a value itself, not a part of a name.
+    An inner table is part of a name unless it `is_value`.
     """
+    found = dict[str, Any]()
     for key, value in table.items():
-        if isinstance(value, Mapping) and not is_value(value):
-            yield from ((f"{key}.{name}", inner) for name, inner in flatten_names(value, is_value))
-        else:
-            yield key, value
-
-
-def _flatten(table: Mapping[str, Any], is_value: Callable[..., bool], at: Location) -> dict[str, Any]:
-    names = [name for name, _ in flatten_names(table, is_value)]
-    if twice := [name for name in names if names.count(name) > 1]:
-        raise CommandError(
-            f"{at.table} has the entry '{twice[0]}' twice, with and without quotes; remove one."
-        )
-    return dict(flatten_names(table, is_value))
+        nested = isinstance(value, Mapping) and not is_value(value)
+        parts = {f"{key}.{name}": v for name, v in _flatten(value, is_value, at).items()} if nested else {}
+        for name, inner in (parts if nested else {key: value}).items():
+            if name in found:
+                raise CommandError(
+                    f"{at.table} has the entry '{name}' twice, with and without quotes; remove one."
+                )
+            found[name] = inner
+    return found
 
 
 def list_elements(values: Mapping[Any, Any]) -> dict[Any, Any]:
@@ -127,31 +121,20 @@ def list_elements(values: Mapping[Any, Any]) -> dict[Any, Any]:
     Raises:
         CommandError: If lists in a list differ in length.
     """
+    import numpy as np  # loading it takes longer than reading values without lists
+
     found: dict[Any, Any] = {}
     for name, value in values.items():
         many = value.tolist() if getattr(value, "ndim", 0) and value.size != 1 else value
         if not (isinstance(many, (list, tuple)) and many):
             found[name] = value
             continue
-        elements = dict(_elements_of(many))
-        if (
-            not elements
-            or len({len(index) for index in elements}) > 1
-            or len(elements)
-            != math.prod(max(index[k] for index in elements) for k in range(len(next(iter(elements)))))
-        ):
+        array = np.array(many, dtype=object)  # rows of different lengths stay lists
+        if not array.size or any(isinstance(one, (list, tuple)) for one in array.flat):
             raise CommandError(f"the rows of '{name}' are empty or differ in length.", name=name)
-        found |= {f"{name}[{','.join(map(str, index))}]": one for index, one in elements.items()}
+        for index, one in np.ndenumerate(array):
+            found[f"{name}[{','.join(str(i + 1) for i in index)}]"] = one
     return found
-
-
-def _elements_of(many: Sequence[Any], outer: tuple[int, ...] = ()) -> Iterator[tuple[tuple[int, ...], Any]]:
-    """Yield the elements of nested lists with their indices, which begin at 1."""
-    for i, one in enumerate(many, 1):
-        if isinstance(one, (list, tuple)):
-            yield from _elements_of(one, (*outer, i))
-        else:
-            yield (*outer, i), one
 
 
 def parse_list(text: str) -> Any:
@@ -160,20 +143,11 @@ def parse_list(text: str) -> Any:
     Raises:
         ValueError: The text is not a list.
     """
-    stack: list[list[Any]] = [[]]
-    for token in re.findall(r"[\[\],]|[^\[\],]+", text):
-        if token == "[":
-            stack.append([])
-        elif token == "]" and len(stack) > 1:
-            done = stack.pop()
-            stack[-1].append(done)
-        elif token == "]":
-            raise ValueError(text)
-        elif token != "," and token.strip():
-            stack[-1].append(token.strip())
-    if len(stack) != 1 or len(stack[0]) != 1 or not isinstance(stack[0][0], list):
-        raise ValueError(text)
-    return stack[0][0]
+    quoted = re.sub(r"[^\[\],]+", lambda part: repr(part[0].strip()) if part[0].strip() else "", text)
+    try:
+        return ast.literal_eval(quoted)
+    except SyntaxError as error:
+        raise ValueError(text) from error
 
 
 def _choose_by_tag(value: Any, tag: str, types: Mapping[str | None, Any], at: Location) -> Any:

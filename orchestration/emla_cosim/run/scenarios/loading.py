@@ -1,6 +1,7 @@
 """Load scenarios: built-in ones by name, scenario files, SSPs, FMUs, and systems made in Python."""
 
 import contextlib
+import os
 import weakref
 from collections.abc import Mapping
 from dataclasses import replace
@@ -238,14 +239,8 @@ def _without_variant(path: Path) -> Path:
 
 
 def _is_folder(path: Path) -> bool:
-    try:
-        return path.is_dir()
-    except (OSError, ValueError):  # the name is too long or invalid
-        return False
+    return os.path.isdir(path)  # noqa: PTH112 - False also for a name that is too long or invalid
 
 
 def _is_file(path: Path) -> bool:
-    try:
-        return path.is_file()
-    except (OSError, ValueError):
-        return False
+    return os.path.isfile(path)  # noqa: PTH113
