@@ -6,13 +6,13 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import is_dataclass
 from functools import cache
 from pathlib import Path
-from types import MappingProxyType, UnionType
+from types import MappingProxyType, NoneType, UnionType
 from typing import Annotated, Any, Union, get_args, get_origin
 
 import msgspec
 
 from .table_entries import Location, list_fields
-from .toml_structs import describe, dotted, extend_struct, read_by
+from .toml_structs import describe, dotted, extend_struct
 from .values import convert_value
 
 
@@ -23,7 +23,8 @@ def struct_of(
 
     Args:
         class_: The dataclass.
-        types: Types of fields in files, if they differ from those in Python.
+        types: Types of fields in files, if they differ from those in Python; a file can leave out what can
+            be None.
         without: Fields that files do not have.
     """
     about = _read_arguments(class_)
@@ -32,11 +33,12 @@ def struct_of(
         if field.name in without:
             continue
         type_ = types.get(field.name) or type_in_file(field.type)
+        is_required = field.is_required and NoneType not in get_args(type_)
         if not _is_described(type_):
             meaning = about.get(field.name, "")
             meta = dotted(meaning) if _has_dots(field.type) else describe(meaning)
             type_ = Annotated[type_, meta]
-        fields.append((field.name, type_, *([] if field.is_required else [msgspec.UNSET])))
+        fields.append((field.name, type_, *([] if is_required else [msgspec.UNSET])))
     return extend_struct(
         msgspec.Struct, class_.__name__, fields, (inspect.getdoc(class_) or "").partition("\n")[0]
     )
@@ -88,7 +90,7 @@ def record(type_: Any, about: str = "") -> Any:
     def read(value: Any, at: Location, folder: Path | None) -> Any:
         return convert_value(value, type_, at.label, folder)
 
-    return Annotated[type_in_file(type_), read_by(read, about)]
+    return Annotated[type_in_file(type_), describe(about, read=read)]
 
 
 def check_fields(of: Any, type_: type[msgspec.Struct], label: str, without: Collection[str] = ()) -> None:

@@ -29,6 +29,28 @@ def read_toml(text: str, label: str) -> dict[str, Any]:
         raise CommandError(f"{label} is not TOML: {error}.") from error
 
 
+def describe(
+    about: str = "",
+    example: Any = None,
+    read: Callable[[Any, Location, Path | None], Any] | None = None,
+    **settings: Any,
+) -> msgspec.Meta:
+    """Annotate an entry with its meaning.
+
+    Args:
+        about: Its meaning, without an article.
+        example: A value as files have it.
+        read: A function of the value, its location and the folder of relative paths that reads the entry;
+            the annotated type is that in files, for the schema.
+        **settings: Bounds and other arguments of `msgspec.Meta`.
+    """
+    if read is not None:
+        settings["extra"] = {"read": read, **settings.get("extra", {})}
+    return msgspec.Meta(
+        description=about or None, examples=None if example is None else [example], **settings
+    )
+
+
 def quantity(unit: str, about: str = "", example: Any = None, **bounds: Any) -> msgspec.Meta:
     """Annotate a number, or a tuple of numbers: a file can also have a text with another unit.
 
@@ -39,18 +61,8 @@ def quantity(unit: str, about: str = "", example: Any = None, **bounds: Any) -> 
         **bounds: `gt`, `ge`, `lt` or `le`, as of `msgspec.Meta`.
     """
     described = " ".join(part for part in (about, f"[{unit}]" if unit else "") if part)
-    return msgspec.Meta(
-        description=about or None,
-        examples=None if example is None else [example],
-        extra={"unit": unit},
-        extra_json_schema={"pattern": QUANTITY, **({"description": described} if described else {})},
-        **bounds,
-    )
-
-
-def describe(about: str, example: Any = None, **bounds: Any) -> msgspec.Meta:
-    """Annotate an entry with its meaning, an example, and bounds."""
-    return msgspec.Meta(description=about, examples=None if example is None else [example], **bounds)
+    schema = {"pattern": QUANTITY, **({"description": described} if described else {})}
+    return describe(about, example, extra={"unit": unit}, extra_json_schema=schema, **bounds)
 
 
 def dotted(about: str, is_value: Callable[[Table], bool] = lambda _: False) -> msgspec.Meta:
@@ -60,7 +72,7 @@ def dotted(about: str, is_value: Callable[[Table], bool] = lambda _: False) -> m
         about: Its meaning.
         is_value: Whether an inner table is a value, not a part of a name.
     """
-    return msgspec.Meta(description=about, extra={"is_value": is_value}, extra_json_schema={"x-dotted": True})
+    return describe(about, extra={"is_value": is_value}, extra_json_schema={"x-dotted": True})
 
 
 def one_of(tag: str, types: Mapping[str | None, type[msgspec.Struct]], about: str = "") -> msgspec.Meta:
@@ -71,28 +83,8 @@ def one_of(tag: str, types: Mapping[str | None, type[msgspec.Struct]], about: st
         types: The structs by the value of the entry; None for a table without it.
         about: The meaning of the table.
     """
-    return msgspec.Meta(
-        description=about or None,
-        extra={"tag": tag, "types": types},
-        extra_json_schema={"anyOf": [{"$ref": f"#/definitions/{t.__name__}"} for t in types.values()]},
-    )
-
-
-def read_by(
-    read: Callable[[Any, Location, Path | None], Any], about: str = "", example: Any = None
-) -> msgspec.Meta:
-    """Annotate a value that a function reads; its type is that in files, for the schema.
-
-    Args:
-        read: The function of the value, its location and the folder of relative paths.
-        about: Its meaning.
-        example: A value as files have it.
-    """
-    return msgspec.Meta(
-        description=about or None,
-        examples=None if example is None else [example],
-        extra={"read": read},
-    )
+    schema = {"anyOf": [{"$ref": f"#/definitions/{t.__name__}"} for t in types.values()]}
+    return describe(about, extra={"tag": tag, "types": types}, extra_json_schema=schema)
 
 
 def extend_struct(base: type[Struct], name: str, fields: Sequence[Any], about: str = "") -> type[Struct]:

@@ -1,8 +1,9 @@
 """Conversion of values from outside to the types that they must have: of Python calls and of TOML files."""
 
+import ast
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import is_dataclass
 from pathlib import Path
 from types import NoneType, UnionType
@@ -15,13 +16,8 @@ from .quantities import read_quantity
 from .table_entries import Location, combine_problems, example_of, list_fields, missing_entry, unknown_entry
 
 _NAMES = {float: "a number", int: "a whole number", bool: "true or false", str: "a text", Path: "a text"}
-_BOUNDS: Mapping[str, tuple[Callable[[float, float], bool], str]] = {
-    "gt": (float.__gt__, "more than"),
-    "ge": (float.__ge__, "at least"),
-    "lt": (float.__lt__, "less than"),
-    "le": (float.__le__, "at most"),
-}
-"""Bounds of a `msgspec.Meta`: the condition, and its words."""
+_BOUNDS = {">": "more than", ">=": "at least", "<": "less than", "<=": "at most"}
+"""Words for the bounds in messages of msgspec, such as "Expected `float` >= 0.0"."""
 
 
 def as_float(value: float) -> float:
@@ -70,10 +66,6 @@ def convert_at(value: Any, type_: Any, at: Location, folder: Path | None = None)
     origin, inner = get_origin(type_), get_args(type_)
     if type_ is Any or value is msgspec.UNSET:
         return value
-    if origin is Literal:
-        if value not in inner or isinstance(value, bool):
-            raise _type_error(at.label, value, " or ".join(map(repr, inner)))
-        return value
     if origin in (Mapping, dict):
         return _convert_mapping(value, inner[1], at, folder)
     if origin is tuple and meta is not None and "unit" in extra:
@@ -88,34 +80,25 @@ def convert_at(value: Any, type_: Any, at: Location, folder: Path | None = None)
         return _convert_record(value, type_, at, folder)
     if isinstance(type_, type) and issubclass(type_, msgspec.Struct):
         return _convert_table(value, type_, at, folder)
-    number = _read_quantity(value, extra["unit"], at.label) if "unit" in extra else value
-    found = _convert_plain(number, type_, at.label, folder)
-    return found if meta is None else _check_bounds(found, meta, at.label, value)
+    return _convert_plain(value, type_, meta, at.label, folder)
 
 
-def flatten_names(
-    table: Mapping[str, Any], is_value: Callable[[Mapping[str, Any]], bool] = lambda _: False
-) -> Iterator[tuple[str, Any]]:
-    """Yield entries by their full name: TOML nests names with dots unless they are quoted.
+def _flatten(table: Mapping[str, Any], is_value: Callable[[Mapping[str, Any]], bool], at: Location) -> Any:
+    """Return entries by their full name: TOML nests names with dots unless they are quoted.
 
-    Args:
-        table: The table.
-        is_value: Whether an inner table is a value itself, not a part of a name.
+    An inner table is part of a name unless it `is_value`.
     """
+    found = dict[str, Any]()
     for key, value in table.items():
-        if isinstance(value, Mapping) and not is_value(value):
-            yield from ((f"{key}.{name}", inner) for name, inner in flatten_names(value, is_value))
-        else:
-            yield key, value
-
-
-def _flatten(table: Mapping[str, Any], is_value: Callable[..., bool], at: Location) -> dict[str, Any]:
-    names = [name for name, _ in flatten_names(table, is_value)]
-    if twice := [name for name in names if names.count(name) > 1]:
-        raise CommandError(
-            f"{at.table} has the entry '{twice[0]}' twice, with and without quotes; remove one."
-        )
-    return dict(flatten_names(table, is_value))
+        nested = isinstance(value, Mapping) and not is_value(value)
+        parts = {f"{key}.{name}": v for name, v in _flatten(value, is_value, at).items()} if nested else {}
+        for name, inner in (parts if nested else {key: value}).items():
+            if name in found:
+                raise CommandError(
+                    f"{at.table} has the entry '{name}' twice, with and without quotes; remove one."
+                )
+            found[name] = inner
+    return found
 
 
 def list_elements(values: Mapping[Any, Any]) -> dict[Any, Any]:
@@ -127,31 +110,20 @@ def list_elements(values: Mapping[Any, Any]) -> dict[Any, Any]:
     Raises:
         CommandError: If lists in a list differ in length.
     """
+    import numpy as np  # loading it takes longer than reading values without lists
+
     found: dict[Any, Any] = {}
     for name, value in values.items():
         many = value.tolist() if getattr(value, "ndim", 0) and value.size != 1 else value
         if not (isinstance(many, (list, tuple)) and many):
             found[name] = value
             continue
-        elements = dict(_elements_of(many))
-        if (
-            not elements
-            or len({len(index) for index in elements}) > 1
-            or len(elements)
-            != math.prod(max(index[k] for index in elements) for k in range(len(next(iter(elements)))))
-        ):
+        array = np.array(many, dtype=object)  # rows of different lengths stay lists
+        if not array.size or any(isinstance(one, (list, tuple)) for one in array.flat):
             raise CommandError(f"the rows of '{name}' are empty or differ in length.", name=name)
-        found |= {f"{name}[{','.join(map(str, index))}]": one for index, one in elements.items()}
+        for index, one in np.ndenumerate(array):
+            found[f"{name}[{','.join(str(i + 1) for i in index)}]"] = one
     return found
-
-
-def _elements_of(many: Sequence[Any], outer: tuple[int, ...] = ()) -> Iterator[tuple[tuple[int, ...], Any]]:
-    """Yield the elements of nested lists with their indices, which begin at 1."""
-    for i, one in enumerate(many, 1):
-        if isinstance(one, (list, tuple)):
-            yield from _elements_of(one, (*outer, i))
-        else:
-            yield (*outer, i), one
 
 
 def parse_list(text: str) -> Any:
@@ -160,20 +132,11 @@ def parse_list(text: str) -> Any:
     Raises:
         ValueError: The text is not a list.
     """
-    stack: list[list[Any]] = [[]]
-    for token in re.findall(r"[\[\],]|[^\[\],]+", text):
-        if token == "[":
-            stack.append([])
-        elif token == "]" and len(stack) > 1:
-            done = stack.pop()
-            stack[-1].append(done)
-        elif token == "]":
-            raise ValueError(text)
-        elif token != "," and token.strip():
-            stack[-1].append(token.strip())
-    if len(stack) != 1 or len(stack[0]) != 1 or not isinstance(stack[0][0], list):
-        raise ValueError(text)
-    return stack[0][0]
+    quoted = re.sub(r"[^\[\],]+", lambda part: repr(part[0].strip()) if part[0].strip() else "", text)
+    try:
+        return ast.literal_eval(quoted)
+    except SyntaxError as error:
+        raise ValueError(text) from error
 
 
 def _choose_by_tag(value: Any, tag: str, types: Mapping[str | None, Any], at: Location) -> Any:
@@ -258,6 +221,33 @@ def _make(type_: Any, values: Mapping[str, Any], at: Location) -> Any:
         raise CommandError(f"{at.table}{':' if is_dataclass(type_) else ''} {error}") from error
 
 
+def _convert_plain(value: Any, type_: Any, meta: msgspec.Meta | None, label: str, folder: Path | None) -> Any:
+    """Convert a value that is neither a table nor a list, and check its bounds."""
+    found = value
+    if hasattr(value, "dtype") and hasattr(value, "item"):
+        found = value.item() if value.size == 1 else value.tolist()  # a NumPy scalar or array
+    if meta is not None and "unit" in (meta.extra or {}):
+        found = _read_quantity(found, meta.extra["unit"], label)  # type: ignore[index]
+    if meta is not None and isinstance(found, (int, float)) and not math.isfinite(as_float(found)):
+        raise _type_error(label, found, "a finite number")
+    wanted = str if type_ is Path else type_
+    try:
+        found = msgspec.convert(
+            str(found) if isinstance(found, Path) and type_ is Path else found,
+            wanted if meta is None else Annotated[wanted, meta],
+        )
+    except (msgspec.ValidationError, OverflowError) as error:
+        right = _NAMES.get(type_, "a number, true, false or a text")
+        if get_origin(type_) is Literal:
+            right = " or ".join(map(repr, get_args(type_)))
+        elif bound := re.match(r"Expected `\w+` ([<>]=?) ([-+.\w]+)", str(error)):
+            right = f"{_BOUNDS[bound[1]]} {float(bound[2]):g}"
+        raise _type_error(label, value, right) from None
+    if type_ is not Path:
+        return found
+    return folder / found if folder is not None else Path(found)
+
+
 def _read_quantity(value: Any, unit: str, label: str) -> Any:
     """Return a number in the unit; a text can have another unit of the same kind."""
     if isinstance(value, str):
@@ -265,36 +255,6 @@ def _read_quantity(value: Any, unit: str, label: str) -> Any:
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise _type_error(label, value, f"a number{f' in {unit}, or a text with a unit' if unit else ''}")
     return as_float(value)
-
-
-def _check_bounds(number: Any, meta: msgspec.Meta, label: str, value: Any) -> Any:
-    """Return a number; raise CommandError if it is not finite or out of bounds."""
-    if not isinstance(number, (int, float)) or isinstance(number, bool):
-        return number
-    if not math.isfinite(as_float(number)):
-        raise _type_error(label, number, "a finite number")
-    for name, (is_met, words) in _BOUNDS.items():
-        bound = getattr(meta, name)
-        if bound is not None and not is_met(as_float(number), as_float(bound)):
-            raise _type_error(label, value, f"{words} {bound:g}")
-    return number
-
-
-def _convert_plain(value: Any, type_: Any, label: str, folder: Path | None) -> Any:
-    """Convert a value that is neither a table nor a list."""
-    if hasattr(value, "dtype") and hasattr(value, "item"):
-        value = value.item() if value.size == 1 else value.tolist()  # a NumPy scalar or array
-    wanted = str if type_ is Path else type_
-    if type_ is Path and isinstance(value, Path):
-        value = str(value)
-    try:
-        found = msgspec.convert(value, wanted)
-    except (msgspec.ValidationError, OverflowError):
-        right = _NAMES.get(type_, "a number, true, false or a text")
-        raise _type_error(label, value, right) from None
-    if type_ is not Path:
-        return found
-    return folder / found if folder is not None else Path(found)
 
 
 def _convert_record(value: Any, type_: Any, at: Location, folder: Path | None) -> Any:

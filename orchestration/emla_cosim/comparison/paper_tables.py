@@ -10,7 +10,7 @@ from .rows import SHOWN, Row, label_variant
 from .statistics import SeedStatistics, group_by_variant, mark_winner
 from .text_table import Cell, TextTable, format_rounded
 
-_FIGURES = tuple(SHOWN[name] for name in Cells._fields)
+_FIGURES = tuple(SHOWN[name] for name in Cells.__struct_fields__)
 _ROUNDED = 0.006
 """Averages that differ by more are different: the paper prints two or three digits."""
 
@@ -71,7 +71,7 @@ def _means(rows: Sequence[Row], places: int) -> Cells | None:
     found = [SeedStatistics(own) for own in of_places.values()]
     if len(found) < places or not all(one.is_held for one in found):
         return None
-    means = [[one.mean(name) for one in found] for name in Cells._fields]
+    means = [[one.mean(name) for one in found] for name in Cells.__struct_fields__]
     return Cells(
         *(math.nan if None in column else math.fsum(x for x in column if x is not None) for column in means)
     )

@@ -1,7 +1,7 @@
 """The plan of an identification: a scenario, unknown parameters with their ranges, and experiments."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,14 +11,11 @@ from ..base.class_structs import check_fields, struct_of, type_in_file
 from ..base.errors import CommandError, check_choice, join_names
 from ..base.option import SWEEP
 from ..base.table_entries import Location
-from ..base.toml_structs import list_given, read_by
+from ..base.toml_structs import describe, list_given
 from ..base.values import convert_value
 from ..inputs.input import Input
 from ..run.scenarios.option_fields import with_options
-from ..run.scenarios.scenario import Scenario
-from ..study.loading import load
-from ..sweeps.plan_files import IN_FILES, NOT_IN_FILES, Source, read_plan
-from ..sweeps.targets import merge_options
+from ..sweeps.plan_files import IN_FILES, NOT_IN_FILES, Source, merge_fields, read_plan
 from .loss import LINEAR, LOSSES
 
 
@@ -68,10 +65,10 @@ class IdentificationPlan:
     experiments: Sequence[Experiment] = ()
     sigma: Mapping[str, Any] = field(default_factory=dict)
     loss: str = LINEAR
-    starts: int = 1
-    evaluations: int = 50
+    starts: Annotated[int, msgspec.Meta(ge=1)] = 1
+    evaluations: Annotated[int, msgspec.Meta(ge=1)] = 50
     profile: Sequence[str] = ()
-    seed: int = 0
+    seed: Annotated[int, msgspec.Meta(ge=0)] = 0
     design: bool = False
     description: str = ""
     options: Mapping[str, Any] = field(default_factory=dict)
@@ -83,22 +80,7 @@ class IdentificationPlan:
         Raises:
             CommandError: A value has a wrong type.
         """
-        found = {name: value for name, value in given.items() if value is not None}
-        for name in ("vary", "sigma", "options"):
-            if name in found:
-                found[name] = merge_options([getattr(self, name), found[name]])
-        if "experiments" in found:
-            found["experiments"] = [*self.experiments, *found["experiments"]]
-        changed = replace(self, **found)
-        changed.check()
-        return changed
-
-    def load_scenario(self, options: Mapping[str, Any]) -> Scenario:
-        """Return the scenario with the options of the plan and these."""
-        given = merge_options([self.options, options])
-        if isinstance(self.scenario, Scenario):
-            return self.scenario.with_options(given)
-        return load(self.scenario, **given)
+        return merge_fields(self, given, "sigma", "experiments")
 
     def check(self) -> None:
         """Raise CommandError for mistakes that can be found without the scenario."""
@@ -148,7 +130,7 @@ _EXPERIMENT = struct_of(
         "name": str | None,
         "measured": Annotated[
             _DATA | list[_DATA],  # type: ignore[valid-type]
-            read_by(_read_measured, "what was measured, as for --measured, one or several"),
+            describe("what was measured, as for --measured, one or several", read=_read_measured),
         ],
     },
     ["options"],
@@ -158,17 +140,8 @@ _EXPERIMENT = struct_of(
 def identification_struct() -> type[msgspec.Struct]:
     """Return the struct of a plan's file; experiments can have options of their own."""
     experiment = with_options(_EXPERIMENT, "Experiment", SWEEP)
-    return struct_of(
-        IdentificationPlan,
-        {
-            **IN_FILES,
-            "experiments": list[experiment],  # type: ignore[valid-type]
-            "starts": Annotated[int, msgspec.Meta(ge=1)],
-            "evaluations": Annotated[int, msgspec.Meta(ge=1)],
-            "seed": Annotated[int, msgspec.Meta(ge=0)],
-        },
-        NOT_IN_FILES,
-    )
+    tables = {**IN_FILES, "experiments": list[experiment]}  # type: ignore[valid-type]
+    return struct_of(IdentificationPlan, tables, NOT_IN_FILES)
 
 
 def load_identification_plan(source: Source | IdentificationPlan) -> IdentificationPlan:

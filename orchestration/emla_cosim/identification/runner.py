@@ -25,7 +25,7 @@ from ..run.option_types import SweepOptions
 from ..sandbox.interruption import catch_interrupts
 from ..sweeps.executor import ClusterExecutor, Scheduler, open_executor
 from ..sweeps.folder import hash_plain_data
-from ..sweeps.plan_files import Source
+from ..sweeps.plan_files import Source, load_planned
 from ..sweeps.runner import check_cluster
 from ..sweeps.scenario_text import scenario_content
 from ..sweeps.targets import merge_options
@@ -197,7 +197,7 @@ def _prepare(plan: IdentificationPlan, reporter: Progress) -> _Task:
     drivers = list[dict[str, tuple[Vector, Vector]]]()
     for one in plan.experiments:
         label = f"the experiment '{one.name}'"
-        scenario = plan.load_scenario(one.options)
+        scenario = load_planned(plan, one.options)
         for note in scenario.notes:
             reporter.note(f"Note: {note}.")
         preparation = Preparation.of(scenario, reporter)

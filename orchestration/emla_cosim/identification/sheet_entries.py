@@ -8,6 +8,7 @@ from typing import Any
 from ..run.preparation import apply_parameter_files
 from ..run.registered import following_values
 from ..run.scenarios.scenario import Scenario
+from ..sweeps.plan_files import load_planned
 from ..sweeps.targets import SHEET, merge_options
 from ..sweeps.worker_payload import Preparation
 from ..system.model import Value
@@ -45,7 +46,7 @@ class SheetEntries:
         before = self._before[experiment]
         plan = replace(self.plan, options=_without_data(self.plan.options))
         own = _without_data(plan.experiments[experiment].options)
-        changed = plan.load_scenario(merge_options([own, {SHEET: entries}]))
+        changed = load_planned(plan, merge_options([own, {SHEET: entries}]))
         after = _all_start_values(changed, self.preparations[experiment])
         return {name: value for name, value in after.items() if before.get(name) != value}
 

@@ -27,9 +27,8 @@ from ..run.option_types import RunOptions
 from ..run.options import list_options
 from ..run.preparation import prepare_system
 from ..run.remarks import describe_disabled_event_mode
-from ..run.scenarios.loading import is_fmu
+from ..run.scenarios.loading import is_fmu, make_component_name
 from ..run.scenarios.scenario import Scenario
-from ..run.scenarios.single_fmu import make_component_name
 from ..study.loading import load
 from ..system.model import Component, System
 from ..system.resolution import resolve_system

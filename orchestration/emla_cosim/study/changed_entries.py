@@ -1,6 +1,7 @@
 """Actuators with other entries than their data sheets have."""
 
 from collections.abc import Mapping
+from pathlib import Path
 
 from ..base.errors import CommandError, join_names
 from ..system.model import Value
@@ -11,19 +12,19 @@ from .joints.joint_files import list_joint_names, load_joint
 
 
 def change_entries(
-    system: str, actuators: Mapping[str, Actuator], entries: Mapping[str, Value]
+    system: str, actuators: Mapping[str, Path | Actuator], entries: Mapping[str, Value]
 ) -> dict[str, Actuator]:
-    """Return the actuators with other entries.
+    """Read the actuators of joints, and return them with other entries.
 
     Args:
         system: Name of the system; its own joint may have no other actuator.
-        actuators: Actuators by joint.
+        actuators: Actuators, or their files, by joint.
         entries: Values by JOINT.TABLE.ENTRY, as data sheets print them.
 
     Raises:
         CommandError: A name is wrong, a joint has no data sheet, or the changed data sheet has errors.
     """
-    found = dict(actuators)
+    found = {name: Actuator.read(one) if isinstance(one, Path) else one for name, one in actuators.items()}
     changes: dict[str, dict[str, dict[str, Value]]] = {}
     for place, value in entries.items():
         joint, table, key = _split(place)

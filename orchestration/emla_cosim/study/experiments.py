@@ -1,9 +1,10 @@
 """The experiments with the prototype EMLA (Section V): plant at 10 kHz, control at 1 kHz."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
 from typing import Any
+
+import msgspec
 
 from ..system.model import System
 from .actuator.joint_actuators import NONE, Actuators, check_joints
@@ -21,7 +22,7 @@ def _experiment(scenario: str, controller: Choice, gains: Choice, actuators: Act
     own = load_joint(name)
     task = own.experiment(scenario)
     measured = _measured((actuators.get(name) or own.actuator).emla.i_range, own.sample_time)
-    own = replace(own, load=task.load, plant={**own.plant, **measured})
+    own = msgspec.structs.replace(own, load=task.load, plant={**own.plant, **measured})
     return study_joint(
         own,
         controller,

@@ -7,13 +7,12 @@ from importlib.resources import files
 from ..inputs.schedules import SCHEDULES
 from ..recorders.metrics import METRICS, TRACKED
 from ..run.registered import FOLLOWERS, SEEDS
-from ..run.scenarios.built_in import CHANGES, FOLLOWING, PLANS, READERS, REMARKS, SCENARIOS, SYSTEMS, TUNINGS
+from ..run.scenarios.built_in import CHANGES, FOLLOWING, PLANS, REMARKS, SCENARIOS, SYSTEMS, TUNINGS
 from ..run.scenarios.scenario_file import KINDS, Kind
 from ..views.animation import ANIMATIONS
 from ..views.plots.by_unit import BY_UNIT
 from ..views.plots.pictures import FIGURES
 from . import experiments, machine_systems, systems
-from .actuator.actuator import Actuator
 from .actuator.model_parameters import follow_plant_changes
 from .actuator.remarks import remarks
 from .changed_entries import change_entries
@@ -44,7 +43,6 @@ def register() -> None:
     own = systems.SYSTEMS | experiments.SYSTEMS | machine_systems.SYSTEMS
     SYSTEMS.update(own)
     FOLLOWING.update(machine_systems.SYSTEMS)
-    READERS["actuator"] = Actuator.read
     CHANGES["actuator"] = change_entries
     if remarks not in REMARKS:
         REMARKS.append(remarks)

@@ -79,7 +79,7 @@ def study_joint(
     plant |= seeds
     if as_printed:
         plant["use_commanded_current"] = True
-    elif drive or own.is_realistic:
+    elif drive or own.drive.always:
         plant |= realistic_plant_values(other or own.realistic)
         plant |= {} if own.seed is None else {"seed_i": current_seed(own.seed)}
     else:

@@ -11,14 +11,13 @@ import psutil
 
 from ..base.errors import CommandError
 from ..base.progress import Progress
-from ..run.scenarios.scenario import Scenario
-from ..study.loading import load
 from ..system.model import Value
 from .data import VARIANT
 from .executor import WorkPackage
 from .factors import Factor, resolve_factors
 from .folder import hash_plain_data
 from .plan import Plan
+from .plan_files import load_planned
 from .sampling import count_variants, sample
 from .targets import changed_in_run, merge_options, needs_preparation
 from .variants import Variant
@@ -120,7 +119,7 @@ def design_variants(plan: Plan, progress: Progress) -> Design:
         RunError: An FMU cannot be built.
     """
     plan.check()
-    first = Preparation.of(_scenario(plan, {}), progress)
+    first = Preparation.of(load_planned(plan), progress)
     found = resolve_factors(plan.vary, first.system, first.interfaces, plan.where)
     method = plan.sampling or ("grid" if plan.runs is None else "random")
     distributions = [f.distribution for f in found]
@@ -147,7 +146,7 @@ def _group(
     progress: Progress,
 ) -> VariantGroup:
     """Prepare the system with these options. Its factors must be the same as without them (`usual`)."""
-    preparation = made or Preparation.of(_scenario(plan, options), progress)
+    preparation = made or Preparation.of(load_planned(plan, options), progress)
     found = resolve_factors(plan.vary, preparation.system, preparation.interfaces, plan.where)
     if [f.name for f in found] != [f.name for f in usual]:
         raise CommandError(
@@ -159,14 +158,6 @@ def _group(
             f"{plan.where} multiplies different values with {_format_options(options)} than without."
         )
     return VariantGroup(preparation, found)
-
-
-def _scenario(plan: Plan, options: Mapping[str, Any]) -> Scenario:
-    """Load the scenario of a plan. These options override those of the plan."""
-    given = merge_options([plan.options, options])
-    if isinstance(plan.scenario, Scenario):
-        return plan.scenario.with_options(given)
-    return load(plan.scenario, **given)
 
 
 def _count(plan: Plan, method: str, found: Sequence[Factor]) -> int:

@@ -11,9 +11,8 @@ from ..base.class_structs import check_fields, struct_of
 from ..base.errors import CommandError
 from ..run.scenarios.built_in import PLANS
 from .measures import Metric
-from .plan_files import IN_FILES, NOT_IN_FILES, Source, check_options, read_plan
+from .plan_files import IN_FILES, NOT_IN_FILES, Source, check_options, merge_fields, read_plan
 from .sampling import SAMPLINGS
-from .targets import merge_options
 
 
 @dataclass(frozen=True)
@@ -46,7 +45,7 @@ class Plan:
     description: str = ""
     sampling: str | None = None
     runs: int | None = None
-    seed: int = 0
+    seed: Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)] = 0
     metrics: Sequence[Metric] | Mapping[str, Metric] = ()
     signals: Sequence[str] = ()
     options: Mapping[str, Any] = field(default_factory=dict)
@@ -63,19 +62,9 @@ class Plan:
         Raises:
             CommandError: a value has a wrong type.
         """
-        found = {name: value for name, value in given.items() if value is not None}
-        if (method := SAMPLINGS.get(str(found.get("sampling")))) is not None and not method.takes_runs:
-            found = {"runs": None, **found}
-        for name in ("vary", "options"):
-            if name in found and not isinstance(found[name], Mapping):
-                raise CommandError(f"'{name}' of {self.where} is {found[name]!r}; it must be a table.")
-        if "vary" in found:
-            found["vary"] = {**self.vary, **found["vary"]}
-        if "options" in found:
-            found["options"] = merge_options([self.options, found["options"]])
-        changed = replace(self, **found)
-        changed.check()
-        return changed
+        method = SAMPLINGS.get(str(given.get("sampling")))
+        drops_runs = method is not None and not method.takes_runs
+        return merge_fields(replace(self, runs=None) if drops_runs else self, given)
 
     def check(self) -> None:
         """Raise CommandError for mistakes that can be found without the scenario."""
@@ -88,8 +77,7 @@ class Plan:
             )
 
 
-_SEED = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
-SWEEP_PLAN = struct_of(Plan, {**IN_FILES, "seed": _SEED}, NOT_IN_FILES)
+SWEEP_PLAN = struct_of(Plan, IN_FILES, NOT_IN_FILES)
 """The struct of a plan's file, without options."""
 
 

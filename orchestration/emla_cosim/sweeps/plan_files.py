@@ -1,7 +1,9 @@
 """What all plans of many runs have in common: their sources, entries of their files, and options."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, Any
 
 import msgspec
@@ -14,7 +16,9 @@ from ..base.values import convert_value
 from ..run.options import list_options
 from ..run.scenarios.option_fields import with_options
 from ..run.scenarios.scenario import Scenario
+from ..study.loading import load
 from ..system.model import System
+from .targets import merge_options
 
 Source = str | Path | System | Scenario
 """A scenario, its name or its file."""
@@ -85,6 +89,40 @@ def _read_table(
     if folder is not None and (folder / values["scenario"]).exists():
         values["scenario"] = str(folder / values["scenario"])
     return {**values, "options": options, "where": label}
+
+
+def merge_fields(plan: Any, given: Mapping[str, Any], *added: str) -> Any:
+    """Return a plan with other values of its fields, checked.
+
+    Args:
+        plan: The plan.
+        given: Values of fields by name. None changes nothing.
+        *added: Fields whose values are added to those of the plan: tables and lists.
+
+    Raises:
+        CommandError: A value has a wrong type, or the plan has a mistake.
+    """
+    found = {name: value for name, value in given.items() if value is not None}
+    for name in (*added, "vary", "options"):
+        if name in found:
+            before, label = getattr(plan, name), f"'{name}' of {plan.where}"
+            if name == "options":
+                found[name] = merge_options([before, convert_value(found[name], Mapping[str, Any], label)])
+            elif isinstance(before, Mapping):
+                found[name] = {**before, **convert_value(found[name], Mapping[str, Any], label)}
+            else:
+                found[name] = [*before, *convert_value(found[name], Sequence[Any], label)]
+    changed = replace(plan, **found)
+    changed.check()
+    return changed
+
+
+def load_planned(plan: Any, options: Mapping[str, Any] = MappingProxyType({})) -> Scenario:
+    """Return the scenario of a plan, with its options and these; raise CommandError if it does not load."""
+    merged = merge_options([plan.options, options])
+    if isinstance(plan.scenario, Scenario):
+        return plan.scenario.with_options(merged)
+    return load(plan.scenario, **merged)
 
 
 def check_options(options: Mapping[str, Any], where: str) -> None:

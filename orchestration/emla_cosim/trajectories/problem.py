@@ -15,7 +15,7 @@ from hdrm_fmu.spline import TrajectoryError
 from ..base.errors import CommandError, suggest_names
 from ..base.files import read_text
 from ..base.table_entries import Location
-from ..base.toml_structs import describe, extend_struct, list_given, read_by, read_toml
+from ..base.toml_structs import describe, extend_struct, list_given, read_toml
 from ..base.values import convert_at, convert_value
 
 _MACHINE = "machine"
@@ -117,23 +117,21 @@ def _read_machine(value: Any, at: Location, folder: Path | None) -> HdrmParamete
     return convert_at(value, HdrmParameters, at, folder)
 
 
-def _field(name: str, hint: Any) -> tuple[str, Any, Any]:
+def _type_in_file(name: str, hint: Any) -> Any:
     if name == "via":
-        return (
-            name,
-            Annotated[Sequence[Via], describe("positions that the tip passes, in order")],
-            msgspec.UNSET,
-        )
+        return Annotated[Sequence[Via], describe("positions that the tip passes, in order")]
     if name == _MACHINE:
-        return name, Annotated[HdrmParameters, read_by(_read_machine, "the manipulator")], msgspec.UNSET
-    type_ = hint | Literal["off"] if name in _CAN_BE_OFF else hint
-    return name, Annotated[type_, read_by(_read_plain)], msgspec.UNSET
+        return Annotated[HdrmParameters, describe("the manipulator", read=_read_machine)]
+    return Annotated[hint | Literal["off"] if name in _CAN_BE_OFF else hint, describe(read=_read_plain)]
 
 
 PROBLEM = extend_struct(
     msgspec.Struct,
     "Problem",
-    [_field(name, hint) for name, hint in get_type_hints(MotionProblem).items()],
+    [
+        (name, _type_in_file(name, hint), msgspec.UNSET)
+        for name, hint in get_type_hints(MotionProblem).items()
+    ],
     "Conditions on the motion of the manipulator, by joint: lift, tilt, telescope.",
 )
 """The struct of a file with a problem; entries that it lacks are those of the paper."""

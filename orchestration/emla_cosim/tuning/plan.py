@@ -1,7 +1,7 @@
 """The plan of a tuning: a scenario, gains with their ranges, objective, conditions and cases."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 from typing import Annotated, Any
 
 import msgspec
@@ -9,13 +9,9 @@ import msgspec
 from ..base.class_structs import check_fields, struct_of
 from ..base.errors import CommandError
 from ..base.toml_structs import list_given, quantity
-from ..base.values import convert_value
 from ..run.scenarios.built_in import TUNINGS
-from ..run.scenarios.scenario import Scenario
-from ..study.loading import load
 from ..sweeps.measures import Metric
-from ..sweeps.plan_files import IN_FILES, NOT_IN_FILES, Source, check_options, read_plan
-from ..sweeps.targets import merge_options
+from ..sweeps.plan_files import IN_FILES, NOT_IN_FILES, Source, check_options, merge_fields, read_plan
 
 DEFAULTS = "usual"
 """The name of the only case in a plan without cases: the scenario unchanged."""
@@ -38,11 +34,11 @@ class Case:
     """
 
     name: str
-    weight: float = 1.0
+    weight: Annotated[float, msgspec.Meta(ge=0.0)] = 1.0
     set: Mapping[str, Any] = field(default_factory=dict)
     require: Sequence[str] | None = None
     margins: Sequence[str] = ()
-    at: float | None = None
+    at: Annotated[float, quantity("s")] | None = None
 
 
 @dataclass(frozen=True)
@@ -87,12 +83,12 @@ class TuningPlan:
     metrics: Sequence[Metric] = ()
     cases: Sequence[Case] = (Case(DEFAULTS),)
     seeds: Sequence[str] = ("*.seed",)
-    training: int = 2
-    validation: int = 4
-    evaluations: int = 200
-    seed: int = 0
-    tolerance: float | None = None
-    margin: float = 0.0
+    training: Annotated[int, msgspec.Meta(ge=1)] = 2
+    validation: Annotated[int, msgspec.Meta(ge=0)] = 4
+    evaluations: Annotated[int, msgspec.Meta(ge=1)] = 200
+    seed: Annotated[int, msgspec.Meta(ge=0)] = 0
+    tolerance: Annotated[float, msgspec.Meta(ge=0.0)] | None = None
+    margin: Annotated[float, msgspec.Meta(ge=0.0)] = 0.0
     description: str = ""
     options: Mapping[str, Any] = field(default_factory=dict)
     where: str = "the tuning"
@@ -106,23 +102,7 @@ class TuningPlan:
         Raises:
             CommandError: a value has a wrong type.
         """
-        found = {name: value for name, value in given.items() if value is not None}
-        for name in ("vary", "derive", "options"):
-            if name in found:
-                more = convert_value(found[name], Mapping[str, Any], f"'{name}' of {self.where}")
-                found[name] = merge_options([getattr(self, name), more])
-        if "require" in found:
-            more = convert_value(found["require"], Sequence[str], f"'require' of {self.where}")
-            found["require"] = [*self.require, *more]
-        changed = replace(self, **found)
-        changed.check()
-        return changed
-
-    def load_scenario(self) -> Scenario:
-        """Return the scenario with the options of the plan; raise CommandError if it does not load."""
-        if isinstance(self.scenario, Scenario):
-            return self.scenario.with_options(self.options)
-        return load(self.scenario, **self.options)
+        return merge_fields(self, given, "derive", "require")
 
     def check(self) -> None:
         """Raise CommandError for mistakes that can be found without the scenario."""
@@ -155,33 +135,8 @@ class TuningPlan:
             raise CommandError(f"no case of {self.where} has a weight; set one to a weight above 0.")
 
 
-def _at_least(number: int) -> Any:
-    return Annotated[int, msgspec.Meta(ge=number)]
-
-
-_CASE = struct_of(
-    Case,
-    {
-        "name": str | None,
-        "weight": Annotated[float, msgspec.Meta(ge=0.0)],
-        "at": Annotated[float, quantity("s")],
-    },
-)
-_FRACTION = Annotated[float, msgspec.Meta(ge=0.0)]
-TUNING_PLAN = struct_of(
-    TuningPlan,
-    {
-        **IN_FILES,
-        "cases": list[_CASE],  # type: ignore[valid-type]
-        "training": _at_least(1),
-        "validation": _at_least(0),
-        "evaluations": _at_least(1),
-        "seed": _at_least(0),
-        "tolerance": _FRACTION | None,
-        "margin": _FRACTION,
-    },
-    NOT_IN_FILES,
-)
+_TABLES = {**IN_FILES, "cases": list[struct_of(Case, {"name": str | None})]}  # type: ignore[misc]
+TUNING_PLAN = struct_of(TuningPlan, _TABLES, NOT_IN_FILES)
 """The struct of a plan's file, without options."""
 
 

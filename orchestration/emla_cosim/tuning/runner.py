@@ -21,7 +21,7 @@ from ..sandbox.interruption import catch_interrupts
 from ..sweeps.executor import Scheduler, open_executor
 from ..sweeps.folder import hash_plain_data
 from ..sweeps.measures import Metric
-from ..sweeps.plan_files import Source
+from ..sweeps.plan_files import Source, load_planned
 from ..sweeps.runner import check_cluster
 from ..sweeps.scenario_text import scenario_content
 from ..sweeps.seeds import draw_seeds
@@ -127,7 +127,7 @@ def tune(
         folder.check_files(folder.pictures)
     reporter = progress or Progress()
     with nullcontext() if folder is None else folder.alone():
-        scenario = plan.load_scenario()
+        scenario = load_planned(plan)
         check_no_condition(scenario.options.stop_when, "tune")
         for note in scenario.notes:
             reporter.note(f"Note: {note}.")

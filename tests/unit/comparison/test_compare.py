@@ -252,7 +252,7 @@ def test_averages_of_the_paper_are_ratios_of_means(table: Any, count: int) -> No
     assert len(table.cells) == count
     for controller, printed in table.averages.items():
         found = table.recomputed(controller)
-        for name, ours, theirs in zip(found._fields, found, printed, strict=True):
+        for name, ours, theirs in zip(found.__struct_fields__, found, printed, strict=True):
             wrong = table is TABLE_VI and name == "velocity_error_m_s" and controller != "rsba"
             assert math.isclose(ours, theirs, abs_tol=0.006) != wrong, (controller, name)
 

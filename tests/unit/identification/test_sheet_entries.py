@@ -10,6 +10,7 @@ import emla_cosim as ec
 from emla_cosim.base.errors import CommandError
 from emla_cosim.identification.plan import IdentificationPlan
 from emla_cosim.identification.sheet_entries import SheetEntries
+from emla_cosim.sweeps.plan_files import load_planned
 from emla_cosim.sweeps.worker_payload import Preparation
 
 pytestmark = pytest.mark.usefixtures("on_one_cluster")
@@ -34,7 +35,7 @@ def test_entry_changes_the_same_start_values_as_loading(fmu_folder: Path) -> Non
     ]
     experiments = [ec.Experiment(str(i), options=options) for i, options in enumerate(own)]
     plan = IdentificationPlan("p", "prototype", {"x": "0:1"}, experiments, options=common)
-    entries = SheetEntries(plan, [Preparation.of(plan.load_scenario(options)) for options in own])
+    entries = SheetEntries(plan, [Preparation.of(load_planned(plan, options)) for options in own])
     for value in ("9 mm", "0.018 m"):
         for i, options in enumerate(own):
             found = entries.start_values(i, {ENTRY: value})

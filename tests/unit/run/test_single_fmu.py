@@ -10,7 +10,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from emla_cosim.base.errors import CommandError
-from emla_cosim.run.scenarios.single_fmu import make_component_name
+from emla_cosim.run.scenarios.loading import make_component_name
 from emla_cosim.study.loading import load
 from emla_cosim.system.fault import Fault
 from emla_cosim.system.model import System

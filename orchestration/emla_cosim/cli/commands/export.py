@@ -6,7 +6,7 @@ from typing import Any
 
 from ...base.files import check_output_files
 from ...base.option import EXPORT, argument
-from ...run.scenarios.exported_files import FMU, SSP, C, find_kind, refuse_unsuited
+from ...run.scenarios.scenario import FMU, SSP, C, find_kind, refuse_unsuited
 from ...study.loading import load
 from ...views.progress_bars import BarProgress
 from ...views.terminal import show_file

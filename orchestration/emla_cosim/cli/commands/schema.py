@@ -13,7 +13,7 @@ from ...base.option import argument
 from ...base.schemas import make_schema
 from ...identification.plan import identification_struct
 from ...run.scenarios.scenario_file import scenario_struct
-from ...study.actuator.sheet_struct import ACTUATOR
+from ...study.actuator.sheet_values import ACTUATOR
 from ...study.joints.joint_table import joint_struct
 from ...study.registration import register
 from ...sweeps.plan import SWEEP_PLAN

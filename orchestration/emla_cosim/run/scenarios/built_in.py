@@ -16,12 +16,9 @@ SYSTEMS: dict[str, Callable[..., System]] = {}
 FOLLOWING: set[str] = set()
 """Systems that can also be made from a trajectory file, with the argument `trajectory`."""
 
-READERS: dict[str, Callable[[Path], FileOrObject]] = {}
-"""Functions that read the files which an option names for joints, by option, such as `actuator`."""
-
-CHANGES: dict[str, Callable[[str, Mapping[str, Any], Mapping[str, Value]], Mapping[str, Any]]] = {}
-"""Functions that change entries of what `READERS` read, by option. They take the name of the system, the
-objects by joint, and values by JOINT.TABLE.ENTRY. They raise CommandError.
+CHANGES: dict[str, Callable[[str, Mapping[str, Any], Mapping[str, Value]], Mapping[str, FileOrObject]]] = {}
+"""Functions that make objects for the joints of a system, by option, such as `actuator`. They take the name
+of the system, files or objects by joint, and other values by JOINT.TABLE.ENTRY. They raise CommandError.
 """
 
 REMARKS: list[Callable[[System, Options], Sequence[str]]] = []

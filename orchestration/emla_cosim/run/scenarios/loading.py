@@ -1,6 +1,9 @@
 """Load scenarios: built-in ones by name, scenario files, SSPs, FMUs, and systems made in Python."""
 
 import contextlib
+import math
+import os
+import re
 import weakref
 from collections.abc import Mapping
 from dataclasses import replace
@@ -10,23 +13,24 @@ from typing import TYPE_CHECKING, Any
 from ...base.errors import CommandError, join_names
 from ...base.faults import accept_faults
 from ...base.files import read_text
-from ...base.option import FileOrObject
-from ...fmu.interface import read_interface
-from ...system.model import System
+from ...fmu.interface import Interface, read_interface
+from ...system.model import Component, System
 from ..options import Options, list_options, read_options
 from ..origin import RunOrigin, read_origin, with_gains
-from .built_in import CHANGES, FOLLOWING, READERS, REMARKS, SCENARIOS, SYSTEMS, find_built_in
+from .built_in import CHANGES, FOLLOWING, REMARKS, SCENARIOS, SYSTEMS, find_built_in
 from .default_times import Times, choose_times, read_times
 from .recorded import load_recorded_run
 from .scenario import Scenario
 from .scenario_file import ScenarioFile, parse_scenario
-from .single_fmu import make_single_fmu
 
 if TYPE_CHECKING:
     from ...ssp.reader.flat_document import SspDocument
 
 _SSP = (".ssp", ".ssd")
 _FMU = ".fmu"
+
+_LONGEST = 60
+"""Most letters of a component's name."""
 
 
 def load_scenario(source: "str | Path | System", given: Mapping[str, Any]) -> Scenario:
@@ -97,13 +101,10 @@ def _load_scenario_file(
                 f"{join_names(sorted(FOLLOWING))}."
             )
         made_of["trajectory"] = options.trajectory
-    if options.actuator:
-        options = replace(options, actuator=_read("actuator", options.actuator))
-        made_of["actuators"] = options.actuator
-    if options.sheet:
-        changed = CHANGES["actuator"](described.system, options.actuator, options.sheet)
-        options = replace(options, actuator=changed)
-        made_of["actuators"] = options.actuator
+    if options.actuator or options.sheet:
+        actuators = CHANGES["actuator"](described.system, options.actuator, options.sheet)
+        options = replace(options, actuator=actuators)
+        made_of["actuators"] = actuators
     make = described.make or SYSTEMS[described.system]
     with accept_faults(options.lenient):  # preparing lists them
         system = make(options.controller, options.gains, **made_of)
@@ -136,12 +137,6 @@ def _remarks(system: System, options: Options) -> list[str]:
     return [note for remark in REMARKS for note in remark(system, options)]
 
 
-def _read(option: str, given: Mapping[str, Path | FileOrObject]) -> dict[str, FileOrObject]:
-    """Read the files that an option names; keep objects."""
-    reader = READERS[option]
-    return {name: one if isinstance(one, FileOrObject) else reader(one) for name, one in given.items()}
-
-
 def _refuse_of_built_in(read: ScenarioFile, given: Mapping[str, Any]) -> None:
     """Raise CommandError if an option for built-in systems is set for another system."""
     for name, option in list_options().items():
@@ -159,15 +154,43 @@ def _load_fmu(
     values = read_options(given)
     options = Options().merged(read.options).merged(values)
     with accept_faults(options.lenient):  # preparing lists them
-        alone = make_single_fmu(path, options)
+        interface = read_interface(path)
+        name_of_model = make_component_name(str(interface.description.modelName))
+        times, notes = _fmu_times(interface, options)
     return Scenario(
-        name or alone.name,
-        read.description or alone.description,
-        alone.system,
-        options.updated(alone.times),
-        alone.notes,
+        name or name_of_model,
+        read.description or " ".join(str(interface.description.description or "").split()),
+        System((Component(name_of_model, fmu=path),), ()),
+        options.updated(times),
+        tuple(notes),
         origin=origin.updated(values),
     )
+
+
+def make_component_name(model: str) -> str:
+    """Return the component name for a model: the last part of its name, with _ for other signs than letters.
+
+    `Modelica.Blocks.PID 2` is `PID_2`.
+    """
+    name = re.sub(r"\W+", "_", model.rpartition(".")[2])[:_LONGEST].strip("_")
+    return name if name and not name[0].isdigit() else f"model_{name}".strip("_")
+
+
+def _fmu_times(interface: Interface, options: Options) -> tuple[dict[str, float], list[str]]:
+    """Return start, stop and step of the default experiment, and remarks on missing ones."""
+    said = read_times(interface)
+    times, notes = choose_times(said, options, "FMU")
+    start, stop, step = times.start or 0.0, times.stop or 0.0, times.step or 0.0
+    chosen = (options.start_time, options.stop_time, options.step_size)
+    if chosen == (None, None, None) and step == said.step and not _whole(stop - start, step):
+        fitting = (stop - start) / math.ceil((stop - start) / step)
+        notes.append(f"its steps of {step:g} s do not end at {stop:g} s; the run uses steps of {fitting:g} s")
+        step = fitting
+    return {"start_time": start, "stop_time": stop, "step_size": step}, notes
+
+
+def _whole(span: float, step: float) -> bool:
+    return abs(round(span / step) * step - span) <= 1e-9 * span
 
 
 def _load_ssp(
@@ -238,14 +261,8 @@ def _without_variant(path: Path) -> Path:
 
 
 def _is_folder(path: Path) -> bool:
-    try:
-        return path.is_dir()
-    except (OSError, ValueError):  # the name is too long or invalid
-        return False
+    return os.path.isdir(path)  # noqa: PTH112 - False also for a name that is too long or invalid
 
 
 def _is_file(path: Path) -> bool:
-    try:
-        return path.is_file()
-    except (OSError, ValueError):
-        return False
+    return os.path.isfile(path)  # noqa: PTH113

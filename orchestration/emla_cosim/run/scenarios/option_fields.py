@@ -10,7 +10,7 @@ import msgspec
 from ...base.class_structs import type_in_file
 from ...base.option import Option
 from ...base.table_entries import Location
-from ...base.toml_structs import Struct, extend_struct, quantity
+from ...base.toml_structs import Struct, describe, extend_struct, quantity
 from ..options import list_options, read_option
 
 
@@ -34,14 +34,12 @@ def _field_type(option: Option) -> Any:
     def read(value: Any, at: Location, folder: Path | None) -> Any:
         return read_option(option.name, value, at.label, folder)
 
-    extra: dict[str, Any] = {"read": read}
-    schema: dict[str, Any] = {}
+    settings: dict[str, Any] = {}
     if get_origin(option.type) is Mapping:
         has_tables = dataclasses.is_dataclass(get_args(option.type)[1])
-        extra["is_value"] = lambda _: has_tables
-        schema = {} if has_tables else {"x-dotted": True}
-    meta = msgspec.Meta(description=option.help, extra=extra, extra_json_schema=schema)
-    return Annotated[_option_type(option), meta]
+        settings["extra"] = {"is_value": lambda _: has_tables}
+        settings["extra_json_schema"] = {} if has_tables else {"x-dotted": True}
+    return Annotated[_option_type(option), describe(option.help, read=read, **settings)]
 
 
 def _option_type(option: Option) -> Any:

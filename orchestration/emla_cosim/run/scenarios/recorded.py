@@ -1,7 +1,7 @@
 """Load recorded runs from run.json: their scenario with their options."""
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, get_origin
@@ -71,21 +71,11 @@ def _check(changed: Mapping[str, Any], where: str) -> None:
             continue  # reading it gives a better message
         if not known[name].recorded:
             raise CommandError(f"{where} has the option '{name}', which no record has.")
-        for one in _entries(value, known[name].plain_type):
-            if _is_table(one) and set(one) == {PYTHON}:
+        is_mapping = isinstance(value, dict) and get_origin(known[name].plain_type) is Mapping
+        for one in value.values() if is_mapping else value if isinstance(value, list) else [value]:
+            if isinstance(one, dict) and set(one) == {PYTHON}:
                 raise CommandError(
                     f"{where} has the {known[name].noun} {one[PYTHON]}, an object of Python that no "
                     f"record can contain. Set {known[name].flag} too, or repeat the run in Python.",
                     option=name,
                 )
-
-
-def _entries(value: Any, of: Any) -> Iterable[Any]:
-    """Return the entries of a table or a list, or the value itself."""
-    if _is_table(value) and get_origin(of) is Mapping:
-        return value.values()
-    return value if isinstance(value, list) else [value]
-
-
-def _is_table(value: Any) -> bool:
-    return isinstance(value, dict)

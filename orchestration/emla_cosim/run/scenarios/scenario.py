@@ -20,7 +20,23 @@ from ..preparation import limit_to_data_end, prepare_system
 from ..remarks import describe_disabled_event_mode, describe_lost_values
 from ..run_setup import run_times
 from ..simulation import Simulation
-from .exported_files import FMU, SSP, C, find_kind, list_asked_for, refuse_unsuited
+
+SSP, FMU, C = ".ssp", ".fmu", ".c"
+"""Ends of names; a file with another end is an SSP."""
+
+NAMES = {SSP: "an SSP", FMU: "an FMU", C: "a C file"}
+"""What messages call them."""
+
+_STEPPED = ("algorithm", "extrapolation", "step_multiples", "order", "coupling_tolerance")
+_ASKED_FOR = ("no_event_mode", "fmi", "inputs", "outputs", "components", "precision", "platform")
+"""Options whose value was asked for if it is not the default, also in a scenario file: all of exports only,
+and one that would silently change results."""
+
+_NOT_IN = {
+    SSP: (*_STEPPED, "no_event_mode", "fmi", "inputs", "outputs", "components", "precision"),
+    FMU: ("components", "precision"),
+    C: ("no_event_mode", "fmi", "inputs", "platform"),
+}
 
 
 @dataclass(frozen=True)
@@ -154,7 +170,7 @@ class Scenario:
         """
         chosen = limit_to_data_end(self.with_options(options).options)
         kind = find_kind(Path(file))
-        refuse_unsuited(kind, list_asked_for(chosen))
+        refuse_unsuited(kind, _list_asked_for(chosen))
         if kind == FMU:
             from ...container.writer import check_container
 
@@ -252,3 +268,26 @@ def _tracked(names: Collection[str], roles: Mapping[str, str]) -> list[str]:
     """Return the signals that are compared with a reference, and the references."""
     found = [pair for find in TRACKED.values() for pair in find(names, roles).values()]
     return [signal for pair in found for signal in pair]
+
+
+def find_kind(file: Path) -> str:
+    """Return the kind of a file by its name."""
+    end = file.suffix.lower()
+    return end if end in NAMES else SSP
+
+
+def refuse_unsuited(kind: str, given: Collection[str]) -> None:
+    """Raise CommandError if an option was given that a kind of file has no place for."""
+    if others := [name for name in _NOT_IN[kind] if name in given]:
+        flag = list_options()[others[0]].flag
+        ends = [end for end, names in _NOT_IN.items() if others[0] not in names]
+        raise CommandError(
+            f"{NAMES[kind]} cannot hold {flag}; leave it out, or export to a file that ends in "
+            f"{' or '.join(ends)}."
+        )
+
+
+def _list_asked_for(options: Options) -> list[str]:
+    """Return the options of `_ASKED_FOR` that differ from their defaults."""
+    usual = Options()
+    return [name for name in _ASKED_FOR if getattr(options, name) not in (getattr(usual, name), False)]

@@ -19,8 +19,7 @@ from . import derived
 from .consistency import find_contradictions, remarks
 from .conversion import Conversion, list_conversions
 from .entries import ANY_OF, NEEDED, ONE_OF, TABLES
-from .sheet_struct import ACTUATOR, SheetTable
-from .sheet_values import SheetValue
+from .sheet_values import ACTUATOR, SheetTable, SheetValue
 
 
 def read_tables(path: Path) -> tuple[dict[str, Any], str]:

@@ -3,32 +3,28 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
+from emla_fmu import EmlaPlant
+
 from . import derived
 from .entries import TABLES
 from .sheet_values import SheetValue
 
-_SAME = (
-    *("motor.L_d", "motor.L_q", "motor.J_m", "motor.B_m", "coupling.J_c", "gearbox.J_GB"),
-    *("screw.lead", "screw.M_BS", "screw.B_BS", "screw.q_LB", "sensor.resolution", "sensor.sigma"),
-    *(
-        "inverter.delay",
-        "inverter.dead_time",
-        "inverter.f_PWM",
-        "inverter.i_0",
-        "stop.stiffness",
-        "stop.damping",
-    ),
-    *("friction.F_C", "friction.F_S", "friction.v_S", "friction.v_0"),
-)
-_PLANT = {place: place for place in _SAME} | {
+_FMI_NAMES = {x.attribute: str(x.name) for x in EmlaPlant.layout().parameters}
+_PLANT = {entry: _FMI_NAMES[attribute] for entry, attribute in derived.PLANT.items()} | {
     "motor.R": "motor.R_s",
     "motor.L": "motor.L_d and motor.L_q",
     "friction.directional": "gearbox.directional",
-    "friction.eta_back": "gearbox.eta_back",
-    "sensor.sigma_i": "sensor.current.sigma",
-    "sensor.resolution_i": "sensor.current.resolution",
-    "thermal.tau_th": "motor.tau_th",
-    "thermal.permitted_rise": "motor.permitted_rise",
+    **{
+        f"{table}.{key}": f"{table}.{key}"
+        for table, keys in {
+            "motor": ("L_d", "L_q", "J_m", "B_m"),
+            "coupling": ("J_c",),
+            "gearbox": ("J_GB",),
+            "screw": ("lead", "M_BS", "B_BS", "q_LB"),
+            "sensor": ("resolution",),
+        }.items()
+        for key in keys
+    },
 }
 """Entries that each become one parameter of the plant."""
 
@@ -38,14 +34,8 @@ _GEAR = ("gearbox.ratio", "screw.lead")
 
 
 _SHORT = (
-    *("plant motor.R_s", "plant motor.L_d and motor.L_q", "plant motor.L_d", "plant motor.L_q"),
-    *(
-        "plant motor.Phi_PM",
-        "plant inverter.u_max",
-        "controller limit.i_max",
-        "plant screw.v_max",
-        "known A_eq",
-    ),
+    *(f"plant motor.{name}" for name in ("R_s", "L_d and motor.L_q", "L_d", "L_q", "Phi_PM")),
+    *("plant inverter.u_max", "controller limit.i_max", "plant screw.v_max", "known A_eq"),
 )
 """Parameters that are printed before a run: their data-sheet values are ambiguous, or much follows from them.
 """

@@ -14,7 +14,7 @@ from .entries import ROOT_3, TURN
 
 Values = Mapping[str, float]
 
-_PLANT = {
+PLANT = {
     "sensor.sigma": "sigma",
     "sensor.sigma_i": "sigma_i",
     "sensor.resolution_i": "resolution_i",
@@ -129,7 +129,7 @@ def resolution(v: Values) -> float:
 def plant(v: Values) -> dict[str, Any]:
     """Return the other parameters of the plant by attribute: sensors, inverter, friction, stops, heat."""
     found: dict[str, Any] = {"resolution": resolution(v)}
-    found |= {attribute: v[place] for place, attribute in _PLANT.items() if place in v}
+    found |= {attribute: v[place] for place, attribute in PLANT.items() if place in v}
     if "friction.F_C" in v:
         alpha = emla(v).alpha_RL
         # at 10 and 0.1 rad/s of the motor, as in `emla_fmu.drive`

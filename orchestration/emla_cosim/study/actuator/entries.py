@@ -156,12 +156,7 @@ TABLES: dict[str, tuple[SheetEntry, ...]] = {
     "thermal": (
         SheetEntry("tau_th", "s", "20 min", "thermal time constant of the winding", needed=True),
         SheetEntry(
-            "permitted_rise",
-            "K",
-            "100 K",
-            "final temperature rise at i_N",
-            needed=True,
-            is_difference=True,
+            "permitted_rise", "K", "100 K", "final temperature rise at i_N", needed=True, is_difference=True
         ),
         SheetEntry("T_max", "K", "130 °C", "largest temperature of the winding"),
     ),

@@ -1,17 +1,24 @@
 """Warnings on a built-in system before its run: on its actuators, and on overrides."""
 
+import math
 from collections.abc import Iterator, Sequence
 
 from ...base.errors import CommandError
 from ...run.options import Options
 from ...system.model import System
 from ..controllers import choose_controller
+from ..machine_motion import load_motion
 from .actuator import Actuator
+from .derived import holding_torque
+from .effective_values import get_number, is_own
 from .model_parameters import describe_stale_parameters
-from .travel import describe_heavy_load, describe_impossible
+from .profiles import largest_load, reference_reach, run_span
 
 _BY_RULE = ("compensated", "robust", "rule")
 """Sets of gains that scale with the sample rate; all others were tuned or printed for one joint."""
+
+_ROUNDING = 1.0 + 1e-9
+_LED = "machine.trajectory"
 
 
 def remarks(system: System, options: Options) -> Sequence[str]:
@@ -21,12 +28,12 @@ def remarks(system: System, options: Options) -> Sequence[str]:
         CommandError: An actuator cannot do what its joint requires.
     """
     own = {joint: one for joint, one in options.actuator.items() if isinstance(one, Actuator)}
-    problems = [p for joint, one in own.items() for p in describe_impossible(joint, one, system, options)]
+    problems = [p for joint, one in own.items() for p in _describe_impossible(joint, one, system, options)]
     if problems:
         raise CommandError("\n  ".join(f"{p}." for p in problems), problems=problems)
     found = [f"{joint}: {said}" for joint, one in own.items() for said in one.remarks]
     for joint, one in own.items():
-        found += describe_heavy_load(joint, one, system, options)
+        found += _describe_heavy_load(joint, one, system, options)
     return [*found, *_gains(own, options), *describe_stale_parameters(system, options)]
 
 
@@ -41,3 +48,53 @@ def _gains(own: dict[str, Actuator], options: Options) -> Iterator[str]:
             f"the gains '{name}' were made for the joint's own actuator; only a_max is adapted. Gains that "
             "adapt to any actuator: rsba's compensated and robust, and foc's rule"
         )
+
+
+def _describe_impossible(joint: str, own: Actuator, system: System, options: Options) -> Iterator[str]:
+    """Yield a message, without full stop, if start, reference or speed exceed the limits."""
+    low, high, fastest = own.emla.q_LB, own.emla.q_UB, own.emla.v_max
+    stroke = f"the stroke of its actuator, {1e3 * low:.4g} to {1e3 * high:.4g} mm"
+    start = get_number(system, options, f"{joint}.plant", "start.x_L")
+    if start is not None and not low <= start <= high:
+        yield f"{joint} starts at {1e3 * start:.4g} mm, outside {stroke}; set {joint}.plant.start.x_L"
+    found = _motion(joint, system, options)
+    if found is None:
+        return
+    nearest, farthest, peak, ways = found
+    if not (low <= nearest and farthest <= high):
+        yield (
+            f"the reference of {joint} goes from {1e3 * nearest:.4g} to {1e3 * farthest:.4g} mm, "
+            f"outside {stroke}; {ways[0]}, or enter screw.q_LB"
+        )
+    if peak > _ROUNDING * fastest:
+        yield (
+            f"the reference of {joint} peaks at {1e3 * peak:.4g} mm/s, faster than its actuator's "
+            f"{1e3 * fastest:.4g} mm/s; {ways[1]} {math.ceil(100.0 * peak / fastest) / 100.0:g} times as long"
+        )
+
+
+def _motion(
+    joint: str, system: System, options: Options
+) -> tuple[float, float, float, tuple[str, str]] | None:
+    """Return range in m and peak speed in m/s of a reference in a run, and how to change both."""
+    if (found := reference_reach(joint, system, options)) is not None:
+        ways = f"set {joint}.reference.waypoint[*]", f"make {joint}.reference.move.duration[*]"
+        return *found, ways
+    if any(c.name == _LED for c in system.components) and is_own(_LED, options):
+        ways = "use another --trajectory", "use a --trajectory that takes"
+        return *load_motion(options.trajectory).travel(joint, *run_span(options)), ways
+    return None
+
+
+def _describe_heavy_load(joint: str, own: Actuator, system: System, options: Options) -> Iterator[str]:
+    """Yield a warning, without full stop, on a load that the motor cannot hold at all or not continuously."""
+    load = largest_load(joint, system, options)
+    if load is None:
+        return
+    needed, most = holding_torque(own.values, load), own.emla.tau_max
+    lasting = own.i_N * most / own.emla.i_max
+    message = f"{joint}: a load of {load:.4g} N needs {needed:.4g} N m of the motor at rest"
+    if needed > most:
+        yield f"{message}, more than its peak torque of {most:.4g} N m; the motor cannot hold it"
+    elif 0.0 < lasting < needed:
+        yield f"{message}, more than its continuous torque of {lasting:.4g} N m"

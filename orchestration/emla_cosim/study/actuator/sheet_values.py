@@ -1,14 +1,22 @@
-"""Quantities as data sheets print them: with a unit, rms or peak, line to line or per phase."""
+"""Data sheets as files: quantities as data sheets print them, and the struct of all tables.
+
+A quantity has a unit, and is rms or peak, line to line or per phase.
+"""
 
 import math
 import re
 from dataclasses import dataclass, replace
-from typing import Any
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import msgspec
 
 from ...base.errors import CommandError
 from ...base.quantities import parse_quantity, parse_unit_name
+from ...base.table_entries import Location
+from ...base.toml_structs import QUANTITY, describe, extend_struct
 from ...base.values import as_float
-from .entries import TURN, SheetEntry
+from .entries import NEEDED, TABLES, TURN, SheetEntry
 
 RMS, PEAK = "rms", "peak"
 BETWEEN, PHASE = "line to line", "per phase"
@@ -114,3 +122,33 @@ def _check_range(number: float, entry: SheetEntry, fault: str) -> None:
         raise CommandError(f"{fault}; it must be at most {entry.most:g}.")
     if entry.whole and number != round(number):
         raise CommandError(f"{fault}; it must be a whole number.")
+
+
+def _field(table: str, entry: SheetEntry) -> Any:
+    """Return an entry as a field of a struct."""
+
+    def read(value: Any, _at: Location, _folder: Path | None) -> SheetValue:
+        return read_sheet_value(value, entry, f"{table}.{entry.key}")
+
+    schema: dict[str, Any] = {} if entry.choices or entry.kind is bool else {"pattern": QUANTITY}
+    if entry.most < math.inf and not entry.unit:
+        schema["maximum"] = entry.most
+    type_: Any = Literal[entry.choices] if entry.choices else str if entry.unit else entry.kind
+    meta = describe(entry.about, entry.example, read, extra_json_schema=schema)
+    return (entry.key, Annotated[type_, meta], *([] if entry.needed else [msgspec.UNSET]))
+
+
+class SheetTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """An actuator as its data sheets describe it; docs/actuator.md has the entries."""
+
+    name: str = ""
+    source: str = ""
+
+
+def _table(name: str, entries: tuple[SheetEntry, ...]) -> Any:
+    struct = extend_struct(msgspec.Struct, name, [_field(name, entry) for entry in entries])
+    return (name, struct, *([] if name in NEEDED else [msgspec.UNSET]))
+
+
+ACTUATOR = extend_struct(SheetTable, "Actuator", [_table(name, entries) for name, entries in TABLES.items()])
+"""The struct of an actuator's file; entries become `SheetValue`."""

@@ -40,7 +40,7 @@ def _reserved(remedy: str) -> Any:
     def refuse(_value: Any, at: Location, _folder: Path | None) -> NoReturn:
         raise CommandError(f"{at.label} must not be set here; {remedy}.")
 
-    return Annotated[Any, msgspec.Meta(extra={"read": refuse}, extra_json_schema={"not": {}})]
+    return Annotated[Any, describe(read=refuse, extra_json_schema={"not": {}})]
 
 
 def _type_of(variable: Variable) -> Any:

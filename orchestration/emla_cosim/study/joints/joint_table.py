@@ -1,42 +1,33 @@
 """Joint files as structs of msgspec."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal
 
 import msgspec
 
 from ...base.errors import CommandError
 from ...base.option import RUN
 from ...base.table_entries import Location
-from ...base.toml_structs import describe, dotted, extend_struct, quantity, read_by
+from ...base.toml_structs import describe, dotted, extend_struct, quantity
 from ...run.scenarios.option_fields import with_options
 from ..actuator.actuator import Actuator, read_tables
-from ..actuator.sheet_struct import ACTUATOR
+from ..actuator.sheet_values import ACTUATOR
 from .block_tables import DISTURBANCE, PLANT
 from .gain_tables import controllers_struct, observer_table
 from .motions import Compliance, JointExperiment, Load, Move, StartPosition
 
 
-class Cells(NamedTuple):
-    """Position error in m, speed error in m/s, torque effort in N m and convergence time in s.
+class Cells(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Figures of the paper; in normalised averages they are ratios. The names are those of `JointFigures`."""
 
-    In normalised averages they are ratios. The names are those of `JointFigures`.
-    """
+    position_error_m: Annotated[float, quantity("m", "position error")]
+    velocity_error_m_s: Annotated[float, quantity("m/s", "speed error")]
+    torque_effort_N_m: Annotated[float, quantity("N.m", "torque effort")]
+    convergence_time_s: Annotated[float, quantity("s", "convergence time")]
 
-    position_error_m: float
-    velocity_error_m_s: float
-    torque_effort_N_m: float
-    convergence_time_s: float
-
-
-_UNITS = ("m", "m/s", "N.m", "s")
-
-FIGURES = extend_struct(
-    msgspec.Struct,
-    "Figures",
-    [(name, Annotated[float, quantity(unit)]) for name, unit in zip(Cells._fields, _UNITS, strict=True)],
-)
+    def __iter__(self) -> Iterator[float]:
+        return iter(msgspec.structs.astuple(self))
 
 
 class RunTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -85,42 +76,45 @@ def _read_actuator(value: Any, at: Location, folder: Path | None) -> Actuator:
 class JointTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """All data of a joint."""
 
+    # `joint_struct` has the types of fields that are Any here
+
     kind: Literal["joint"]
     description: Annotated[str, describe("line that `emla list` shows")]
     sample_time: Annotated[float, quantity("s", "sample time of observer and controller", 1e-4, gt=0.0)]
     seed: Annotated[int, describe("start of the random sequences")] | None = None
     run: Any
-    actuator: Annotated[
-        str | ACTUATOR,  # type: ignore[valid-type]
-        read_by(_read_actuator, "data of motor, screw, inverter and sensor, or the path of a file"),
-    ]
+    actuator: Any
     drive: DriveTable = DriveTable()
     start: Annotated[StartPosition, describe("start position of the screw")]
     reference: Annotated[Move, describe("motion of the joint")]
     load: Annotated[Load, describe("load force")]
-    disturbance: Annotated[DISTURBANCE, dotted("parameters of the disturbance")] = DISTURBANCE()  # type: ignore[valid-type]
-    plant: Annotated[PLANT, dotted("parameters of the plant")] = PLANT()  # type: ignore[valid-type]
+    disturbance: Any
+    plant: Any
     compliance: Compliance | None = None
-    observer: Mapping[str, Any] = msgspec.field(default_factory=dict)
-    gains: Any = None
+    observers: Any = msgspec.field(name="observer")
+    gains: Any
     tuning: Tuning | None = None
-    experiment: dict[str, JointExperiment] = msgspec.field(default_factory=dict)
-    paper: dict[str, dict[str, FIGURES]] = msgspec.field(default_factory=dict)  # type: ignore[valid-type]
+    experiments: dict[str, JointExperiment] = msgspec.field(default_factory=dict, name="experiment")
+    printed: dict[str, dict[str, Cells]] = msgspec.field(default_factory=dict, name="paper")
 
 
-KEYS = frozenset(JointTable.__struct_fields__) - {"description", "actuator", "gains"}
+KEYS = frozenset(JointTable.__struct_encode_fields__) - {"description", "actuator", "gains"}
 """Entries that a scenario file does not support."""
 
 
 def joint_struct() -> type[JointTable]:
     """Return the struct of joint files, with the options and the controllers that are registered."""
-    run = Annotated[with_options(RunTable, "Run", RUN), describe("options of its scenario")]
+    about = "data of motor, screw, inverter and sensor, or the path of a file"
+    observers = dict[str, observer_table()]  # type: ignore[misc]
     return extend_struct(
         JointTable,
         "Joint",
         [
-            ("run", run),
-            ("observer", dict[str, observer_table()], msgspec.field(default_factory=dict)),
+            ("run", Annotated[with_options(RunTable, "Run", RUN), describe("options of its scenario")]),
+            ("actuator", Annotated[str | ACTUATOR, describe(about, read=_read_actuator)]),
+            ("disturbance", Annotated[DISTURBANCE, dotted("parameters of the disturbance")], DISTURBANCE()),
+            ("plant", Annotated[PLANT, dotted("parameters of the plant")], PLANT()),
+            ("observers", observers, msgspec.field(default_factory=dict, name="observer")),
             ("gains", controllers_struct(), None),
         ],
     )

@@ -1,7 +1,6 @@
 """Joint files: all data of a joint."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,15 +14,14 @@ from ...base.toml_structs import list_given, read_toml
 from ...base.values import convert_value
 from ..actuator.actuator import Actuator
 from .gain_tables import GainSet, GainTable, ObserverSet
-from .joint_table import Cells, DriveTable, Tuning, joint_struct
-from .motions import Compliance, JointExperiment, Load, Move, StartPosition
+from .joint_table import Cells, DriveTable, JointTable, joint_struct
+from .motions import Compliance, JointExperiment
 
 KIND = "joint"
 """The value of `kind` in a joint file."""
 
 
-@dataclass(frozen=True)
-class JointFile:
+class JointFile(JointTable, frozen=True, kw_only=True):
     """All data of a joint: its actuator, motion and load, and the gains of its controllers.
 
     Attributes:
@@ -31,32 +29,19 @@ class JointFile:
         disturbance: Parameters by attribute of the block.
         plant: Parameters by attribute of the block.
         realistic: The actuator with the entries of `[drive]`.
-        is_realistic: Whether the joint runs with it.
-        compliance: The load of scenarios in which it is not rigid; None if the file has none.
         experiments: Motion and load by scenario.
         printed: Figures of the paper by scenario and controller.
     """
 
     name: str
     label: str
-    description: str
     run: Mapping[str, Any]
-    sample_time: float
-    seed: int | None
     actuator: Actuator
     realistic: Actuator
-    is_realistic: bool
-    start: StartPosition
-    reference: Move
-    load: Load
     disturbance: Mapping[str, Any]
     plant: Mapping[str, Any]
-    compliance: Compliance | None
     observers: Mapping[str, ObserverSet]
     gains: Mapping[str, Mapping[str, GainSet]]
-    tuning: Tuning | None
-    experiments: Mapping[str, JointExperiment]
-    printed: Mapping[str, Mapping[str, Cells]]
 
     @property
     def emla(self) -> EmlaParameters:
@@ -66,7 +51,7 @@ class JointFile:
     @property
     def sheet(self) -> Actuator:
         """The actuator with which the joint runs in a scenario of its own."""
-        return self.realistic if self.is_realistic else self.actuator
+        return self.realistic if self.drive.always else self.actuator
 
     @property
     def compliant_load(self) -> Compliance:
@@ -149,40 +134,23 @@ def parse_joint(content: Mapping[str, Any], label: str, name: str, folder: Path)
             f"{label} cannot name a joint: '{name}' is invalid; use letters, digits and _ in the file name."
         )
     table = convert_value(content, joint_struct(), label, folder)
-    observers = {key: _observer_set(gains) for key, gains in table.observer.items()}
-    return JointFile(
-        name=name,
-        label=label,
-        description=table.description,
-        run=_run(list_given(table.run), name),
-        sample_time=table.sample_time,
-        seed=table.seed,
-        actuator=table.actuator,
-        realistic=_realistic(table.actuator, table.drive, f"[drive] of {label}"),
-        is_realistic=table.drive.always,
-        start=table.start,
-        reference=table.reference,
-        load=table.load,
-        disturbance=list_given(table.disturbance),
-        plant=list_given(table.plant),
-        compliance=table.compliance,
-        observers=observers,
-        gains={
-            controller: {
-                key: _gain_set(gains, observers, f"[gains.{controller}.{key}] of {label}")
-                for key, gains in list_given(sets).items()
-            }
-            for controller, sets in list_given(table.gains).items()
+    observers = {key: _observer_set(gains) for key, gains in table.observers.items()}
+    gains = {
+        controller: {
+            key: _gain_set(set_, observers, f"[gains.{controller}.{key}] of {label}")
+            for key, set_ in list_given(sets).items()
         }
-        if table.gains is not None
-        else {},
-        tuning=table.tuning,
-        experiments=table.experiment,
-        printed={
-            scenario: {name: Cells(*msgspec.structs.astuple(cells)) for name, cells in rows.items()}
-            for scenario, rows in table.paper.items()
-        },
-    )
+        for controller, sets in (list_given(table.gains) if table.gains is not None else {}).items()
+    }
+    converted = {
+        "run": _run(list_given(table.run), name),
+        "realistic": _realistic(table.actuator, table.drive, f"[drive] of {label}"),
+        "disturbance": list_given(table.disturbance),
+        "plant": list_given(table.plant),
+        "observers": observers,
+        "gains": gains,
+    }
+    return JointFile(**{**msgspec.structs.asdict(table), **converted}, name=name, label=label)
 
 
 def _realistic(actuator: Actuator, drive: DriveTable, label: str) -> Actuator:
