@@ -72,11 +72,11 @@ from .study.controllers import CONTROLLERS as CONTROLLERS
 from .study.controllers import Controller as Controller
 from .study.controllers import Gains as Gains
 from .study.loading import load as load
-from .sweeps.distributions import Distribution as Distribution
+from .sweeps.kinds import Distribution as Distribution
 from .sweeps.plan import Plan as Plan
 from .sweeps.result import SweepResult as SweepResult
+from .sweeps.result import read_sweep as read_sweep
 from .sweeps.runner import sweep as sweep
-from .sweeps.stored import read_sweep as read_sweep
 from .system.bond import Bond as Bond
 from .system.fault import Fault as Fault
 from .system.model import Component as Component

@@ -7,7 +7,7 @@ from ..base.toml_structs import read_toml
 from ..run.scenarios.built_in import TUNINGS
 from ..study.randomness import SEED, is_random
 from ..sweeps.factors import find_start_number, find_start_values
-from ..sweeps.seeds import draw_seeds
+from ..sweeps.sampling import draw_seeds
 from ..sweeps.worker_payload import Preparation
 from ..system.model import Value
 

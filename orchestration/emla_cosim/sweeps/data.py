@@ -17,6 +17,9 @@ requirement; its process died; it took too long."""
 VARIANT, STATUS, PROBLEM = "variant", "status", "problem"
 """Columns of the table besides factors and figures."""
 
+RESERVED = (VARIANT, STATUS, PROBLEM, "end_s", "seed", "provenance", "time")
+"""Columns of every table of variants. Factors and figures must not have these names."""
+
 
 @dataclass(frozen=True)
 class SweepData:

@@ -13,8 +13,9 @@ from ..fmu.units import read_si_number
 from ..run.options import list_options
 from ..system.model import System, Value
 from ..system.names import NamedVariable, Names
-from .distributions import Distribution, parse_distribution
-from .reserved import RESERVED
+from .data import RESERVED
+from .distributions import parse_distribution
+from .kinds import Distribution
 from .targets import ACTUATOR, FMU, OPTION, SHEET, START, Target, assign_value
 
 

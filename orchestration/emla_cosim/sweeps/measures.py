@@ -16,7 +16,7 @@ from ..base.patterns import select_names
 from ..recorders.metrics import HELD, is_verdict
 from ..run.requirements import flatten_figures
 from ..run.result import Result
-from .reserved import RESERVED
+from .data import RESERVED
 
 Metric = str | Callable[[Result], Any]
 """A name or pattern of registered figures, an expression over signals, or a function of a result."""

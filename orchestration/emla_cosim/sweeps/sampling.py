@@ -1,7 +1,7 @@
 """Samplings: choose the variants of a sweep from the distributions of its factors."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,7 +11,7 @@ from ..base.arrays import Vector
 from ..base.errors import CommandError, check_choice
 from ..base.values import convert_value
 from ..system.model import Value
-from .distributions import Distribution
+from .kinds import Distribution
 
 _MOST_SOBOL_RUNS = 2**30
 """Length of SciPy's Sobol sequence."""
@@ -221,3 +221,24 @@ SAMPLINGS: dict[str, Sampling] = {
     ),
 }
 """Samplings by name; `sample` describes them."""
+
+LARGEST_SEED = 2**31 - 2
+"""The largest seed."""
+
+
+def draw_seeds(entropy: int | list[int], count: int, without: Collection[int] = ()) -> list[int]:
+    """Draw different seeds. The same entropy gives the same sequence, of which `count` is the length.
+
+    Args:
+        entropy: Seed of the draw itself.
+        count: Number of seeds.
+        without: Seeds to exclude.
+
+    Returns:
+        Whole numbers from 1 to `LARGEST_SEED` - 1.
+    """
+    random, found = np.random.default_rng(entropy), dict[int, None]()
+    while len(found) < count:
+        if (drawn := int(random.integers(1, LARGEST_SEED))) not in without:
+            found[drawn] = None
+    return list(found)

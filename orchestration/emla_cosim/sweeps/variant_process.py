@@ -27,8 +27,8 @@ from ..run.simulation import Simulation
 from ..sandbox.server import serve
 from ..study.loading import register
 from .data import DIVERGED, DONE, FAILED, REFUSED, VARIANT
+from .idle_processes import ANSWER, ERROR, OUTCOME, PAYLOAD, READY
 from .measures import MeasureError, Measures, reason_not_held
-from .variant_messages import ANSWER, ERROR, OUTCOME, PAYLOAD, READY
 from .variants import SimulationDescription, Variant, VariantOutcome
 from .worker_payload import REGISTRIES, PackedPreparation
 

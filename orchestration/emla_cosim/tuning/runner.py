@@ -23,8 +23,8 @@ from ..sweeps.folder import hash_plain_data
 from ..sweeps.measures import Metric
 from ..sweeps.plan_files import Source
 from ..sweeps.runner import check_cluster
+from ..sweeps.sampling import draw_seeds
 from ..sweeps.scenario_text import scenario_content
-from ..sweeps.seeds import draw_seeds
 from ..sweeps.worker_payload import Preparation, WorkerPayload
 from ..system.model import Value
 from .data import Tuned

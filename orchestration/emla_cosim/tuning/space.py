@@ -12,9 +12,9 @@ from ..base.quantities import has_unit
 from ..fmu.interface import Interface
 from ..fmu.units import FmuUnits, read_si_number
 from ..run.options import list_options
-from ..sweeps.distributions import Distribution, parse_distribution
+from ..sweeps.distributions import parse_distribution
 from ..sweeps.factors import Factor, find_start_number, resolve_factors
-from ..sweeps.kinds.continuous import LogUniform, Uniform
+from ..sweeps.kinds import Distribution, LogUniform, Uniform
 from ..sweeps.targets import START, merge_options, needs_preparation
 from ..system.model import System, Value
 from .expressions import Expression, parse_expression
