@@ -1,4 +1,4 @@
-"""Run FMUs of FMI 3.0 without event mode, and say so."""
+"""Run FMUs of FMI 3.0 without event mode, and describe that and clocks that never tick."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -43,6 +43,18 @@ def describe_disabled_event_mode(system: System) -> list[str]:
         return []
     run = "runs" if len(names) == 1 else "run"
     return [f"{join_names(names)} {run} without event mode, as the option 'no_event_mode' says."]
+
+
+def describe_idle_clocks(names: Sequence[str]) -> list[str]:
+    """Return a remark on triggered input clocks without a connection.
+
+    Args:
+        names: Their full names.
+    """
+    if not names:
+        return []
+    what = "clock {}: it never ticks" if len(names) == 1 else "clocks {}: they never tick"
+    return [f"No output clock is connected to the triggered {what.format(join_names(names))}."]
 
 
 def _has_event_mode(component: Component, interface: Interface) -> bool:

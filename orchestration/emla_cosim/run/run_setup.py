@@ -1,13 +1,15 @@
 """Communication points, rows and recorded signals of a run, from its options."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 
 from ..base.errors import CommandError
 from ..base.patterns import find_names, select_names
+from ..fmu.elements import BINARY
 from ..inputs.stored_runs import open_stored_run
 from ..master.stepping.pacing import Pacing
 from ..master.stepping.timing import MAXIMUM_STEPS, CommunicationPoints, make_communication_points
 from ..system.model import System
+from ..system.names import NamedVariable
 from .options import Options
 from .requirements import parse_requirement
 
@@ -16,6 +18,9 @@ DEFAULT_INTERVAL = 1e-3
 
 FEW_ROWS, MANY_ROWS = 10, 100
 """A run shorter than so many default intervals has about so many rows, or one per step."""
+
+_MOST_UNASKED = 50
+"""Most signals that are recorded without being asked for."""
 
 
 def check_run(options: Options, name: str) -> None:
@@ -106,6 +111,30 @@ def select_signals(
     hint = "without --signals, all outputs are kept."
     rest = {*select_names(others, every, "signal", main, hint)}
     return [n for n in names if n in outputs] + [n for n in every if n in rest]
+
+
+def choose_fallback_signals(others: Iterable[NamedVariable]) -> tuple[list[str], str]:
+    """Return the signals to record without outputs: the states, or else the local variables; and a remark.
+
+    Args:
+        others: Variables that the option `signals` can name.
+    """
+    variables = [v for v in others if v.variable.type not in ("String", BINARY)]
+    rates = [(v.component.name, v.variable.derivative) for v in variables]
+    states = {(component, state.name) for component, state in rates if state is not None}
+    of_kind = {
+        "continuous states": [v.full_name for v in variables if v.end in states],
+        "local variables": [v.full_name for v in variables if str(v.variable.causality) == "local"],
+    }
+    said = "No FMU has an output of a number"
+    for kind, names in of_kind.items():
+        if names:
+            few = f"the {kind}"
+            if len(names) > _MOST_UNASKED:
+                few = f"the first {_MOST_UNASKED} of the {len(names)} {kind}"
+            return names[:_MOST_UNASKED], f"{said}; {few} are recorded instead. Set --signals to choose."
+    said += ", a state or a local variable"
+    return [], f"{said}; only `time` is recorded. Set --signals to record others."
 
 
 def select_components(patterns: Sequence[str], system: System, otherwise: str) -> list[str]:

@@ -51,27 +51,32 @@ from .agreement import (
     find_common_signals,
 )
 from .coupling_summary import EARLIER_RUN, CouplingSummary
-from .event_mode import describe_disabled_event_mode
+from .event_mode import describe_disabled_event_mode, describe_idle_clocks
 from .execution import Run
-from .fallback_signals import choose_fallback_signals
 from .followers import following_values
-from .idle_clocks import describe_idle_clocks
 from .lost_values import describe_lost_values
 from .option_types import RunOptions
 from .options import Options, list_options, read_options
 from .origin import RunOrigin
 from .preparation import limit_to_data_end, prepare_system
-from .requirements import Requirement, describe_unmet, parse_requirement, resolve_requirements
+from .requirements import (
+    Requirement,
+    StopCondition,
+    describe_unmet,
+    parse_requirement,
+    resolve_requirements,
+    resolve_stop_conditions,
+)
 from .result import Result, run_figures
 from .run_record import RunDefinition, build_run_record
 from .run_setup import (
+    choose_fallback_signals,
     describe_interval,
     run_times,
     select_components,
     select_signals,
     steps_per_row,
 )
-from .stop_conditions import StopCondition, resolve_stop_conditions
 from .stored_margins import read_margins
 
 
@@ -346,8 +351,7 @@ class Simulation:
         conditions = self._resolve_stop_conditions(chosen.stop_when)
         others = assembly.unexchanged
         if not recorded:
-            fallback = choose_fallback_signals(others.values())
-            recorded = fallback.names
+            recorded, fallback = choose_fallback_signals(others.values())
         watched = [condition.figure for condition in conditions]
         assembly.observe([n for n in dict.fromkeys([*self.names, *recorded, *watched]) if n in others], every)
         self._profiler = Profiler(assembly.network.instances) if chosen.profile else None
@@ -441,7 +445,7 @@ class Simulation:
             units,
             outline.types,
             coupling,
-            fallback=None if fallback is None else fallback.remark,
+            fallback=fallback,
             margins=margins,
         )
         with self._abandon_on_error():

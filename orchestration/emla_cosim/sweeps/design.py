@@ -14,14 +14,13 @@ from ..base.progress import Progress
 from ..run.scenarios.scenario import Scenario
 from ..study.loading import load
 from ..system.model import Value
-from .data import VARIANT
+from .data import VARIANT, Variant
 from .executor import WorkPackage
 from .factors import Factor, resolve_factors
 from .folder import hash_plain_data
 from .plan import Plan
 from .sampling import count_variants, sample
 from .targets import changed_in_run, merge_options, needs_preparation
-from .variants import Variant
 from .worker_payload import Preparation
 
 _BYTES_PER_VALUE = 64

@@ -88,11 +88,6 @@ def _check_names(found: Sequence[Factor], where: str) -> None:
         targets |= {target.name: factor.name for target in factor.targets}
 
 
-def find_start_number(name: str, system: System, interfaces: Mapping[str, Interface]) -> float | None:
-    """Return the start value of a variable in the scenario, in its unit there; None if it is not a number."""
-    return Names(system, interfaces).find(name).start_number
-
-
 @dataclass(frozen=True)
 class _Subject:
     """What varies: an option, the FMU of a component, or a start value, with its `number` in the scenario.

@@ -19,6 +19,7 @@ from ..base.values import convert_value
 from ..run.option_types import SweepOptions
 from ..run.run_setup import select_signals
 from ..sandbox.interruption import catch_interrupts
+from .data import Chunk, SimulationDescription
 from .design import Design, VariantGroup, design_variants
 from .executor import ClusterExecutor, Scheduler, open_executor
 from .factors import Factor
@@ -28,7 +29,6 @@ from .plan import Plan, Source, load_plan
 from .result import SweepResult, read_sweep
 from .sensitivity import SALTELLI, all_sobol_indices
 from .targets import format_arguments, merge_options, needs_preparation
-from .variants import Chunk, SimulationDescription
 from .worker_payload import WorkerPayload, check_portable
 
 SOBOL = "sobol"
@@ -96,7 +96,11 @@ def sweep(
     chosen = {**options, "overwrite": True} if overwrite else {**options}
     plan = load_plan(source).updated({**given, "signals": signals, "options": chosen})
     check_cluster(scheduler, workers)
-    with _open_folder(output, resume, overwrite) as (folder, held):
+    if output is None and resume:
+        raise CommandError("to resume a sweep, set `output` to its folder.")
+    with contextlib.ExitStack() as held:
+        place = held.enter_context(temporary_folder("sweep")) if output is None else output
+        folder = SweepFolder(convert_value(place, Path, "the output folder"), overwrite)
         progress = progress or Progress()
         design = design_variants(plan, progress)
         notes = _sweep_notes(design)
@@ -160,21 +164,6 @@ def check_cluster(scheduler: Scheduler, workers: int | None) -> None:
         raise CommandError(f"the number of workers {workers} must be at least 1.")
     if scheduler is not None:
         raise CommandError("a scheduler has its own workers; set either a scheduler or a number of workers.")
-
-
-@contextlib.contextmanager
-def _open_folder(
-    output: str | Path | None, resume: bool, overwrite: bool
-) -> Iterator[tuple[SweepFolder, contextlib.ExitStack]]:
-    """Open the folder of a sweep, with the resources that keep it alive."""
-    with contextlib.ExitStack() as held:
-        if output is not None:
-            place = convert_value(output, Path, "the output folder")
-        elif resume:
-            raise CommandError("to resume a sweep, set `output` to its folder.")
-        else:
-            place = held.enter_context(temporary_folder("sweep"))
-        yield SweepFolder(place, overwrite), held
 
 
 def _run(

@@ -2,12 +2,12 @@
 
 import re
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...base.arrays import Vector
-from ...views.plots.style import BLUE, GREY, ORANGE, PURPLE, RED
+from ...views.plots.style import BLUE, GREY, ORANGE, PURPLE, RED, new_figure
 from ..columns import NOT_HELD, FactorColumn, display_of
 from ..data import DIED, DIVERGED, DONE, FAILED, REFUSED, TIMED_OUT, SweepData
 
@@ -151,15 +151,22 @@ def put_legend(figure: "Figure", handles: "Mapping[str, Artist]", note: str = ""
         )
 
 
-def hide_rest(grid: np.ndarray, used: int) -> None:
-    """Hide the axes of a grid beyond the first `used`."""
-    for axes in grid.flat[used:]:
+def new_panels(titles: Sequence[str], width: float, **size: Any) -> tuple["Figure", np.ndarray]:
+    """Return a picture with a panel for each title, and its axes: a row for each row of panels.
+
+    Args:
+        titles: The titles of the panels.
+        width: The width of a panel of several columns in inches.
+        **size: Further arguments of `new_figure`.
+    """
+    columns = 1 if len(titles) <= 1 else 2 if len(titles) <= 4 else 3
+    rows = -(-len(titles) // columns)
+    figure, grid = new_figure(rows, columns, 7.5 if columns == 1 else width, sharex="none", **size)
+    for axes, title in zip(grid.flat, titles, strict=False):
+        axes.set_title(title, fontsize=9, parse_math=False)
+    for axes in grid.flat[len(titles) :]:
         axes.set_visible(False)
-
-
-def choose_columns(panels: int) -> int:
-    """Return the number of columns for a number of panels."""
-    return 1 if panels <= 1 else 2 if panels <= 4 else 3
+    return figure, grid
 
 
 _COLORS = {
