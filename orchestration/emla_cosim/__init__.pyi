@@ -39,7 +39,7 @@ from .master.algorithms.strong import Strong as Strong
 from .master.instances.fmu_instance import FmuInstance as FmuInstance
 from .master.network import Link as Link
 from .master.network import Network as Network
-from .master.stepping.registry import STEP_SIZE_CONTROLS as STEP_SIZE_CONTROLS
+from .master.stepping.step_size_control import STEP_SIZE_CONTROLS as STEP_SIZE_CONTROLS
 from .master.stepping.step_size_control import StepRequest as StepRequest
 from .master.stepping.step_size_control import StepSizeControl as StepSizeControl
 from .master.stepping.stepping_base import Stepping as Stepping
@@ -72,11 +72,11 @@ from .study.controllers import CONTROLLERS as CONTROLLERS
 from .study.controllers import Controller as Controller
 from .study.controllers import Gains as Gains
 from .study.loading import load as load
-from .sweeps.distributions import Distribution as Distribution
+from .sweeps.kinds import Distribution as Distribution
 from .sweeps.plan import Plan as Plan
 from .sweeps.result import SweepResult as SweepResult
+from .sweeps.result import read_sweep as read_sweep
 from .sweeps.runner import sweep as sweep
-from .sweeps.stored import read_sweep as read_sweep
 from .system.bond import Bond as Bond
 from .system.fault import Fault as Fault
 from .system.model import Component as Component

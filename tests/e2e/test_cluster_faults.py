@@ -26,8 +26,8 @@ from emla_cosim.base.ownership import MANIFEST
 from emla_cosim.base.progress import Progress
 from emla_cosim.recorders.metrics import METRICS
 from emla_cosim.sweeps import executor, idle_processes, worker, worker_payload
+from emla_cosim.sweeps.result import read_sweep
 from emla_cosim.sweeps.runner import sweep
-from emla_cosim.sweeps.stored import read_sweep
 from emla_cosim.system.model import System
 from tests.support.clusters import CODE, At, family, outside_cluster
 from tests.support.faulty_systems import line_with_a_fault

@@ -63,13 +63,24 @@ def select_names(
     for text in texts:
         matching = find_names(text, names, main)
         if not matching:
-            meant = suggest_full_names(text, names, main, hint)
+            meant = _suggest_full_names(text, names, main, hint)
             raise CommandError(f"no {kind} matches '{text}'; {meant}", name=text)
         selected |= dict.fromkeys(matching)
     return list(selected)
 
 
-def suggest_full_names(text: str, names: Collection[str], main: str = "", hint: str = "") -> str:
-    """Return the end of an error message on an unknown name: `suggest_names`, also for a short name."""
+def require_name(text: str, names: Collection[str], main: str, kind: str, use: str) -> str:
+    """Return the name that a text without wildcards means, see `find_name`.
+
+    Raises:
+        CommandError: There is none. The message says that there is no such `kind` to `use`.
+    """
+    if (name := find_name(text, names, main)) is None:
+        meant = _suggest_full_names(text, names, main)
+        raise CommandError(f"there is no {kind} '{text}' to {use}; {meant}", name=text)
+    return name
+
+
+def _suggest_full_names(text: str, names: Collection[str], main: str, hint: str = "") -> str:
     is_short = main and not text.startswith(f"{main}.")
     return suggest_names(f"{main}.{text}" if is_short else text, names, hint)

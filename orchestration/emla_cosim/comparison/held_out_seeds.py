@@ -6,10 +6,11 @@ from zlib import crc32
 from ..base.toml_structs import read_toml
 from ..run.scenarios.built_in import TUNINGS
 from ..study.randomness import SEED, is_random
-from ..sweeps.factors import find_start_number, find_start_values
-from ..sweeps.seeds import draw_seeds
+from ..sweeps.factors import find_start_values
+from ..sweeps.sampling import draw_seeds
 from ..sweeps.worker_payload import Preparation
 from ..system.model import Value
+from ..system.names import Names
 
 _ENTROPY = 26
 """Seed of the draw of held-out seeds; any number that no tuning plan uses would do."""
@@ -51,7 +52,7 @@ def random_seeds(prepared: Preparation, values: Mapping[str, Value], fixed: Mapp
         return (
             float(values[name])
             if name in values
-            else find_start_number(name, prepared.system, prepared.interfaces)
+            else Names(prepared.system, prepared.interfaces).find(name).start_number
         )
 
     names = find_start_values(SEED, prepared.system, prepared.interfaces)

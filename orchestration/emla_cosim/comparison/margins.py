@@ -13,8 +13,8 @@ from ..linearization.result import Measured
 from ..linearization.runner import measure_loops
 from ..run.run_setup import run_times
 from ..run.scenarios.scenario import Scenario
+from ..sweeps.data import VariantOutcome
 from ..sweeps.factors import find_start_values
-from ..sweeps.variants import VariantOutcome
 from ..sweeps.worker_payload import Preparation
 from .measures import FASTEST_AT, LARGEST_SPEED
 from .plan import ComparisonPlan

@@ -9,9 +9,9 @@ from ..base.progress import Progress
 from ..run.run_setup import check_run, run_times
 from ..study.loading import load
 from ..study.roles import find_joints
+from ..sweeps.data import Variant
 from ..sweeps.executor import WorkPackage
 from ..sweeps.targets import changed_in_run, format_arguments, merge_options
-from ..sweeps.variants import Variant
 from ..sweeps.worker_payload import Preparation
 from .cases import ComparisonCase, describe_left_out
 from .controller_variants import ControllerVariant

@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 from ..base.errors import CommandError
 from ..base.values import convert_value
-from ..sweeps.factors import find_start_number
 from ..sweeps.worker_payload import Preparation
 from ..system.model import Value
+from ..system.names import Names
 
 CURRENT, VOLTAGE = "limit.i_reserve", "limit.u_reserve"
 """Parameters of a controller: reserves as parts of its limits of current and voltage."""
@@ -68,7 +68,7 @@ def _of(controller: str, prepared: Preparation, values: Mapping[str, Value]) -> 
         full, start = f"{controller}.{name}", str(variables[name].start).lower()
         if full in values:
             return float(values[full])
-        number = find_start_number(full, prepared.system, prepared.interfaces)
+        number = Names(prepared.system, prepared.interfaces).find(full).start_number
         return _TRUTHS.get(start) if number is None else number
 
     current, voltage = value(CURRENT), value(VOLTAGE)

@@ -8,8 +8,7 @@ import polars
 
 from ..recorders.metrics import MetricDisplay
 from ..study.metrics import CONVERGENCE_TIME, JointFigures, JointMetrics
-from ..sweeps.data import DIED
-from ..sweeps.variants import VariantOutcome
+from ..sweeps.data import DIED, VariantOutcome
 from .plan import ComparisonPlan, ComparisonRun
 
 _NO_NUMBERS = ("held", "reason", "excursions", "trip", "limits_touched", "oscillation")

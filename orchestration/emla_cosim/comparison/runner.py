@@ -20,10 +20,9 @@ from ..run.scenarios.built_in import SCENARIOS
 from ..sandbox.interruption import catch_interrupts
 from ..study.controllers import ROBUSTNESS_SETS
 from ..study.paper import PRINTED
-from ..sweeps.data import REFUSED, VARIANT
+from ..sweeps.data import REFUSED, VARIANT, Chunk, VariantOutcome
 from ..sweeps.executor import Scheduler, open_executor
 from ..sweeps.runner import check_cluster
-from ..sweeps.variants import Chunk, VariantOutcome
 from ..sweeps.worker_payload import WorkerPayload
 from .cases import ComparisonCase, check_resolution, robustness_cases, stability_maps, stability_stop_time
 from .controller_variants import ALL, Choice, ControllerVariant, list_other_variants, select_variants

@@ -3,9 +3,8 @@
 fmpy (0.3.32) fails at them with exceptions of Python that name neither element nor attribute.
 """
 
-import itertools
 import zipfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -19,9 +18,12 @@ _FLOATS = ("Float32", "Float64")
 _TYPES_2 = ("Real", "Integer", "Boolean", "String", "Enumeration")
 _TYPES_3 = (*_FLOATS, *_INTEGERS, "Boolean", "String", "Binary", "Enumeration", "Clock")
 _BASE = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
-_LISTS_2 = ("Outputs", "Derivatives", "InitialUnknowns")
-_UNKNOWNS_3 = ("Output", "ContinuousStateDerivative", "ClockedState", "InitialUnknown", "EventIndicator")
-_KINDS = ("ModelExchange", "CoSimulation", "ScheduledExecution")
+_UNKNOWNS_2 = "ModelStructure/*[self::Outputs or self::Derivatives or self::InitialUnknowns]/Unknown"
+_UNKNOWNS_3 = (
+    "ModelStructure/*[self::Output or self::ContinuousStateDerivative or self::ClockedState"
+    " or self::InitialUnknown or self::EventIndicator]"
+)
+_KINDS = "ModelExchange | CoSimulation | ScheduledExecution"
 _LONGEST = 60
 """Most letters of a value in a message."""
 
@@ -101,22 +103,21 @@ def _list_faults(root: Any) -> Iterator[_Fault]:
     yield from _check(root, "numberOfEventIndicators", _UNSIGNED)
     if is_1:
         yield from _check(root, "numberOfContinuousStates", _UNSIGNED, required=True)
-    for kind in () if is_1 else _KINDS:
-        for element in root.iterfind(kind):
-            yield from _require(element, "modelIdentifier", "the name of the library")
-            for name in ("maxOutputDerivativeOrder", "recommendedIntermediateInputSmoothness"):
-                yield from _check(element, name, _WHOLE)
-    for element in root.iterfind("DefaultExperiment"):
-        for name in ("startTime", "stopTime", "tolerance", "stepSize"):
-            yield from _check(element, name, _DOUBLE)
+    for element in () if is_1 else root.xpath(_KINDS):
+        yield from _require(element, "modelIdentifier", "the name of the library")
+        orders = ("maxOutputDerivativeOrder", "recommendedIntermediateInputSmoothness")
+        yield from _check_all([element], orders, _WHOLE)
+    times = ("startTime", "stopTime", "tolerance", "stepSize")
+    yield from _check_all(root.iterfind("DefaultExperiment"), times, _DOUBLE)
     if not is_1:
-        yield from _check_units(root)
+        yield from _check_all(root.iterfind("UnitDefinitions/Unit/BaseUnit"), _BASE, _WHOLE)
+        yield from _check_all(root.iterfind("UnitDefinitions/Unit/*"), ("factor", "offset"), _DOUBLE)
         yield from _check_types(root, is_3)
     variables = root.find("ModelVariables")
     if variables is None:
         yield True, f"{_name(root)} has no element ModelVariables"
         return
-    yield from _check_variables(variables, is_1, is_3)
+    yield from _check_variables(variables, is_3)
     if is_3:
         yield from _check_references(root, variables)
     elif not is_1:
@@ -143,104 +144,84 @@ def describe_missing_variability(variable: Any) -> str:
     )
 
 
-def _check_units(root: Any) -> Iterator[_Fault]:
-    for unit in root.iterfind("UnitDefinitions/Unit"):
-        for element in _elements(unit):
-            what = f"{element.tag} of {_name(unit)}"
-            for name in _BASE if element.tag == "BaseUnit" else ():
-                yield from _check(element, name, _WHOLE, what)
-            for name in ("factor", "offset"):
-                yield from _check(element, name, _DOUBLE, what)
-
-
 def _check_types(root: Any, is_3: bool) -> Iterator[_Fault]:
     used = {element.get("declaredType") for element in root.iterfind("ModelVariables//*[@declaredType]")}
-    for definition in _elements(root.find("TypeDefinitions")):
-        what, inner = _name(definition), definition if is_3 else next(_elements(definition), None)
+    for definition in root.iterfind("TypeDefinitions/*"):
+        inner = definition if is_3 else next(definition.iterfind("*"), None)
         if inner is None:
-            yield True, f"{what} has no element with its type; it needs one of {', '.join(_TYPES_2)}"
+            needed = ", ".join(_TYPES_2)
+            yield True, f"{_name(definition)} has no element with its type; it needs one of {needed}"
             continue
-        kind = inner.tag.removesuffix("Type") if is_3 else inner.tag
-        for name in ("min", "max", "nominal"):
-            number = _DOUBLE if name == "nominal" else _BY_TYPE.get(kind)
-            if number is not None:
-                yield from _check(inner, name, number, what)
-        is_used = definition.get("name") in used
+        yield from _check_limits(inner, inner.tag.removesuffix("Type"))
         for item in inner.iterfind("Item"):
-            of_type = f"Item '{item.get('name', '')}' of {what}"
-            for _, text in _check(item, "value", _WHOLE, of_type, required=True):
-                yield is_used, text
+            for _, text in _check(item, "value", _WHOLE, required=True):
+                yield definition.get("name") in used, text
 
 
-def _check_variables(variables: Any, is_1: bool, is_3: bool) -> Iterator[_Fault]:
+def _check_variables(variables: Any, is_3: bool) -> Iterator[_Fault]:
     types = _TYPES_3 if is_3 else _TYPES_2
-    for number, variable in enumerate(_elements(variables), 1):
+    for variable in variables.iterfind("*"):
         what = _name(variable)
         if variable.get("name") is None:
-            what = f"variable {number} (line {variable.sourceline})"
             yield True, f"{what} has no name; it needs a unique one"
-        inner = variable if is_3 else next((e for e in _elements(variable) if e.tag in types), None)
+        inner = variable if is_3 else next((e for e in variable.iterfind("*") if e.tag in types), None)
         if inner is None:
             yield True, f"{what} has no type; it needs an element {', '.join(types[:-1])} or {types[-1]}"
             continue
         if inner.tag not in types:
             yield True, f"{what} is of the type {inner.tag}; it must be one of {', '.join(types)}"
             continue
-        yield from _check(variable, "valueReference", _UNSIGNED, what, required=True)
-        yield from _check_values(inner, what)
-        for dimension in variable.iterfind("Dimension") if is_3 else ():
-            of_variable = f"Dimension of {what}"
+        yield from _check(variable, "valueReference", _UNSIGNED, required=True)
+        yield from _check_values(inner)
+        for dimension in variable.iterfind("Dimension"):
             if dimension.get("start") is None and dimension.get("valueReference") is None:
                 text = "has neither start nor valueReference; it needs one of them"
-                yield True, f"{of_variable} {text}"
-            yield from _check(dimension, "start", _SIZE, of_variable)
-            yield from _check(dimension, "valueReference", _UNSIGNED, of_variable)
+                yield True, f"{_name(dimension)} {text}"
+            yield from _check(dimension, "start", _SIZE)
+            yield from _check(dimension, "valueReference", _UNSIGNED)
         if inner.tag == "Clock":
             known = "constant, fixed, tunable, changing, countdown or triggered"
-            for _, text in _require(inner, "intervalVariability", known, what):
+            for _, text in _require(inner, "intervalVariability", known):
                 yield False, text
 
 
-def _check_values(inner: Any, what: str) -> Iterator[_Fault]:
+def _check_values(inner: Any) -> Iterator[_Fault]:
     """Check numbers in the element with the type of a variable; arrays have several start values."""
-    yield from _check(inner, "maxSize", _SIZE, what)
-    if inner.tag == "Boolean":
-        text = inner.get("start")
-        if text is not None and not all(w in ("true", "false", "1", "0") for w in text.lower().split()):
-            yield True, f"{what} has start = '{_short(text)}'; it must be true or false"
-    number = _BY_TYPE.get(inner.tag)
-    if number is None:
-        return
-    start = inner.get("start", "")
-    if inner.find("Dimension") is None:
-        yield from _check(inner, "start", number, what)
-    elif not all(number.accepts(word) for word in start.split()):
-        yield True, f"{what} has start = '{_short(start)}'; each value must be {number.description}"
-    for name in ("min", "max"):
-        yield from _check(inner, name, number, what)
-    yield from _check(inner, "nominal", _DOUBLE, what)
+    yield from _check(inner, "maxSize", _SIZE)
+    start, number = inner.get("start", ""), _BY_TYPE.get(inner.tag)
+    if inner.tag == "Boolean" and not all(w in ("true", "false", "1", "0") for w in start.lower().split()):
+        yield True, f"{_name(inner)} has start = '{_short(start)}'; it must be true or false"
+    if number is not None and inner.find("Dimension") is None:
+        yield from _check(inner, "start", number)
+    elif number is not None and not all(number.accepts(word) for word in start.split()):
+        yield True, f"{_name(inner)} has start = '{_short(start)}'; each value must be {number.description}"
+    yield from _check_limits(inner, inner.tag)
+
+
+def _check_limits(element: Any, kind: str) -> Iterator[_Fault]:
+    if (number := _BY_TYPE.get(kind)) is not None:
+        yield from _check_all([element], ("min", "max"), number)
+        yield from _check(element, "nominal", _DOUBLE)
 
 
 def _check_references(root: Any, variables: Any) -> Iterator[_Fault]:
     """Check what refers to variables by value reference, in FMI 3.0."""
-    known = {_reference(e.get("valueReference", "")): e for e in _elements(variables)}
-    for variable in _elements(variables):
-        what = _name(variable)
+    known = {_reference(e.get("valueReference", "")): e for e in variables.iterfind("*")}
+    for variable in variables.iterfind("*"):
         if variable.get("clocks") is not None:
-            yield from _require(variable, "clocks", "value references of Clocks, or must be left out", what)
-        yield from _check(variable, "derivative", _UNSIGNED, what)
+            yield from _require(variable, "clocks", "value references of Clocks, or must be left out")
+        yield from _check(variable, "derivative", _UNSIGNED)
         for name in ("derivative", "clocks"):
-            yield from _check_targets(variable, name, known, what)
+            yield from _check_targets(variable, name, known)
         for dimension in variable.iterfind("Dimension"):
-            of_variable = f"Dimension of {what}"
             if dimension.get("start") is not None:
                 continue
-            yield from _check_targets(dimension, "valueReference", known, of_variable)
+            yield from _check_targets(dimension, "valueReference", known)
             size = known.get(_reference(dimension.get("valueReference", "")))
             if size is not None:
-                needed = f"{_name(size)}, the size of {what},"
+                needed = f"{_name(size)}, the size of {_name(variable)},"
                 yield from _check(size, "start", _SIZE, needed, required=True)
-    for element in itertools.chain.from_iterable(root.iterfind(f"ModelStructure/{e}") for e in _UNKNOWNS_3):
+    for element in root.xpath(_UNKNOWNS_3):
         yield from _check(element, "valueReference", _UNSIGNED, required=True)
         for name in ("valueReference", "dependencies"):
             yield from _check_targets(element, name, known)
@@ -251,32 +232,29 @@ def _reference(text: str) -> int | str:
     return int(text) if _UNSIGNED.accepts(text) else text
 
 
-def _check_targets(
-    element: Any, name: str, known: Mapping[int | str, Any], what: str = ""
-) -> Iterator[_Fault]:
-    for word in element.get(name, "").split():
-        if _reference(word) not in known:
-            end = "no variable has this value reference"
-            yield True, f"{what or _name(element)} has {name} = '{_short(element.get(name))}'; {end}"
-            return
+def _check_targets(element: Any, name: str, known: Mapping[int | str, Any]) -> Iterator[_Fault]:
+    if any(_reference(word) not in known for word in element.get(name, "").split()):
+        end = "no variable has this value reference"
+        yield True, f"{_name(element)} has {name} = '{_short(element.get(name))}'; {end}"
 
 
 def _check_indices(root: Any, variables: Any) -> Iterator[_Fault]:
     """Check what refers to variables by their position, in FMI 2.0."""
-    count = sum(1 for _ in _elements(variables))
-    number = _between(1, count)
-    places = f"the position of a variable, from 1 to {count}"
-    for variable in _elements(variables):
-        for real in variable.iterfind("Real"):
-            yield from _check(real, "derivative", number._replace(description=places), _name(variable))
-    for name in _LISTS_2:
-        for element in root.iterfind(f"ModelStructure/{name}/Unknown"):
-            what = f"Unknown of {name} (line {element.sourceline})"
-            yield from _check(element, "index", number._replace(description=places), what, required=True)
-            words = element.get("dependencies", "").split()
-            if not all(number.accepts(word) for word in words if word != "0"):
-                text = f"has dependencies = '{_short(element.get('dependencies'))}'; each must be {places}"
-                yield True, f"{what} {text}"
+    count = sum(1 for _ in variables.iterfind("*"))
+    number = _Number(f"the position of a variable, from 1 to {count}", 1, count)
+    yield from _check_all(variables.iterfind("*/Real"), ["derivative"], number)
+    for element in root.xpath(_UNKNOWNS_2):
+        yield from _check(element, "index", number, required=True)
+        words = element.get("dependencies", "").split()
+        if not all(number.accepts(word) for word in words if word != "0"):
+            text = f"has dependencies = '{_short(element.get('dependencies'))}'; each must be "
+            yield True, f"{_name(element)} {text}{number.description}"
+
+
+def _check_all(elements: Iterable[Any], names: Iterable[str], number: _Number) -> Iterator[_Fault]:
+    for element in elements:
+        for name in names:
+            yield from _check(element, name, number)
 
 
 def _check(
@@ -291,28 +269,28 @@ def _check(
         yield True, f"{what or _name(element)} has {name} = '{_short(text)}'; it must be {number.description}"
 
 
-def _require(element: Any, name: str, expected: str, what: str = "") -> Iterator[_Fault]:
+def _require(element: Any, name: str, expected: str) -> Iterator[_Fault]:
     """Check that an attribute is present and not empty."""
     if not (element.get(name) or "").strip():
-        yield True, f"{what or _name(element)} has no {name}; it needs {expected}"
-
-
-def _elements(parent: Any) -> Iterator[Any]:
-    """Yield the elements in another one, without comments."""
-    return (e for e in (() if parent is None else parent) if isinstance(e.tag, str))
+        yield True, f"{_name(element)} has no {name}; it needs {expected}"
 
 
 def _name(element: Any) -> str:
     """Return what messages call an element, with its line."""
-    parent, name = element.getparent(), element.get("name")
-    kind = "variable" if parent is not None and parent.tag == "ModelVariables" else element.tag
-    if parent is not None and parent.tag == "TypeDefinitions":
-        kind = "type"
-    label = (
-        f"the {kind} '{_short(name)}'" if name is not None and kind in ("variable", "type") else element.tag
-    )
-    if kind == "Unit":
-        label = f"the unit '{_short(name or '')}'"
+    parent, tag, name = element.getparent(), element.tag, element.get("name")
+    holder = "" if parent is None else parent.tag
+    if holder in ("ScalarVariable", "SimpleType"):
+        return _name(parent)  # its type
+    if tag == "Item":
+        return f"Item '{name or ''}' of {_name(parent)}"
+    if holder == "Unit" or tag == "Dimension":
+        return f"{tag} of {_name(parent)}"
+    label = f"{tag} of {holder}" if tag == "Unknown" else tag
+    kind = {"ModelVariables": "variable", "TypeDefinitions": "type", "UnitDefinitions": "unit"}.get(holder)
+    if kind is not None and (name is not None or kind == "unit"):
+        label = f"the {kind} '{_short(name or '')}'"
+    elif kind == "variable":
+        label = f"variable {element.getparent().xpath('*').index(element) + 1}"
     return f"{label} (line {element.sourceline})"
 
 

@@ -4,14 +4,14 @@ import io
 import math
 import re
 import zipfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import fmpy
-from fmpy.model_description import ModelDescription, ModelVariable, ValidationError
+from fmpy.model_description import ModelDescription, ModelVariable, Unknown, ValidationError
 from fmpy.validation import validate_model_description
 
 from ..base.errors import CommandError, join_names, raise_machine_fault
@@ -25,7 +25,6 @@ from .attribute_faults import (
     list_variables_without_variability,
 )
 from .clocks import CLOCK, explain_unsupported_clock
-from .dependencies import Dependencies
 from .elements import (
     BINARY,
     WIDE,
@@ -46,6 +45,37 @@ KINDS = {"cs": CO_SIMULATION, "me": MODEL_EXCHANGE}
 
 _LARGEST = 2**28
 """The largest size of an unpacked model description in bytes."""
+
+
+class Dependencies:
+    """The dependencies of one list of unknowns, by names of variables."""
+
+    def __init__(self, unknowns: Sequence[Unknown]) -> None:
+        self._silent = not unknowns
+        self._on_all: set[str] = set()
+        self._on: dict[str, set[str]] = {}
+        for unknown in unknowns:
+            if unknown.variable is None:
+                continue
+            name, knowns = str(unknown.variable.name), unknown.dependencies
+            if knowns is None:
+                self._on_all.add(name)
+            for known in knowns or ():
+                self._on.setdefault(str(known.name), set()).add(name)
+
+    def among(self, outputs: Set[str], known: str) -> Set[str]:
+        """Return the outputs that depend on a known.
+
+        Without a list of unknowns, all outputs depend on it. In a list, an output without an entry depends on
+        nothing, and an output without declared dependencies depends on everything.
+
+        Args:
+            outputs: The names of the outputs to select from.
+            known: The name of the known.
+        """
+        if self._silent:
+            return outputs
+        return (outputs & self._on_all) | (outputs & self._on.get(known, set()))
 
 
 @dataclass(frozen=True)

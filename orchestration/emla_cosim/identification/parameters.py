@@ -13,7 +13,7 @@ from ..base.quantities import parse_unit_name, read_quantity
 from ..base.units import SiUnit
 from ..sweeps.distributions import parse_distribution
 from ..sweeps.factors import Factor, resolve_factors
-from ..sweeps.kinds.continuous import Uniform
+from ..sweeps.kinds import Uniform
 from ..sweeps.targets import SHEET, START, merge_options
 from ..sweeps.worker_payload import Preparation
 from ..system.model import Value

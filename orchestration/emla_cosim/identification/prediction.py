@@ -13,11 +13,10 @@ from ..base.arrays import Vector
 from ..base.errors import CommandError
 from ..run.half_step import HalfStep
 from ..run.remarks import tells_lost_values
-from ..sweeps.data import DONE, VARIANT
+from ..sweeps.data import DONE, VARIANT, Chunk, Variant
 from ..sweeps.executor import ClusterExecutor, WorkPackage
 from ..sweeps.measures import Measures
 from ..sweeps.targets import START
-from ..sweeps.variants import Chunk, Variant
 from .measurement import MeasuredSignal
 from .parameters import Parameters
 

@@ -13,10 +13,10 @@ from ..base.progress import Progress
 from ..base.values import convert_value
 from ..run.option_types import RunOptions
 from ..run.remarks import describe_disabled_event_mode
+from ..run.requirements import check_no_condition
 from ..run.run_setup import run_times
 from ..run.scenarios.scenario import Scenario
 from ..run.simulation import Simulation
-from ..run.stop_conditions import check_no_condition
 from ..study.joint import ideal_sensors
 from ..study.loading import load
 from ..system.fault import Fault

@@ -8,7 +8,7 @@ from typing import Any
 from ..base.option import options_of
 from ..base.patterns import has_wildcard, matches_pattern
 from ..master.algorithms.registry import ALGORITHMS
-from ..master.stepping.registry import STEP_SIZE_CONTROLS
+from ..master.stepping.step_size_control import STEP_SIZE_CONTROLS
 
 CHOICES: Mapping[str, Mapping[str, type]] = {"algorithm": ALGORITHMS, "step_size_control": STEP_SIZE_CONTROLS}
 """The options that choose a class, with the classes, each of which has options of its own."""

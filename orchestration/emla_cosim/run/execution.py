@@ -17,8 +17,7 @@ from ..master.stepping.stepping_base import RowSink, Stepping
 from ..recorders.recorder import Outline, Recorder, RecordingError, recording
 from ..recorders.row_buffer import RowBuffer
 from ..sandbox.interruption import catch_interrupts
-from .requirements import Requirement
-from .stop_conditions import StopCondition, StoppingRows, describe_stop
+from .requirements import Requirement, StopCondition, StoppingRows, describe_stop
 
 FLUSH_INTERVAL = 1.0
 """Longest wall time in s between two transfers of rows to the recorders."""

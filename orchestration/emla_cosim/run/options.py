@@ -16,8 +16,7 @@ from ..base.quantities import read_quantity
 from ..base.values import convert_value, list_elements
 from ..master.algorithms.algorithm import Algorithm
 from ..master.algorithms.registry import ALGORITHMS
-from ..master.stepping.registry import STEP_SIZE_CONTROLS
-from ..master.stepping.step_size_control import StepSizeControl
+from ..master.stepping.step_size_control import STEP_SIZE_CONTROLS, StepSizeControl
 from ..recorders.recorder import Recorder
 from ..recorders.registry import RECORDERS, table_names
 from ..system.bond import Bond

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 from fmpy.model_description import ModelVariable
 
-from ..base.compatibility import FITS, CompatibilityReport, VariableMatch
 from ..base.errors import CommandError
 from ..base.faults import convert_documents_units
 from ..base.files import read_file
+from ..base.progress import FITS, CompatibilityReport, VariableMatch
 from ..base.units import IDENTITY, LinearTransformation, SiUnit
 from ..fmu.interface import Interface
 from ..system.model import Alias, Component, Connection, Replacement, System

@@ -63,7 +63,14 @@ from .remarks import (
     describe_idle_clocks,
     describe_lost_values,
 )
-from .requirements import Requirement, describe_unmet, parse_requirement, resolve_requirements
+from .requirements import (
+    Requirement,
+    StopCondition,
+    describe_unmet,
+    parse_requirement,
+    resolve_requirements,
+    resolve_stop_conditions,
+)
 from .result import Result, run_figures
 from .run_record import RunDefinition, build_run_record
 from .run_setup import (
@@ -73,7 +80,6 @@ from .run_setup import (
     select_signals,
     steps_per_row,
 )
-from .stop_conditions import StopCondition, resolve_stop_conditions
 from .stored_margins import read_margins
 
 

@@ -20,8 +20,7 @@ from ..base.option import (
 from ..fmu.cvode import METHODS
 from ..master.algorithms.algorithm import Algorithm
 from ..master.algorithms.registry import ALGORITHMS
-from ..master.stepping.registry import STEP_SIZE_CONTROLS
-from ..master.stepping.step_size_control import StepSizeControl
+from ..master.stepping.step_size_control import STEP_SIZE_CONTROLS, StepSizeControl
 from .system_options import ALL
 
 _INTEGRATED = (RUN, SWEEP, COMPARE, LINEARIZE)

@@ -12,18 +12,17 @@ import numpy as np
 from emla_fmu import EmlaCompliantPlant, EmlaPlant
 
 from ..base.arrays import Vector
-from ..base.compatibility import CompatibilityReport
 from ..base.errors import CommandError, RunError
 from ..base.patterns import matches_pattern
-from ..base.progress import Progress
+from ..base.progress import CompatibilityReport, Progress
 from ..base.values import convert_value
 from ..recorders.time_series import TimeSeries
 from ..run.option_types import RunOptions
 from ..run.remarks import describe_disabled_event_mode
+from ..run.requirements import check_no_condition
 from ..run.result import Result
 from ..run.run_setup import run_times
 from ..run.scenarios.scenario import Scenario
-from ..run.stop_conditions import check_no_condition
 from ..study.actuator.actuator import Actuator
 from ..study.actuator.effective_values import get_number
 from ..study.loading import load

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from ..base.wording import format_count
 from .documents.ssd_data import Connector, Element, SsdConnection, SystemElement
-from .writer.coordinates import add_coordinates
+from .writer.layout import add_coordinates
 
 _MOST, _MOST_ALONE = 24, 100
 """Most boxes in one diagram. Parts of a larger system have diagrams of their own."""

@@ -12,7 +12,7 @@ import psutil
 from ..base.errors import CommandError
 from ..base.progress import Progress
 from ..system.model import Value
-from .data import VARIANT
+from .data import VARIANT, Variant
 from .executor import WorkPackage
 from .factors import Factor, resolve_factors
 from .folder import hash_plain_data
@@ -20,7 +20,6 @@ from .plan import Plan
 from .plan_files import load_planned
 from .sampling import count_variants, sample
 from .targets import changed_in_run, merge_options, needs_preparation
-from .variants import Variant
 from .worker_payload import Preparation
 
 _BYTES_PER_VALUE = 64

@@ -1,8 +1,9 @@
 """Parse distributions of plans and of the command line."""
 
+import contextlib
 import difflib
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, fields
 from typing import Any, NoReturn
 
@@ -10,11 +11,7 @@ from ..base.errors import CommandError, join_names
 from ..base.quantities import has_unit
 from ..base.table_entries import unknown_entry
 from ..system.model import Value
-from .kinds.continuous import LogNormal, LogUniform, Normal, Triangular, Uniform
-from .kinds.discrete import Integers, ValueList
-from .kinds.distribution import Distribution
-
-__all__ = ["DISTRIBUTIONS", "FORMS", "Distribution", "parse", "parse_distribution"]
+from .kinds import Distribution, Integers, LogNormal, LogUniform, Normal, Triangular, Uniform, ValueList
 
 DISTRIBUTIONS: dict[str, type[Distribution]] = {
     kind.name: kind for kind in (Uniform, LogUniform, Normal, LogNormal, Triangular, ValueList, Integers)
@@ -43,11 +40,19 @@ _LIST_OR_DECIMAL = re.compile(r"(?<![\w.,])([+-]?[0-9]+),([0-9]+)\s*([^\W\d_][^,
 
 
 def parse_distribution(value: Any, where: str, convert: Convert | None = None) -> Distribution:
-    """Read the distribution of a factor from a plan.
+    """Read the distribution of a factor from a plan or from the command line.
+
+    Texts have short forms:
+
+    - LOW:HIGH is uniform. LOW:HIGH:N has N levels in a grid.
+    - A,B,C, or a single A, are values: numbers, true, false or texts without commas, colons and parentheses.
+    - NAME(...) has the fields of that kind in their order or as name=value.
+    - Percentages are of the nominal value: 80%:120%, 80%:120%:N, 90%,110%, or ±10% (also +-10%), which is
+      uniform from 90 % to 110 %.
 
     Args:
         value: A table with `distribution` (the name) and its fields, a list of values, a text in a short
-            form (see `parse`), a number, a Boolean, or a distribution.
+            form, a number, a Boolean, or a distribution.
         where: Name of the factor in messages.
         convert: Converts texts such as "5 mm", unless the values are factors. Default: they stay texts.
 
@@ -56,39 +61,24 @@ def parse_distribution(value: Any, where: str, convert: Convert | None = None) -
     """
     if isinstance(value, Distribution):
         return value
-    try:
+    with _name_factor(where):
         kind, given = _parse(value.strip()) if isinstance(value, str) else _read(value)
         has_units = convert is not None and not given.get("relative")
-        if has_units and isinstance(value, str) and ":" not in value:
-            _check_commas(value)
-        mixed = _find_mixed_units(kind, given) if has_units else None
-        if mixed is not None:
-            raise CommandError(f"{mixed[0]} has no unit, but {mixed[1]} has; add a unit to all or none.")
-    except CommandError as error:
-        raise CommandError(f"{where}: {error}", **error.fields) from None
-    if convert is not None and not given.get("relative"):
+        if has_units:
+            _check_units(kind, given, value)
+    if convert is not None and has_units:
         given = {**given, **_map_values(kind, given, lambda x: convert(x) if _is_quantity(x) else x)}
-    try:
+    with _name_factor(where):
         return _make_distribution(kind, given)
+
+
+@contextlib.contextmanager
+def _name_factor(where: str) -> Iterator[None]:
+    """Begin messages of errors with the name of the factor."""
+    try:
+        yield
     except CommandError as error:
         raise CommandError(f"{where}: {error}", **error.fields) from None
-
-
-def parse(text: str, where: str) -> Distribution:
-    """Parse a distribution in a short form of the command line.
-
-    - LOW:HIGH is uniform. LOW:HIGH:N has N levels in a grid.
-    - A,B,C, or a single A, are values: numbers, true, false or texts.
-    - NAME(...) has the fields of that kind in their order or as name=value.
-    - Percentages are of the nominal value: 80%:120%, 80%:120%:N, 90%,110%, or ±10% (also +-10%), which is
-      uniform from 90 % to 110 %.
-
-    Texts with commas, colons or parentheses must be in a list.
-
-    Raises:
-        CommandError: The text has no such form. `where` names the factor.
-    """
-    return parse_distribution(text, where)
 
 
 def _map_values(
@@ -104,25 +94,24 @@ def _map_values(
     return {n: change(value) for n, value in given.items() if n not in ("points", "relative", factor)}
 
 
-def _find_mixed_units(kind: type[Distribution], given: Mapping[str, Any]) -> tuple[Any, Any] | None:
-    """Return a number without a unit, and a text with one, if there are both; 0 needs no unit."""
+def _check_units(kind: type[Distribution], given: Mapping[str, Any], written: Any) -> None:
+    """Raise CommandError if only some numbers have a unit; 0 needs none.
+
+    In a text, a list of values must not look like a number with a decimal comma.
+    """
+    if isinstance(written, str) and ":" not in written and (found := _LIST_OR_DECIMAL.search(written)):
+        whole, second, unit = (part.strip() for part in found.groups())
+        raise CommandError(
+            f"'{found[0].strip()}' has two meanings; write '{whole}.{second} {unit}', or "
+            f"'{whole} {unit}, {second} {unit}' for two values.",
+            text=written,
+        )
     values = list[Any]()
     _map_values(kind, given, values.append)
-    quantity = next(filter(_is_quantity, values), None)
-    numbers = (v for v in values if isinstance(v, (int, float)) and v != 0.0)
-    bare = next(numbers, None)
-    return None if quantity is None or bare is None else (bare, quantity)
-
-
-def _check_commas(text: str) -> None:
-    """Raise CommandError if a list of values can also be read as a number with a decimal comma."""
-    if ambiguous := _LIST_OR_DECIMAL.search(text):
-        whole, second, unit = (part.strip() for part in ambiguous.groups())
-        raise CommandError(
-            f"'{ambiguous[0].strip()}' has two meanings; write '{whole}.{second} {unit}', or "
-            f"'{whole} {unit}, {second} {unit}' for two values.",
-            text=text,
-        )
+    quantities = list(filter(_is_quantity, values))
+    bare = [v for v in values if isinstance(v, (int, float)) and v != 0.0]
+    if quantities and bare:
+        raise CommandError(f"{bare[0]} has no unit, but {quantities[0]} has; add a unit to all or none.")
 
 
 def _is_quantity(value: Any) -> bool:
@@ -133,7 +122,12 @@ def _read(value: Any) -> _Fields:
     if hasattr(value, "tolist"):
         value = value.tolist()  # NumPy
     if isinstance(value, Mapping):
-        return _parse_table(value)
+        if "distribution" not in value:
+            raise CommandError(
+                f"the table has no distribution; write distribution = one of {join_names(DISTRIBUTIONS)}.",
+                choices=list(DISTRIBUTIONS),
+            )
+        return _kind(value["distribution"]), {n: x for n, x in value.items() if n != "distribution"}
     if isinstance(value, (bool, int, float)):
         return ValueList, {"values": (value,)}
     if isinstance(value, Sequence) and not isinstance(value, (str, bytes)):
@@ -143,15 +137,6 @@ def _read(value: Any) -> _Fields:
         'such as { distribution = "normal", mean = 0.14, deviation = 0.01 }.',
         value=value,
     )
-
-
-def _parse_table(table: Mapping[str, Any]) -> _Fields:
-    if "distribution" not in table:
-        raise CommandError(
-            f"the table has no distribution; write distribution = one of {join_names(DISTRIBUTIONS)}.",
-            choices=list(DISTRIBUTIONS),
-        )
-    return _kind(table["distribution"]), {key: x for key, x in table.items() if key != "distribution"}
 
 
 def _kind(name: Any) -> type[Distribution]:

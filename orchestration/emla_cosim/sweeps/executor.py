@@ -20,10 +20,9 @@ from distributed.comm.core import CommClosedError
 
 from ..base.errors import CosimError, RunError, join_names
 from ..sandbox.interruption import catch_interrupts
-from .data import DIED, TIMED_OUT
+from .data import DIED, TIMED_OUT, Chunk, SimulationDescription, Variant, VariantOutcome
 from .local_cluster import local_cluster
 from .measures import Measures
-from .variants import Chunk, SimulationDescription, Variant, VariantOutcome
 from .worker import ChunkAnswer, ChunkRequest, make_call, make_plugin
 from .worker_payload import WorkerPayload
 

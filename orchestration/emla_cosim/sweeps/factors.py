@@ -13,8 +13,9 @@ from ..fmu.units import read_si_number
 from ..run.options import list_options
 from ..system.model import System, Value
 from ..system.names import NamedVariable, Names
-from .distributions import Distribution, parse_distribution
-from .reserved import RESERVED
+from .data import RESERVED
+from .distributions import parse_distribution
+from .kinds import Distribution
 from .targets import ACTUATOR, FMU, OPTION, SHEET, START, Target, assign_value
 
 
@@ -85,11 +86,6 @@ def _check_names(found: Sequence[Factor], where: str) -> None:
                 both = f"as {targets[target.name]} and as {factor.name}"
                 raise CommandError(f"{where} varies {target.name} twice: {both}.", name=target.name)
         targets |= {target.name: factor.name for target in factor.targets}
-
-
-def find_start_number(name: str, system: System, interfaces: Mapping[str, Interface]) -> float | None:
-    """Return the start value of a variable in the scenario, in its unit there; None if it is not a number."""
-    return Names(system, interfaces).find(name).start_number
 
 
 @dataclass(frozen=True)

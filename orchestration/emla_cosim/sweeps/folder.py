@@ -15,11 +15,10 @@ from ..base.errors import CommandError
 from ..base.files import UNFINISHED, read_text, report_write_errors, write_atomically
 from ..base.ownership import has_entries
 from ..views.folder import Folder
-from .data import PROBLEM, STATUS, VARIANT
+from .data import PROBLEM, STATUS, VARIANT, Chunk
 from .measures import Measures
 from .pictures import PICTURES
 from .variant_process import to_parquet
-from .variants import Chunk
 
 TABLE, RECORD, SERIES, PARTS = "variants.parquet", "sweep.json", "series", "parts"
 WORST = "worst.txt"

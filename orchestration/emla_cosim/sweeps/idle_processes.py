@@ -8,7 +8,12 @@ import threading
 from typing import Any
 
 from ..sandbox.server import Server
-from .variant_messages import ANSWER
+
+ANSWER, ERROR, READY, OUTCOME = "answer", "error", "ready", "outcome"
+"""Kinds of messages: the answer, an exception, the simulation is prepared, and the outcome of a variant."""
+
+PAYLOAD = "payload.pickle"
+"""The file with prepared systems and registered objects, beside the FMUs of a sweep."""
 
 
 class WorkerProcess(Server):

@@ -16,7 +16,7 @@ from ..base.patterns import select_names
 from ..recorders.metrics import HELD, is_verdict
 from ..run.requirements import flatten_figures
 from ..run.result import Result
-from .reserved import RESERVED
+from .data import RESERVED
 
 Metric = str | Callable[[Result], Any]
 """A name or pattern of registered figures, an expression over signals, or a function of a result."""
@@ -39,14 +39,28 @@ class MetricRequest:
 
         In a list, write an expression as "name = expression". A function has its Python name.
         """
-        figures, expressions, functions = list[str](), dict[str, str](), dict[str, Any]()
-        for name, metric in _check_names(metrics, where):
-            if name is not None:
-                _check_name(name, [*expressions, *functions], where)
+        if isinstance(metrics, str) or not isinstance(metrics, (Mapping, Sequence)):
+            raise CommandError(f"the metrics of {where} are {metrics!r}; they must be a list or a table.")
+        named: list[tuple[Any, Any]] = [(None, metric) for metric in metrics]
+        if isinstance(metrics, Mapping):
+            named = list(metrics.items())
+        figures, expressions, functions = list[Any](), dict[str, Any](), dict[str, Any]()
+        for name, metric in named:
             if callable(metric):
-                functions[name or metric.__name__] = metric
-            elif name is None:
+                name = name or getattr(metric, "__name__", type(metric).__name__)
+            elif not isinstance(metric, str) or not metric.strip():
+                raise CommandError(
+                    f"a metric of {where} is {metric!r}; it must be the name of a figure, "
+                    "'name = expression', or in Python a function of a Result."
+                )
+            elif name is None and (match := _NAMED.fullmatch(metric)):
+                name, metric = match.groups()
+            if name is None:
                 figures.append(metric)
+                continue
+            _check_name(name, [*expressions, *functions], where)
+            if callable(metric):
+                functions[name] = metric
             else:
                 expressions[name] = metric
         return cls(figures, expressions, functions)
@@ -63,31 +77,6 @@ def _source(function: Callable[..., Any]) -> str:
         return inspect.getsource(function)
     except (OSError, TypeError):
         return getattr(function, "__qualname__", type(function).__name__)
-
-
-def _check_names(
-    metrics: Sequence[Metric] | Mapping[str, Metric], where: str
-) -> list[tuple[str | None, Metric]]:
-    if isinstance(metrics, Mapping):
-        given: list[tuple[Any, Any]] = list(metrics.items())
-    elif isinstance(metrics, str) or not isinstance(metrics, Sequence):
-        raise CommandError(f"the metrics of {where} are {metrics!r}; they must be a list or a table.")
-    else:
-        given = [(None, metric) for metric in metrics]
-    found = list[tuple[str | None, Metric]]()
-    for name, metric in given:
-        if callable(metric):
-            found.append((name or getattr(metric, "__name__", type(metric).__name__), metric))
-        elif not isinstance(metric, str) or not metric.strip():
-            raise CommandError(
-                f"a metric of {where} is {metric!r}; it must be the name of a figure, "
-                "'name = expression', or in Python a function of a Result."
-            )
-        elif name is None and (match := _NAMED.fullmatch(metric)):
-            found.append((match[1], match[2]))
-        else:
-            found.append((name, metric))
-    return found
 
 
 def _check_name(name: str, taken: Sequence[str], where: str) -> None:
@@ -139,7 +128,7 @@ class Measures:
         known = flatten_figures(result.metrics, {})
         found: dict[str, float | bool | None] = {name: known.get(name) for name in self.figures}
         if self.expressions:
-            found |= _evaluate(self.expressions, self._frame(result))
+            found |= _evaluate(self.expressions, polars.DataFrame(result.read([_TIME, *self.read])))
         for name, function in self.functions.items():
             try:
                 found[name] = _number(function(result))
@@ -150,9 +139,6 @@ class Measures:
     def series(self, result: Result) -> polars.DataFrame:
         """Return the signals to keep over time."""
         return polars.DataFrame(result.read([_TIME, *self.signals]))
-
-    def _frame(self, result: Result) -> polars.DataFrame:
-        return polars.DataFrame(result.read([_TIME, *self.read]))
 
 
 class MeasureError(Exception):

@@ -1,6 +1,7 @@
 """Run a sweep: design its variants, run them on workers, and store the results."""
 
 import contextlib
+import re
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
@@ -18,21 +19,22 @@ from ..base.values import convert_value
 from ..run.option_types import SweepOptions
 from ..run.run_setup import select_signals
 from ..sandbox.interruption import catch_interrupts
-from .design import Design, design_variants
+from .data import Chunk, SimulationDescription
+from .design import Design, VariantGroup, design_variants
 from .executor import ClusterExecutor, Scheduler, open_executor
+from .factors import Factor
 from .folder import SweepFolder, hash_plain_data
 from .measures import Measures, Metric, MetricRequest, resolve_measures, with_verdicts
-from .notes import sweep_notes
 from .plan import Plan, Source, load_plan
-from .result import SweepResult
+from .result import SweepResult, read_sweep
 from .sensitivity import SALTELLI, all_sobol_indices
-from .stored import read_sweep
-from .targets import format_arguments
-from .variants import Chunk, SimulationDescription
+from .targets import format_arguments, merge_options, needs_preparation
 from .worker_payload import WorkerPayload, check_portable
 
 SOBOL = "sobol"
 """Key of the Sobol indices in sweep.json."""
+
+_NUMBER = re.compile(r"[-+]?[0-9][0-9.,]*(e[-+]?[0-9]+)?")
 
 
 def sweep(
@@ -94,10 +96,14 @@ def sweep(
     chosen = {**options, "overwrite": True} if overwrite else {**options}
     plan = load_plan(source).updated({**given, "signals": signals, "options": chosen})
     check_cluster(scheduler, workers)
-    with _open_folder(output, resume, overwrite) as (folder, held):
+    if output is None and resume:
+        raise CommandError("to resume a sweep, set `output` to its folder.")
+    with contextlib.ExitStack() as held:
+        place = held.enter_context(temporary_folder("sweep")) if output is None else output
+        folder = SweepFolder(convert_value(place, Path, "the output folder"), overwrite)
         progress = progress or Progress()
         design = design_variants(plan, progress)
-        notes = sweep_notes(design)
+        notes = _sweep_notes(design)
         for note in notes:
             progress.note(f"Note: {note}.")
         folder.check_unread(group.preparation.read for group in design.groups)
@@ -107,6 +113,38 @@ def sweep(
             _keep_sobol_indices(result, folder)
             folder.settle()
         return replace(result, folder=None, resources=held.pop_all()) if output is None else result
+
+
+def _sweep_notes(design: Design) -> list[str]:
+    """Return warnings without periods, each once.
+
+    Those on the scenario come first, then those on variants with all factors at one end of their ranges.
+    """
+    found: dict[str, str] = {}
+    for group in design.groups:
+        for note in _notes(group):
+            found.setdefault(_NUMBER.sub("#", note), note)
+    return list(found.values())
+
+
+def _notes(group: VariantGroup) -> Iterator[str]:
+    scenario = group.preparation.scenario
+    if scenario is None:
+        return
+    yield from scenario.notes
+    for end in (1, 0):  # high end first: high loads, speeds and strokes are the critical ones
+        try:
+            variant = scenario.with_options(_at_ends(group.factors, end))
+        except CommandError as error:  # a single run would fail with this message
+            yield f"some variants cannot run: {str(error).strip().rstrip('.')}"
+            continue
+        yield from variant.notes
+
+
+def _at_ends(factors: Sequence[Factor], end: int) -> dict[str, Any]:
+    """Return the options of a variant with all factors at their low (0) or high end (1)."""
+    changing = [f for f in factors if not any(needs_preparation(target) for target in f.targets)]
+    return merge_options(f.options(f.value(f.distribution.ends[end])) for f in changing)
 
 
 def _keep_sobol_indices(result: SweepResult, folder: SweepFolder) -> None:
@@ -126,21 +164,6 @@ def check_cluster(scheduler: Scheduler, workers: int | None) -> None:
         raise CommandError(f"the number of workers {workers} must be at least 1.")
     if scheduler is not None:
         raise CommandError("a scheduler has its own workers; set either a scheduler or a number of workers.")
-
-
-@contextlib.contextmanager
-def _open_folder(
-    output: str | Path | None, resume: bool, overwrite: bool
-) -> Iterator[tuple[SweepFolder, contextlib.ExitStack]]:
-    """Open the folder of a sweep, with the resources that keep it alive."""
-    with contextlib.ExitStack() as held:
-        if output is not None:
-            place = convert_value(output, Path, "the output folder")
-        elif resume:
-            raise CommandError("to resume a sweep, set `output` to its folder.")
-        else:
-            place = held.enter_context(temporary_folder("sweep"))
-        yield SweepFolder(place, overwrite), held
 
 
 def _run(

@@ -1,7 +1,7 @@
 """Samplings: choose the variants of a sweep from the distributions of its factors."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,7 +11,7 @@ from ..base.arrays import Vector
 from ..base.errors import CommandError, check_choice
 from ..base.values import convert_value
 from ..system.model import Value
-from .distributions import Distribution
+from .kinds import Distribution
 
 _MOST_SOBOL_RUNS = 2**30
 """Length of SciPy's Sobol sequence."""
@@ -28,14 +28,14 @@ class Sampling:
     """A way to choose variants.
 
     Attributes:
-        count: Returns the number of variants from distributions and runs.
         draw: Returns the values from distributions, runs and seed.
+        count: Returns the number of variants from distributions and runs. Default: the runs.
         own_size: For samplings without runs: what determines their size. `runs` is 0 then.
         dimensions: Dimensions of a Sobol sequence for each factor; 0 without a sequence.
     """
 
-    count: Callable[[Sequence[Distribution], int], int]
     draw: Callable[[Sequence[Distribution], int, int], Columns]
+    count: Callable[[Sequence[Distribution], int], int] = lambda _, runs: runs
     own_size: str = ""
     dimensions: int = 0
 
@@ -51,7 +51,7 @@ def count_variants(method: str, distributions: Sequence[Distribution], runs: int
     Raises:
         CommandError: As for `sample`, except for the seed.
     """
-    return _check_method(method, distributions, runs).count(distributions, _runs(runs))
+    return _check_method(method, distributions, runs).count(distributions, runs or 0)
 
 
 def sample(
@@ -85,7 +85,7 @@ def sample(
     sampling = _check_method(method, distributions, runs)
     if convert_value(seed, int, "the seed") < 0:
         raise CommandError(f"the seed {seed} must be a whole number from 0.", seed=seed)
-    return sampling.draw(distributions, _runs(runs), int(seed))
+    return sampling.draw(distributions, runs or 0, int(seed))
 
 
 def _check_method(method: str, distributions: Sequence[Distribution], runs: Any) -> Sampling:
@@ -120,10 +120,6 @@ def _check_runs(method: str, runs: Any, sampling: Sampling) -> None:
             f"the plan has {runs}.",
             runs=runs,
         )
-
-
-def _runs(runs: int | None) -> int:
-    return 0 if runs is None else int(runs)
 
 
 def _generator(seed: int) -> np.random.Generator:
@@ -204,20 +200,37 @@ def _one_at_a_time(distributions: Sequence[Distribution], _runs: int, _seed: int
     return columns
 
 
-def _sample_given(_distributions: Sequence[Distribution], runs: int) -> int:
-    return runs
-
-
 SAMPLINGS: dict[str, Sampling] = {
-    "grid": Sampling(_grid_count, _grid, own_size="a grid is as large as its levels make it"),
-    "random": Sampling(_sample_given, _random),
-    "latin-hypercube": Sampling(_sample_given, _latin_hypercube),
-    "sobol": Sampling(_sample_given, _sobol, dimensions=1),
-    "saltelli": Sampling(_saltelli_count, _saltelli, dimensions=2),
+    "grid": Sampling(_grid, _grid_count, own_size="a grid is as large as its levels make it"),
+    "random": Sampling(_random),
+    "latin-hypercube": Sampling(_latin_hypercube),
+    "sobol": Sampling(_sobol, dimensions=1),
+    "saltelli": Sampling(_saltelli, _saltelli_count, dimensions=2),
     "one-at-a-time": Sampling(
-        lambda distributions, _: 2 * len(distributions) + 1,
         _one_at_a_time,
+        lambda distributions, _: 2 * len(distributions) + 1,
         own_size="it runs the nominal variant and two for each factor",
     ),
 }
 """Samplings by name; `sample` describes them."""
+
+LARGEST_SEED = 2**31 - 2
+"""The largest seed."""
+
+
+def draw_seeds(entropy: int | list[int], count: int, without: Collection[int] = ()) -> list[int]:
+    """Draw different seeds. The same entropy gives the same sequence, of which `count` is the length.
+
+    Args:
+        entropy: Seed of the draw itself.
+        count: Number of seeds.
+        without: Seeds to exclude.
+
+    Returns:
+        Whole numbers from 1 to `LARGEST_SEED` - 1.
+    """
+    random, found = np.random.default_rng(entropy), dict[int, None]()
+    while len(found) < count:
+        if (drawn := int(random.integers(1, LARGEST_SEED))) not in without:
+            found[drawn] = None
+    return list(found)

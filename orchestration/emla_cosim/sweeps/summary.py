@@ -7,7 +7,6 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from ..base.arrays import Vector
 from ..base.errors import CommandError
 from ..base.wording import format_count
 from ..master.instances.fmu_instance import tells_requested_end
@@ -68,7 +67,7 @@ def status_line(result: SweepResult) -> Text:
     counts = {name: f"{statuses.count(name):,} {name}" for name in names if name in statuses}
     if wrong := int((read_outcomes(result) == NOT_HELD).sum()):
         counts[DONE] += f" ({wrong:,} of them {NOT_HELD})"
-    line = f"{_variants(len(statuses))}: {', '.join(counts.values()) or 'none'}"
+    line = f"{format_count(len(statuses), 'variant', form=',')}: {', '.join(counts.values()) or 'none'}"
     if ended := sum(tells_requested_end(problem) for problem in result.variants[PROBLEM].to_list()):
         line += f". FMUs ended {ended:,} of them before the stop time: their figures are of shorter runs"
     if lost := sum(tells_lost_values(problem) for problem in result.variants[PROBLEM].to_list()):
@@ -82,10 +81,7 @@ def figures_table(result: SweepResult) -> RenderableType:
     Booleans have counts. Verdicts come first, since the other figures depend on them.
     """
     title = f"Figures of the variants that are done ({int(is_done(result).sum()):,})"
-    table = Table()
-    table.add_column("", overflow="fold")
-    for head in ("least", "median", "95 %", "largest"):
-        table.add_column(head, justify="right")
+    table = _new_table("least", "median", "95 %", "largest")
     table.add_column("")
     judged = find_verdicts(result)
     for figure in [*judged, *(name for name in result.figures if name not in judged)]:
@@ -94,15 +90,10 @@ def figures_table(result: SweepResult) -> RenderableType:
         if is_truth(result, figure):
             cells = ["", "", "", f"{int(known.sum()):,} of {len(known):,} yes"]
         else:
-            cells = [format_figure(value, shown) for value in _statistics(known)]
+            values = np.percentile(known, [0, 50, 95, 100]) if len(known) else np.full(4, np.nan)
+            cells = [format_figure(float(value), shown) for value in values]
         table.add_row(escape(shown.label), *cells, escape(shown.unit))
     return _add_title(title, table)
-
-
-def _statistics(known: Vector) -> list[float]:
-    if not len(known):
-        return [np.nan] * 4
-    return [float(value) for value in np.percentile(known, [0, 50, 95, 100])]
 
 
 def _sensitivities(result: SweepResult, figure: str) -> list[RenderableType]:
@@ -122,10 +113,7 @@ def sobol_table(result: SweepResult, figure: str) -> RenderableType:
     title = (
         f"Sobol indices of {display_of(result, figure).label}, from {found.groups:,} base samples{left_out}"
     )
-    table = Table()
-    table.add_column("", overflow="fold")
-    for head in ("first order", "total"):
-        table.add_column(head, justify="right")
+    table = _new_table("first order", "total")
     strongest = np.argsort(-found.total, kind="stable")
     for i in strongest[:_MOST_FACTORS]:
         table.add_row(
@@ -145,16 +133,22 @@ def local_table(result: SweepResult, figure: str) -> RenderableType:
     """
     shown = display_of(result, figure)
     unit = f" in {shown.unit}" if shown.unit else ""
-    table = Table()
-    table.add_column("", overflow="fold")
-    for head in ("low", "nominal", "high"):
-        table.add_column(head, justify="right")
+    table = _new_table("low", "nominal", "high")
     rows = local_sensitivities(result, figure)
     for row in rows[:_MOST_FACTORS]:
         values = (row.low, row.nominal, row.high)
         table.add_row(escape(row.factor), *(_format_figure(result, figure, shown, value) for value in values))
     _tell_rest(table, len(rows))
     return _add_title(f"{shown.label}{unit}, each factor alone", table)
+
+
+def _new_table(*heads: str) -> Table:
+    """Return a table with a column of names, and columns of numbers."""
+    table = Table()
+    table.add_column("", overflow="fold")
+    for head in heads:
+        table.add_column(head, justify="right")
+    return table
 
 
 def _tell_rest(table: Table, factors: int) -> None:
@@ -216,7 +210,3 @@ def _format_figure(result: SweepResult, figure: str, shown: MetricDisplay, value
 def _add_title(title: str, table: Table) -> RenderableType:
     """Put a title above a table. It may be wider than the table."""
     return Group(Text(title, style="table.title"), table)
-
-
-def _variants(count: int) -> str:
-    return format_count(count, "variant", form=",")

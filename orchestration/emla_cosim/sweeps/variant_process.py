@@ -26,10 +26,9 @@ from ..run.result import Result
 from ..run.simulation import Simulation
 from ..sandbox.server import serve
 from ..study.loading import register
-from .data import DIVERGED, DONE, FAILED, REFUSED, VARIANT
+from .data import DIVERGED, DONE, FAILED, REFUSED, VARIANT, SimulationDescription, Variant, VariantOutcome
+from .idle_processes import ANSWER, ERROR, OUTCOME, PAYLOAD, READY
 from .measures import MeasureError, Measures, reason_not_held
-from .variant_messages import ANSWER, ERROR, OUTCOME, PAYLOAD, READY
-from .variants import SimulationDescription, Variant, VariantOutcome
 from .worker_payload import REGISTRIES, PackedPreparation
 
 _PREPARED_AT_MOST = 8

@@ -21,8 +21,17 @@ from distributed import WorkerPlugin, get_worker
 
 from ..base.errors import CommandError, RunError
 from ..sandbox.server import ServerEndedError
-from .idle_processes import IDLE, TURN, WorkerProcess, end_idle, start_processes
-from .variant_messages import ANSWER, OUTCOME, PAYLOAD, READY
+from .idle_processes import (
+    ANSWER,
+    IDLE,
+    OUTCOME,
+    PAYLOAD,
+    READY,
+    TURN,
+    WorkerProcess,
+    end_idle,
+    start_processes,
+)
 
 _LOOK = 0.2
 """Seconds between two looks at the variants that run."""

@@ -21,7 +21,7 @@ from ..base.progress import Progress
 from ..fmu.interface import Interface
 from ..inputs.loaded_input import DataSpan
 from ..master.algorithms.registry import ALGORITHMS
-from ..master.stepping.registry import STEP_SIZE_CONTROLS
+from ..master.stepping.step_size_control import STEP_SIZE_CONTROLS
 from ..recorders.metrics import METRICS
 from ..recorders.registry import RECORDERS
 from ..run.options import Options

@@ -5,11 +5,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from ..sweeps.data import Chunk, Variant, VariantOutcome
 from ..sweeps.executor import ClusterExecutor, WorkPackage
 from ..sweeps.factors import Factor
 from ..sweeps.measures import Measures
 from ..sweeps.targets import merge_options
-from ..sweeps.variants import Chunk, Variant, VariantOutcome
 from .loop_margins import LoopMargins
 from .score import Objective, Score
 from .step_influence import HalvedScore, score_halved

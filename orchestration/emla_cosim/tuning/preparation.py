@@ -9,10 +9,10 @@ from ..recorders.metrics import HELD
 from ..run.requirements import Requirement, parse_requirement
 from ..run.run_setup import run_times
 from ..run.scenarios.scenario import Scenario
+from ..sweeps.data import SimulationDescription
 from ..sweeps.factors import Factor, resolve_factors
 from ..sweeps.measures import Measures, MetricRequest, resolve_measures
 from ..sweeps.targets import merge_options
-from ..sweeps.variants import SimulationDescription
 from ..sweeps.worker_payload import Preparation
 from .expressions import Expression, parse_expression
 from .loop_margins import LoopMargins, margin_requirements, prepare_loops

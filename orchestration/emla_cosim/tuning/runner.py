@@ -15,16 +15,16 @@ from ..base.progress import Progress
 from ..base.values import convert_value
 from ..run.option_types import TuneOptions
 from ..run.options import select_repeatable
+from ..run.requirements import check_no_condition
 from ..run.scenarios.scenario import Scenario
-from ..run.stop_conditions import check_no_condition
 from ..sandbox.interruption import catch_interrupts
 from ..sweeps.executor import Scheduler, open_executor
 from ..sweeps.folder import hash_plain_data
 from ..sweeps.measures import Metric
 from ..sweeps.plan_files import Source, load_planned
 from ..sweeps.runner import check_cluster
+from ..sweeps.sampling import draw_seeds
 from ..sweeps.scenario_text import scenario_content
-from ..sweeps.seeds import draw_seeds
 from ..sweeps.worker_payload import Preparation, WorkerPayload
 from ..system.model import Value
 from .data import Tuned

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..run.requirements import Requirement
-from ..sweeps.variants import VariantOutcome
+from ..sweeps.data import VariantOutcome
 from .expressions import Expression
 from .plan import Case
 from .search import Order

@@ -12,11 +12,12 @@ from ..base.quantities import has_unit
 from ..fmu.interface import Interface
 from ..fmu.units import FmuUnits, read_si_number
 from ..run.options import list_options
-from ..sweeps.distributions import Distribution, parse_distribution
-from ..sweeps.factors import Factor, find_start_number, resolve_factors
-from ..sweeps.kinds.continuous import LogUniform, Uniform
+from ..sweeps.distributions import parse_distribution
+from ..sweeps.factors import Factor, resolve_factors
+from ..sweeps.kinds import Distribution, LogUniform, Uniform
 from ..sweeps.targets import START, merge_options, needs_preparation
 from ..system.model import System, Value
+from ..system.names import Names
 from .expressions import Expression, parse_expression
 from .plan import TuningPlan
 
@@ -177,4 +178,4 @@ def _start(axis: GainAxis, system: System, interfaces: Mapping[str, Interface]) 
         return None
     if axis.factor.targets[0].nominal is not None and len(axis.factor.targets) > 1:
         return 1.0
-    return find_start_number(axis.factor.targets[0].name, system, interfaces)
+    return Names(system, interfaces).find(axis.factor.targets[0].name).start_number

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from ..run.half_step import HalfStep
-from ..sweeps.variants import VariantOutcome
+from ..sweeps.data import VariantOutcome
 from .data import Tuned
 from .score import Objective, Score, format_figure
 

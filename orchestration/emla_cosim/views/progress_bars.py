@@ -8,8 +8,7 @@ from rich.progress import Progress as RichProgress
 from rich.table import Table
 from rich.text import Text
 
-from ..base.compatibility import CompatibilityReport
-from ..base.progress import Progress
+from ..base.progress import CompatibilityReport, Progress
 from .terminal import ERR, get_verbosity
 
 _WORTH_A_LOOK = ("is left out", "keeps its start value", "is not used")

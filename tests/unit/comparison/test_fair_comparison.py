@@ -29,7 +29,7 @@ from emla_cosim.recorders.metrics import MetricDisplay
 from emla_cosim.run.scenarios.built_in import TUNINGS
 from emla_cosim.study.controllers import CONTROLLERS
 from emla_cosim.study.loading import load
-from emla_cosim.sweeps.variants import VariantOutcome
+from emla_cosim.sweeps.data import VariantOutcome
 from emla_cosim.sweeps.worker_payload import Preparation
 from fmublock import Block, Input, Output, clamp
 

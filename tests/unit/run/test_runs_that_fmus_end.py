@@ -8,9 +8,8 @@ import pytest
 import emla_cosim as ec
 from emla_cosim.base.errors import CommandError, RunError
 from emla_cosim.comparison.rows import read_verdict
-from emla_cosim.sweeps.data import DONE
+from emla_cosim.sweeps.data import DONE, VariantOutcome
 from emla_cosim.sweeps.summary import status_line
-from emla_cosim.sweeps.variants import VariantOutcome
 from tests.support.faulty_systems import Fault
 
 if TYPE_CHECKING:

@@ -13,7 +13,8 @@ from hypothesis import given, settings
 from scipy import stats
 
 from emla_cosim.base.errors import CommandError
-from emla_cosim.sweeps.distributions import Distribution, parse, parse_distribution
+from emla_cosim.sweeps.distributions import parse_distribution
+from emla_cosim.sweeps.kinds import Distribution
 
 
 class TruncatedLogNormal:
@@ -50,7 +51,9 @@ def table(name: str, **fields: Any) -> dict[str, Any]:
 @pytest.mark.parametrize(("text", "expected"), KINDS)
 def test_quantiles_equal_those_of_scipy(text: str, expected: Any) -> None:
     quantiles = np.array([1e-12, 1e-6, 0.01, 0.3, 0.5, 0.7, 0.99, 1 - 1e-6])
-    np.testing.assert_allclose(parse(text, "x").at(quantiles), expected.ppf(quantiles), rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(
+        parse_distribution(text, "x").at(quantiles), expected.ppf(quantiles), rtol=1e-9, atol=1e-9
+    )
 
 
 @pytest.mark.parametrize(
@@ -113,13 +116,13 @@ def test_unbounded_normal_has_finite_values(mean: float, by: float) -> None:
 
 
 def test_log_normal_is_positive_at_quantile_0() -> None:
-    assert parse("log-normal(1, 3)", "x").at(np.zeros(1))[0] > 0
+    assert parse_distribution("log-normal(1, 3)", "x").at(np.zeros(1))[0] > 0
 
 
 @given(st.floats(-1e3, 1e3), width, st.integers(2, 50))
 @settings(deadline=None)
 def test_levels_are_evenly_spaced(low: float, by: float, points: int) -> None:
-    kind = parse(f"{low!r}:{low + by!r}:{points}", "x")
+    kind = parse_distribution(f"{low!r}:{low + by!r}:{points}", "x")
     levels = kind.levels
     assert levels is not None and len(levels) == points == kind.level_count
     assert (levels[0], levels[-1]) == (low, low + by)
@@ -129,30 +132,32 @@ def test_levels_are_evenly_spaced(low: float, by: float, points: int) -> None:
 
 
 def test_levels_of_other_kinds() -> None:
-    logarithmic = parse("log-uniform(0.01, 100, 5)", "x").levels
+    logarithmic = parse_distribution("log-uniform(0.01, 100, 5)", "x").levels
     np.testing.assert_allclose(logarithmic or [], [0.01, 0.1, 1, 10, 100], rtol=1e-14)
-    assert parse("0:1:11", "x").levels == [i / 10 for i in range(11)]
-    assert list(parse("integers(2, 5)", "x").levels or []) == [2, 3, 4, 5]
-    assert parse("b,a", "x").levels == ("b", "a")
+    assert parse_distribution("0:1:11", "x").levels == [i / 10 for i in range(11)]
+    assert list(parse_distribution("integers(2, 5)", "x").levels or []) == [2, 3, 4, 5]
+    assert parse_distribution("b,a", "x").levels == ("b", "a")
     for text in ("0:1", "normal(0, 1)", "log-normal(1, 1)", "triangular(0, 1, 2)", "integers(1, 1001)"):
-        assert parse(text, "x").levels is None and parse(text, "x").level_count is None
-    assert parse("integers(1, 1000)", "x").level_count == 1000
-    assert parse("0:1:1000000000000000", "x").level_count == 10**15  # not made to be counted
+        assert (
+            parse_distribution(text, "x").levels is None and parse_distribution(text, "x").level_count is None
+        )
+    assert parse_distribution("integers(1, 1000)", "x").level_count == 1000
+    assert parse_distribution("0:1:1000000000000000", "x").level_count == 10**15  # not made to be counted
 
 
 def test_ends_of_listed_values() -> None:
-    assert parse("3,1,2", "x").ends == (1, 3)
-    assert parse("c,a,b", "x").ends == ("c", "b")
-    assert parse("true,false", "x").ends == (True, False)
+    assert parse_distribution("3,1,2", "x").ends == (1, 3)
+    assert parse_distribution("c,a,b", "x").ends == ("c", "b")
+    assert parse_distribution("true,false", "x").ends == (True, False)
 
 
 def test_wide_ranges_and_large_integers_are_exact() -> None:
-    assert parse("triangular(-8e307, 0, 8e307)", "x").at(np.array([0.5])) == [0.0]
+    assert parse_distribution("triangular(-8e307, 0, 8e307)", "x").at(np.array([0.5])) == [0.0]
     np.testing.assert_allclose(
-        parse("log-uniform(1e-300, 1e300)", "x").at(np.array([0.5])), [1.0], rtol=1e-12
+        parse_distribution("log-uniform(1e-300, 1e300)", "x").at(np.array([0.5])), [1.0], rtol=1e-12
     )
     largest = 2**53
-    ends = parse(f"integers(-{largest}, {largest})", "x").at(np.array([0.0, 0.5, 1.0]))
+    ends = parse_distribution(f"integers(-{largest}, {largest})", "x").at(np.array([0.0, 0.5, 1.0]))
     assert ends == [-largest, 0, largest]
 
 
@@ -182,7 +187,7 @@ FORMS: list[tuple[str, Any]] = [
 
 @pytest.mark.parametrize(("text", "plain"), FORMS)
 def test_short_forms_are_read_as_tables(text: str, plain: Any) -> None:
-    read = parse(text, "x")
+    read = parse_distribution(text, "x")
     assert (
         read
         == parse_distribution(plain, "x")
@@ -280,13 +285,13 @@ def test_unknown_form_lists_the_forms(text: str) -> None:
     with pytest.raises(
         CommandError, match=r"^--vary R_s: '.*' is not a distribution; write one of LOW:HIGH, .*A,B,C"
     ):
-        parse(text, "--vary R_s")
+        parse_distribution(text, "--vary R_s")
 
 
 @given(st.text(alphabet="0123456789.,:%±+-()=eE abnorml", max_size=30))
 def test_any_text_is_a_distribution_or_a_message(text: str) -> None:
     try:
-        kind = parse(text, "x")
+        kind = parse_distribution(text, "x")
     except CommandError as error:
         assert str(error).startswith("x: ")
     else:

@@ -12,9 +12,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from emla_cosim.sweeps.data import DIED, DONE, TIMED_OUT
+from emla_cosim.sweeps.data import DIED, DONE, TIMED_OUT, VariantOutcome
 from emla_cosim.sweeps.executor import ChunkQueue, WorkPackage
-from emla_cosim.sweeps.variants import VariantOutcome
 from emla_cosim.sweeps.worker import ChunkAnswer
 
 OVERHEAD = 0.005

@@ -18,12 +18,12 @@ from hypothesis import strategies as st
 from emla_cosim.base.errors import CommandError
 from emla_cosim.base.ownership import MANIFEST
 from emla_cosim.sandbox.locking import exclusive_lock
+from emla_cosim.sweeps.data import Chunk, VariantOutcome
 from emla_cosim.sweeps.folder import SweepFolder
 from emla_cosim.sweeps.measures import Measures
 from emla_cosim.sweeps.plan import Plan, load_plan
 from emla_cosim.sweeps.result import SweepResult
 from emla_cosim.sweeps.runner import sweep
-from emla_cosim.sweeps.variants import Chunk, VariantOutcome
 from emla_cosim.system.model import Component, System
 from tests.support.commands import Emla, sentence
 from tests.support.odd_files import ODD

@@ -11,7 +11,8 @@ from scipy import stats
 from scipy.stats import qmc
 
 from emla_cosim.base.errors import CommandError
-from emla_cosim.sweeps.distributions import Distribution, parse_distribution
+from emla_cosim.sweeps.distributions import parse_distribution
+from emla_cosim.sweeps.kinds import Distribution
 from emla_cosim.sweeps.sampling import count_variants, sample
 
 DRAWING = ["random", "latin-hypercube", "sobol", "saltelli"]

@@ -10,7 +10,7 @@ import pytest
 from distributed import Client
 
 import emla_cosim as ec
-from emla_cosim.sweeps.kinds.continuous import Uniform
+from emla_cosim.sweeps.kinds import Uniform
 from emla_cosim.sweeps.result import SweepResult
 from emla_cosim.sweeps.sampling import sample
 from emla_cosim.sweeps.summary import sobol_table

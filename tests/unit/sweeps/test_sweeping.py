@@ -15,8 +15,8 @@ from distributed import Client
 
 import emla_cosim as ec
 from emla_cosim.recorders.metrics import is_verdict
+from emla_cosim.sweeps.result import read_sweep
 from emla_cosim.sweeps.runner import sweep
-from emla_cosim.sweeps.stored import read_sweep
 from emla_cosim.system.model import Replacement
 from tests.support.commands import Emla
 from tests.support.faulty_systems import line_with_a_fault

@@ -18,8 +18,7 @@ from emla_cosim.base.errors import CommandError
 from emla_cosim.base.progress import Progress
 from emla_cosim.run.requirements import parse_requirement
 from emla_cosim.run.scenarios.built_in import TUNINGS
-from emla_cosim.sweeps.data import DIVERGED, DONE
-from emla_cosim.sweeps.variants import VariantOutcome
+from emla_cosim.sweeps.data import DIVERGED, DONE, VariantOutcome
 from emla_cosim.system.model import Component, System
 from emla_cosim.tuning.expressions import parse_expression
 from emla_cosim.tuning.plan import load_tuning_plan

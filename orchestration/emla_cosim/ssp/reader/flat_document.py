@@ -1,7 +1,7 @@
 """Conversion of an SSP to a flat system of FMUs."""
 
 import contextlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -10,21 +10,23 @@ from ...base.errors import CommandError
 from ...base.faults import is_lenient
 from ...base.units import IDENTITY, find_conversion
 from ...fmu.interface import KINDS, Interface, read_interface
+from ...fmu.structure import convert_structure
 from ...system.model import Alias, Component, Connection, System
 from ..documents.identifiers import parse_id
 from ..documents.ssd_data import (
     ComponentElement,
+    Element,
     ParameterBinding,
     ParameterSet,
     SsvParameter,
     Structure,
+    SystemElement,
     TableTransformation,
 )
 from .binding import BoundValue, build_transformation, resolve_bindings
 from .collecting import collect_wiring
 from .package import Package, open_package
 from .structure_loader import load_structure
-from .structure_values import find_structures, read_structure
 from .whole_vectors import expand_vectors
 from .wiring import Fmu, Node, Path_, Wiring
 
@@ -77,17 +79,19 @@ def read_ssp(path: Path) -> Iterator[SspDocument]:
 
 
 def _document(structure: Structure, package: Package) -> SspDocument:
-    read = cache(_read_interface)
+    @cache
+    def read(source: str, structure: tuple[tuple[str, int], ...]) -> Interface:
+        return read_interface(Path(source), dict(structure))
 
     def interface(component: ComponentElement) -> Interface:
         return read(component.source, component.structure)
 
-    root = find_structures(structure.system, package.name, interface)
+    root = _find_structures(structure.system, package.name, interface)
     root = expand_vectors(root, interface, package.name)
     wired = collect_wiring(root, package.name, interface)
     values, without_effect = resolve_bindings(root, wired)
     for path, fmu in wired.fmus.items():
-        if read_structure(fmu, values[path]) != fmu.interface.structure:
+        if _read_structure(fmu, values[path]) != fmu.interface.structure:
             raise wired.fault(
                 f"a structural parameter of '{'.'.join(path)}' gets its value through a connector. Set it by "
                 "its own name in a parameter binding."
@@ -114,8 +118,56 @@ def _document(structure: Structure, package: Package) -> SspDocument:
     )
 
 
-def _read_interface(source: str, structure: tuple[tuple[str, int], ...]) -> Interface:
-    return read_interface(Path(source), dict(structure))
+def _find_structures(
+    root: SystemElement, where: str, interface: Callable[[ComponentElement], Interface]
+) -> SystemElement:
+    """Return a system whose components have the values that bindings give structural parameters by name.
+
+    Args:
+        root: The root system.
+        where: The name of the structure in error messages.
+        interface: Returns the interface of a component's FMU.
+
+    Raises:
+        CommandError: A structural parameter does not accept its value.
+    """
+    fmus = {path: Fmu(path, component, interface(component)) for path, component in _components(root, ())}
+    if not any(f.interface.is_structural(n) for f in fmus.values() for n in f.interface.variables):
+        return root
+    values, _ = resolve_bindings(root, Wiring(where, fmus), has_sizes=False)
+    return _with_structures(
+        root, (), {path: _read_structure(fmu, values[path]) for path, fmu in fmus.items()}
+    )
+
+
+def _read_structure(fmu: Fmu, values: Mapping[str, BoundValue]) -> dict[str, int]:
+    """Return the values of a component's structural parameters that differ from their start values."""
+    return convert_structure(
+        ".".join(fmu.path), fmu.interface, {name: bound.value for name, bound in values.items()}
+    )
+
+
+def _components(element: Element, path: Path_) -> Iterator[tuple[Path_, ComponentElement]]:
+    """Yield all components in an element, with their paths."""
+    if isinstance(element, ComponentElement):
+        yield path, element
+    if isinstance(element, SystemElement):
+        for inside in element.elements:
+            yield from _components(inside, (*path, inside.name))
+
+
+def _with_structures(
+    system: SystemElement, path: Path_, structures: Mapping[Path_, Mapping[str, int]]
+) -> SystemElement:
+    def changed(element: Element) -> Element:
+        own = (*path, element.name)
+        if isinstance(element, SystemElement):
+            return _with_structures(element, own, structures)
+        if isinstance(element, ComponentElement):
+            return replace(element, structure=tuple(structures[own].items()))
+        return element
+
+    return replace(system, elements=tuple(changed(element) for element in system.elements))
 
 
 def _unknown_in_annotation(structure: Structure, system: System, fmus: Iterable[Fmu]) -> Iterator[str]:

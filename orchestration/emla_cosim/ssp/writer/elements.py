@@ -8,7 +8,7 @@ from ...fmu.interface import KINDS, Interface
 from ...system.model import Component, Connection, System
 from ..documents import ssd_data as ssp
 from ..documents.identifiers import format_id, make_identifiers
-from .coordinates import add_coordinates
+from .layout import add_coordinates
 from .version_2 import join_arrays
 
 _UNTYPED = ("Enumeration", "Clock")

@@ -1,9 +1,9 @@
 """Layout of the elements of a system: signals run from left to right, feedback runs below."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from ..documents.ssd_data import SsdConnection, SystemElement
+from ..documents.ssd_data import Connector, SsdConnection, SystemElement
 
 Corners = tuple[float, float, float, float]
 
@@ -14,11 +14,40 @@ _WIDTH, _GAP_Y, _PITCH = 40.0, 12.5, 5.0
 """Lengths in mm: width of a box, gap between boxes, distance of lines."""
 
 
-def layout(
-    elements: Sequence[str],
-    names: Mapping[str, str],
-    links: Iterable[tuple[str, str]],
-    connectors: Mapping[str, int],
+def add_coordinates(system: SystemElement) -> SystemElement:
+    """Return the system with coordinates for its elements, connectors and connections."""
+    if not system.elements:
+        return system
+    links = [
+        (c.start_element, c.end_element)
+        for c in system.connections
+        if c.start_element is not None and c.end_element is not None
+    ]
+    kinds = {e.name: [c.kind for c in e.connectors] for e in system.elements}
+    most = {name: max(found.count("input"), found.count("output")) for name, found in kinds.items()}
+    corners = _layout({e.name: e.id or e.name for e in system.elements}, links, most)
+    elements = tuple(
+        replace(e, extent=corners[e.name], connectors=_position_connectors(e.connectors))
+        for e in system.elements
+    )
+    placed = replace(system, elements=elements, connectors=_position_connectors(system.connectors))
+    return replace(placed, connections=_route(placed))
+
+
+def _position_connectors(connectors: Sequence[Connector]) -> tuple[Connector, ...]:
+    """Place inputs at the left side and outputs at the right side, evenly spaced."""
+    count = {kind: sum(1 for c in connectors if c.kind == kind) for kind in ("input", "output")}
+    seen = {"input": 0, "output": 0}
+    placed = []
+    for connector in connectors:
+        seen[connector.kind] += 1
+        y = 1.0 - seen[connector.kind] / (count[connector.kind] + 1)
+        placed.append(replace(connector, position=(0.0 if connector.kind == "input" else 1.0, round(y, 6))))
+    return tuple(placed)
+
+
+def _layout(
+    names: Mapping[str, str], links: Sequence[tuple[str, str]], connectors: Mapping[str, int]
 ) -> dict[str, Corners]:
     """Return the corners x1, y1, x2, y2 of each element in mm.
 
@@ -26,15 +55,13 @@ def layout(
     and rows are stacked from top to bottom.
 
     Args:
-        elements: The names of the elements.
         names: The full name of each element.
         links: Source and target of each connection.
         connectors: The number of connectors on the side with more of them, by element.
     """
-    links = list(links)
     corners: dict[str, Corners] = {}
     top = 0.0
-    for group in _groups(elements, links):
+    for group in _groups(list(names), links):
         order = sorted(group, key=lambda e: _flow(names[e]))
         columns = _columns(order, links)
         left = _column_positions(columns, links)
@@ -49,7 +76,7 @@ def layout(
     return corners
 
 
-def route(system: SystemElement) -> tuple[SsdConnection, ...]:
+def _route(system: SystemElement) -> tuple[SsdConnection, ...]:
     """Return the connections of a placed system with the waypoints of their lines."""
     ends = {
         (e.name, c.name): _point(e.extent, c.position)

@@ -9,10 +9,10 @@ import polars
 
 from ...base.arrays import Vector
 from ...base.errors import CommandError, check_choice
-from ...views.plots.style import BLUE, new_figure, tidy_axes
+from ...views.plots.style import BLUE, tidy_axes
 from ..columns import LARGEST, is_done
 from ..data import VARIANT, SweepData
-from .labels import choose_columns, hide_rest, label_with_unit, put_legend, put_title, wrap_text
+from .labels import label_with_unit, new_panels, put_legend, put_title, wrap_text
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -105,17 +105,11 @@ def draw_bands(result: SweepData, signals: Sequence[str] = ()) -> "Figure":
     found = [(signal, one) for signal, one in found if not np.isnan(one.values).all()]
     if not found:
         raise CommandError(f"the signals of the sweep '{result.name}' have no values.")
-    columns = choose_columns(len(found))
-    figure, grid = new_figure(-(-len(found) // columns), columns, 7.5 if columns == 1 else 4.4, sharex="none")
-    for axes, (signal, one) in zip(grid.flat, found, strict=False):
+    labels = [label_with_unit(signal, result.units.get(signal) or "") for signal, _ in found]
+    figure, grid = new_panels([wrap_text(label, 54) for label in labels], 4.4)
+    for axes, (_, one) in zip(grid.flat, found, strict=False):
         _draw_panel(axes, one)
-        axes.set_title(
-            wrap_text(label_with_unit(signal, result.units.get(signal) or ""), 54),
-            fontsize=9,
-            parse_math=False,
-        )
-    hide_rest(grid, len(found))
-    for axes in grid.flat[max(len(found) - columns, 0) : len(found)]:
+    for axes in grid.flat[max(len(found) - grid.shape[1], 0) : len(found)]:
         axes.set_xlabel("time / s", fontsize=8)
     put_title(figure, f"{result.name}: signals over time")
     put_legend(figure, _handles(), _note(result, len(result.signals) - len(found) if not signals else 0))

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...base.errors import CommandError
-from ...views.plots.style import BLUE, GREY, ORANGE, new_figure, tidy_axes
+from ...views.plots.style import BLUE, GREY, ORANGE, tidy_axes
 from ..columns import display_of, find_varying_figures, is_truth, nothing_varies_error
 from ..data import SweepData
 from ..sensitivity import (
@@ -19,9 +19,8 @@ from ..sensitivity import (
     sobol_indices,
 )
 from .labels import (
-    choose_columns,
     figure_label,
-    hide_rest,
+    new_panels,
     put_legend,
     put_levels,
     put_title,
@@ -94,13 +93,11 @@ def _panels(
 def _figure(
     result: SweepData, panels: Mapping[str, Any], draw: Callable[["Axes", str, Any], None]
 ) -> "Figure":
-    columns, bars = choose_columns(len(panels)), min(len(result.factors), _MOST_BARS)
-    width = 7.5 if columns == 1 else 4.6
-    figure, grid = new_figure(-(-len(panels) // columns), columns, width, 0.9 + 0.2 * bars, sharex="none")
+    bars = min(len(result.factors), _MOST_BARS)
+    titles = [wrap_text(figure_label(result, name), 50) for name in panels]
+    figure, grid = new_panels(titles, 4.6, height=0.9 + 0.2 * bars)
     for axes, (name, found) in zip(grid.flat, panels.items(), strict=False):
         draw(axes, name, found)
-        axes.set_title(wrap_text(figure_label(result, name), 50), fontsize=9, parse_math=False)
-    hide_rest(grid, len(panels))
     return figure
 
 

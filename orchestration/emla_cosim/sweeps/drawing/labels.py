@@ -1,14 +1,15 @@
-"""Format names, numbers and levels on axes, shortened to the space available."""
+"""Format names, numbers, levels and outcomes in pictures, shortened to the space available."""
 
 import re
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...base.arrays import Vector
-from ..columns import FactorColumn, display_of
-from ..data import SweepData
+from ...views.plots.style import BLUE, GREY, ORANGE, PURPLE, RED, new_figure
+from ..columns import NOT_HELD, FactorColumn, display_of
+from ..data import DIED, DIVERGED, DONE, FAILED, REFUSED, TIMED_OUT, SweepData
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -150,12 +151,53 @@ def put_legend(figure: "Figure", handles: "Mapping[str, Artist]", note: str = ""
         )
 
 
-def hide_rest(grid: np.ndarray, used: int) -> None:
-    """Hide the axes of a grid beyond the first `used`."""
-    for axes in grid.flat[used:]:
+def new_panels(titles: Sequence[str], width: float, **size: Any) -> tuple["Figure", np.ndarray]:
+    """Return a picture with a panel for each title, and its axes: a row for each row of panels.
+
+    Args:
+        titles: The titles of the panels.
+        width: The width of a panel of several columns in inches.
+        **size: Further arguments of `new_figure`.
+    """
+    columns = 1 if len(titles) <= 1 else 2 if len(titles) <= 4 else 3
+    rows = -(-len(titles) // columns)
+    figure, grid = new_figure(rows, columns, 7.5 if columns == 1 else width, sharex="none", **size)
+    for axes, title in zip(grid.flat, titles, strict=False):
+        axes.set_title(title, fontsize=9, parse_math=False)
+    for axes in grid.flat[len(titles) :]:
         axes.set_visible(False)
+    return figure, grid
 
 
-def choose_columns(panels: int) -> int:
-    """Return the number of columns for a number of panels."""
-    return 1 if panels <= 1 else 2 if panels <= 4 else 3
+_COLORS = {
+    DONE: BLUE,
+    NOT_HELD: ORANGE,
+    DIVERGED: RED,
+    FAILED: PURPLE,
+    REFUSED: GREY,
+    TIMED_OUT: "#8a6d3b",
+    DIED: "#222222",
+}
+
+
+def color_of(outcome: str) -> str:
+    """Return the colour of an outcome."""
+    return _COLORS.get(outcome, GREY)
+
+
+def count_outcomes(outcomes: np.ndarray) -> dict[str, int]:
+    """Return the number of variants with each outcome, in the order of severity."""
+    found = {name: int((outcomes == name).sum()) for name in dict.fromkeys([*_COLORS, *outcomes])}
+    return {name: count for name, count in found.items() if count}
+
+
+def make_legend_handles(outcomes: np.ndarray, done: str) -> "dict[str, Artist]":
+    """Return legend handles: each outcome with its number. `done` is the name of the good outcome."""
+    from matplotlib.lines import Line2D
+
+    return {
+        f"{done if name == DONE else name} ({count:,})": Line2D(
+            [], [], color=color_of(name), marker="o", linestyle="", markersize=5
+        )
+        for name, count in count_outcomes(outcomes).items()
+    }

@@ -22,8 +22,11 @@ from ..columns import (
 )
 from ..data import SweepData
 from .labels import (
+    color_of,
+    count_outcomes,
     factor_label,
     figure_label,
+    make_legend_handles,
     put_factor,
     put_legend,
     put_levels,
@@ -32,7 +35,6 @@ from .labels import (
     spread,
     wrap_text,
 )
-from .outcomes import color_of, count_outcomes, make_legend_handles
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

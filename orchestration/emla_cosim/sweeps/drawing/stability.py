@@ -23,9 +23,12 @@ from ..columns import (
 )
 from ..data import DONE, SweepData
 from .labels import (
+    color_of,
+    count_outcomes,
     factor_label,
     figure_label,
     is_wide,
+    make_legend_handles,
     put_factor,
     put_legend,
     put_levels,
@@ -33,7 +36,6 @@ from .labels import (
     spread,
     wrap_text,
 )
-from .outcomes import color_of, count_outcomes, make_legend_handles
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
