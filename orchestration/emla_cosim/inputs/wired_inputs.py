@@ -10,7 +10,7 @@ from ..base.wording import find_free_name
 from ..fmu.interface import Interface
 from ..system.model import Component, Connection, System
 from .column_bindings import ColumnBinding, bind_columns, check_single_binding
-from .data_names import NAME
+from .input import NAME
 from .loaded_input import LoadedInput
 from .table_fmus import build_cached_fmu
 

@@ -15,9 +15,8 @@ from ..base.arrays import Vector
 from ..base.files import write_atomically
 from ..base.signal_types import COLUMN_TYPES, SignalType, read_types, write_types
 from ..base.units import COLUMN_UNITS
-from .file_table import FileTable
+from .file_table import FileTable, frame_rows
 from .recorder import Outline
-from .typed_frame import column_schema, frame_rows, typed_frame
 
 _BLOCK = 2**20
 """Number of values in a block that is read."""
@@ -75,7 +74,6 @@ class ParquetFile(FileTable):
         }
         if self.types:
             self._metadata[COLUMN_TYPES] = json.dumps(write_types(self.types))
-        self._schema = column_schema(self.names, self.types)
 
     def reopen(self, outline: Outline, rows: int) -> None:
         """Continue the parts that another process left; see `FileTable.reopen`."""
@@ -102,13 +100,13 @@ class ParquetFile(FileTable):
 
     def store(self, rows: Vector) -> None:
         """Write these rows as a part. Raises OSError."""
-        self._write_part(typed_frame(rows, self.names, self.types, self.texts))
+        self._write_part(self.frame(rows))
 
     def end(self) -> None:
         """Append the last row if it was not due, and join the parts to one file."""
         super().end()
         parts = self._list_parts()
-        empty = polars.LazyFrame(schema=self._schema)
+        empty = polars.LazyFrame(schema=self.schema)
         whole = polars.scan_parquet(parts) if parts else empty
         with _polars_failures(), self._files.write(self.path.name) as stream:
             whole.sink_parquet(stream, metadata=self._metadata)
@@ -163,7 +161,7 @@ class ParquetFile(FileTable):
                 found = polars.read_parquet(source)
             except (OSError, polars.exceptions.PolarsError):
                 continue
-            if list(found.schema.items()) == list(self._schema.items()) and len(found) >= rows:
+            if list(found.schema.items()) == list(self.schema.items()) and len(found) >= rows:
                 return found.head(rows)
         return None
 

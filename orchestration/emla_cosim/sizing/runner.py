@@ -17,7 +17,7 @@ from ..base.errors import CommandError, RunError
 from ..base.patterns import matches_pattern
 from ..base.progress import Progress
 from ..base.values import convert_value
-from ..recorders.time_series import TimeSeries
+from ..recorders.table import TimeSeries
 from ..run.event_mode import describe_disabled_event_mode
 from ..run.option_types import LoadOptions
 from ..run.result import Result

@@ -12,18 +12,21 @@ from typing import Annotated, Any
 
 import msgspec
 import numpy as np
+from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
+
+from fmublock.recipe import RELATED, RELATED_LIST
 
 from ...base.arrays import Vector
 from ...base.class_structs import record
 from ...base.errors import CommandError
 from ...base.files import read_text
 from ...base.toml_structs import describe, read_toml
+from ...base.untrusted_xml import parse_xml
 from ...base.values import convert_value
 from ...fmu.elements import number_range
 from ...fmu.interface import Interface
 from ...recorders.tubes.tolerance import Tolerance
 from ...system.vectors import find_indices
-from .related_result import find_related_result
 
 _OPTIONS = ("StartTime", "StopTime", "StepSize", "OutputIntervalLength")
 """Entries of `_ref.opt` for the run, all in s. A step of 0 means that the solver chooses it."""
@@ -203,3 +206,32 @@ def _about(path: Path) -> dict[str, Any]:
     content = read_toml(read_text(path, "what belongs to the reference"), label)
     table = convert_value(content, ReferenceTable, label)
     return {"start_values": table.set, "tolerance": table.tolerance, "made_by": table.made_by}
+
+
+def find_related_result(unpacked: Path) -> Path | None:
+    """Return the first CSV file with the role `result` that FMI-LS-REF (1.0.0-alpha.1) lists, or None.
+
+    Files that are not there, or are outside of the FMU, do not count: the standard allows both.
+
+    Args:
+        unpacked: Folder with the content of the FMU.
+
+    Raises:
+        CommandError: The list of related files is not valid XML.
+    """
+    listed = unpacked / RELATED_LIST
+    if not listed.is_file():
+        return None
+    try:
+        root = parse_xml(listed.read_bytes())
+    except (etree.XMLSyntaxError, OSError) as error:
+        raise CommandError(f"'{RELATED_LIST}' is not valid XML: {error}.") from error
+    inside = unpacked.resolve()
+    for one in root.iterfind("Related"):
+        role, kind, source = (one.get(name, "") for name in ("role", "type", "source"))
+        if role.partition("/")[0] != "result" or kind != "text/csv":
+            continue
+        place = (unpacked / RELATED / source).resolve()
+        if place.is_relative_to(inside) and place.is_file():
+            return place
+    return None

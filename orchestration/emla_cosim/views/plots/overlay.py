@@ -17,7 +17,7 @@ from ...inputs.stored_runs import open_stored_run
 from ...recorders.metrics import TRACKED
 from ...system.names import find_main_component
 from ..panels import Line, Plot
-from .rows import Table, read_rows
+from .panel_drawing import Table, read_rows
 from .stacked import (
     LAYOUTS,
     MOST_LINES,

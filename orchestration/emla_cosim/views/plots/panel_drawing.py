@@ -1,10 +1,11 @@
 """Draw panels as a grid with a column for each subject."""
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from ...base.arrays import Vector
 from ..pages.curve_data import mask_undrawable, thin_points
 from ..pages.text import shorten_text
 from ..panels import Line, Plot
@@ -18,6 +19,9 @@ if TYPE_CHECKING:
 
 _LETTERS = 13
 """Letters per inch in the line below the title."""
+
+MOST_ROWS = 200_000
+"""Of longer tables plots show only every n-th row."""
 
 _NEAR = 0.3
 """Distance at which a limit is shown, relative to the range of the curves."""
@@ -144,3 +148,21 @@ def _reach(lines: Sequence[Line]) -> tuple[float, float]:
     if not known:
         return np.nan, np.nan
     return min(float(v.min()) for v in known), max(float(v.max()) for v in known)
+
+
+class Table(Protocol):
+    """What has columns of rows."""
+
+    def read(self, names: Sequence[str], most: int | None = None) -> Mapping[str, Vector]:
+        """Return columns by name, at most this many rows of them."""
+        ...
+
+
+def read_rows(table: Table, names: Sequence[str]) -> tuple[dict[str, Vector], str]:
+    """Return columns and `time` by name, and a note on rows that are left out, empty if none is."""
+    data = dict(table.read(["time", *names], MOST_ROWS))
+    shown = len(data["time"])
+    if 2 * shown <= MOST_ROWS:  # a longer table would fill more than half
+        return data, ""
+    rows = len(table.read(["time"])["time"])
+    return data, f"{shown:,} of {rows:,} rows drawn" if shown < rows else ""

@@ -12,8 +12,7 @@ from ...base.arrays import Vector
 from ...recorders.metrics import HELD
 from ..formatting import format_headline
 from ..panels import Limit, Line, Plot
-from .panel_drawing import draw_panels, has_changes
-from .rows import read_rows
+from .panel_drawing import draw_panels, has_changes, read_rows
 from .style import BLUE, GREY
 
 if TYPE_CHECKING:
