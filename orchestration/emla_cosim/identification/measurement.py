@@ -10,7 +10,7 @@ from ..base.arrays import Vector
 from ..base.errors import CommandError, join_names
 from ..base.units import SiUnit
 from ..base.wording import format_count
-from ..inputs.column_bindings import find_column, match_headers
+from ..inputs.column_bindings import find_column, match_columns
 from ..inputs.input import Column, Input
 from ..inputs.loaded_input import LoadedInput
 
@@ -114,13 +114,13 @@ def _find_columns(
         CommandError: A pattern has no match, or no column is called as a signal.
     """
     asked, idle = dict(source.signals), list[str]()
-    for _, header in match_headers(source, loaded.data, loaded.time):
-        if header.name in asked:
+    for name, column in match_columns(source, loaded.data, loaded.time).items():
+        if name in asked:
             continue
-        if _is_signal(header.name, find_signal):
-            asked[header.name] = Column(header.text)
+        if _is_signal(name, find_signal):
+            asked[name] = column
         else:
-            idle.append(header.name)
+            idle.append(name)
     if not asked:
         raise CommandError(
             f"{source.label} has no column that is called as a signal; write "
@@ -148,7 +148,7 @@ def read_drivers(sources: Sequence[Input], start: float = 0.0) -> dict[str, tupl
     found = dict[str, tuple[Vector, Vector]]()
     for source in sources:
         loaded = LoadedInput.of(source, start)
-        columns = {h.name: Column(h.text) for _, h in match_headers(source, loaded.data, loaded.time)}
+        columns = match_columns(source, loaded.data, loaded.time)
         for signal, column in {**columns, **source.signals}.items():
             with suppress(CommandError):  # it drives nothing and may have texts
                 position, _ = find_column(source, loaded.data, column)

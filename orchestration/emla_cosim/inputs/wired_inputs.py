@@ -9,6 +9,7 @@ from fmublock.table import TYPES
 from ..base.wording import find_free_name
 from ..fmu.interface import Interface
 from ..system.model import Component, Connection, System
+from ..system.names import Names
 from .column_bindings import ColumnBinding, bind_columns, check_single_binding
 from .input import NAME
 from .loaded_input import LoadedInput
@@ -54,7 +55,8 @@ def wire_inputs(
         CommandError: If a table does not fit the system.
         RunError: If an FMU cannot be built.
     """
-    bound = [bind_columns(t.source, t.data, t.time, system, interfaces) for t in tables]
+    names = Names(system, interfaces)
+    bound = [bind_columns(t.source, t.data, t.time, system, names) for t in tables]
     check_single_binding([binding for bindings, _ in bound for binding in bindings])
     fmus, notes = dict[str, Path](), list[str]()
     for table, (bindings, idle) in zip(tables, bound, strict=True):

@@ -26,7 +26,6 @@ from ...base.values import convert_value
 from ...fmu.elements import number_range
 from ...fmu.interface import Interface
 from ...recorders.tubes.tolerance import Tolerance
-from ...system.vectors import find_indices
 
 _OPTIONS = ("StartTime", "StopTime", "StepSize", "OutputIntervalLength")
 """Entries of `_ref.opt` for the run, all in s. A step of 0 means that the solver chooses it."""
@@ -157,7 +156,7 @@ def read_columns(
 
     data = read_table(path, what)
     variables = interface.variables if interface is not None else {}
-    data.match_names(lambda name: [] if name in variables else find_indices(name, variables) or None)
+    data.match_names(variables)
     time, times = read_times(data, start=start, least=1)
     columns = {"time": times}
     data.load([i for i in range(len(data.headers)) if i != time])
