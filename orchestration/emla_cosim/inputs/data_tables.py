@@ -19,7 +19,7 @@ from .csv_layout import NUMBER
 from .headers import Header, is_same_unit, is_unit, parse_data_unit, rate_of
 
 ReadColumns = Callable[[Sequence[int], bool], Sequence[polars.Series]]
-"""Returns columns by position, as numbers if possible, or as texts."""
+"""Returns columns by position: numbers that are written as texts as numbers if possible, or as texts."""
 
 _DECIMAL_COMMA = r"^([-+]?[0-9]*),([0-9]*(?:[eE][-+]?[0-9]+)?)$", "${1}.${2}"
 """A number with a decimal comma, and its replacement."""
@@ -125,7 +125,9 @@ class DataTable:
         source, element = self._sources[position]
         key = source, as_text or element is not None
         if key not in self._columns:
-            (self._columns[key],) = self._read([source], key[1])
+            (column,) = self._read([source], key[1])
+            as_written = not key[1] or column.dtype.is_nested()
+            self._columns[key] = column if as_written else column.cast(polars.String)
         column = self._columns[key]
         if column.dtype == polars.String:
             column = column.str.strip_chars()

@@ -8,7 +8,6 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import polars
 
 from ..base.arrays import Vector
@@ -133,8 +132,11 @@ class ParquetFile(FileTable):
         frame = table.select(chosen)
         if most is not None:
             frame = frame.gather_every(max(-(-self._rows // most), 1))
-        found = frame.collect()
-        return {n: _to_numpy(found[n]) for n in chosen}
+        found = frame.with_columns(polars.col(polars.String).fill_null("")).collect()
+        return {
+            column.name: (column if column.dtype == polars.String else column.cast(polars.Float64)).to_numpy()
+            for column in found
+        }
 
     def _write_part(self, rows: polars.DataFrame) -> None:
         with _polars_failures(), write_atomically(self._parts / f"{self._count:06}.parquet") as stream:
@@ -156,7 +158,7 @@ class ParquetFile(FileTable):
 
     def _earlier(self, rows: int) -> polars.DataFrame | None:
         """Return the first rows of an earlier run; None if it has other columns or too few rows."""
-        for source in self._left():
+        for source in filter(None, (self.path, self._list_parts())):  # a file, or parts of an interrupted run
             try:
                 found = polars.read_parquet(source)
             except (OSError, polars.exceptions.PolarsError):
@@ -164,19 +166,6 @@ class ParquetFile(FileTable):
             if list(found.schema.items()) == list(self.schema.items()) and len(found) >= rows:
                 return found.head(rows)
         return None
-
-    def _left(self) -> Iterator[Path | list[Path]]:
-        """Yield the places of rows of an earlier run: its file, or the parts of an interrupted run."""
-        yield self.path
-        if parts := self._list_parts():
-            yield parts
-
-
-def _to_numpy(column: polars.Series) -> Any:
-    """Return a column as doubles, or as texts if it has texts."""
-    if column.dtype == polars.String:
-        return np.array(column.fill_null("").to_list(), dtype=object)
-    return column.cast(polars.Float64).to_numpy()
 
 
 def parts_of(path: Path) -> Path:

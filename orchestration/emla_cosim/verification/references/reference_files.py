@@ -27,7 +27,7 @@ from ...fmu.elements import number_range
 from ...fmu.interface import Interface
 from ...recorders.tubes.tolerance import Tolerance
 
-_OPTIONS = ("StartTime", "StopTime", "StepSize", "OutputIntervalLength")
+OPTIONS = ("StartTime", "StopTime", "StepSize", "OutputIntervalLength")
 """Entries of `_ref.opt` for the run, all in s. A step of 0 means that the solver chooses it."""
 
 _SOLUTION = "_ref.csv"
@@ -50,7 +50,6 @@ class ReferenceSolution:
     """A reference solution with its inputs and settings.
 
     Attributes:
-        folder: Folder of the files.
         solution: Columns by name, `time` in s first.
         inputs: Columns by name, `time` in s first; empty if there are none.
         start: Start time in s.
@@ -59,11 +58,9 @@ class ReferenceSolution:
         interval: Time in s between rows of the solution, if longer than `step`; None if the files have none.
         start_values: Start values by name.
         tolerance: Tolerances by name or pattern.
-        made_by: Origin of the reference.
         notes: What users should know of how the tables were read.
     """
 
-    folder: Path
     solution: Mapping[str, Vector]
     inputs: Mapping[str, Vector]
     start: float
@@ -72,7 +69,6 @@ class ReferenceSolution:
     interval: float | None = None
     start_values: Mapping[str, Any] = field(default_factory=dict)
     tolerance: Mapping[str, Tolerance] = field(default_factory=dict)
-    made_by: str = ""
     notes: Sequence[str] = ()
 
 
@@ -121,15 +117,15 @@ def read_reference(solution: Path, interface: Interface | None = None) -> Refere
     time = columns["time"]
     step = options.get("StepSize", 0.0) or options.get("OutputIntervalLength", 0.0)
     return ReferenceSolution(
-        folder=solution.parent,
         solution=columns,
         inputs=inputs,
         start=options.get("StartTime", float(time[0])),
         stop=options.get("StopTime", float(time[-1])),
         step=step if step > 0.0 else None,
         interval=options.get("OutputIntervalLength"),
+        start_values=about.set,
+        tolerance=about.tolerance,
         notes=notes,
-        **about,
     )
 
 
@@ -186,7 +182,7 @@ def _options(path: Path) -> dict[str, float]:
     found = {}
     for line in read_text(path, "the options of the reference").splitlines():
         name, _, value = (part.strip() for part in line.partition("//")[0].partition(","))
-        if name not in _OPTIONS:
+        if name not in OPTIONS:
             continue  # RelTol is the tolerance of the reference's solver, not one for comparisons
         try:
             found[name] = float(value)
@@ -197,14 +193,13 @@ def _options(path: Path) -> dict[str, float]:
     return found
 
 
-def _about(path: Path) -> dict[str, Any]:
-    """Read the TOML file of the reference; return nothing if it does not exist."""
+def _about(path: Path) -> ReferenceTable:
+    """Read the TOML file of the reference, which may not exist."""
     if not path.is_file():
-        return {}
+        return ReferenceTable()
     label = f"'{path}'"
     content = read_toml(read_text(path, "what belongs to the reference"), label)
-    table = convert_value(content, ReferenceTable, label)
-    return {"start_values": table.set, "tolerance": table.tolerance, "made_by": table.made_by}
+    return convert_value(content, ReferenceTable, label)
 
 
 def find_related_result(unpacked: Path) -> Path | None:
