@@ -224,16 +224,3 @@ def _bind_column(
         named.is_discrete,
         interface.signal_type(name),
     )
-
-
-def check_single_binding(bindings: Sequence[ColumnBinding]) -> None:
-    """Check that each signal has one binding.
-
-    Raises:
-        CommandError: If two columns drive the same signal.
-    """
-    seen: set[tuple[str, str]] = set()
-    for binding in bindings:
-        if (binding.component, binding.variable) in seen:
-            raise CommandError(f"{binding.signal} is driven by two columns.", signal=binding.signal)
-        seen.add((binding.component, binding.variable))

@@ -41,9 +41,7 @@ def draw_panels(panels: Sequence[Plot], title: str, run: str, name: str = "") ->
     if not shown:
         shown, still = still, []
     said = {c: [_constant(row[j]) for row in still] for j, c in enumerate(columns)}
-    figure, grid = new_figure(
-        len(shown), len(columns), 3.9, measured=False, sharex="none", axes_class=PlainAxes
-    )
+    figure, grid = new_figure(len(shown), len(columns), 3.9, sharex="none", axes_class=PlainAxes)
     labels = [_label_lines(row) for row in shown]
     scales = [
         [_draw_panel(axes, panel) for axes, panel in zip(grid[i], row, strict=True)]
@@ -53,9 +51,9 @@ def draw_panels(panels: Sequence[Plot], title: str, run: str, name: str = "") ->
         grid[i, 0].set_ylabel(row[0].label, parse_math=False)
         add_legend(grid[i, -1], list(labels[i].items()))
         if i + 1 < len(shown) and shown[i + 1][0].part == row[0].part:
-            _join(grid[i], grid[i + 1])
-            for one in scales[i]:
-                one.shows_time = False
+            for upper, lower, scale in zip(grid[i], grid[i + 1], scales[i], strict=True):
+                upper.sharex(lower)
+                scale.shows_time = False
         else:
             for axes in grid[i]:
                 axes.set_xlabel("time / s")
@@ -77,20 +75,12 @@ def _label_lines(row: Sequence[Plot]) -> "dict[str, Line]":
     return {line.label: line for panel in row for line in panel.lines}
 
 
-def _join(above: "Sequence[Axes]", below: "Sequence[Axes]") -> None:
-    """Give axes of two rows one time axis."""
-    for upper, lower in zip(above, below, strict=True):
-        upper.sharex(lower)
-
-
 def has_changes(panels: Sequence[Plot]) -> bool:
-    """Return whether any panel shows a change."""
-    return not all(_is_constant(panel) for panel in panels)
-
-
-def _is_constant(panel: Plot) -> bool:
-    """Return whether a panel has lines and none of them changes."""
-    return bool(panel.lines) and all(len(x.values) and (x.values == x.values[0]).all() for x in panel.lines)
+    """Return whether any panel shows a change, or has no lines."""
+    return any(
+        not panel.lines or not all(len(x.values) and (x.values == x.values[0]).all() for x in panel.lines)
+        for panel in panels
+    )
 
 
 def _constant(panel: Plot) -> str:
