@@ -4,7 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from emla_cosim.recorders.csv_file import CsvFile
-from emla_cosim.recorders.time_series import TimeSeries
+from emla_cosim.recorders.table import TimeSeries
 from emla_cosim.study.loading import load
 
 from ..job import Job

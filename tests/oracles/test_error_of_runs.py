@@ -11,7 +11,7 @@ from scipy.linalg import expm
 
 import emla_cosim as ec
 from emla_cosim.master.algorithms.registry import ALGORITHMS
-from emla_cosim.recorders.progress import ProgressRecorder
+from emla_cosim.recorders.recorder import ProgressRecorder
 from tests.support import crane, oscillator
 from tests.support.rigid_load import rigid_load
 from tests.support.tiers import mostly_slow

@@ -66,7 +66,10 @@ def test_errors_of_the_crane(
 
 
 def test_jacobi_at_40_ms_does_not_reach_the_end_of_the_crane(lifting: ec.Simulation) -> None:
-    with pytest.raises(ec.RunError, match=r"hydraulics answered doStep at t = 4\.\d+ s with fmi2Discard.*Parts of .* are discarded, too"):
+    with pytest.raises(
+        ec.RunError,
+        match=r"hydraulics answered doStep at t = 4\.\d+ s with fmi2Discard.*Parts of .* are discarded, too",
+    ):
         lifting.run(algorithm="jacobi", step_size=0.04, output_interval=0.04)
 
 

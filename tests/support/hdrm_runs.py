@@ -8,7 +8,7 @@ import numpy as np
 
 from emla_cosim.master.stepping.timing import CommunicationPoints
 from emla_cosim.recorders.recorder import Outline
-from emla_cosim.recorders.time_series import TimeSeries
+from emla_cosim.recorders.table import TimeSeries
 from emla_cosim.run.result import Result
 from hdrm_fmu import HDRM, HdrmManipulator, HdrmParameters
 from hdrm_fmu.dynamics import inverse_dynamics

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from emla_cosim.recorders.tubes.signal_comparison import Comparison
-from emla_cosim.recorders.tubes.tube import Tube
+from emla_cosim.recorders.tubes.signal_check import Comparison
+from emla_cosim.recorders.tubes.tolerance import Tube
 from emla_cosim.verification.findings import Examined, Finding
 from emla_cosim.verification.report import Report
 from emla_cosim.verification.verdict import CheckOutcome, Clause, failed, passed, skipped, warned

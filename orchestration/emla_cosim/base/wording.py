@@ -1,6 +1,6 @@
 """Formatting of counts, numbers and names."""
 
-from collections.abc import Container
+from collections.abc import Container, Sequence
 from decimal import Decimal
 
 
@@ -24,6 +24,12 @@ def format_number(value: float, digits: int = 6) -> str:
         return f"{value:.{digits}g}"
     except OverflowError:  # a whole number that is too large for a float
         return f"{Decimal(value):.{digits}g}"
+
+
+def list_few(names: Sequence[str], most: int = 8) -> str:
+    """Return the first names, each once, and how many more there are: "a, b and 3 more"."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(dict.fromkeys(names[:most])) + more
 
 
 def shorten_line(text: str, most: int) -> str:

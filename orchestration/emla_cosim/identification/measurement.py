@@ -9,8 +9,8 @@ import numpy as np
 from ..base.arrays import Vector
 from ..base.errors import CommandError, join_names
 from ..base.units import SiUnit
-from ..base.wording import format_count
-from ..inputs.column_bindings import find_column, match_headers
+from ..base.wording import format_count, list_few
+from ..inputs.column_bindings import find_column, match_columns
 from ..inputs.input import Column, Input
 from ..inputs.loaded_input import LoadedInput
 
@@ -19,9 +19,6 @@ FindSignal = Callable[[str], tuple[str, SiUnit | None]]
 
 EXACT = 1e-6
 """Residuals, as a part of the spread of the measurement, below which a prediction is exact."""
-
-_NAMED = 8
-"""Most columns that a message names."""
 
 _GAP = 5.0
 """Multiple of the median sample time from which a gap is reported."""
@@ -70,11 +67,12 @@ def read_measurements(
         _check_settings(source)
         loaded = LoadedInput.of(source, start)
         notes += [f"{source.label} {note}." for note in loaded.data.notes]
-        if (gaps := _count_gaps(loaded.times)) > 0:
+        steps = np.diff(loaded.times)
+        if (gaps := int(np.sum(steps > _GAP * np.median(steps)))) > 0:
             notes.append(f"{source.label} has {format_count(gaps, 'gap')} in its times.")
         asked, idle = _find_columns(source, loaded, find_signal)
         if idle:
-            notes.append(f"{source.label} has columns that were not compared: {', '.join(idle)}.")
+            notes.append(f"{source.label} has columns that were not compared: {list_few(idle)}.")
         for name, column in asked.items():
             signal, unit = find_signal(name)
             position, column = find_column(source, loaded.data, column)
@@ -108,34 +106,27 @@ def _check_settings(source: Input) -> None:
 def _find_columns(
     source: Input, loaded: LoadedInput, find_signal: FindSignal
 ) -> tuple[dict[str, Column], list[str]]:
-    """Return the columns by signal, and the names of the first columns that no signal has.
+    """Return the columns by signal, and the names of the columns that no signal has.
 
     Raises:
         CommandError: A pattern has no match, or no column is called as a signal.
     """
     asked, idle = dict(source.signals), list[str]()
-    for _, header in match_headers(source, loaded.data, loaded.time):
-        if header.name in asked:
+    for name, column in match_columns(source, loaded.data, loaded.time).items():
+        if name in asked:
             continue
-        if _is_signal(header.name, find_signal):
-            asked[header.name] = Column(header.text)
+        try:
+            find_signal(name)
+        except CommandError:
+            idle.append(name)
         else:
-            idle.append(header.name)
+            asked[name] = column
     if not asked:
         raise CommandError(
             f"{source.label} has no column that is called as a signal; write "
-            f"FILE:SIGNAL=COLUMN. Its columns are called {join_names(idle[:_NAMED])}."
+            f"FILE:SIGNAL=COLUMN. Its columns are called {join_names(idle[:8])}."
         )
-    more = f"and {len(idle) - _NAMED} more"
-    return asked, idle if len(idle) <= _NAMED else [*idle[:_NAMED], more]
-
-
-def _is_signal(name: str, find_signal: FindSignal) -> bool:
-    try:
-        find_signal(name)
-    except CommandError:
-        return False
-    return True
+    return asked, idle
 
 
 def read_drivers(sources: Sequence[Input], start: float = 0.0) -> dict[str, tuple[Vector, Vector]]:
@@ -148,14 +139,9 @@ def read_drivers(sources: Sequence[Input], start: float = 0.0) -> dict[str, tupl
     found = dict[str, tuple[Vector, Vector]]()
     for source in sources:
         loaded = LoadedInput.of(source, start)
-        columns = {h.name: Column(h.text) for _, h in match_headers(source, loaded.data, loaded.time)}
+        columns = match_columns(source, loaded.data, loaded.time)
         for signal, column in {**columns, **source.signals}.items():
             with suppress(CommandError):  # it drives nothing and may have texts
                 position, _ = find_column(source, loaded.data, column)
                 found[signal] = loaded.times, loaded.data.numbers(position)
     return found
-
-
-def _count_gaps(time: Vector) -> int:
-    steps = np.diff(time)
-    return int(np.sum(steps > _GAP * np.median(steps)))

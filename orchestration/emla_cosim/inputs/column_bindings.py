@@ -2,7 +2,7 @@
 
 import dataclasses
 import difflib
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 from fmublock.table import TYPES
@@ -11,10 +11,8 @@ from ..base.errors import CommandError, join_names
 from ..base.patterns import matches_pattern
 from ..base.signal_types import REAL, SignalType
 from ..base.units import IDENTITY, LinearTransformation, SiUnit
-from ..base.wording import format_count
-from ..fmu.interface import Interface
-from ..fmu.variables import find_variable
 from ..system.model import System
+from ..system.names import NamedVariable, Names
 from ..system.vectors import find_indices
 from .data_tables import DataTable
 from .headers import Header
@@ -53,7 +51,7 @@ class ColumnBinding:
 
 
 def bind_columns(
-    source: Input, data: DataTable, time: int, system: System, interfaces: Mapping[str, Interface]
+    source: Input, data: DataTable, time: int, system: System, names: Names
 ) -> tuple[list[ColumnBinding], list[str]]:
     """Return the bindings of a table, and the names of its columns that drive nothing.
 
@@ -62,46 +60,43 @@ def bind_columns(
         data: Its table.
         time: The position of the column of times.
         system: The system.
-        interfaces: The model descriptions by component.
+        names: Its names.
 
     Raises:
         CommandError: If a signal or column does not exist, units do not fit, or there are no bindings.
     """
-    data.match_names(lambda name: _find_elements(name, system, interfaces))
-    chosen: dict[str, tuple[int, Column]] = {}
+    main = f"{system.main_name}."
+    known = dict.fromkeys([*names.all, *(name.removeprefix(main) for name in names.all)])
+    data.match_names(known)
+    chosen: dict[str, Column] = {}
     for signal, column in source.signals.items():
-        for element, part in _split_list(signal, column, data, system, interfaces).items():
-            chosen[element] = find_column(source, data, part)
+        chosen |= _split_list(signal, column, data, known)
     idle = []
-    for position, header in match_headers(source, data, time):
-        if header.name in chosen:
+    for name, column in match_columns(source, data, time).items():
+        if name in chosen:
             continue
-        if _is_driven(header.name, system, interfaces):
-            data.find(header.name)  # raises CommandError if it is not unique
-            chosen[header.name] = position, Column(header.name, header.unit)
-        elif header.unit_like_end is not None and _is_driven(header.unit_like_end[0], system, interfaces):
-            signal, unit = header.unit_like_end
+        end = Header(name, name, column.unit).unit_like_end
+        if _is_driven(name, system, names):
+            chosen[name] = column
+        elif end is not None and _is_driven(end[0], system, names):
+            signal, unit = end
             raise CommandError(
-                f"the column '{header.text}' of {data.label} ends like the unit '{unit}'; write its name as "
-                f"'{signal} [{unit}]', or declare it with '{signal}={header.text} [{unit}]'.",
+                f"the column '{name}' of {data.label} ends like the unit '{unit}'; write its name as "
+                f"'{signal} [{unit}]', or declare it with '{signal}={name} [{unit}]'.",
                 signal=signal,
             )
-        elif header.name:
-            idle.append(header.name)
+        else:
+            idle.append(name)
     if not chosen and source.columns:
         raise CommandError(
             f"{source.label} drives no signal: no connected signal is called {join_names(idle[:8])}."
         )
     if not chosen:
-        raise CommandError(_unmatched_error(source, data, time, system, interfaces))
-    bindings = [
-        _bind_column(signal, position, column, data, system, interfaces)
-        for signal, (position, column) in chosen.items()
-    ]
-    return bindings, idle
+        raise CommandError(f"{source.label} drives no signal: {_explain_unmatched(idle, names)}")
+    return [_bind_column(source, s, column, data, system, names) for s, column in chosen.items()], idle
 
 
-def match_headers(source: Input, data: DataTable, time: int) -> list[tuple[int, Header]]:
+def match_columns(source: Input, data: DataTable, time: int) -> dict[str, Column]:
     """Return the columns that belong to signals of the same name, if there are such signals.
 
     Without explicit columns and signals these are all but that of the times.
@@ -109,13 +104,16 @@ def match_headers(source: Input, data: DataTable, time: int) -> list[tuple[int, 
     Raises:
         CommandError: If a pattern has no match.
     """
-    others = [(i, h) for i, h in enumerate(data.headers) if i != time]
-    if not source.columns:
-        return [] if source.signals else others
+    others = [h for i, h in enumerate(data.headers) if i != time]
+    patterns = source.columns or ([] if source.signals else ["*"])
     for pattern in source.columns:
-        if not any(matches_pattern(h.name, pattern) for _, h in others):
-            raise _no_column(data, pattern)
-    return [(i, h) for i, h in others if any(matches_pattern(h.name, p) for p in source.columns)]
+        if not any(matches_pattern(h.name, pattern) for h in others):
+            raise data.no_column(pattern)
+    return {
+        h.name: Column(h.name, h.unit)
+        for h in others
+        if h.name and any(matches_pattern(h.name, pattern) for pattern in patterns)
+    }
 
 
 def find_column(source: Input, data: DataTable, column: Column) -> tuple[int, Column]:
@@ -133,7 +131,7 @@ def find_column(source: Input, data: DataTable, column: Column) -> tuple[int, Co
     if position is None:
         position, unit = data.find(header.name), unit if unit is not None else header.unit
     if position is None:
-        raise _no_column(data, header.name)
+        raise data.no_column(header.name)
     if order > 0 and source.interpolation != "cubic":
         raise CommandError(
             f"a derivative of '{header.name}' of {data.label} needs cubic interpolation; "
@@ -142,97 +140,58 @@ def find_column(source: Input, data: DataTable, column: Column) -> tuple[int, Co
     return position, dataclasses.replace(column, unit=data.find_unit(position, unit), derivative=order)
 
 
-def _no_column(data: DataTable, name: str) -> CommandError:
-    near = difflib.get_close_matches(name, [h.name for h in data.headers], n=3, cutoff=0.5)
-    hint = f"did you mean {' or '.join(near)}?" if near else f"it has {data.join_names()}."
-    return CommandError(f"{data.label} has no column '{name}'; {hint}", name=name, near=near)
-
-
-def _find_elements(name: str, system: System, interfaces: Mapping[str, Interface]) -> list[str] | None:
-    """Return the indices of the elements of an array, none of a scalar; None for no variable."""
-    try:
-        component, variable = system.split(name)
-    except CommandError:
-        return None
-    variables = interfaces[component.name].variables
-    if variable in component.aliases or variable in variables:
-        return []
-    return find_indices(variable, variables) or None
-
-
-def _split_list(
-    signal: str, column: Column, data: DataTable, system: System, interfaces: Mapping[str, Interface]
-) -> dict[str, Column]:
+def _split_list(signal: str, column: Column, data: DataTable, known: Collection[str]) -> dict[str, Column]:
     """Return the columns of the elements by signal if a column has lists, otherwise the column itself.
 
     Raises:
         CommandError: If the array has another number of elements.
     """
     header = Header.of(column.column)
-    names = data.find_list(column.column) or data.find_list(header.name)
-    indices = _find_elements(signal, system, interfaces) or []
-    if not names and len(indices) < 2:
-        return {f"{signal}{indices[0]}" if indices else signal: column}
-    if len(names) != len(indices):
-        numbers = format_count(max(len(names), 1), "number")
-        raise CommandError(
-            f"the column '{column.column}' of {data.label} has {numbers} in each cell, but {signal} has "
-            f"{format_count(max(len(indices), 1), 'element')}.",
-            signal=signal,
-        )
+    columns = data.find_list(column.column) or data.find_list(header.name)
+    indices = find_indices(signal, known)
+    if not columns and len(indices) < 2:
+        return {f"{signal}{''.join(indices)}": column}
+    if len(columns) != len(indices):
+        raise data.wrong_count(column.column, len(columns), signal, len(indices))
     unit = column.unit if column.unit is not None else header.unit
     return {
         f"{signal}{index}": dataclasses.replace(column, column=name, unit=unit)
-        for index, name in zip(indices, names, strict=True)
+        for index, name in zip(indices, columns, strict=True)
     }
 
 
-def _is_driven(name: str, system: System, interfaces: Mapping[str, Interface]) -> bool:
+def _is_driven(name: str, system: System, names: Names) -> bool:
     """Return whether a name is that of a signal that data can drive."""
-    try:
-        component, variable = system.split(name)
-    except CommandError:
+    found = names.get(name)
+    if found is None or found.variable.type not in TYPES:
         return False
-    found = interfaces[component.name].variables.get(component.alias(variable).variable)
-    if found is None or found.type not in TYPES:
-        return False
-    end = (component.name, found.name)
-    return found.causality == "input" or (
-        found.causality == "output" and any(x.ends[0] == end for x in system.out_of(component.name))
-    )
+    causality = found.variable.causality
+    return causality == "input" or (causality == "output" and _is_connected(found, system))
 
 
-def _unmatched_error(
-    source: Input, data: DataTable, time: int, system: System, interfaces: Mapping[str, Interface]
-) -> str:
-    names = [h.name for i, h in enumerate(data.headers) if i != time and h.name]
-    signals = [
-        f"{c.name}.{v.name}"
-        for c in system.components
-        for v in interfaces[c.name].variables.values()
-        if v.causality in ("input", "output")
-    ]
-    near = [s for name in names[:20] for s in difflib.get_close_matches(name, signals, n=1, cutoff=0.6)]
+def _is_connected(output: NamedVariable, system: System) -> bool:
+    return any(x.ends[0] == output.end for x in system.out_of(output.component.name))
+
+
+def _explain_unmatched(columns: Sequence[str], names: Names) -> str:
+    signals = [n for n, v in names.all.items() if v.variable.causality in ("input", "output")]
+    near = [s for name in columns[:20] for s in difflib.get_close_matches(name, signals, n=1, cutoff=0.6)]
     meant = (
         f"did you mean {join_names(near[:3])}?"
         if near
         else "set `signals` to the columns that drive signals."
     )
-    columns = f"its columns are called {join_names(names[:8])}" if names else "it has only a column of times"
-    return f"{source.label} drives no signal: {columns}; {meant}"
+    if not columns:
+        return f"it has only a column of times; {meant}"
+    return f"its columns are called {join_names(columns[:8])}; {meant}"
 
 
 def _bind_column(
-    signal: str,
-    position: int,
-    column: Column,
-    data: DataTable,
-    system: System,
-    interfaces: Mapping[str, Interface],
+    source: Input, signal: str, column: Column, data: DataTable, system: System, names: Names
 ) -> ColumnBinding:
-    component, name = system.split(signal)
-    interface = interfaces[component.name]
-    variable = find_variable(component.name, interface.variables, component.alias(name).variable)
+    position, column = find_column(source, data, column)
+    named = names.find(signal)
+    variable, interface, name = named.variable, named.interface, named.fmu_name
     if variable.causality not in ("input", "output"):
         raise CommandError(
             f"{signal} is a {variable.causality}; data can drive an input or replace an output.",
@@ -242,40 +201,26 @@ def _bind_column(
         raise CommandError(
             f"{signal} is of the type {variable.type}; data can drive {join_names(TYPES)}.", signal=signal
         )
-    end, output = (component.name, str(variable.name)), variable.causality == "output"
-    if output and not any(x.ends[0] == end for x in system.out_of(component.name)):
+    output, is_real = variable.causality == "output", variable.type == "Real"
+    if output and not _is_connected(named, system):
         raise CommandError(f"{signal} is not connected, so data for it would have no effect.", signal=signal)
-    unit = interface.unit(end[1]) if variable.type == "Real" else None
-    kind, is_discrete = interface.signal_type(end[1]), interface.is_discrete(end[1])
-    if column.derivative and is_discrete:
+    if column.derivative and named.is_discrete:
         raise CommandError(f"{signal} is discrete; a derivative cannot drive it.", signal=signal)
-    if variable.type != "Real" and (column.unit or data.headers[position].unit):
+    if not is_real and (column.unit or data.headers[position].unit):
         raise CommandError(f"{signal} is of the type {variable.type}, which has no unit.", signal=signal)
-    transformation, is_assumed = IDENTITY, False
-    if variable.type == "Real":
+    unit, transformation, is_assumed = None, IDENTITY, False
+    if is_real:
+        unit = interface.unit(name)
         transformation, is_assumed = data.conversion(position, signal, unit, column.unit, column.derivative)
     return ColumnBinding(
         signal,
-        *end,
+        *named.end,
         output,
         position,
         column.derivative,
         transformation,
         unit,
         is_assumed,
-        is_discrete,
-        kind,
+        named.is_discrete,
+        interface.signal_type(name),
     )
-
-
-def check_single_binding(bindings: Sequence[ColumnBinding]) -> None:
-    """Check that each signal has one binding.
-
-    Raises:
-        CommandError: If two columns drive the same signal.
-    """
-    seen: set[tuple[str, str]] = set()
-    for binding in bindings:
-        if (binding.component, binding.variable) in seen:
-            raise CommandError(f"{binding.signal} is driven by two columns.", signal=binding.signal)
-        seen.add((binding.component, binding.variable))

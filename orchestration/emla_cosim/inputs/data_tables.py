@@ -1,6 +1,7 @@
 """Tables of values over time: their columns as numbers, in the units and types of signals."""
 
-from collections.abc import Callable, Mapping, Sequence
+import re
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -8,19 +9,17 @@ import numpy as np
 import polars
 
 from ..base.arrays import Vector
-from ..base.errors import CommandError, join_names
+from ..base.errors import CommandError, join_names, suggest_names
 from ..base.quantities import resolve_conversion
 from ..base.signal_types import REAL, SignalType
 from ..base.units import LinearTransformation, SiUnit
 from ..base.wording import format_count, shorten_line
+from ..system.vectors import find_indices
 from .csv_layout import NUMBER
 from .headers import Header, is_same_unit, is_unit, parse_data_unit, rate_of
 
 ReadColumns = Callable[[Sequence[int], bool], Sequence[polars.Series]]
-"""Returns columns by position, as numbers if possible, or as texts."""
-
-FindIndices = Callable[[str], Sequence[str] | None]
-"""Returns the indices of an array in row-major order, such as `[1,2]`; none of a scalar, None if unknown."""
+"""Returns columns by position: numbers that are written as texts as numbers if possible, or as texts."""
 
 _DECIMAL_COMMA = r"^([-+]?[0-9]*),([0-9]*(?:[eE][-+]?[0-9]+)?)$", "${1}.${2}"
 """A number with a decimal comma, and its replacement."""
@@ -75,25 +74,28 @@ class DataTable:
         self._read, self._has_decimal_commas = read, has_decimal_commas
         self._columns: dict[tuple[int, bool], polars.Series] = {}
 
-    def match_names(self, find_indices: FindIndices) -> None:
+    def match_names(self, known: Collection[str], prefix: str = "") -> None:
         """Give columns the names of variables: columns of lists those of the elements of their array.
 
         A header that is the name of a variable has no unit.
 
+        Args:
+            known: The names of all variables.
+            prefix: Text that these names have and the columns lack.
+
         Raises:
             CommandError: If the cells of a column have another number of elements than the array.
         """
+        arrays = {name[: m.start()] for name in known for m in re.finditer(r"\[", name)}
         for position, header in enumerate(self.headers):
             source, element = self._sources[position]
-            if element is None and header.text.strip() != header.name and find_indices(header.text) == []:
+            if element is None and header.text.strip() != header.name and prefix + header.text in known:
                 header = self.headers[position] = Header(header.text, header.text)
             array = header.name if element is None else header.name.rpartition("[")[0]
-            if not (indices := find_indices(array)):
+            if prefix + array not in arrays or not (indices := find_indices(prefix + array, known)):
                 continue
-            if len(indices) != self._counts.get(source, 1):
-                numbers = format_count(self._counts.get(source, 1), "number")
-                elements = format_count(len(indices), "element")
-                raise self._wrong(position, f"has {numbers} in each cell, but {array} has {elements}")
+            if len(indices) != (count := self._counts.get(source, 1)):
+                raise self.wrong_count(header.text, count, array, len(indices))
             self.headers[position] = replace(header, name=f"{array}{indices[element or 0]}")
 
     def find_list(self, name: str) -> list[str]:
@@ -123,7 +125,9 @@ class DataTable:
         source, element = self._sources[position]
         key = source, as_text or element is not None
         if key not in self._columns:
-            (self._columns[key],) = self._read([source], key[1])
+            (column,) = self._read([source], key[1])
+            as_written = not key[1] or column.dtype.is_nested()
+            self._columns[key] = column if as_written else column.cast(polars.String)
         column = self._columns[key]
         if column.dtype == polars.String:
             column = column.str.strip_chars()
@@ -314,6 +318,19 @@ class DataTable:
             row=row + 1,
             column=self.headers[position].text,
         )
+
+    def wrong_count(self, column: str, count: int, array: str, size: int) -> CommandError:
+        """Return the error of a column whose cells have another number of elements than an array."""
+        numbers, elements = format_count(max(count, 1), "number"), format_count(max(size, 1), "element")
+        return CommandError(
+            f"the column '{column}' of {self.label} has {numbers} in each cell, but {array} has {elements}.",
+            signal=array,
+        )
+
+    def no_column(self, name: str) -> CommandError:
+        """Return the error of a name that no column has."""
+        meant = suggest_names(name, [h.name for h in self.headers], f"it has {self.join_names()}.")
+        return CommandError(f"{self.label} has no column '{name}'; {meant}", name=name)
 
     def _wrong(self, position: int, problem: str) -> CommandError:
         return CommandError(f"the column '{self.headers[position].text}' of {self.label} {problem}.")

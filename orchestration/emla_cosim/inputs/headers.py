@@ -65,7 +65,7 @@ class Header:
                 return name, end
         return None
 
-    def check_unit_like_end(self, target: SiUnit | None, label: str, signal: str, declare: str = "") -> None:
+    def check_unit_like_end(self, target: SiUnit | None, label: str, signal: str, declare: str) -> None:
         """Refuse a header without a unit whose end is one of the quantity, but not its unit.
 
         Args:
@@ -85,12 +85,9 @@ class Header:
                 return
         except ValueError:  # another quantity: the end is a part of the name
             return
-        declared = (
-            f", or declare it with '{declare} [{end}]' or '{declare} [{target.name}]'" if declare else ""
-        )
         raise CommandError(
             f"{label} ends like the unit '{end}', but {signal} is in {target.name}; write the unit as in "
-            f"'{name} [{end}]'{declared}.",
+            f"'{name} [{end}]', or declare it with '{declare} [{end}]' or '{declare} [{target.name}]'.",
             unit=end,
         )
 

@@ -2,7 +2,7 @@
 
 import dataclasses
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,11 @@ from .measurement_files import MEASUREMENT_ENDINGS
 
 _TEXTS = (".tsv", ".txt", ".dat")
 """File extensions read as CSV, beside those of `TABLES`."""
+
+NAME = "input"
+"""The name of a table's component; a second one is input_2."""
+
+_OWN_NAME = re.compile(rf"{NAME}(?:_\d+)?")
 
 SHIFT_TO_START = "start"
 """The value of `shift` with which the data begin at the start of the run."""
@@ -230,3 +235,18 @@ class Input(FileOrObject):
         signals = {s: str(c) for s, c in self.signals.items()}
         settings = {n: getattr(self, n) for n in _SETTINGS if n != "shift" or self.shift is not None}
         return {"signals": signals, "columns": list(self.columns), **settings}
+
+
+def find_data_names(names: Iterable[str]) -> dict[str, str]:
+    """Return the names of data signals by the signal that they replace.
+
+    Args:
+        names: The names to search.
+    """
+    signals: dict[str, str] = {}
+    for name in names:
+        if name.startswith(NAME):
+            component, _, signal = name.partition(".")
+            if _OWN_NAME.fullmatch(component):
+                signals.setdefault(signal, name)
+    return signals

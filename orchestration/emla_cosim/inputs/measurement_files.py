@@ -1,7 +1,8 @@
 """Files of measurement computers: ASAM MDF (`asammdf`) and TDMS of LabVIEW (`nptdms`)."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -115,63 +116,41 @@ def _read_mdf(file: Path) -> list[ChannelGroup]:
 
     groups = []
     mdf = MDF(file)  # the readers keep it open: opening it reads the descriptions of all channels
+
+    def read(group: int, index: int) -> tuple[np.ndarray, np.ndarray | None]:
+        signal = mdf.get(group=group, index=index)
+        return signal.samples, signal.timestamps
+
     for number, group in enumerate(mdf.groups):
         master = mdf.masters_db.get(number)
         if master is None or getattr(group.channels[master], "sync_type", 1) not in (0, 1):
             continue  # not sampled over time, but over an angle or a distance
-        channels = [
-            Channel(c.name, _unit_of(c), _mdf_reader(mdf, number, index))
-            for index, c in enumerate(group.channels)
-            if index != master
-        ]
+        channels = [Channel(TIME, "s", lambda number=number: (mdf.get_master(number), None))]
+        for index, c in enumerate(group.channels):
+            if index != master:
+                unit = str(c.unit or getattr(c.conversion, "unit", None) or "").strip()
+                channels.append(Channel(c.name, unit or None, partial(read, number, index)))
         name = str(getattr(group.channel_group, "acq_name", "") or f"group {number + 1}")
-        groups.append(ChannelGroup(name, [Channel(TIME, "s", _mdf_reader(mdf, number, None)), *channels]))
+        groups.append(ChannelGroup(name, channels))
     return groups
-
-
-def _unit_of(channel: Any) -> str | None:
-    unit = channel.unit or getattr(channel.conversion, "unit", None)
-    return str(unit).strip() or None if unit else None
-
-
-def _mdf_reader(
-    mdf: Any, group: int, index: int | None
-) -> Callable[[], tuple[np.ndarray, np.ndarray | None]]:
-    """Return a function that reads a channel, or the times of its group."""
-
-    def read() -> tuple[np.ndarray, np.ndarray | None]:
-        if index is None:
-            times = mdf.get_master(group)
-            return times, times
-        signal = mdf.get(group=group, index=index)
-        return signal.samples, signal.timestamps
-
-    return read
 
 
 def _read_tdms(file: Path) -> list[ChannelGroup]:
     from nptdms import TdmsFile
 
+    def read(channel: Any) -> tuple[np.ndarray, np.ndarray | None]:
+        return channel[:], channel.time_track() if "wf_increment" in channel.properties else None
+
     groups = []
     for group in TdmsFile.read(file).groups():
-        channels = [Channel(c.name, _tdms_unit(c.properties), _tdms_reader(c)) for c in group.channels()]
+        channels = []
+        for c in group.channels():
+            units = (c.properties.get(key) for key in ("unit_string", "NI_UnitDescription"))
+            unit = str(next(filter(None, units), "")).strip()
+            channels.append(Channel(c.name, unit or None, partial(read, c)))
         timed = next((c for c in group.channels() if "wf_increment" in c.properties), None)
         if timed is not None and not any(c.name == TIME for c in channels):
-            track = timed.time_track()
-            channels = [Channel(TIME, "s", lambda track=track: (track, track)), *channels]
+            channels.insert(0, Channel(TIME, "s", lambda timed=timed: (timed.time_track(), None)))
         if channels:
             groups.append(ChannelGroup(group.name, channels))
     return groups
-
-
-def _tdms_unit(properties: Mapping[str, Any]) -> str | None:
-    unit = str(properties.get("unit_string") or properties.get("NI_UnitDescription") or "").strip()
-    return unit or None
-
-
-def _tdms_reader(channel: Any) -> Callable[[], tuple[np.ndarray, np.ndarray | None]]:
-    def read() -> tuple[np.ndarray, np.ndarray | None]:
-        timed = "wf_increment" in channel.properties
-        return channel[:], channel.time_track() if timed else None
-
-    return read

@@ -10,7 +10,6 @@ from ..base.errors import CommandError
 from ..base.signal_types import REAL, SignalType
 from ..base.units import SiUnit
 from ..recorders.registry import table_names
-from ..system.vectors import find_indices
 from .data_tables import DataTable
 from .table_files import read_table
 from .time_columns import read_times
@@ -95,13 +94,7 @@ class StoredRun:
 
     def match_names(self, names: Sequence[str]) -> None:
         """Give columns with the elements of arrays in each cell the names of these signals."""
-        known = dict.fromkeys(names)
-
-        def find(name: str) -> list[str] | None:
-            full = self.prefix + name
-            return [] if full in known else find_indices(full, known) or None
-
-        self.data.match_names(find)
+        self.data.match_names(dict.fromkeys(names), self.prefix)
 
     def of_component(self, component: str) -> "StoredRun":
         """Return the table with the names of a system of one component, if it has those of its variables."""

@@ -5,6 +5,7 @@ import contextlib
 import csv
 import io
 from collections.abc import Callable, Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -196,22 +197,18 @@ def _read_parquet(label: str, file: Path, is_result: bool) -> DataTable:
         if isinstance(kind, polars.List | polars.Array) and len(first) and first[i][0] is not None
     }
 
-    def read(positions: Sequence[int], as_text: bool) -> Sequence[polars.Series]:
+    def read(positions: Sequence[int], _: bool) -> Sequence[polars.Series]:
         try:
             frame = polars.read_parquet(file, columns=[names[p] for p in positions])
         except Exception as error:  # polars raises many types
             columns = join_names([f"'{names[p]}'" for p in positions])
             raise CommandError(f"{label} cannot be read in {columns}: it is damaged.") from error
-        return [_as_text(frame[names[p]]) if as_text else frame[names[p]] for p in positions]
+        return [frame[names[p]] for p in positions]
 
     kinds = {polars.String: "String", polars.Boolean: "Boolean"}
     plain = {name: SignalType(kinds[kind]) for name, kind in schema.items() if kind in kinds}
     types = plain | {n: t for n, t in read_types(metadata.get(COLUMN_TYPES)).items() if n in schema}
     return DataTable(label, [_header(n, is_result, units.get(n)) for n in names], read, lists, types=types)
-
-
-def _as_text(column: polars.Series) -> polars.Series:
-    return column if column.dtype.is_nested() else column.cast(polars.String)
 
 
 def _read_registered(label: str, form: str, file: Path) -> DataTable:
@@ -220,10 +217,9 @@ def _read_registered(label: str, form: str, file: Path) -> DataTable:
     readable(label, table.open)
     names = list(table.names)
 
-    def read(positions: Sequence[int], as_text: bool) -> Sequence[polars.Series]:
+    def read(positions: Sequence[int], _: bool) -> Sequence[polars.Series]:
         columns = readable(label, lambda: table.read([names[p] for p in positions]))
-        series = [polars.Series(columns[names[p]]) for p in positions]
-        return [_as_text(column) for column in series] if as_text else series
+        return [polars.Series(columns[names[p]]) for p in positions]
 
     return DataTable(label, [Header.of(name) for name in names], read, types=table.types)
 
@@ -234,9 +230,8 @@ def read_frame(label: str, frame: Any) -> DataTable:
     if wrong := [name for name in names if not isinstance(name, str)]:
         raise CommandError(f"{label} has a column called {wrong[0]!r}; names must be texts.")
 
-    def read(positions: Sequence[int], as_text: bool) -> Sequence[polars.Series]:
-        series = [_array_column(label, names[p], np.asarray(frame[names[p]])) for p in positions]
-        return [_as_text(column) for column in series] if as_text else series
+    def read(positions: Sequence[int], _: bool) -> Sequence[polars.Series]:
+        return [_array_column(label, names[p], np.asarray(frame[names[p]])) for p in positions]
 
     return DataTable(label, [Header.of(name) for name in names], read, _find_arrays(frame, names))
 
@@ -268,16 +263,11 @@ def _array_column(label: str, name: str, column: np.ndarray) -> polars.Series:
 def _read_measurement(label: str, group: ChannelGroup) -> DataTable:
     """Return a group of channels of an MDF or TDMS file."""
     channels = group.channels
-    times: list[np.ndarray] = []
 
+    @cache
     def group_times() -> np.ndarray:
-        if not times:
-            has_times = channels[0].name == TIME
-            times.append(readable(f"the times of {label}", channels[0].read)[0] if has_times else np.empty(0))
-        return times[0]
-
-    def read(positions: Sequence[int], _: bool) -> Sequence[polars.Series]:
-        return [read_channel(position) for position in positions]
+        has_times = channels[0].name == TIME
+        return readable(f"the times of {label}", channels[0].read)[0] if has_times else np.empty(0)
 
     def read_channel(position: int) -> polars.Series:
         """Return a channel. Raise CommandError if it was not sampled at the times of its group."""
@@ -296,4 +286,5 @@ def _read_measurement(label: str, group: ChannelGroup) -> DataTable:
         kind = values.dtype.kind
         return polars.Series(values.astype(f"{kind}8[ns]") if kind in "mM" else values)
 
-    return DataTable(label, [Header.of(c.name, c.unit) for c in channels], read)
+    headers = [Header.of(c.name, c.unit) for c in channels]
+    return DataTable(label, headers, lambda positions, _: [read_channel(p) for p in positions])

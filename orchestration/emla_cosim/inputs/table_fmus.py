@@ -20,7 +20,7 @@ from ..base.ownership import check_replaceable
 from ..base.signal_types import REAL
 from ..base.units import IDENTITY
 from ..fmu.models import fmu_path, license_text, producer
-from .column_bindings import ColumnBinding, find_column, match_headers
+from .column_bindings import ColumnBinding, find_column, match_columns
 from .data_tables import DataTable
 from .headers import parse_data_unit, rate_of
 from .input import Column, Input
@@ -85,8 +85,7 @@ def build_data_fmu(
         RunError: If the FMU cannot be built.
     """
     table, path = LoadedInput.of(Input.of_text(text)), data_fmu_path(text, folder)
-    headers = [h for _, h in match_headers(table.source, table.data, table.time) if h.name]
-    columns = {header.name: Column(header.name, header.unit) for header in headers}
+    columns = match_columns(table.source, table.data, table.time)
     bindings, texts = list[tuple[ColumnBinding, str]](), list[str]()
     for name, column in {**columns, **table.source.signals}.items():
         binding = _bind_output(name, column, table)

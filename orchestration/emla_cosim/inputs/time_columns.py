@@ -54,7 +54,7 @@ def _find_column(table: DataTable, column: str | None) -> int:
         for name in (column, Header.of(column).name):
             if (position := table.find(name)) is not None:
                 return position
-        raise CommandError(f"{table.label} has no column '{column}'; it has {table.join_names()}.")
+        raise table.no_column(column)
     positions: Sequence[int] = ()
     for names in TIME_NAMES:
         positions = positions or [i for i, h in enumerate(table.headers) if is_time_name(h, names)]

@@ -6,16 +6,15 @@ from pathlib import Path
 
 from fmublock.table import TYPES
 
-from ..base.wording import find_free_name
+from ..base.errors import CommandError
+from ..base.wording import find_free_name, list_few
 from ..fmu.interface import Interface
 from ..system.model import Component, Connection, System
-from .column_bindings import ColumnBinding, bind_columns, check_single_binding
-from .data_names import NAME
+from ..system.names import Names
+from .column_bindings import ColumnBinding, bind_columns
+from .input import NAME
 from .loaded_input import LoadedInput
 from .table_fmus import build_cached_fmu
-
-_NAMED = 8
-"""Most texts that a note lists."""
 
 
 @dataclass(frozen=True)
@@ -54,8 +53,13 @@ def wire_inputs(
         CommandError: If a table does not fit the system.
         RunError: If an FMU cannot be built.
     """
-    bound = [bind_columns(t.source, t.data, t.time, system, interfaces) for t in tables]
-    check_single_binding([binding for bindings, _ in bound for binding in bindings])
+    names = Names(system, interfaces)
+    bound = [bind_columns(t.source, t.data, t.time, system, names) for t in tables]
+    ends = set[tuple[str, str]]()
+    for binding in (binding for bindings, _ in bound for binding in bindings):
+        if (binding.component, binding.variable) in ends:
+            raise CommandError(f"{binding.signal} is driven by two columns.", signal=binding.signal)
+        ends.add((binding.component, binding.variable))
     fmus, notes = dict[str, Path](), list[str]()
     for table, (bindings, idle) in zip(tables, bound, strict=True):
         label = table.source.label
@@ -64,15 +68,15 @@ def wire_inputs(
             texts = [f"'{table.data.headers[b.column].text}' in {b.unit}" for b in assumed]
             notes.append(
                 f"{label} has columns without a unit, which are read in the unit of their signal: "
-                f"{_list_few(texts)}."
+                f"{list_few(texts)}."
             )
         discrete = [b.signal for b in bindings if b.is_discrete and b.type.kind == "Real"]
         if discrete and table.source.interpolation != "held":
             notes.append(
-                f"{label} drives discrete variables, whose values hold between rows: {_list_few(discrete)}."
+                f"{label} drives discrete variables, whose values hold between rows: {list_few(discrete)}."
             )
         if idle:
-            notes.append(f"{label} has columns that drive nothing: {_list_few(idle)}.")
+            notes.append(f"{label} has columns that drive nothing: {list_few(idle)}.")
         if table.source.end == "stop":
             notes.append(f"the run stops where the data of {label} end, at t = {table.times[-1]:.9g} s.")
         replaced, rest = _split_bindings(system, bindings)
@@ -84,7 +88,12 @@ def wire_inputs(
             name = find_free_name(NAME, {x for c in system.components for x in (c.name, c.branch)})
             fmus[name] = build_cached_fmu(table, [(binding, binding.signal) for binding in part], platforms)
             system = _add_component(system, name, fmus[name], part)
-            notes += _describe_partly_replaced(name, part)
+            notes += [
+                f"{b.component} still computes {b.signal}, but it is not used: {name}.{b.signal} provides "
+                "the data instead."
+                for b in part
+                if b.output
+            ]
     return WiredInputs(system, fmus, notes)
 
 
@@ -136,19 +145,3 @@ def _drop_driven_values(component: Component, driven: Iterable[str]) -> Componen
     names = set(driven)
     values = {n: v for n, v in component.parameters.items() if component.alias(n).variable not in names}
     return replace(component, parameters=values)
-
-
-def _describe_partly_replaced(name: str, bindings: Sequence[ColumnBinding]) -> list[str]:
-    """Return messages on outputs that are still computed but not used."""
-    return [
-        f"{b.component} still computes {b.signal}, but it is not used: {name}.{b.signal} provides the data "
-        "instead."
-        for b in bindings
-        if b.output
-    ]
-
-
-def _list_few(texts: Sequence[str]) -> str:
-    """Return the first of these texts, and how many more there are."""
-    more = f" and {len(texts) - _NAMED} more" if len(texts) > _NAMED else ""
-    return ", ".join(dict.fromkeys(texts[:_NAMED])) + more

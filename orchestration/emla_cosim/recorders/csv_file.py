@@ -12,9 +12,8 @@ import polars
 
 from ..base.arrays import Vector
 from ..base.files import real_place
-from .file_table import FileTable
+from .file_table import FileTable, frame_rows
 from .recorder import Outline
-from .typed_frame import frame_rows, typed_frame
 
 _BLOCK = 2**22
 
@@ -118,7 +117,7 @@ class CsvFile(FileTable):
     def store(self, rows: Vector) -> None:
         """Write these rows. Raises OSError."""
         text = BytesIO()
-        frame = typed_frame(rows, self.names, self.types, self.texts)
+        frame = self.frame(rows)
         frame = frame.with_columns(
             polars.col(polars.Boolean).cast(polars.Int8),
             polars.col(polars.String)

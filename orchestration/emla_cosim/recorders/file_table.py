@@ -5,11 +5,23 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import polars
+
 from ..base.arrays import Vector
 from ..base.ownership import OutputFiles
+from ..base.signal_types import REAL
 from .recorder import Outline
 from .row_queue import RowQueue
 from .table import Table
+
+_POLARS = {
+    "Real": polars.Float64,
+    "Integer": polars.Int32,
+    "Enumeration": polars.Int32,
+    "Boolean": polars.Boolean,
+    "String": polars.String,
+}
 
 
 class FileTable(Table):
@@ -43,6 +55,21 @@ class FileTable(Table):
     def append(self, rows: Vector) -> None:
         """Store rows in another thread. Raises OSError, also for earlier rows."""
         self._open_queue().put(rows, self._seen)
+
+    @property
+    def schema(self) -> dict[str, type[polars.DataType]]:
+        """The types of the columns for polars."""
+        return {name: _POLARS[self.types.get(name, REAL).kind] for name in self.names}
+
+    def frame(self, rows: Vector) -> polars.DataFrame:
+        """Return rows as a data frame whose columns have the types of their signals."""
+        frame = polars.from_numpy(np.ascontiguousarray(rows), schema=self.names)
+        return frame.with_columns(
+            polars.Series(name, self.texts.decode(frame[name].to_numpy()), polars.String)
+            if type_.is_text
+            else frame[name].cast(_POLARS[type_.kind])
+            for name, type_ in self.types.items()
+        )
 
     @abstractmethod
     def store(self, rows: Vector) -> None:
@@ -112,3 +139,9 @@ class FileTable(Table):
     def settle(self) -> None:
         """Mark the file as complete in the manifest. May raise OSError."""
         self._files.settle([self.path.name])
+
+
+def frame_rows(frame: polars.DataFrame) -> Vector:
+    """Return a data frame as rows of doubles, with NaN for texts."""
+    texts = polars.col(polars.String).is_null().cast(polars.Float64) * float("nan")
+    return frame.with_columns(texts).cast(polars.Float64).to_numpy(order="c")

@@ -8,16 +8,14 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import polars
 
 from ..base.arrays import Vector
 from ..base.files import write_atomically
 from ..base.signal_types import COLUMN_TYPES, SignalType, read_types, write_types
 from ..base.units import COLUMN_UNITS
-from .file_table import FileTable
+from .file_table import FileTable, frame_rows
 from .recorder import Outline
-from .typed_frame import column_schema, frame_rows, typed_frame
 
 _BLOCK = 2**20
 """Number of values in a block that is read."""
@@ -75,7 +73,6 @@ class ParquetFile(FileTable):
         }
         if self.types:
             self._metadata[COLUMN_TYPES] = json.dumps(write_types(self.types))
-        self._schema = column_schema(self.names, self.types)
 
     def reopen(self, outline: Outline, rows: int) -> None:
         """Continue the parts that another process left; see `FileTable.reopen`."""
@@ -102,13 +99,13 @@ class ParquetFile(FileTable):
 
     def store(self, rows: Vector) -> None:
         """Write these rows as a part. Raises OSError."""
-        self._write_part(typed_frame(rows, self.names, self.types, self.texts))
+        self._write_part(self.frame(rows))
 
     def end(self) -> None:
         """Append the last row if it was not due, and join the parts to one file."""
         super().end()
         parts = self._list_parts()
-        empty = polars.LazyFrame(schema=self._schema)
+        empty = polars.LazyFrame(schema=self.schema)
         whole = polars.scan_parquet(parts) if parts else empty
         with _polars_failures(), self._files.write(self.path.name) as stream:
             whole.sink_parquet(stream, metadata=self._metadata)
@@ -135,8 +132,11 @@ class ParquetFile(FileTable):
         frame = table.select(chosen)
         if most is not None:
             frame = frame.gather_every(max(-(-self._rows // most), 1))
-        found = frame.collect()
-        return {n: _to_numpy(found[n]) for n in chosen}
+        found = frame.with_columns(polars.col(polars.String).fill_null("")).collect()
+        return {
+            column.name: (column if column.dtype == polars.String else column.cast(polars.Float64)).to_numpy()
+            for column in found
+        }
 
     def _write_part(self, rows: polars.DataFrame) -> None:
         with _polars_failures(), write_atomically(self._parts / f"{self._count:06}.parquet") as stream:
@@ -158,27 +158,14 @@ class ParquetFile(FileTable):
 
     def _earlier(self, rows: int) -> polars.DataFrame | None:
         """Return the first rows of an earlier run; None if it has other columns or too few rows."""
-        for source in self._left():
+        for source in filter(None, (self.path, self._list_parts())):  # a file, or parts of an interrupted run
             try:
                 found = polars.read_parquet(source)
             except (OSError, polars.exceptions.PolarsError):
                 continue
-            if list(found.schema.items()) == list(self._schema.items()) and len(found) >= rows:
+            if list(found.schema.items()) == list(self.schema.items()) and len(found) >= rows:
                 return found.head(rows)
         return None
-
-    def _left(self) -> Iterator[Path | list[Path]]:
-        """Yield the places of rows of an earlier run: its file, or the parts of an interrupted run."""
-        yield self.path
-        if parts := self._list_parts():
-            yield parts
-
-
-def _to_numpy(column: polars.Series) -> Any:
-    """Return a column as doubles, or as texts if it has texts."""
-    if column.dtype == polars.String:
-        return np.array(column.fill_null("").to_list(), dtype=object)
-    return column.cast(polars.Float64).to_numpy()
 
 
 def parts_of(path: Path) -> Path:

@@ -7,6 +7,7 @@ from typing import Any, Protocol
 
 from ..base.arrays import Vector
 from ..base.errors import RunError
+from ..base.progress import Progress
 from ..base.signal_types import SignalType, Texts
 from ..base.units import LinearTransformation, SiUnit
 from ..master.algorithms.continuous_connections import ContinuousConnection
@@ -159,3 +160,24 @@ def recording(recorder: Recorder) -> Iterator[None]:
     except OSError as error:
         reason = error.strerror or error
         raise RecordingError(f"{recorder} cannot be written: {reason}.") from error
+
+
+class ProgressRecorder(Recorder):
+    """Report notes on the run, and then the number of finished steps."""
+
+    def __init__(self, progress: Progress) -> None:
+        self._progress = progress
+
+    def begin(self, outline: Outline, memory: Any = None) -> None:
+        """Report the begin of the simulation."""
+        for note in outline.notes:
+            self._progress.note(f"Note: {note}.")
+        self._reported = 0
+        self._progress.begin("simulating", outline.times.steps)
+
+    def pause(self, run: Pause) -> None:
+        """Report the steps since the last call."""
+        times = run.stepping.times
+        reached = round((run.stepping.time - times.start) / times.step)
+        self._progress.advance(reached - self._reported)
+        self._reported = reached

@@ -8,8 +8,7 @@ import numpy as np
 from ..base.arrays import Vector
 from ..base.errors import CommandError
 from ..base.signal_types import SignalType
-from ..recorders.tubes.signal_check import compare_signal, describe_departure, select_outside
-from ..recorders.tubes.signal_comparison import Comparison
+from ..recorders.tubes.signal_check import Comparison, compare_signal, describe_departure, select_outside
 from ..recorders.tubes.tolerance import Tolerance, find_tolerance
 
 if TYPE_CHECKING:  # importing it loads polars

@@ -1,6 +1,6 @@
 """Start values from files: SSP parameter sets, and tables with columns for scalars and arrays."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from ..base.errors import CommandError
@@ -55,17 +55,16 @@ def structural_file_values(
         content = read_file(file, "the parameter set")
         parameters = parse_parameter_set(content, str(file)).parameters
         return {p.name: p.value for p in parameters if names.is_structural(p.name)}
-    data, values = read_table(file, "the parameter table"), dict[str, Value]()
-    for position, header in enumerate(data.headers):
-        if names.is_structural(header.name):
-            values |= _read_column_values(data, position, names)
-    return values
+    return _read_table_values(read_table(file, "the parameter table"), names, names.is_structural)
 
 
-def _read_table_values(data: DataTable, names: Names) -> dict[str, Value]:
+def _read_table_values(
+    data: DataTable, names: Names, is_wanted: Callable[[str], bool] = lambda _: True
+) -> dict[str, Value]:
     values: dict[str, Value] = {}
-    for position in range(len(data.headers)):
-        for name, value in _read_column_values(data, position, names).items():
+    for position, header in enumerate(data.headers):
+        found = _read_column_values(data, position, names) if is_wanted(header.name) else {}
+        for name, value in found.items():
             if name in values:
                 raise CommandError(f"{data.label} has a second value for {name}.", name=name)
             values[name] = value

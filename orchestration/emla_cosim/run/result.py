@@ -15,7 +15,7 @@ from ..base.values import convert_value
 from ..master.stepping.timing import CommunicationPoints
 from ..recorders.metrics import Figures, MetricDisplay
 from ..recorders.table import Table
-from ..recorders.tubes.signal_comparison import Comparison
+from ..recorders.tubes.signal_check import Comparison
 from ..recorders.tubes.tolerance import Tolerance
 from ..system.names import find_main_component
 from .agreement import compare_with_stored

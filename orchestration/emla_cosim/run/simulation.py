@@ -38,8 +38,7 @@ from ..recorders.coupling.bond_energy import select_applicable
 from ..recorders.coupling.bonds import COUPLING
 from ..recorders.metrics import SIGNALS, MetricsRecorder
 from ..recorders.recorder import Outline, Recorder
-from ..recorders.table import Table
-from ..recorders.time_series import TimeSeries
+from ..recorders.table import Table, TimeSeries
 from ..stepper.library import find_stepper
 from ..system.model import System, Value
 from ..system.names import Names

@@ -16,7 +16,7 @@ from ..base.errors import CommandError, RunError
 from ..base.patterns import matches_pattern
 from ..base.progress import CompatibilityReport, Progress
 from ..base.values import convert_value
-from ..recorders.time_series import TimeSeries
+from ..recorders.table import TimeSeries
 from ..run.option_types import RunOptions
 from ..run.remarks import describe_disabled_event_mode
 from ..run.requirements import check_no_condition

@@ -15,7 +15,7 @@ from rsba_fmu.certificate import Bounds, Certificate, ControlGains, Four, Observ
 from ..base.arrays import Vector
 from ..base.errors import CommandError
 from ..recorders.recorder import Outline, Recorder
-from ..recorders.time_series import TimeSeries
+from ..recorders.table import TimeSeries
 from ..run.simulation import Simulation
 from .metrics import EVALUATED_AFTER
 from .roles import find_variable

@@ -11,7 +11,7 @@ from typing import TypeVar
 from hdrm_fmu.trajectory import JOINTS
 
 from ..base.errors import CommandError, join_names, suggest_names
-from ..inputs.data_names import find_data_names
+from ..inputs.input import find_data_names
 
 _PLACES: dict[str, tuple[str, ...]] = {
     "x_L": ("{joint}.plant.x_L", "machine.plant.x_L[{element}]"),

@@ -18,7 +18,7 @@ from ..base.errors import CosimError, RunError
 from ..master.instances.fmu_instance import DiscardedStepError
 from ..recorders.metrics import MetricsRecorder, describe_divergence
 from ..recorders.recorder import Outline, Recorder
-from ..recorders.time_series import TimeSeries
+from ..recorders.table import TimeSeries
 from ..run.half_step import halve_step
 from ..run.remarks import describe_lost_values
 from ..run.requirements import flatten_figures

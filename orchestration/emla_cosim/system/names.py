@@ -1,6 +1,7 @@
 """The resolver of names: which variables of a system a user means, and whether they can be set."""
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import count, takewhile
@@ -143,6 +144,14 @@ class Names:
         if own not in interface.variables:
             find_variable(component.name, _variables(component, interface), name)
         return NamedVariable(component, name, interface)
+
+    def get(self, text: str) -> NamedVariable | None:
+        """Return the variable of a name; None if there is none."""
+        with suppress(CommandError):
+            component, name = self._system.split(text)
+            variable = NamedVariable(component, name, self.interfaces[component.name])
+            return variable if variable.fmu_name in variable.interface.variables else None
+        return None
 
     def find_elements(self, text: str) -> list[NamedVariable]:
         """Return the variable of a name, or the elements `[1]`, `[2]` of an array; none for other texts."""

@@ -44,7 +44,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from ..recorders.tubes.signal_comparison import Comparison
+from ..recorders.tubes.signal_check import Comparison
 from ..views.pages.plain import to_plain
 from ..views.pages.text_file import write_text
 from .findings import Examined, Finding, Findings, worst

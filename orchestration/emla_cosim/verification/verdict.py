@@ -5,7 +5,7 @@ from enum import StrEnum
 from typing import Any
 
 from ..fmu.python_exceptions import describe_left_exception
-from ..recorders.tubes.signal_comparison import Comparison
+from ..recorders.tubes.signal_check import Comparison
 
 
 class Verdict(StrEnum):

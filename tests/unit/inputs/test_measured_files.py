@@ -24,6 +24,7 @@ from emla_cosim.inputs.loaded_input import LoadedInput
 from emla_cosim.inputs.wired_inputs import wire_inputs
 from emla_cosim.run.preparation import prepare_system
 from emla_cosim.system.model import System
+from emla_cosim.system.names import Names
 
 LOAD, POSITION = "lift.disturbance.F_L", "lift.reference.x_d"
 TIMES, FORCES = [0.0, 0.005, 0.01], [1.5, 2.0, 2.25]
@@ -43,7 +44,7 @@ def forces_of(folder: Path, source: Input | Path, signal: str = LOAD) -> tuple[n
     loaded = LoadedInput.of(source if isinstance(source, Input) else Input(source, {signal: "Force"}))
     system, interfaces = lift(folder)
     notes = wire_inputs(system, [loaded], interfaces, ["linux64"]).notes
-    (driven,), _ = bind_columns(loaded.source, loaded.data, loaded.time, system, interfaces)
+    (driven,), _ = bind_columns(loaded.source, loaded.data, loaded.time, system, Names(system, interfaces))
     assert driven.signal == signal
     numbers = loaded.data.numbers(driven.column)
     return driven.transformation.factor * numbers + driven.transformation.offset, "\n".join(notes)

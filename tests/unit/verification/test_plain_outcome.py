@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from emla_cosim.recorders.tubes.signal_comparison import Comparison
-from emla_cosim.recorders.tubes.tube import Tube
+from emla_cosim.recorders.tubes.signal_check import Comparison
+from emla_cosim.recorders.tubes.tolerance import Tube
 from emla_cosim.verification.plain_outcome import read_outcome, write_outcome
 from emla_cosim.verification.subprocess_run import run_in_subprocess
 from emla_cosim.verification.verdict import RETURNS, CheckOutcome, Verdict, failed, passed

@@ -10,10 +10,13 @@ from hypothesis import strategies as st
 
 from emla_cosim.base.errors import CommandError
 from emla_cosim.base.values import convert_value
-from emla_cosim.recorders.tubes.signal_check import compare_signal, describe_departure, select_outside
-from emla_cosim.recorders.tubes.signal_comparison import Comparison
-from emla_cosim.recorders.tubes.tolerance import Tolerance, find_tolerance, read_tolerances
-from emla_cosim.recorders.tubes.tube import Tube
+from emla_cosim.recorders.tubes.signal_check import (
+    Comparison,
+    compare_signal,
+    describe_departure,
+    select_outside,
+)
+from emla_cosim.recorders.tubes.tolerance import Tolerance, Tube, find_tolerance, read_tolerances
 from emla_cosim.verification.references.reference_files import ReferenceTable
 
 EXACT = Tolerance(relative=1e-3, time=0.0)

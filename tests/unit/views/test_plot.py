@@ -13,7 +13,7 @@ import emla_cosim as ec
 from emla_cosim.study.loading import load
 from emla_cosim.views.pages.curve_data import condense_curve
 from emla_cosim.views.panels import Line
-from emla_cosim.views.plots import by_unit, pictures, rows
+from emla_cosim.views.plots import by_unit, panel_drawing, pictures
 from emla_cosim.views.plots.overlay import overlay_runs, read_traces
 from emla_cosim.views.plots.panel_drawing import draw_line
 from emla_cosim.views.plots.stacked import MOST_PANELS
@@ -73,7 +73,7 @@ def test_one_run_has_panels_by_unit_within_the_times(tmp_path: Path) -> None:
 def test_long_table_reports_rows_that_are_not_drawn(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, form: str
 ) -> None:
-    monkeypatch.setattr(rows, "MOST_ROWS", 100)
+    monkeypatch.setattr(panel_drawing, "MOST_ROWS", 100)
     long, whole = (kept(tmp_path / str(n), {"time": range(n), "x": range(n)}, form=form) for n in (101, 100))
     axes, notes = drawn(long, whole)
     assert notes == ["101: 51 of 101 rows drawn."]
@@ -89,7 +89,7 @@ def test_pictures_report_rows_that_are_not_drawn(monkeypatch: pytest.MonkeyPatch
         return {text for text in texts if "rows" in text}
 
     assert corner() == set()
-    monkeypatch.setattr(rows, "MOST_ROWS", 150)
+    monkeypatch.setattr(panel_drawing, "MOST_ROWS", 150)
     assert corner() == {"101 of 201 rows drawn"}
 
 

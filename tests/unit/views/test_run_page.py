@@ -18,7 +18,7 @@ from selenium.webdriver.common.actions.wheel_input import ScrollOrigin
 
 from emla_cosim.base.units import SiUnit
 from emla_cosim.recorders.recorder import Outline
-from emla_cosim.recorders.time_series import TimeSeries
+from emla_cosim.recorders.table import TimeSeries
 from emla_cosim.run.result import Result
 from emla_cosim.ssp.diagram import build_diagrams, group_connections
 from emla_cosim.study.loading import load

@@ -10,7 +10,7 @@ from ...base.errors import CosimError
 from ...base.files import check_output_files
 from ...base.option import RUN
 from ...master.stepping.checkpoint import check_checkpoint
-from ...recorders.progress import ProgressRecorder
+from ...recorders.recorder import ProgressRecorder
 from ...run.options import Options
 from ...run.result import Result
 from ...run.run_setup import check_run

@@ -21,7 +21,8 @@ _SLIVER = 1e-6
 
 def build_course(subject: Subject, reference: ReferenceSolution) -> Experiment:
     """Return the communication points of a reference and its inputs. Raise CommandError on a mismatch."""
-    step = reference.step or min(span(subject)[1], _interval(reference))
+    intervals = np.diff(np.unique(reference.solution["time"]))
+    step = reference.step or min(span(subject)[1], float(intervals.min(initial=np.inf)))
     count = round((reference.stop - reference.start) / step)
     if count < 1 or abs(reference.start + count * step - reference.stop) > 1e-3 * step:
         raise CommandError(
@@ -71,11 +72,6 @@ def read_start_values(subject: Subject, given: Mapping[str, Any]) -> dict[str, A
     """Convert start values to the types of their variables. Raise CommandError for invalid ones."""
     typed = convert_start_values(subject.path.stem, subject.interface, given)
     return {str(variable.name): value for variable, value in typed}
-
-
-def _interval(reference: ReferenceSolution) -> float:
-    intervals = np.diff(np.unique(reference.solution["time"]))
-    return float(intervals.min()) if len(intervals) else np.inf
 
 
 def _sampled(variable: ModelVariable, rows: Vector, values: Vector, times: Vector) -> Vector:

@@ -1,6 +1,7 @@
 """Record reference files from a run of the FMU itself, to detect later changes."""
 
 import csv
+import json
 from collections.abc import Iterable
 from importlib.metadata import version
 from io import StringIO
@@ -21,7 +22,7 @@ from ..settings import Recording
 from ..subject import Subject
 from .excitation import excite_inputs
 from .playback import inputs_at, read_start_values, run_reference
-from .reference_files import ReferenceSolution, read_columns
+from .reference_files import OPTIONS, ReferenceSolution, read_columns
 
 MOST_STEPS = 100_000
 """Most steps of a recorded run."""
@@ -80,24 +81,24 @@ def record_reference(subject: Subject, recording: Recording) -> list[Path]:
         inputs = excite_inputs(subject, recording.shape, times)
     names = outputs(subject)
     wanted = {"time": times} | dict.fromkeys(names, times)
-    plan = ReferenceSolution(
-        recording.folder, wanted, inputs, start, stop, step, every * step, recording.values
-    )
+    plan = ReferenceSolution(wanted, inputs, start, stop, step, every * step, recording.values)
     found = in_fresh_process(_run_confined, subject, plan)
     rows = {"time": found.times} | {n: found.values[:, i] for i, n in enumerate(found.names)}
+    options = zip(OPTIONS, (start, stop, step, every * step), strict=True)
     texts = {
         "ref.csv": _csv(subject, rows),
-        "ref.opt": _options(start, stop, step, every * step),
+        "ref.opt": "".join(f"{name}, {value!r}\n" for name, value in options),
         "ref.toml": _about(subject, recording),
     }
     if len(inputs) > 1:
         texts["in.csv"] = _csv(subject, inputs)
     else:  # the file of an earlier recording would be used as inputs
         (recording.folder / f"{subject.path.stem}_in.csv").unlink(missing_ok=True)
-    return [
-        _write_text(recording.folder / f"{subject.path.stem}_{kind}", text, recording.overwrite)
-        for kind, text in texts.items()
-    ]
+    written = {recording.folder / f"{subject.path.stem}_{kind}": text for kind, text in texts.items()}
+    for path, text in written.items():
+        with write_atomically(path, refuse_others(lambda _: False, recording.overwrite)) as stream:
+            stream.write(text.encode())
+    return list(written)
 
 
 def _run_confined(subject: Subject, plan: ReferenceSolution) -> OutputTrajectory:
@@ -124,13 +125,6 @@ def _course(subject: Subject, recording: Recording) -> tuple[float, float, int]:
     return start, step, count
 
 
-def _write_text(path: Path, text: str, overwrite: bool) -> Path:
-    check = refuse_others(lambda _: False, overwrite)
-    with write_atomically(path, check) as stream:
-        stream.write(text.encode())
-    return path
-
-
 def _csv(subject: Subject, columns: dict[str, Vector]) -> str:
     """Format columns as CSV: Reals with all digits, other types as whole numbers, Booleans as 0 and 1."""
     variables = [subject.variables.get(name) for name in columns]
@@ -145,11 +139,6 @@ def _csv(subject: Subject, columns: dict[str, Vector]) -> str:
     return text.getvalue()
 
 
-def _options(start: float, stop: float, step: float, interval: float) -> str:
-    entries = {"StartTime": start, "StopTime": stop, "StepSize": step, "OutputIntervalLength": interval}
-    return "".join(f"{name}, {value!r}\n" for name, value in entries.items())
-
-
 def _about(subject: Subject, recording: Recording) -> str:
     driven = f"inputs of {recording.inputs.name}" if recording.inputs else f"{recording.shape} as inputs"
     description = subject.description
@@ -157,22 +146,10 @@ def _about(subject: Subject, recording: Recording) -> str:
         f"emla verify --record, {version('emla-cosim')}: {subject.path.name} (GUID {description.guid}, "
         f"{description.generationTool or 'unnamed tool'}) with {driven}"
     )
-    values = "".join(f"{_quote(n)} = {_value(v)}\n" for n, v in recording.values.items())
-    return f"made_by = {_quote(made_by)}\n" + (f"\n[set]\n{values}" if values else "")
+    values = "".join(f"{_write_toml(n)} = {_write_toml(v)}\n" for n, v in recording.values.items())
+    return f"made_by = {_write_toml(made_by)}\n" + (f"\n[set]\n{values}" if values else "")
 
 
-def _value(value: Any) -> str:
-    if isinstance(value, bool):
-        return str(value).lower()
-    return _quote(value) if isinstance(value, str) else repr(value)
-
-
-def _quote(text: str) -> str:
-    """Format a text as a TOML string."""
-    return '"' + "".join(_escape(letter) for letter in text) + '"'
-
-
-def _escape(letter: str) -> str:
-    if letter in '"\\':
-        return f"\\{letter}"
-    return letter if letter.isprintable() else f"\\U{ord(letter):08x}"
+def _write_toml(value: Any) -> str:
+    text = json.dumps(value, ensure_ascii=False)  # TOML has the numbers and escapes of JSON
+    return "".join(c if c.isprintable() else f"\\U{ord(c):08x}" for c in text)

@@ -12,20 +12,22 @@ from typing import Annotated, Any
 
 import msgspec
 import numpy as np
+from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
+
+from fmublock.recipe import RELATED, RELATED_LIST
 
 from ...base.arrays import Vector
 from ...base.class_structs import record
 from ...base.errors import CommandError
 from ...base.files import read_text
 from ...base.toml_structs import describe, read_toml
+from ...base.untrusted_xml import parse_xml
 from ...base.values import convert_value
 from ...fmu.elements import number_range
 from ...fmu.interface import Interface
 from ...recorders.tubes.tolerance import Tolerance
-from ...system.vectors import find_indices
-from .related_result import find_related_result
 
-_OPTIONS = ("StartTime", "StopTime", "StepSize", "OutputIntervalLength")
+OPTIONS = ("StartTime", "StopTime", "StepSize", "OutputIntervalLength")
 """Entries of `_ref.opt` for the run, all in s. A step of 0 means that the solver chooses it."""
 
 _SOLUTION = "_ref.csv"
@@ -48,7 +50,6 @@ class ReferenceSolution:
     """A reference solution with its inputs and settings.
 
     Attributes:
-        folder: Folder of the files.
         solution: Columns by name, `time` in s first.
         inputs: Columns by name, `time` in s first; empty if there are none.
         start: Start time in s.
@@ -57,11 +58,9 @@ class ReferenceSolution:
         interval: Time in s between rows of the solution, if longer than `step`; None if the files have none.
         start_values: Start values by name.
         tolerance: Tolerances by name or pattern.
-        made_by: Origin of the reference.
         notes: What users should know of how the tables were read.
     """
 
-    folder: Path
     solution: Mapping[str, Vector]
     inputs: Mapping[str, Vector]
     start: float
@@ -70,7 +69,6 @@ class ReferenceSolution:
     interval: float | None = None
     start_values: Mapping[str, Any] = field(default_factory=dict)
     tolerance: Mapping[str, Tolerance] = field(default_factory=dict)
-    made_by: str = ""
     notes: Sequence[str] = ()
 
 
@@ -119,15 +117,15 @@ def read_reference(solution: Path, interface: Interface | None = None) -> Refere
     time = columns["time"]
     step = options.get("StepSize", 0.0) or options.get("OutputIntervalLength", 0.0)
     return ReferenceSolution(
-        folder=solution.parent,
         solution=columns,
         inputs=inputs,
         start=options.get("StartTime", float(time[0])),
         stop=options.get("StopTime", float(time[-1])),
         step=step if step > 0.0 else None,
         interval=options.get("OutputIntervalLength"),
+        start_values=about.set,
+        tolerance=about.tolerance,
         notes=notes,
-        **about,
     )
 
 
@@ -154,7 +152,7 @@ def read_columns(
 
     data = read_table(path, what)
     variables = interface.variables if interface is not None else {}
-    data.match_names(lambda name: [] if name in variables else find_indices(name, variables) or None)
+    data.match_names(variables)
     time, times = read_times(data, start=start, least=1)
     columns = {"time": times}
     data.load([i for i in range(len(data.headers)) if i != time])
@@ -184,7 +182,7 @@ def _options(path: Path) -> dict[str, float]:
     found = {}
     for line in read_text(path, "the options of the reference").splitlines():
         name, _, value = (part.strip() for part in line.partition("//")[0].partition(","))
-        if name not in _OPTIONS:
+        if name not in OPTIONS:
             continue  # RelTol is the tolerance of the reference's solver, not one for comparisons
         try:
             found[name] = float(value)
@@ -195,11 +193,39 @@ def _options(path: Path) -> dict[str, float]:
     return found
 
 
-def _about(path: Path) -> dict[str, Any]:
-    """Read the TOML file of the reference; return nothing if it does not exist."""
+def _about(path: Path) -> ReferenceTable:
+    """Read the TOML file of the reference, which may not exist."""
     if not path.is_file():
-        return {}
+        return ReferenceTable()
     label = f"'{path}'"
     content = read_toml(read_text(path, "what belongs to the reference"), label)
-    table = convert_value(content, ReferenceTable, label)
-    return {"start_values": table.set, "tolerance": table.tolerance, "made_by": table.made_by}
+    return convert_value(content, ReferenceTable, label)
+
+
+def find_related_result(unpacked: Path) -> Path | None:
+    """Return the first CSV file with the role `result` that FMI-LS-REF (1.0.0-alpha.1) lists, or None.
+
+    Files that are not there, or are outside of the FMU, do not count: the standard allows both.
+
+    Args:
+        unpacked: Folder with the content of the FMU.
+
+    Raises:
+        CommandError: The list of related files is not valid XML.
+    """
+    listed = unpacked / RELATED_LIST
+    if not listed.is_file():
+        return None
+    try:
+        root = parse_xml(listed.read_bytes())
+    except (etree.XMLSyntaxError, OSError) as error:
+        raise CommandError(f"'{RELATED_LIST}' is not valid XML: {error}.") from error
+    inside = unpacked.resolve()
+    for one in root.iterfind("Related"):
+        role, kind, source = (one.get(name, "") for name in ("role", "type", "source"))
+        if role.partition("/")[0] != "result" or kind != "text/csv":
+            continue
+        place = (unpacked / RELATED / source).resolve()
+        if place.is_relative_to(inside) and place.is_file():
+            return place
+    return None

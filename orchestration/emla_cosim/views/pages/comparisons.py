@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ...base.colors import BLUE, GREY, RED
-from ...recorders.tubes.signal_comparison import Comparison
+from ...recorders.tubes.signal_check import Comparison
 from ..panels import Band, Line, Plot
 from .page import Plots
 

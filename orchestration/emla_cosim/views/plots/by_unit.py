@@ -2,13 +2,13 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 from ...base.arrays import Vector
-from ...base.signal_types import SignalType
 from ..panels import Plot
 from .pictures import Drawing
-from .stacked import build_unit_panels, count_panels, draw_stacked
+from .stacked import build_unit_panels, draw_stacked, fit_panels
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -72,16 +72,18 @@ def groups(result: "Result") -> list[Group]:
     texts = {name for name, kind in result.types.items() if kind.is_text}
     changing = [n for n in result.names if n not in texts and _changes(result.signals.get(n))]
     parts = {"": changing}
-    for split in (_branch, lambda name: _component(result, name)):
+    for split in (lambda name: name.partition(".")[0], partial(_component, result)):
         parts = {
             title: signals
             for whole, inside in parts.items()
-            for title, signals in (_split(inside, split) if _is_large(inside) else {whole: inside}).items()
+            for title, signals in (
+                _split(inside, split) if len(inside) > _MOST_SIGNALS else {whole: inside}
+            ).items()
         }
     left_out = len(parts) - _MOST_PICTURES
     found = list[Group]()
     for part, signals in list(parts.items())[:_MOST_PICTURES]:
-        kept = _first(signals, units, result.types)
+        kept = fit_panels(signals[:_MOST_SIGNALS], units, result.types, _MOST_PANELS)
         counted = f" ({len(kept)} of {len(signals)} signals)" if len(kept) < len(signals) else ""
         further = f"; {left_out} more parts are not plotted" if left_out > 0 and not found else ""
         if kept:
@@ -97,10 +99,6 @@ def _changes(figures: Mapping[str, float] | None) -> bool:
     return figures is None or figures["minimum"] != figures["maximum"]
 
 
-def _is_large(signals: Sequence[str]) -> bool:
-    return len(signals) > _MOST_SIGNALS
-
-
 def _split(signals: Sequence[str], by: Callable[[str], str]) -> dict[str, list[str]]:
     found: dict[str, list[str]] = {}
     for name in signals:
@@ -108,20 +106,7 @@ def _split(signals: Sequence[str], by: Callable[[str], str]) -> dict[str, list[s
     return found
 
 
-def _branch(name: str) -> str:
-    return name.partition(".")[0]
-
-
 def _component(result: "Result", name: str) -> str:
     """Return the component of a signal, or the name before the last dot if it is unknown."""
     own = [c for c in result.record.get("components", ()) if name.startswith(f"{c}.")]
     return max(own, key=len) if own else name.rpartition(".")[0]
-
-
-def _first(signals: Sequence[str], units: Mapping[str, str], types: Mapping[str, SignalType]) -> list[str]:
-    """Return the first signals that fit in a plot."""
-    found = list[str]()
-    for name in signals[:_MOST_SIGNALS]:
-        if count_panels([*found, name], units, types) <= _MOST_PANELS:
-            found.append(name)
-    return found

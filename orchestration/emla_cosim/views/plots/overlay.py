@@ -17,7 +17,7 @@ from ...inputs.stored_runs import open_stored_run
 from ...recorders.metrics import TRACKED
 from ...system.names import find_main_component
 from ..panels import Line, Plot
-from .rows import Table, read_rows
+from .panel_drawing import Table, read_rows
 from .stacked import (
     LAYOUTS,
     MOST_LINES,
@@ -26,6 +26,7 @@ from .stacked import (
     build_unit_panels,
     count_panels,
     draw_stacked,
+    fit_panels,
     name_values,
     numbered,
 )
@@ -195,11 +196,8 @@ def _choose_default_signals(
     roles = {role: name for run in runs for role, name in run.roles.items()}
     found = [pair for find in TRACKED.values() for pair in find(names, roles).values()]
     chosen = list(dict.fromkeys(name for pair in found for name in pair)) or list(names)
-    kept = list[str]()
-    for name in chosen:
-        needed = len(kept) + 1 if len(runs) > 1 else count_panels([*kept, name], units, types)
-        if needed <= MOST_PANELS:
-            kept.append(name)
+    is_single = len(runs) == 1
+    kept = fit_panels(chosen, units, types, MOST_PANELS) if is_single else chosen[:MOST_PANELS]
     if len(kept) == len(names):
         return kept, []
     return kept, [f"{len(kept)} of {len(names)} signals are plotted; --signals selects others."]
@@ -223,11 +221,7 @@ def _cut(
     there = set(run.names)
     data, left_out = read_rows(run.table, [name for name in chosen if name in there])
     time = data["time"]
-    inside = np.ones(len(time), dtype=bool)
-    if begin is not None:
-        inside &= time >= begin
-    if end is not None:
-        inside &= time <= end
+    inside = (time >= (-np.inf if begin is None else begin)) & (time <= (np.inf if end is None else end))
     return {name: values[inside] for name, values in data.items()}, left_out
 
 

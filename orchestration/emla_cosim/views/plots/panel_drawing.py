@@ -1,10 +1,11 @@
 """Draw panels as a grid with a column for each subject."""
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from ...base.arrays import Vector
 from ..pages.curve_data import mask_undrawable, thin_points
 from ..pages.text import shorten_text
 from ..panels import Line, Plot
@@ -18,6 +19,9 @@ if TYPE_CHECKING:
 
 _LETTERS = 13
 """Letters per inch in the line below the title."""
+
+MOST_ROWS = 200_000
+"""Of longer tables plots show only every n-th row."""
 
 _NEAR = 0.3
 """Distance at which a limit is shown, relative to the range of the curves."""
@@ -37,9 +41,7 @@ def draw_panels(panels: Sequence[Plot], title: str, run: str, name: str = "") ->
     if not shown:
         shown, still = still, []
     said = {c: [_constant(row[j]) for row in still] for j, c in enumerate(columns)}
-    figure, grid = new_figure(
-        len(shown), len(columns), 3.9, measured=False, sharex="none", axes_class=PlainAxes
-    )
+    figure, grid = new_figure(len(shown), len(columns), 3.9, sharex="none", axes_class=PlainAxes)
     labels = [_label_lines(row) for row in shown]
     scales = [
         [_draw_panel(axes, panel) for axes, panel in zip(grid[i], row, strict=True)]
@@ -49,9 +51,9 @@ def draw_panels(panels: Sequence[Plot], title: str, run: str, name: str = "") ->
         grid[i, 0].set_ylabel(row[0].label, parse_math=False)
         add_legend(grid[i, -1], list(labels[i].items()))
         if i + 1 < len(shown) and shown[i + 1][0].part == row[0].part:
-            _join(grid[i], grid[i + 1])
-            for one in scales[i]:
-                one.shows_time = False
+            for upper, lower, scale in zip(grid[i], grid[i + 1], scales[i], strict=True):
+                upper.sharex(lower)
+                scale.shows_time = False
         else:
             for axes in grid[i]:
                 axes.set_xlabel("time / s")
@@ -73,20 +75,12 @@ def _label_lines(row: Sequence[Plot]) -> "dict[str, Line]":
     return {line.label: line for panel in row for line in panel.lines}
 
 
-def _join(above: "Sequence[Axes]", below: "Sequence[Axes]") -> None:
-    """Give axes of two rows one time axis."""
-    for upper, lower in zip(above, below, strict=True):
-        upper.sharex(lower)
-
-
 def has_changes(panels: Sequence[Plot]) -> bool:
-    """Return whether any panel shows a change."""
-    return not all(_is_constant(panel) for panel in panels)
-
-
-def _is_constant(panel: Plot) -> bool:
-    """Return whether a panel has lines and none of them changes."""
-    return bool(panel.lines) and all(len(x.values) and (x.values == x.values[0]).all() for x in panel.lines)
+    """Return whether any panel shows a change, or has no lines."""
+    return any(
+        not panel.lines or not all(len(x.values) and (x.values == x.values[0]).all() for x in panel.lines)
+        for panel in panels
+    )
 
 
 def _constant(panel: Plot) -> str:
@@ -144,3 +138,21 @@ def _reach(lines: Sequence[Line]) -> tuple[float, float]:
     if not known:
         return np.nan, np.nan
     return min(float(v.min()) for v in known), max(float(v.max()) for v in known)
+
+
+class Table(Protocol):
+    """What has columns of rows."""
+
+    def read(self, names: Sequence[str], most: int | None = None) -> Mapping[str, Vector]:
+        """Return columns by name, at most this many rows of them."""
+        ...
+
+
+def read_rows(table: Table, names: Sequence[str]) -> tuple[dict[str, Vector], str]:
+    """Return columns and `time` by name, and a note on rows that are left out, empty if none is."""
+    data = dict(table.read(["time", *names], MOST_ROWS))
+    shown = len(data["time"])
+    if 2 * shown <= MOST_ROWS:  # a longer table would fill more than half
+        return data, ""
+    rows = len(table.read(["time"])["time"])
+    return data, f"{shown:,} of {rows:,} rows drawn" if shown < rows else ""

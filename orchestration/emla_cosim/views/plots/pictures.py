@@ -4,6 +4,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -12,8 +13,7 @@ from ...base.arrays import Vector
 from ...recorders.metrics import HELD
 from ..formatting import format_headline
 from ..panels import Limit, Line, Plot
-from .panel_drawing import draw_panels, has_changes
-from .rows import read_rows
+from .panel_drawing import draw_panels, has_changes, read_rows
 from .style import BLUE, GREY
 
 if TYPE_CHECKING:
@@ -146,13 +146,21 @@ class Picture(Drawing):
 
     def _choose_columns(self, result: "Result") -> list[str]:
         """Return the columns to show, the worst ones first if there are many."""
-        return choose_worst(result.metrics.get(self.of, {}), self.worst)
+        metrics = result.metrics.get(self.of, {})
+        if len(metrics) <= MOST_COLUMNS:
+            return list(metrics)
+
+        def severity(name: str) -> tuple[bool, float]:
+            value = metrics[name].get(self.worst, 0.0)
+            return metrics[name].get(HELD) is False, math.inf if math.isnan(value) else float(value)
+
+        return sorted(metrics, key=severity, reverse=True)[:MOST_COLUMNS]
 
     def resolved(self, result: "Result", data: Mapping[str, Vector]) -> list[Plot]:
         """Return the panels row by row: one for each column that has signals."""
         known, time = result.metrics.get(self.of, {}), data["time"]
         columns = {name: known[name] for name in self._choose_columns(result)}
-        finds = {c: self._find(result, c) for c in columns}
+        finds = {c: partial(self._find, result, c) for c in columns}
         begins = {c: _begin(figures, time) for c, figures in columns.items()}
         found = [
             [
@@ -165,26 +173,8 @@ class Picture(Drawing):
         rows = [row for row in found if any(panel.lines for panel in row)]
         return [panel for row in rows for panel, known in zip(row, some, strict=True) if known]
 
-    def _find(self, result: "Result", column: str) -> Find:
-        return lambda name, names: self.find(column, name, names, result.roles)
-
-
-def choose_worst(metrics: Mapping[str, Mapping[str, Any]], by: str, most: int = MOST_COLUMNS) -> list[str]:
-    """Return subjects by name: all, or of many the worst, beginning with the worst.
-
-    Args:
-        metrics: Metrics of each subject.
-        by: The metric that is larger for worse ones; without a value it is worst of all.
-        most: Largest number of subjects.
-    """
-    if len(metrics) <= most:
-        return list(metrics)
-
-    def badness(name: str) -> tuple[bool, float]:
-        value = metrics[name].get(by, 0.0)
-        return metrics[name].get(HELD) is False, math.inf if math.isnan(value) else float(value)
-
-    return sorted(metrics, key=badness, reverse=True)[:most]
+    def _find(self, result: "Result", column: str, name: str, names: Collection[str]) -> str | None:
+        return self.find(column, name, names, result.roles)
 
 
 FIGURES: dict[str, Drawing] = {}
@@ -193,19 +183,14 @@ FIGURES: dict[str, Drawing] = {}
 
 def drawn(result: "Result") -> "Iterator[tuple[str, Figure | None]]":
     """Draw each plot by name. The figure is None if the result has no signals for it, or no value changes."""
-    data, left_out = read_rows(result, _list_signals(result))
+    wanted = {name for picture in FIGURES.values() for name in picture.signals(result)}
+    data, left_out = read_rows(result, [name for name in result.names if name in wanted])
     if len(data["time"]) >= 2:
         for name, picture in FIGURES.items():
             figure = picture.drawn(result, data)
             if figure is not None and left_out:
                 figure.text(0.998, 0.004, left_out, ha="right", va="bottom", color=GREY, fontsize=8)
             yield name, figure
-
-
-def _list_signals(result: "Result") -> list[str]:
-    """Return the recorded signals that plots show."""
-    wanted = {name for picture in FIGURES.values() for name in picture.signals(result)}
-    return [name for name in result.names if name in wanted]
 
 
 def _resolve_panel(

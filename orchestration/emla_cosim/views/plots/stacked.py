@@ -91,6 +91,17 @@ def count_panels(names: Sequence[str], units: Mapping[str, str], types: Mapping[
     return sum(-(-len(group) // MOST_LINES) for group in _group(names, units, types))
 
 
+def fit_panels(
+    names: Sequence[str], units: Mapping[str, str], types: Mapping[str, SignalType], most: int
+) -> list[str]:
+    """Return the first signals that fit in so many panels."""
+    found = list[str]()
+    for name in names:
+        if count_panels([*found, name], units, types) <= most:
+            found.append(name)
+    return found
+
+
 def _group(
     names: Sequence[str], units: Mapping[str, str], types: Mapping[str, SignalType]
 ) -> list[list[str]]:

@@ -62,13 +62,12 @@ def new_figure(
     width: float,
     height: float = 2.1,
     sharex: Literal["col", "none"] = "col",
-    measured: bool = True,
     axes_class: "type[Axes] | None" = None,
 ) -> "tuple[Figure, np.ndarray]":
     """Return a figure and its grid of axes, each of this width and height in inches.
 
-    `measured` figures measure their labels to make room for them. For others call `with_margins`. The axes
-    are of Matplotlib's class, or of `axes_class`.
+    The figure measures its labels to make room for them, but not those of another class of axes than
+    Matplotlib's: call `with_margins` then.
     """
     from matplotlib.figure import Figure
 
@@ -81,7 +80,7 @@ def new_figure(
             return content.getvalue()
 
     size = (1.2 + width * columns, 0.8 + height * rows)
-    figure = NotebookFigure(figsize=size, dpi=_DPI, layout="constrained" if measured else None)
+    figure = NotebookFigure(figsize=size, dpi=_DPI, layout="constrained" if axes_class is None else None)
     kind = {} if axes_class is None else {"axes_class": axes_class}
     return figure, figure.subplots(rows, columns, squeeze=False, sharex=sharex, subplot_kw=kind)
 
