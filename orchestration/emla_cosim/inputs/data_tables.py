@@ -95,6 +95,8 @@ class DataTable:
             if prefix + array not in arrays or not (indices := find_indices(prefix + array, known)):
                 continue
             if len(indices) != (count := self._counts.get(source, 1)):
+                if element is None:
+                    continue  # its numbers can drive another signal
                 raise self.wrong_count(header.text, count, array, len(indices))
             self.headers[position] = replace(header, name=f"{array}{indices[element or 0]}")
 
