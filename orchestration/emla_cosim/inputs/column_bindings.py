@@ -85,6 +85,8 @@ def bind_columns(
                 f"'{signal} [{unit}]', or declare it with '{signal}={name} [{unit}]'.",
                 signal=signal,
             )
+        elif indices := find_indices(name, known):
+            raise data.wrong_count(name, 1, name, len(indices))
         else:
             idle.append(name)
     if not chosen and source.columns:
