@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -105,35 +106,27 @@ def command(chosen: Parameters, given: dict[str, Any]) -> None:
     for model in blocks.values():
         check_disclosure(model, flavour, output, disclosure, fmi, chosen.clock)
     overwrite = given.get("overwrite", False)
-    places = dict[str, str]()
+    places = dict[str, Path]()
     for name, model in blocks.items():
         check_build_path(model, flavour, output, overwrite)
-        place = str(fmu_path(model if isinstance(model, str) else model.__name__, flavour, output))
-        if (other := places.setdefault(place.casefold(), name)) != name:  # some file systems ignore case
-            raise CommandError(f"the FMUs of '{other}' and '{name}' have the same name; build one at a time.")
+        places[name] = fmu_path(model if isinstance(model, str) else model.__name__, flavour, output)
     for name in data:
         from ...inputs.table_fmus import data_fmu_path  # loads polars
 
-        place = str(data_fmu_path(name, output))
-        if (other := places.setdefault(place.casefold(), name)) != name:
+        places[name] = data_fmu_path(name, output)
+    names_of = dict[str, str]()
+    for name, place in places.items():
+        if (
+            other := names_of.setdefault(str(place).casefold(), name)
+        ) != name:  # some file systems ignore case
             raise CommandError(f"the FMUs of '{other}' and '{name}' have the same name; build one at a time.")
     with BarProgress() as progress:
         paths, notes = [], []
         for name, model in blocks.items():
             progress.begin(name, len(platforms) if flavour == "native" else 1)
-            paths.append(
-                build(
-                    model,
-                    flavour,
-                    platforms,
-                    output,
-                    lambda: progress.advance(1),
-                    overwrite,
-                    disclosure,
-                    fmi,
-                    chosen.clock,
-                )
-            )
+            done = partial(progress.advance, 1)
+            more = overwrite, disclosure, fmi, chosen.clock
+            paths.append(build(model, flavour, platforms, output, done, *more))
             progress.finish()
         for name in data:
             from ...inputs.table_fmus import build_data_fmu

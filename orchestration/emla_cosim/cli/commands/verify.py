@@ -157,12 +157,9 @@ def command(chosen: Parameters, given: dict[str, Any]) -> None:
             progress=progress,
             interrupted=interrupted,
         )
-    writers = (
-        (report.save_junit, chosen.junit),
-        (report.save_json, chosen.json),
-        (report.save_html, chosen.html),
-    )
-    for save, path in writers:
+    for (path, *_), save in zip(
+        reports, (report.save_junit, report.save_json, report.save_html), strict=True
+    ):
         if path is not None:
             save(path, overwrite)
     if recording is not None:
@@ -220,18 +217,13 @@ def _show(report: Report, explain: bool) -> None:
     With `explain`, show all findings, and what was done.
     """
     for examined in report.examined:
-        for verdict in (
-            Verdict.FAILED,
-            Verdict.WARNING,
-            *((Verdict.PASSED, Verdict.SKIPPED) if explain else ()),
-        ):
+        more = (Verdict.PASSED, Verdict.SKIPPED) if explain else ()
+        for verdict in (Verdict.FAILED, Verdict.WARNING, *more):
             _show_findings(examined, verdict, explain)
-        for objection in examined.objections:
-            said = f"{_text(examined.label)}: [{_STYLE[Verdict.FAILED]}]not passed[/] {_text(objection)}"
-            show(said, highlight=False, soft_wrap=True)
-        for gap in examined.not_examined:
-            said = f"{_text(examined.label)}: [dim]not examined[/] {_text(gap)}"
-            show(said, highlight=False, soft_wrap=True)
+        remarks = [f"[{_STYLE[Verdict.FAILED]}]not passed[/] {_text(x)}" for x in examined.objections]
+        remarks += [f"[dim]not examined[/] {_text(x)}" for x in examined.not_examined]
+        for remark in remarks:
+            show(f"{_text(examined.label)}: {remark}", highlight=False, soft_wrap=True)
     table = Table(Column("", overflow="fold"), *(str(v) for v in Verdict), "time / s")
     for examined in report.examined:
         counts = (_count(len(examined.of(v)), v) for v in Verdict)
