@@ -36,7 +36,7 @@ from ..system.resolution import resolve_system
 from .fmu_header import read_fmu_info
 from .info_parts import ComponentInfo, ConnectionInfo
 from .system_info import Info
-from .variable_rows import ConnectionIndex, End, VariableRows, read_fmu_variables
+from .variable_rows import ConnectionIndex, End, list_variables
 
 
 def info(
@@ -114,12 +114,7 @@ def _collect_system(
         read_fmu_info(file, _display_name(file, scenario.unpacked), of, unread.append)
         for file, of in used.items()
     )
-    said = {id(of): read_fmu_variables(of) for of in interfaces.values()}
-    rows = (
-        v
-        for c in system.components
-        for v in VariableRows(c, interfaces[c.name], said[id(interfaces[c.name])], wires).all()
-    )
+    rows = (v for c in system.components for v in list_variables(c, interfaces[c.name], wires))
     components = (
         ComponentInfo(c.name, fmus[places[files[c.name]]].model, places[files[c.name]])
         for c in system.components
@@ -162,8 +157,8 @@ def _collect_unsupported_fmu(path: Path) -> Info:
         unread = list[str]()
         fmu = read_fmu_info(path, str(path), interface, unread.append)
         name = make_component_name(fmu.model)
-        alone, wires = Component(name, fmu=path), ConnectionIndex({}, {}, {})
-        rows = VariableRows(alone, interface, read_fmu_variables(interface), wires, runnable=False).all()
+        wires = ConnectionIndex({}, {}, {})
+        rows = list_variables(Component(name, fmu=path), interface, wires, runnable=False)
     except (CommandError, MemoryError):
         raise
     except Exception as error:  # fmpy fails on invalid numbers

@@ -44,7 +44,7 @@ def _versions(before: Record, now: Record) -> Iterator[str]:
     then, here = _table(before, "versions"), _table(now, "versions")
     for name, version in here.items():
         if name in then and then[name] != version:
-            yield f"{name} {_or_none(version)} instead of {_or_none(then[name])}"
+            yield f"{name} {version or 'missing'} instead of {then[name] or 'missing'}"
 
 
 def _source(before: Record, now: Record) -> Iterator[str]:
@@ -109,7 +109,3 @@ def _table(record: Any, name: str) -> Record:
     """Return a table of a record, or an empty one if the entry is missing or of another type."""
     found = record.get(name)
     return found if isinstance(found, dict) else {}
-
-
-def _or_none(version: Any) -> str:
-    return "missing" if version is None else str(version)

@@ -116,9 +116,8 @@ def command(chosen: Parameters, given: dict[str, Any]) -> None:
         places[name] = data_fmu_path(name, output)
     names_of = dict[str, str]()
     for name, place in places.items():
-        if (
-            other := names_of.setdefault(str(place).casefold(), name)
-        ) != name:  # some file systems ignore case
+        other = names_of.setdefault(str(place).casefold(), name)  # some file systems ignore case
+        if other != name:
             raise CommandError(f"the FMUs of '{other}' and '{name}' have the same name; build one at a time.")
     with BarProgress() as progress:
         paths, notes = [], []

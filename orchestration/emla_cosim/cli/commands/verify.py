@@ -157,9 +157,8 @@ def command(chosen: Parameters, given: dict[str, Any]) -> None:
             progress=progress,
             interrupted=interrupted,
         )
-    for (path, *_), save in zip(
-        reports, (report.save_junit, report.save_json, report.save_html), strict=True
-    ):
+    savers = report.save_junit, report.save_json, report.save_html
+    for (path, _, _), save in zip(reports, savers, strict=True):
         if path is not None:
             save(path, overwrite)
     if recording is not None:
