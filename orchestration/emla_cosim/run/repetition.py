@@ -72,20 +72,17 @@ def _settings(before: Record, now: Record, given: Iterable[str]) -> Iterator[str
 
 def _describe_change(name: str, then: Any, here: Any) -> Iterator[str]:
     """Yield the change of a setting. Of file paths only the last part counts, because folders may differ."""
-    if isinstance(then, dict) and isinstance(here, dict):
-        if "sha256" in here and "sha256" in then:
-            if here["sha256"] != then["sha256"]:
-                yield f"the content of '{here.get('file')}'"
-            return
-        if then.keys() == here.keys():
-            found = (text for key in here for text in _describe_change(name, then[key], here[key]))
-            yield from dict.fromkeys(found)
-            return
-    if isinstance(then, list) and isinstance(here, list) and len(then) == len(here):
-        found = (
-            text for old, new in zip(then, here, strict=True) for text in _describe_change(name, old, new)
-        )
-        yield from dict.fromkeys(found)
+    if isinstance(then, dict) and isinstance(here, dict) and "sha256" in here and "sha256" in then:
+        if here["sha256"] != then["sha256"]:
+            yield f"the content of '{here.get('file')}'"
+        return
+    parts: Iterable[tuple[Any, Any]] | None = None
+    if isinstance(then, dict) and isinstance(here, dict) and then.keys() == here.keys():
+        parts = ((then[key], here[key]) for key in here)
+    elif isinstance(then, list) and isinstance(here, list) and len(then) == len(here):
+        parts = zip(then, here, strict=True)
+    if parts is not None:
+        yield from dict.fromkeys(text for pair in parts for text in _describe_change(name, *pair))
     elif then != here and not _same_file(then, here):
         yield name
 

@@ -29,16 +29,6 @@ EXAMPLES = (
 )
 
 
-def _read_temperature(text: str) -> float:
-    """Return a temperature in K."""
-    return read_quantity(text, "--ambient", "K", readings=("degC", "degF", "K"))
-
-
-def _read_life(text: str) -> float:
-    """Return a life in s. It needs a unit: people think of it in hours, and other times are in seconds."""
-    return read_quantity(text, "--life", "s", readings=("h", "s"))
-
-
 @dataclass(frozen=True)
 class Parameters:
     """Arguments and options of the command."""
@@ -60,14 +50,15 @@ class Parameters:
         AMBIENT,
         help="Temperature around the motors, such as 40degC or 104degF. Default: 40degC.",
         metavar="TEMPERATURE",
-        parse=_read_temperature,
+        parse=lambda text: read_quantity(text, "--ambient", "K", readings=("degC", "degF", "K")),
         group=_WHAT,
     )
     life: float | None = option(
         help="Time for which the cycle is to repeat, such as 20000h. Without it, the screw's life has no "
         "verdict.",
         metavar="TIME",
-        parse=_read_life,
+        # it needs a unit: people think of it in hours, and other times are in seconds
+        parse=lambda text: read_quantity(text, "--life", "s", readings=("h", "s")),
         group=_WHAT,
     )
     output: Path | None = option(help="Output folder. Default: results/size-SCENARIO.", group=OUTPUT)
