@@ -38,6 +38,9 @@ EXAMPLES = (
     "emla build measured.csv:interpolation=held --output data",
 )
 
+_other = partial(option, group=OTHERS)
+_supply = partial(option, group=_SUPPLY)
+
 
 @dataclass(frozen=True)
 class Parameters:
@@ -48,41 +51,30 @@ class Parameters:
         help="Models, blocks as FILE.py:BLOCK, or data as FILE.csv. Default: all built-in models.",
         metavar="MODEL",
     )
-    output: Path = option(FMU_FOLDER, help="Output folder. Default: fmus.", group=OTHERS)
-    flavour: str = option("native", help="FMU flavour.", choices=lambda: FLAVOURS, group=OTHERS)
-    fmi: int = option(
-        2,
-        help="Version of FMI (3: native FMUs only, and in another folder).",
-        choices=lambda: FMI_VERSIONS,
-        group=OTHERS,
+    output: Path = _other(FMU_FOLDER, help="Output folder. Default: fmus.")
+    flavour: str = _other("native", help="FMU flavour.", choices=lambda: FLAVOURS)
+    fmi: int = _other(
+        2, help="Version of FMI (3: native FMUs only, and in another folder).", choices=lambda: FMI_VERSIONS
     )
-    platform: Sequence[str] = option(
+    platform: Sequence[str] = _other(
         [],
         help="FMI platform of a native FMU's binaries (repeatable). Default: all.",
         choices=lambda: PLATFORMS,
-        group=OTHERS,
     )
-    clock: float | None = option(
+    clock: float | None = _other(
         help="Interval of a periodic input clock, at whose ticks the block steps (FMI 3 only). "
         "Default: no clock.",
         unit="s",
-        group=OTHERS,
     )
-    set: Mapping[str, str] = option(
-        {}, help="Start value in the FMU (repeatable).", metavar="NAME=VALUE", group=_SUPPLY
+    set: Mapping[str, str] = _supply({}, help="Start value in the FMU (repeatable).", metavar="NAME=VALUE")
+    fix: Sequence[str] = _supply(
+        [], help="Parameter, or pattern, that can be seen but not set (repeatable).", metavar="NAME"
     )
-    fix: Sequence[str] = option(
-        [],
-        help="Parameter, or pattern, that can be seen but not set (repeatable).",
-        metavar="NAME",
-        group=_SUPPLY,
-    )
-    hide: Sequence[str] = option(
+    hide: Sequence[str] = _supply(
         [],
         help="Parameter, or pattern, that can neither be seen nor set; leaves out the sources, too "
         "(repeatable).",
         metavar="NAME",
-        group=_SUPPLY,
     )
     no_sources: bool = switch("Leave out the C sources, and equations in the documentation.", _SUPPLY)
 
