@@ -1,9 +1,7 @@
 """A command of `emla`, made of the module that implements it."""
 
 import sys
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import wraps
 from types import ModuleType
 from typing import Any
 
@@ -51,9 +49,26 @@ class Command(click.Command):
         self._options = [*self._declared, *self._shared, *(options_of(_Shown) if replaces else ())]
         quiet = click.Option(["--quiet", "-q"], is_flag=True, help="Show only errors.", hidden=is_answer)
         parameters = [*make_parameters(self._options), quiet]
-        super().__init__(name, settings, _exit_on_error(self._call), parameters, about)
+        super().__init__(name, settings, self._call, parameters, about)
 
     def _call(self, quiet: bool, **texts: Any) -> None:
+        """Run the command; if it fails, exit with an error message and its exit code."""
+        try:
+            with raise_on_interrupt():
+                get_working_folder()
+                self._run(quiet, texts)
+        except CosimError as error:
+            show_error(str(error))
+            sys.exit(find_exit_code(error))
+        except OSError as error:  # of a file or folder that cannot be used now
+            reason = error.strerror or error
+            show_error(f"'{error.filename}' cannot be used: {reason}." if error.filename else f"{reason}.")
+            sys.exit(1)
+        except KeyboardInterrupt:
+            show_interrupted()
+            sys.exit(1)
+
+    def _run(self, quiet: bool, texts: dict[str, Any]) -> None:
         """Run the command with the texts of the command line."""
         root = click.get_current_context().find_root().params
         is_quiet = not self._is_answer and (quiet or root.get("quiet", False))
@@ -69,26 +84,3 @@ class Command(click.Command):
         entries = [(o.group, o.headline, o.meaning) for o in self._options]
         examples = getattr(self._module, "EXAMPLES", ())
         formatter.write(format_help(self, ctx, entries, ("Examples", examples), formatter.width))
-
-
-def _exit_on_error(command: Callable[..., None]) -> Callable[..., None]:
-    """Make a command that fails end with an error message and its exit code."""
-
-    @wraps(command)
-    def guarded(*args: Any, **kwargs: Any) -> None:
-        try:
-            with raise_on_interrupt():
-                get_working_folder()
-                command(*args, **kwargs)
-        except CosimError as error:
-            show_error(str(error))
-            sys.exit(find_exit_code(error))
-        except OSError as error:  # of a file or folder that cannot be used now
-            reason = error.strerror or error
-            show_error(f"'{error.filename}' cannot be used: {reason}." if error.filename else f"{reason}.")
-            sys.exit(1)
-        except KeyboardInterrupt:
-            show_interrupted()
-            sys.exit(1)
-
-    return guarded

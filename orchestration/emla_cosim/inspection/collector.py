@@ -1,9 +1,9 @@
 """Collect information on an FMU, a package or a scenario."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Unpack
+from typing import Unpack
 
 from fmpy.model_description import ValidationError
 
@@ -33,9 +33,9 @@ from ..study.loading import load
 from ..system.model import Component, System
 from ..system.resolution import resolve_system
 from .fmu_header import read_fmu_info
-from .info_parts import ComponentInfo, ConnectionInfo, FmuInfo
+from .info_parts import ComponentInfo, ConnectionInfo
 from .system_info import Info
-from .variable_rows import ConnectionIndex, End, VariableRows, read_fmu_variables
+from .variable_rows import ConnectionIndex, End, list_variables
 
 
 def info(
@@ -113,12 +113,7 @@ def _collect_system(
         read_fmu_info(file, _display_name(file, scenario.unpacked), of, unread.append)
         for file, of in used.items()
     )
-    said = {id(of): read_fmu_variables(of) for of in interfaces.values()}
-    rows = (
-        v
-        for c in system.components
-        for v in VariableRows(c, interfaces[c.name], said[id(interfaces[c.name])], wires).all()
-    )
+    rows = (v for c in system.components for v in list_variables(c, interfaces[c.name], wires))
     components = (
         ComponentInfo(c.name, fmus[places[files[c.name]]].model, places[files[c.name]])
         for c in system.components
@@ -161,15 +156,26 @@ def _collect_unsupported_fmu(path: Path) -> Info:
         unread = list[str]()
         fmu = read_fmu_info(path, str(path), interface, unread.append)
         name = make_component_name(fmu.model)
-        alone, wires = Component(name, fmu=path), ConnectionIndex({}, {}, {})
-        rows = VariableRows(alone, interface, read_fmu_variables(interface), wires, runnable=False).all()
+        wires = ConnectionIndex({}, {}, {})
+        rows = list_variables(Component(name, fmu=path), interface, wires, runnable=False)
     except (CommandError, MemoryError):
         raise
     except Exception as error:  # fmpy fails on invalid numbers
         if (fault := find_attribute_fault(path)) is not None:
             raise CommandError(f"'{path}' is not a valid FMU: {fault}.") from error
         raise CommandError(f"'{path}' is not an FMU that can be read: {error}.") from error
-    return _collect_single_fmu(name, fmu, reason, unread, rows)
+    return Info(
+        name=name,
+        description=fmu.description,
+        start_time=fmu.start_time,
+        stop_time=fmu.stop_time,
+        step_size=fmu.step_size,
+        notes=(f"the FMU cannot be run here: it {reason}", *unread),
+        fmus=(fmu,),
+        components=(ComponentInfo(name, fmu.model, 0),),
+        connections=(),
+        variables=tuple(rows),
+    )
 
 
 def _read(path: Path) -> tuple[Interface, str]:
@@ -197,21 +203,6 @@ def _read(path: Path) -> tuple[Interface, str]:
     if reason is not None and is_version_3(interface.description):
         interface = read_description(path, validate=False)  # with whole arrays and Clocks
     return interface, reason or wrong
-
-
-def _collect_single_fmu(name: str, fmu: FmuInfo, reason: str, unread: Sequence[str], rows: list[Any]) -> Info:
-    return Info(
-        name=name,
-        description=fmu.description,
-        start_time=fmu.start_time,
-        stop_time=fmu.stop_time,
-        step_size=fmu.step_size,
-        notes=(f"the FMU cannot be run here: it {reason}", *unread),
-        fmus=(fmu,),
-        components=(ComponentInfo(name, fmu.model, 0),),
-        connections=(),
-        variables=tuple(rows),
-    )
 
 
 def _display_name(file: Path, unpacked: Path | None) -> str:

@@ -89,13 +89,8 @@ def _read_terminals(path: Path, remark: Callable[[str], None]) -> tuple[str, ...
     except (OSError, RuntimeError, EOFError, zlib.error, zipfile.BadZipFile, SyntaxError) as error:
         remark(f"{_TERMINALS} of '{path}' cannot be read: {error}")
         return ()
-    return tuple(map(_full_name, root.iterfind(".//Terminal")))
-
-
-def _full_name(terminal: Any) -> str:
-    """Return the name of a terminal, after those that contain it."""
-    parts = [terminal, *terminal.iterancestors("Terminal")]
-    return ".".join(str(one.get("name", "")) for one in reversed(parts))
+    paths = ([*reversed([*t.iterancestors("Terminal")]), t] for t in root.iterfind(".//Terminal"))
+    return tuple(".".join(str(part.get("name", "")) for part in path) for path in paths)
 
 
 def _platforms(path: Path) -> tuple[str, ...]:

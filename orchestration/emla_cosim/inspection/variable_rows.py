@@ -7,12 +7,12 @@ from typing import Any
 
 from fmpy.model_description import ModelVariable
 
-from ..base.units import IDENTITY, LinearTransformation
+from ..base.units import IDENTITY
 from ..fmu.interface import Interface
 from ..fmu.variables import convert_start_values
 from ..system.model import Alias, Component
 from ..system.resolution import convert_to_fmu_terms
-from .info_parts import Start, VariableInfo
+from .info_parts import VariableInfo
 
 End = tuple[str, str]
 """Component and the FMU's name of a variable, as in connections."""
@@ -32,88 +32,76 @@ class ConnectionIndex:
         return self.names.get(end, f"{end[0]}.{end[1]}")
 
 
-class FmuVariable:
-    """What an FMU says of a variable, the same for all components with that FMU."""
+def list_variables(
+    component: Component, interface: Interface, wires: ConnectionIndex, runnable: bool = True
+) -> list[VariableInfo]:
+    """Return a row for each variable of a component, in the order of its FMU.
 
-    def __init__(self, interface: Interface, variable: ModelVariable) -> None:
-        self.name, self.variable = str(variable.name), variable
-        self.literals = interface.signal_type(self.name).items
-        self.default = _default(variable)
-        self.limits = _limit(variable, "min"), _limit(variable, "max")
-        self.unit = interface.unit(self.name)
-        self.settable = interface.is_settable(self.name)
-        self.data_type = str(getattr(variable, "data_type", "") or variable.type)
-        if variable.type == "Enumeration":
-            self.data_type = "Enumeration"
-        clocks: Any = variable.clocks or ()  # fmpy replaces value references by variables
-        self.clocks = tuple(str(clock.name) for clock in clocks)
-        self.description = " ".join(str(variable.description or "").split())
+    Args:
+        component: The component.
+        interface: The model description of its FMU.
+        wires: The connections.
+        runnable: Whether the FMU can run; no variable of another one can be set.
 
-    def shown(self, value: Any, back: LinearTransformation) -> Start | None:
-        """Convert a value of the FMU to the unit of the system."""
-        if self.literals:
-            return self.literals.get(value, value)
-        return back(value) if isinstance(value, float) and back != IDENTITY else value
-
-
-def read_fmu_variables(interface: Interface) -> list[FmuVariable]:
-    """Return what an FMU says of all its variables, in its order."""
-    return [FmuVariable(interface, variable) for variable in interface.variables.values()]
+    Raises:
+        CommandError: If a start value cannot be set.
+    """
+    given = convert_to_fmu_terms(component).parameters
+    values = {v.name: x for v, x in convert_start_values(component.name, interface, given)}
+    known = component.by_fmu_name
+    return [
+        _row((component.name, name), variable, interface, wires, known.get(name), values.get(name), runnable)
+        for name, variable in interface.variables.items()
+    ]
 
 
-@dataclass(frozen=True)
-class VariableRows:
-    """The rows of a component. If its FMU is not `runnable`, no variable can be set."""
-
-    component: Component
-    interface: Interface
-    said: Sequence[FmuVariable]
-    wires: ConnectionIndex
-    runnable: bool = True
-
-    def all(self) -> list[VariableInfo]:
-        """Return a row for each variable, in the order of the FMU.
-
-        Raises:
-            CommandError: If a start value cannot be set.
-        """
-        given = convert_to_fmu_terms(self.component).parameters
-        values = {v.name: x for v, x in convert_start_values(self.component.name, self.interface, given)}
-        known = self.component.by_fmu_name
-        return [self._row(said, known.get(said.name), values.get(said.name)) for said in self.said]
-
-    def _row(self, said: FmuVariable, known: tuple[str, Alias] | None, value: Any) -> VariableInfo:
-        end, back, limits = (self.component.name, said.name), IDENTITY, said.limits
-        name, unit = said.name, said.unit
-        if known is not None:
-            name, alias = known
-            unit, back = alias.unit or unit, alias.transformation.inverse()
-            low, high = (None if x is None else back(x) for x in limits)
-            limits = (high, low) if back.factor < 0.0 else (low, high)
-        driver = self.wires.drivers.get(end)
-        default = said.shown(said.default, back)
-        return VariableInfo(
-            name=f"{end[0]}.{name}",
-            component=end[0],
-            fmu_name=said.name,
-            causality=str(said.variable.causality),
-            variability=str(said.variable.variability),
-            type=str(said.variable.type),
-            unit=None if unit is None else unit.name,
-            start=default if value is None else said.shown(value, back),
-            default=default,
-            minimum=limits[0],
-            maximum=limits[1],
-            choices=tuple(said.literals.values()),
-            description=said.description,
-            driven_by=None if driver is None else self.wires.name(driver),
-            read_by=tuple(self.wires.name(reader) for reader in self.wires.readers.get(end, ())),
-            settable=self.runnable and driver is None and said.settable,
-            data_type=said.data_type,
-            dimensions=tuple(said.variable.shape or ()),
-            clocks=said.clocks,
-            interval_variability=str(said.variable.intervalVariability or ""),
-        )
+def _row(
+    end: End,
+    variable: ModelVariable,
+    interface: Interface,
+    wires: ConnectionIndex,
+    known: tuple[str, Alias] | None,
+    value: Any,
+    runnable: bool,
+) -> VariableInfo:
+    """Return a row in the names and units of the system; `value` is its start value, in the FMU's unit."""
+    component, name = end
+    unit, back = interface.unit(name), IDENTITY
+    limits = _limit(variable, "min"), _limit(variable, "max")
+    if known is not None:
+        name, alias = known
+        unit, back = alias.unit or unit, alias.transformation.inverse()
+        low, high = (None if x is None else back(x) for x in limits)
+        limits = (high, low) if back.factor < 0.0 else (low, high)
+    literals, driver = interface.signal_type(end[1]).items, wires.drivers.get(end)
+    start, default = (
+        literals.get(x, x) if literals else back(x) if isinstance(x, float) and back != IDENTITY else x
+        for x in (value, _default(variable))
+    )
+    is_enumeration = variable.type == "Enumeration"
+    clocks: Any = variable.clocks or ()  # fmpy replaces value references by variables
+    return VariableInfo(
+        name=f"{component}.{name}",
+        component=component,
+        fmu_name=end[1],
+        causality=str(variable.causality),
+        variability=str(variable.variability),
+        type=str(variable.type),
+        unit=None if unit is None else unit.name,
+        start=default if value is None else start,
+        default=default,
+        minimum=limits[0],
+        maximum=limits[1],
+        choices=tuple(literals.values()),
+        description=" ".join(str(variable.description or "").split()),
+        driven_by=None if driver is None else wires.name(driver),
+        read_by=tuple(wires.name(reader) for reader in wires.readers.get(end, ())),
+        settable=runnable and driver is None and interface.is_settable(end[1]),
+        data_type=str((not is_enumeration and getattr(variable, "data_type", "")) or variable.type),
+        dimensions=tuple(variable.shape or ()),
+        clocks=tuple(str(clock.name) for clock in clocks),
+        interval_variability=str(variable.intervalVariability or ""),
+    )
 
 
 def _default(variable: ModelVariable) -> Any:

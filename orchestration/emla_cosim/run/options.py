@@ -246,10 +246,7 @@ def read_option(
     options = list_options() if known is None else known
     if name not in options:
         raise CommandError(f"there is no option '{name}'{_suggest_option(name, options)}", option=name)
-    return _read(options[name], value, label, folder)
-
-
-def _read(option: Option, value: Any, label: str, folder: Path | None) -> Any:
+    option = options[name]
     takes, unit = option.takes, option.unit
     if option.alone and isinstance(value, bool):
         return [option.alone] if value else []

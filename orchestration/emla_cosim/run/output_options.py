@@ -28,6 +28,7 @@ from .plot_formats import PLOT_FORMATS
 from .system_options import ALL
 
 _output = partial(option, group=OUTPUT)
+_single = partial(_output, commands=(RUN,), in_file=False)
 _shared = partial(option, group=RUNS, recorded=False, commands=(SWEEP, COMPARE), stage=SHARING, in_sweep=SAME)
 _shown = partial(_output, recorded=False, stage=SHOWING, in_sweep=LEFT_OUT)
 
@@ -76,20 +77,16 @@ class OutputOptions:
         commands=(RUN, SWEEP),
         in_sweep=SAME,
     )
-    reference: Path | None = _output(
+    reference: Path | None = _single(
         help="Fail unless every signal agrees with an earlier run, or with a table of reference values such "
         "as MODEL_ref.csv. Name the run's output folder or the table.",
         metavar="FOLDER",
-        commands=(RUN,),
-        in_file=False,
     )
-    tolerance: Mapping[str, Tolerance] = _output(
+    tolerance: Mapping[str, Tolerance] = _single(
         {},
         help="Tolerance of --reference relative to each signal's range, for all signals or for those that "
         "match PATTERN (repeatable). Default: 1e-3.",
         metavar="[PATTERN=]NUMBER",
-        commands=(RUN,),
-        in_file=False,
         parse=read_tolerances,
     )
     roles: Mapping[str, str] = _output(
@@ -118,37 +115,29 @@ class OutputOptions:
         commands=(RUN, SWEEP),
         identity="bonds",
     )
-    margins: Path | None = _output(
+    margins: Path | None = _single(
         help="Keep the stability margins of this output folder of emla linearize in run.json, and show them "
         "in the report.",
         metavar="FOLDER",
-        commands=(RUN,),
-        in_file=False,
         recorded=False,
     )
-    checkpoint: Path | None = _output(
+    checkpoint: Path | None = _single(
         help="Save the state of the run to this file, every minute and at the end, for --resume.",
-        in_file=False,
         recorded=False,
-        commands=(RUN,),
         repeated=False,
         in_sweep=LEFT_OUT,
     )
-    resume: Path | None = _output(
+    resume: Path | None = _single(
         help="Continue a run from this file, written by --checkpoint.",
-        in_file=False,
         record="resumed_from",
-        commands=(RUN,),
         repeated=False,
         in_sweep=LEFT_OUT,
     )
-    profile: bool = _output(
+    profile: bool = _single(
         False,
         help="Measure the time and the calls of each FMU, and the time of the master and the recorders; see "
         "docs/master.md. The results are the same.",
-        in_file=False,
         recorded=False,
-        commands=(RUN,),
         in_sweep=LEFT_OUT,
     )
 

@@ -44,7 +44,7 @@ def _versions(before: Record, now: Record) -> Iterator[str]:
     then, here = _table(before, "versions"), _table(now, "versions")
     for name, version in here.items():
         if name in then and then[name] != version:
-            yield f"{name} {_or_none(version)} instead of {_or_none(then[name])}"
+            yield f"{name} {version or 'missing'} instead of {then[name] or 'missing'}"
 
 
 def _source(before: Record, now: Record) -> Iterator[str]:
@@ -72,20 +72,17 @@ def _settings(before: Record, now: Record, given: Iterable[str]) -> Iterator[str
 
 def _describe_change(name: str, then: Any, here: Any) -> Iterator[str]:
     """Yield the change of a setting. Of file paths only the last part counts, because folders may differ."""
-    if isinstance(then, dict) and isinstance(here, dict):
-        if "sha256" in here and "sha256" in then:
-            if here["sha256"] != then["sha256"]:
-                yield f"the content of '{here.get('file')}'"
-            return
-        if then.keys() == here.keys():
-            found = (text for key in here for text in _describe_change(name, then[key], here[key]))
-            yield from dict.fromkeys(found)
-            return
-    if isinstance(then, list) and isinstance(here, list) and len(then) == len(here):
-        found = (
-            text for old, new in zip(then, here, strict=True) for text in _describe_change(name, old, new)
-        )
-        yield from dict.fromkeys(found)
+    if isinstance(then, dict) and isinstance(here, dict) and "sha256" in here and "sha256" in then:
+        if here["sha256"] != then["sha256"]:
+            yield f"the content of '{here.get('file')}'"
+        return
+    parts: Iterable[tuple[Any, Any]] | None = None
+    if isinstance(then, dict) and isinstance(here, dict) and then.keys() == here.keys():
+        parts = ((then[key], here[key]) for key in here)
+    elif isinstance(then, list) and isinstance(here, list) and len(then) == len(here):
+        parts = zip(then, here, strict=True)
+    if parts is not None:
+        yield from dict.fromkeys(text for pair in parts for text in _describe_change(name, *pair))
     elif then != here and not _same_file(then, here):
         yield name
 
@@ -109,7 +106,3 @@ def _table(record: Any, name: str) -> Record:
     """Return a table of a record, or an empty one if the entry is missing or of another type."""
     found = record.get(name)
     return found if isinstance(found, dict) else {}
-
-
-def _or_none(version: Any) -> str:
-    return "missing" if version is None else str(version)

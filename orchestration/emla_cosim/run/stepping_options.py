@@ -5,18 +5,7 @@ from dataclasses import dataclass
 from functools import partial
 
 from ..base.errors import CommandError
-from ..base.option import (
-    COMPARE,
-    EXPORT,
-    LEFT_OUT,
-    LINEARIZE,
-    RUN,
-    SAME,
-    SIZE,
-    STEPPING,
-    SWEEP,
-    option,
-)
+from ..base.option import COMPARE, EXPORT, LEFT_OUT, LINEARIZE, RUN, SAME, SIZE, STEPPING, SWEEP, option
 from ..fmu.cvode import METHODS
 from ..master.algorithms.algorithm import Algorithm
 from ..master.algorithms.registry import ALGORITHMS

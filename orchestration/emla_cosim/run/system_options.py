@@ -37,6 +37,8 @@ def read_kinds(texts: Sequence[str]) -> dict[str, str]:
 
 _system = partial(option, group=SYSTEM, commands=ALL)
 _prepared = partial(_system, stage=PREPARING)
+_fixed = partial(_prepared, in_sweep=SAME)
+_loaded = partial(_system, stage=LOADING, in_sweep=SAME)
 _exported = partial(option, group=SYSTEM, commands=(EXPORT,), in_file=False, recorded=False, stage=BUILDING)
 
 
@@ -88,13 +90,12 @@ class SystemOptions:
         metavar="JOINT.TABLE.ENTRY=VALUE",
         makes="actuators",
     )
-    fault: Sequence[Fault] = _prepared(
+    fault: Sequence[Fault] = _fixed(
         [],
         help="Inject a fault into a signal: freeze, offset, gain or constant, from START, for DURATION, "
         "both in s. Separate several with commas.",
         metavar="SIGNAL=KIND[:VALUE]@START[+DURATION]",
         parse=read_faults,
-        in_sweep=SAME,
     )
     trajectory: Path | None = _prepared(
         help="Motion of the manipulator: a file written by `emla trajectory`.",
@@ -107,61 +108,52 @@ class SystemOptions:
         "docs/inputs.md. --set overrides them (repeatable).",
         metavar="FILE",
     )
-    mapping: Mapping[str, Path] = _prepared(
+    mapping: Mapping[str, Path] = _fixed(
         {},
         help="SSP parameter mapping with the names that the FMU of --replace uses for its variables "
         "(repeatable).",
         metavar="COMPONENT=FILE.ssm",
-        in_sweep=SAME,
     )
     follow_models: bool = _system(
         False,
         help="Adapt the model parameters of controllers and observers to the plant as changed by --set "
         "and --vary. Gains do not change.",
     )
-    kind: Mapping[str, str] = _prepared(
+    kind: Mapping[str, str] = _fixed(
         {},
         help="Run FMUs as co-simulation (cs) or Model Exchange (me), all or those of COMPONENT; see "
         "docs/model-exchange.md (repeatable). Default: cs where the FMU has it.",
         metavar="[COMPONENT=]cs|me",
         identity="kind",
         parse=read_kinds,
-        in_sweep=SAME,
     )
-    no_event_mode: Sequence[str] = _prepared(
+    no_event_mode: Sequence[str] = _fixed(
         [],
         help="Run a co-simulation FMU of FMI 3.0 without event mode and early return, although it has event "
         "mode (repeatable; * matches any text). Without a name: all components.",
         metavar="[COMPONENT]",
         alone="*",
-        in_sweep=SAME,
     )
-    integrate_together: bool = _system(
+    integrate_together: bool = _loaded(
         True,
         help="Integrate FMUs that run as Model Exchange and are connected with each other together, with one "
         "integrator; see docs/model-exchange.md.",
         flag="--together",
         commands=(RUN, SWEEP, COMPARE, INFO, LINEARIZE),
         identity="integrators",
-        stage=LOADING,
-        in_sweep=SAME,
     )
-    isolate: Sequence[str] = _system(
+    isolate: Sequence[str] = _loaded(
         [],
         help="Run a component in a separate process, so that a crash ends only that process (repeatable; "
         "* matches any text). Without a name: all components.",
         metavar="[COMPONENT]",
         commands=(RUN, SWEEP, COMPARE),
         alone="*",
-        stage=LOADING,
-        in_sweep=SAME,
     )
-    lenient: bool = _system(
+    lenient: bool = _loaded(
         False,
         help="Accept FMUs and packages that violate their standard where other tools accept them. The "
         "violations are listed.",
-        stage=LOADING,
-        in_sweep=SAME,
     )
     flavour: str = _system(
         "native",

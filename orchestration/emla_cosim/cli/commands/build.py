@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +38,9 @@ EXAMPLES = (
     "emla build measured.csv:interpolation=held --output data",
 )
 
+_other = partial(option, group=OTHERS)
+_supply = partial(option, group=_SUPPLY)
+
 
 @dataclass(frozen=True)
 class Parameters:
@@ -47,41 +51,30 @@ class Parameters:
         help="Models, blocks as FILE.py:BLOCK, or data as FILE.csv. Default: all built-in models.",
         metavar="MODEL",
     )
-    output: Path = option(FMU_FOLDER, help="Output folder. Default: fmus.", group=OTHERS)
-    flavour: str = option("native", help="FMU flavour.", choices=lambda: FLAVOURS, group=OTHERS)
-    fmi: int = option(
-        2,
-        help="Version of FMI (3: native FMUs only, and in another folder).",
-        choices=lambda: FMI_VERSIONS,
-        group=OTHERS,
+    output: Path = _other(FMU_FOLDER, help="Output folder. Default: fmus.")
+    flavour: str = _other("native", help="FMU flavour.", choices=lambda: FLAVOURS)
+    fmi: int = _other(
+        2, help="Version of FMI (3: native FMUs only, and in another folder).", choices=lambda: FMI_VERSIONS
     )
-    platform: Sequence[str] = option(
+    platform: Sequence[str] = _other(
         [],
         help="FMI platform of a native FMU's binaries (repeatable). Default: all.",
         choices=lambda: PLATFORMS,
-        group=OTHERS,
     )
-    clock: float | None = option(
+    clock: float | None = _other(
         help="Interval of a periodic input clock, at whose ticks the block steps (FMI 3 only). "
         "Default: no clock.",
         unit="s",
-        group=OTHERS,
     )
-    set: Mapping[str, str] = option(
-        {}, help="Start value in the FMU (repeatable).", metavar="NAME=VALUE", group=_SUPPLY
+    set: Mapping[str, str] = _supply({}, help="Start value in the FMU (repeatable).", metavar="NAME=VALUE")
+    fix: Sequence[str] = _supply(
+        [], help="Parameter, or pattern, that can be seen but not set (repeatable).", metavar="NAME"
     )
-    fix: Sequence[str] = option(
-        [],
-        help="Parameter, or pattern, that can be seen but not set (repeatable).",
-        metavar="NAME",
-        group=_SUPPLY,
-    )
-    hide: Sequence[str] = option(
+    hide: Sequence[str] = _supply(
         [],
         help="Parameter, or pattern, that can neither be seen nor set; leaves out the sources, too "
         "(repeatable).",
         metavar="NAME",
-        group=_SUPPLY,
     )
     no_sources: bool = switch("Leave out the C sources, and equations in the documentation.", _SUPPLY)
 
@@ -105,35 +98,26 @@ def command(chosen: Parameters, given: dict[str, Any]) -> None:
     for model in blocks.values():
         check_disclosure(model, flavour, output, disclosure, fmi, chosen.clock)
     overwrite = given.get("overwrite", False)
-    places = dict[str, str]()
+    places = dict[str, Path]()
     for name, model in blocks.items():
         check_build_path(model, flavour, output, overwrite)
-        place = str(fmu_path(model if isinstance(model, str) else model.__name__, flavour, output))
-        if (other := places.setdefault(place.casefold(), name)) != name:  # some file systems ignore case
-            raise CommandError(f"the FMUs of '{other}' and '{name}' have the same name; build one at a time.")
+        places[name] = fmu_path(model if isinstance(model, str) else model.__name__, flavour, output)
     for name in data:
         from ...inputs.table_fmus import data_fmu_path  # loads polars
 
-        place = str(data_fmu_path(name, output))
-        if (other := places.setdefault(place.casefold(), name)) != name:
+        places[name] = data_fmu_path(name, output)
+    names_of = dict[str, str]()
+    for name, place in places.items():
+        other = names_of.setdefault(str(place).casefold(), name)  # some file systems ignore case
+        if other != name:
             raise CommandError(f"the FMUs of '{other}' and '{name}' have the same name; build one at a time.")
     with BarProgress() as progress:
         paths, notes = [], []
         for name, model in blocks.items():
             progress.begin(name, len(platforms) if flavour == "native" else 1)
-            paths.append(
-                build(
-                    model,
-                    flavour,
-                    platforms,
-                    output,
-                    lambda: progress.advance(1),
-                    overwrite,
-                    disclosure,
-                    fmi,
-                    chosen.clock,
-                )
-            )
+            done = partial(progress.advance, 1)
+            more = overwrite, disclosure, fmi, chosen.clock
+            paths.append(build(model, flavour, platforms, output, done, *more))
             progress.finish()
         for name in data:
             from ...inputs.table_fmus import build_data_fmu

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -25,8 +26,6 @@ OPTIONS = COMPARE
 _MOST_LOST = 12
 """Most joints that were not held to show; the file has all of them."""
 
-_WHO = "What is compared"
-
 EXAMPLES = (
     "emla compare study --controllers rsba,foc",
     "emla compare study --table paper",
@@ -48,6 +47,9 @@ def _read_reserves(text: str) -> list[float]:
         ) from None
 
 
+_who = partial(option, group="What is compared")
+
+
 @dataclass(frozen=True)
 class Parameters:
     """Arguments and options of the command."""
@@ -55,41 +57,36 @@ class Parameters:
     scenario: str = argument(
         help="Name of a built-in scenario, or scenario file (.toml).", metavar="SCENARIO"
     )
-    controllers: Sequence[str] | None = option(
+    controllers: Sequence[str] | None = _who(
         help="Controllers: names, FILE.fmu or FILE.py:BLOCK. Default: all in `emla list`.",
         metavar="NAME,...",
-        group=_WHO,
         parse=_split_names,
     )
-    gains: Sequence[str] | None = option(
+    gains: Sequence[str] | None = _who(
         help="Gain sets: SET for all controllers that have it, CONTROLLER/SET for one, recommended, "
         "or all. Default: the recommended set of each controller.",
         metavar="SET,...",
-        group=_WHO,
         parse=_split_names,
     )
-    table: str | None = option(
+    table: str | None = _who(
         help="paper: the paper's tables beside ours, all gain sets. robustness: many variants, with "
         "the gain sets robust and rule too. stability: maps over delay and parameters. "
         "margins: stability margins of each joint's loops. "
         "certificate: the stability proof of RSBA's gain sets.",
         metavar="|".join((*TABLES, CERTIFICATE)),
-        group=_WHO,
     )
-    seeds: int | None = option(
+    seeds: int | None = _who(
         help="Number of runs with random effects, with seeds that no tuning used; 0: one run with the "
-        f"scenario's seeds. Default: {SEEDS}; for {STABILITY} 0.",
-        group=_WHO,
+        f"scenario's seeds. Default: {SEEDS}; for {STABILITY} 0."
     )
-    reserves: Sequence[float] | None = option(
+    reserves: Sequence[float] | None = _who(
         help="Fractions of current and voltage that every controller keeps in reserve, such as "
         "0.02,0.2. Default: those of its gain set.",
         metavar="CURRENT,VOLTAGE",
-        group=_WHO,
         parse=_read_reserves,
     )
-    resolution: int | None = option(
-        help=f"Points along each axis of the maps of {STABILITY}. Default: {RESOLUTION}.", group=_WHO
+    resolution: int | None = _who(
+        help=f"Points along each axis of the maps of {STABILITY}. Default: {RESOLUTION}."
     )
     scheduler: str | None = scheduler()
     workers: int | None = workers()

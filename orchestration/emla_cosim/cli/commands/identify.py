@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,8 @@ EXAMPLES = (
     "emla identify plan.toml --report",
 )
 
+_search = partial(option, group=_SEARCH)
+
 
 @dataclass(frozen=True)
 class Parameters:
@@ -44,23 +47,21 @@ class Parameters:
         metavar="SIGNAL=VALUE",
         group=_DATA,
     )
-    vary: Mapping[str, str] = option(
+    vary: Mapping[str, str] = _search(
         {},
         help="Unknown parameter and its range; offset(SIGNAL), gain(SIGNAL) and delay(SIGNAL) are those "
         "of a sensor (repeatable).",
         metavar="NAME=LOW:HIGH",
-        group=_SEARCH,
     )
-    loss: str | None = option(
-        help=f"Loss function; all but linear bear outliers. One of {', '.join(LOSSES)}. Default: linear.",
-        group=_SEARCH,
+    loss: str | None = _search(
+        help=f"Loss function; all but linear bear outliers. One of {', '.join(LOSSES)}. Default: linear."
     )
-    starts: int | None = option(help="Number of starting points. Default: 1.", group=_SEARCH)
-    evaluations: int | None = option(help="Most iterations from each point. Default: 50.", group=_SEARCH)
-    profile: Sequence[str] | None = option(
-        help="Parameter whose interval is found by profile likelihood (repeatable).", group=_SEARCH
+    starts: int | None = _search(help="Number of starting points. Default: 1.")
+    evaluations: int | None = _search(help="Most iterations from each point. Default: 50.")
+    profile: Sequence[str] | None = _search(
+        help="Parameter whose interval is found by profile likelihood (repeatable)."
     )
-    seed: int | None = option(help="Seed of the random starting points. Default: 0.", group=_SEARCH)
+    seed: int | None = _search(help="Seed of the random starting points. Default: 0.")
     design: bool = switch("Rank the plan's experiments by what they would tell; estimate nothing.", _SEARCH)
     report: bool = switch(f"Write a page, {PAGE}.", OUTPUT)
     scheduler: str | None = scheduler()

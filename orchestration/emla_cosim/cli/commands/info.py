@@ -93,10 +93,10 @@ def _show(found: Info, header: bool) -> None:
         count = len(found.variables)
         print_line(f"The first {_MOST_ROWS} rows of {count} variables; --match selects, --json has all.")
     settable = next((row.first for row in rows if row.first.settable and row.first.start is not None), None)
-    if settable is not None:
+    if settable is not None and settable.start is not None:
         print_line(
             "You can set variables marked with +, such as --set "
-            f"'{format_line(settable.name)}={_text(settable.start)}'"
+            f"'{format_line(settable.name)}={format_line(format_start(settable.start))}'"
         )
 
 
@@ -207,7 +207,3 @@ def _table(*columns: Column | str) -> Table:
 def _cell(text: str) -> Text:
     """Return a text from a file as one line of limited length, without markup."""
     return Text(shorten_text(format_line(text), _LONGEST))
-
-
-def _text(value: Any) -> str:
-    return format_line(format_start(value))

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -25,38 +26,35 @@ EXAMPLES = (
     "emla linearize pendulum.fmu --kind me --matrices --perturb torque --read angle --steady",
 )
 
+_what = partial(option, group=_WHAT)
+
 
 @dataclass(frozen=True)
 class Parameters:
     """Arguments and options of the command."""
 
     scenario: str = scenario()
-    open: Sequence[str] = option(
+    open: Sequence[str] = _what(
         [],
         help="Open a loop at a connection, on a path inside of a component, or at the measured position "
         "of a JOINT, and compute its margins (repeatable). Default: at the current reference of each "
         "joint.",
         metavar="A.OUTPUT->B.INPUT|JOINT",
-        group=_WHAT,
     )
-    perturb: Sequence[str] = option(
-        [],
-        help="Input of a frequency response, connected or not (repeatable).",
-        metavar="COMPONENT.INPUT",
-        group=_WHAT,
+    perturb: Sequence[str] = _what(
+        [], help="Input of a frequency response, connected or not (repeatable).", metavar="COMPONENT.INPUT"
     )
-    read: Sequence[str] = option(
-        [], help="Output of a frequency response (repeatable).", metavar="COMPONENT.OUTPUT", group=_WHAT
+    read: Sequence[str] = _what(
+        [], help="Output of a frequency response (repeatable).", metavar="COMPONENT.OUTPUT"
     )
-    at: float | None = option(
-        help="Time of the operating point. Default: the stop time less the duration.", unit="s", group=_WHAT
+    at: float | None = _what(
+        help="Time of the operating point. Default: the stop time less the duration.", unit="s"
     )
-    duration: float | None = option(
-        help="Length of the responses. Default: 2000 steps, at most half of the run.", unit="s", group=_WHAT
+    duration: float | None = _what(
+        help="Length of the responses. Default: 2000 steps, at most half of the run.", unit="s"
     )
-    amplitude: float | None = option(
-        help="Height of the pulses in the unit of the input. Default: the one with the most linear effect.",
-        group=_WHAT,
+    amplitude: float | None = _what(
+        help="Height of the pulses in the unit of the input. Default: the one with the most linear effect."
     )
     matrices: bool = switch(
         "Compute state matrices, poles and damping instead, from the inputs of --perturb to the outputs of "
@@ -66,11 +64,10 @@ class Parameters:
     steady: bool = switch(
         "Compute the matrices at the steady state that is nearest to the state at --at.", _WHAT
     )
-    free: Sequence[str] = option(
+    free: Sequence[str] = _what(
         [],
         help="Input whose value may change to find the steady state (repeatable).",
         metavar="COMPONENT.INPUT",
-        group=_WHAT,
     )
     output: Path | None = option(help="Output folder. Default: results/linearize-SCENARIO.", group=OUTPUT)
     plots: bool = option(True, help="Draw Bode and Nyquist plots.", group=OUTPUT)

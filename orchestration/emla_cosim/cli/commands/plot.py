@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,38 +22,32 @@ register()
 
 OPTIONS = PLOT
 
+_other = partial(option, group=OTHERS)
+
 
 @dataclass(frozen=True)
 class Parameters:
     """Arguments and options of the command."""
 
     runs: Sequence[Path] = argument(
-        help=f"Output folders of runs, or tables ({', '.join(f'.{name}' for name in TABLES)}).",
-        metavar="RUN",
+        help=f"Output folders of runs, or tables ({', '.join(f'.{name}' for name in TABLES)}).", metavar="RUN"
     )
-    signals: Sequence[str] = option(
+    signals: Sequence[str] = _other(
         [],
         help="Signals to plot; * matches any text (repeatable). Default: positions and references of "
         "joints, or all.",
         metavar="PATTERN",
-        group=OTHERS,
     )
-    output: Path = option(
-        Path("plot.png"),
-        help="Plot file to write: .png, .pdf or .svg. Default: plot.png.",
-        metavar="FILE",
-        group=OTHERS,
+    output: Path = _other(
+        Path("plot.png"), help="Plot file to write: .png, .pdf or .svg. Default: plot.png.", metavar="FILE"
     )
-    start: float | None = option(help="First time to plot.", flag="--from", unit="s", group=OTHERS)
-    stop: float | None = option(help="Last time to plot.", flag="--to", unit="s", group=OTHERS)
-    title: str | None = option(
-        help="Title. Default: the names of the runs; on paper none.", metavar="TEXT", group=OTHERS
-    )
-    layout: str = option(
+    start: float | None = _other(help="First time to plot.", flag="--from", unit="s")
+    stop: float | None = _other(help="Last time to plot.", flag="--to", unit="s")
+    title: str | None = _other(help="Title. Default: the names of the runs; on paper none.", metavar="TEXT")
+    layout: str = _other(
         SCREEN,
         help="Size of the figure: screen, or one-column and two-columns for papers (88 and 181 mm wide).",
         metavar="LAYOUT",
-        group=OTHERS,
     )
 
 

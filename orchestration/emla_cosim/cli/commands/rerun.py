@@ -1,12 +1,11 @@
 """`emla rerun`."""
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from ...base.files import hash_if_readable, real_place
-from ...base.option import RUN, Option, argument
+from ...base.option import RUN, argument
 from ...run.options import list_options
 from ...run.repetition import describe_differences, find_differences
 from ...run.result import Result
@@ -33,7 +32,7 @@ class Parameters:
 
 def command(chosen: Parameters, given: dict[str, Any]) -> None:
     """Repeat a run into a new folder beside the old one."""
-    record = _record(chosen.run)
+    record = chosen.run / RECORD if chosen.run.is_dir() else chosen.run
     recorded = load_recorded_run(record, given)
     scenario = load(recorded.source, **recorded.with_options(given))
     table_name = f"results.{scenario.options.output_format}"
@@ -46,22 +45,13 @@ def command(chosen: Parameters, given: dict[str, Any]) -> None:
         found = find_differences(recorded.content, result.record, {known[name].record for name in given})
         if found:
             print_line(describe_differences(found, str(record)))
-        if before is not None and _same_table(known[name] for name in given):
+        is_same_run = all(not (known[n].recorded and known[n].repeated) for n in given)
+        if before is not None and is_same_run:
             same = hash_if_readable(folder / table_name) == before
             what = "is the same as that" if same else "differs from that"
             print_line(f"{table_name} {what} of {record.parent}{', to the last bit' * same}")
 
     run_into(scenario, folder, None if "output" in given else record, compare)
-
-
-def _same_table(given: Iterable[Option]) -> bool:
-    """Return whether these options leave the table the same: those that no record or repetition has."""
-    return all(not (one.recorded and one.repeated) for one in given)
-
-
-def _record(run: Path) -> Path:
-    """Return the path of the record; `run` may be its folder."""
-    return run / RECORD if run.is_dir() else run
 
 
 def _beside(record: Path) -> Path:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,8 +20,6 @@ from .options import scenario
 
 OPTIONS = SIZE
 
-_WHAT = "What is required"
-
 EXAMPLES = (
     "emla size prototype --actuator prototype=docs/actuator.toml",
     "emla size prototype --actuator prototype=a.toml,b.toml,c.toml --life 20000h --report",
@@ -28,15 +27,7 @@ EXAMPLES = (
     "emla size mine.toml --cycle 4s --ambient 95degF",
 )
 
-
-def _read_temperature(text: str) -> float:
-    """Return a temperature in K."""
-    return read_quantity(text, "--ambient", "K", readings=("degC", "degF", "K"))
-
-
-def _read_life(text: str) -> float:
-    """Return a life in s. It needs a unit: people think of it in hours, and other times are in seconds."""
-    return read_quantity(text, "--life", "s", readings=("h", "s"))
+_what = partial(option, group="What is required")
 
 
 @dataclass(frozen=True)
@@ -44,31 +35,26 @@ class Parameters:
     """Arguments and options of the command."""
 
     scenario: str = scenario()
-    cycle: float | None = option(
+    cycle: float | None = _what(
         help="Length of the cycle, which ends at the stop time and repeats. Default: the period of the "
         "reference, otherwise the whole run.",
         unit="s",
-        group=_WHAT,
     )
-    lead_in: float = option(
-        LEAD_IN,
-        help="Time before the start time, in which the joints settle; it does not count.",
-        unit="s",
-        group=_WHAT,
+    lead_in: float = _what(
+        LEAD_IN, help="Time before the start time, in which the joints settle; it does not count.", unit="s"
     )
-    ambient: float = option(
+    ambient: float = _what(
         AMBIENT,
         help="Temperature around the motors, such as 40degC or 104degF. Default: 40degC.",
         metavar="TEMPERATURE",
-        parse=_read_temperature,
-        group=_WHAT,
+        parse=lambda text: read_quantity(text, "--ambient", "K", readings=("degC", "degF", "K")),
     )
-    life: float | None = option(
+    life: float | None = _what(
         help="Time for which the cycle is to repeat, such as 20000h. Without it, the screw's life has no "
         "verdict.",
         metavar="TIME",
-        parse=_read_life,
-        group=_WHAT,
+        # it needs a unit: people think of it in hours, and other times are in seconds
+        parse=lambda text: read_quantity(text, "--life", "s", readings=("h", "s")),
     )
     output: Path | None = option(help="Output folder. Default: results/size-SCENARIO.", group=OUTPUT)
     plots: bool = option(True, help="Draw plots of each joint.", group=OUTPUT)

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -28,8 +29,6 @@ OPTIONS = SWEEP
 _MOST_LETTERS = 1600
 """Most commands to show."""
 
-_VARIES = "What varies"
-
 EXAMPLES = (
     "emla sweep lift --vary lift.plant.motor.R_s=0.05:0.3:20",
     "emla sweep lift --vary lift.plant.motor.R_s=80%:120% --runs 200 --seed 1",
@@ -50,26 +49,25 @@ def _read_factors(texts: Sequence[str]) -> dict[str, str]:
     return factors
 
 
+_varies = partial(option, group="What varies")
+
+
 @dataclass(frozen=True)
 class Parameters:
     """Arguments and options of the command."""
 
     plan: str = plan()
-    vary: Mapping[str, str] = option(
+    vary: Mapping[str, str] = _varies(
         {},
         help=f"Factor and its values, as {FORMS}; * in the name matches several (repeatable).",
         metavar="NAME=VALUES",
         parse=_read_factors,
-        group=_VARIES,
     )
-    runs: int | None = option(
-        help="Number of variants to draw. Default: all points of a grid.", group=_VARIES
+    runs: int | None = _varies(help="Number of variants to draw. Default: all points of a grid.")
+    sampling: str | None = _varies(
+        help=f"Sampling method, one of {', '.join(SAMPLINGS)}. Default: grid, or random with --runs."
     )
-    sampling: str | None = option(
-        help=f"Sampling method, one of {', '.join(SAMPLINGS)}. Default: grid, or random with --runs.",
-        group=_VARIES,
-    )
-    seed: int | None = option(help="Seed of random numbers. Default: 0.", group=_VARIES)
+    seed: int | None = _varies(help="Seed of random numbers. Default: 0.")
     metric: Sequence[str] | None = option(
         help="Metric to keep, or a new one as 'NAME = EXPRESSION' (repeatable). Default: all.",
         metavar="METRIC",

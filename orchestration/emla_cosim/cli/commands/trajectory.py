@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,9 @@ EXAMPLES = (
     "emla trajectory --set t_M=20 --output mine.json",
 )
 
+_how = partial(option, group=_HOW)
+_what = partial(option, group=_WHAT)
+
 
 @dataclass(frozen=True)
 class Parameters:
@@ -36,39 +40,31 @@ class Parameters:
         help="Problem file (.toml) with changes to the paper's problem; see docs/trajectory.md.",
         metavar="PROBLEM",
     )
-    set: Mapping[str, str] = option(
+    set: Mapping[str, str] = _what(
         {},
         help="Set a value of the problem, such as t_M=20, q_E[3]=0.4, machine.lift_a=1.2, "
         "tip_E=3.2,0.5 or via[1].tip=2.6,-0.4 (repeatable).",
         metavar="NAME=VALUE",
-        group=_WHAT,
     )
-    end_speed: str = option(
+    end_speed: str = _what(
         _DEFAULTS["end_speed"],
         help="Treatment of end speeds beyond their bounds: clip, exempt, decimal or rest.",
-        group=_WHAT,
     )
-    tie_break: float = option(
+    tie_break: float = _what(
         _DEFAULTS["tie_break"],
         help="Weight of the joints' individual powers beside the square of their sum; 0 as in the paper.",
-        group=_WHAT,
     )
-    degree: int = option(_DEFAULTS["degree"], help="Degree of the spline, 3 to 5.", group=_HOW)
-    knots: int = option(
-        _DEFAULTS["knots"],
-        help="Number of distinct knots, denser at both ends; at most 49 minus the degree.",
-        group=_HOW,
+    degree: int = _how(_DEFAULTS["degree"], help="Degree of the spline, 3 to 5.")
+    knots: int = _how(
+        _DEFAULTS["knots"], help="Number of distinct knots, denser at both ends; at most 49 minus the degree."
     )
-    points: int = option(
-        _DEFAULTS["points"], help="Number of collocation points between two knots.", group=_HOW
-    )
-    subdivisions: int = option(
+    points: int = _how(_DEFAULTS["points"], help="Number of collocation points between two knots.")
+    subdivisions: int = _how(
         _DEFAULTS["subdivisions"],
         help="Number of parts of each span at whose control points strokes and speeds are bounded; more "
         "parts cost less power, and more time to solve.",
-        group=_HOW,
     )
-    starts: int = option(_DEFAULTS["starts"], help="Number of starts; the best result is kept.", group=_HOW)
+    starts: int = _how(_DEFAULTS["starts"], help="Number of starts; the best result is kept.")
     output: Path | None = option(
         help="Trajectory file to write. Default: results/trajectory/trajectory.json.", group=OUTPUT
     )

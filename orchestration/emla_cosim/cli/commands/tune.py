@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -27,41 +28,37 @@ EXAMPLES = (
     "emla tune lift --vary lift.controller.k_1=10:1000 --objective lift.position_error_m",
 )
 
+_tried = partial(option, group=_TRIED)
+_wanted = partial(option, group=_WANTED)
+
 
 @dataclass(frozen=True)
 class Parameters:
     """Arguments and options of the command."""
 
     plan: str = plan()
-    objective: str | None = option(
-        help="Expression over metrics to minimise, such as tilt.position_error_m.",
-        metavar="EXPRESSION",
-        group=_WANTED,
+    objective: str | None = _wanted(
+        help="Expression over metrics to minimise, such as tilt.position_error_m.", metavar="EXPRESSION"
     )
-    metric: Sequence[str] | None = option(
-        help="Additional metric over signals (repeatable).", metavar="'NAME = EXPRESSION'", group=_WANTED
+    metric: Sequence[str] | None = _wanted(
+        help="Additional metric over signals (repeatable).", metavar="'NAME = EXPRESSION'"
     )
-    tolerance: float | None = option(
+    tolerance: float | None = _wanted(
         help="Fail if the objective with the validation seeds is worse by more than this fraction. "
-        "Default: no limit.",
-        group=_WANTED,
+        "Default: no limit."
     )
-    vary: Mapping[str, str] = option(
+    vary: Mapping[str, str] = _tried(
         {},
         help=f"Gain and its range, as {FORMS}; the search in LOW:HIGH is logarithmic (repeatable).",
         metavar="NAME=RANGE",
-        group=_TRIED,
     )
-    derive: Mapping[str, str] = option(
-        {},
-        help="Start value computed from the varied gains (repeatable).",
-        metavar="NAME=EXPRESSION",
-        group=_TRIED,
+    derive: Mapping[str, str] = _tried(
+        {}, help="Start value computed from the varied gains (repeatable).", metavar="NAME=EXPRESSION"
     )
-    evaluations: int | None = option(help="Number of gain sets to try. Default: 200.", group=_TRIED)
-    training: int | None = option(help="Number of seeds to tune with. Default: 2.", group=_TRIED)
-    validation: int | None = option(help="Number of other seeds to validate with. Default: 4.", group=_TRIED)
-    seed: int | None = option(help="Seed of random numbers. Default: 0.", group=_TRIED)
+    evaluations: int | None = _tried(help="Number of gain sets to try. Default: 200.")
+    training: int | None = _tried(help="Number of seeds to tune with. Default: 2.")
+    validation: int | None = _tried(help="Number of other seeds to validate with. Default: 4.")
+    seed: int | None = _tried(help="Seed of random numbers. Default: 0.")
     scheduler: str | None = scheduler()
     workers: int | None = workers()
 

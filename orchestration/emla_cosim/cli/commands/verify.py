@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -45,6 +46,10 @@ EXAMPLES = (
     "emla verify mine.fmu --record references --stop-time 1",
 )
 
+_make = partial(option, group=_MAKE)
+_output = partial(option, group=OUTPUT)
+_what = partial(option, group=_WHAT)
+
 
 @dataclass(frozen=True)
 class Parameters:
@@ -52,71 +57,51 @@ class Parameters:
 
     files: Sequence[str] = argument([], help="FMUs, SSPs, and folders of them.", metavar="FILE")
     all: bool = switch("Verify all built-in models, in both flavours.", _WHAT)
-    only: Sequence[str] = option(
-        [],
-        help="Check, group or pattern of checks to run (repeatable). Default: all.",
-        metavar="CHECK",
-        group=_WHAT,
+    only: Sequence[str] = _what(
+        [], help="Check, group or pattern of checks to run (repeatable). Default: all.", metavar="CHECK"
     )
-    skip: Sequence[str] = option(
-        [],
-        help="Check, group or pattern of checks to leave out (repeatable).",
-        metavar="CHECK",
-        group=_WHAT,
+    skip: Sequence[str] = _what(
+        [], help="Check, group or pattern of checks to leave out (repeatable).", metavar="CHECK"
     )
-    fail_on: Sequence[str] = option(
+    fail_on: Sequence[str] = _what(
         [],
         help="Fail also for `warning` or `skip` (repeatable). Default: failed checks only.",
         metavar="VERDICT",
-        group=_WHAT,
     )
-    must_run: Sequence[str] = option(
-        [],
-        help="Check, group or pattern of checks that must not be skipped (repeatable).",
-        metavar="CHECK",
-        group=_WHAT,
+    must_run: Sequence[str] = _what(
+        [], help="Check, group or pattern of checks that must not be skipped (repeatable).", metavar="CHECK"
     )
     list: bool = switch("List all checks and exit.", _WHAT)
-    reference: Path | None = option(
+    reference: Path | None = _what(
         help="Folder of reference files; for a system, of results. Default: beside each FMU.",
         metavar="FOLDER",
-        group=_WHAT,
     )
-    tolerance: Mapping[str, Tolerance] = option(
+    tolerance: Mapping[str, Tolerance] = _what(
         {},
         help="Tolerance relative to a signal's range (repeatable). Default: 1e-3.",
         metavar="[PATTERN=]NUMBER",
         parse=read_tolerances,
-        group=_WHAT,
     )
-    seconds: float = option(Settings.seconds, help="Time limit of one check.", unit="s", group=_WHAT)
-    memory: float = option(Settings.memory / 2**20, help="Memory limit of one check in MiB.", group=_WHAT)
-    explain: bool = option(
-        False,
-        help="Explain each check: the clause, what was done, what came back, how to repeat it.",
-        group=OUTPUT,
+    seconds: float = _what(Settings.seconds, help="Time limit of one check.", unit="s")
+    memory: float = _what(Settings.memory / 2**20, help="Memory limit of one check in MiB.")
+    explain: bool = _output(
+        False, help="Explain each check: the clause, what was done, what came back, how to repeat it."
     )
-    junit: Path | None = option(help="Write a JUnit XML report.", metavar="FILE", group=OUTPUT)
-    json: Path | None = option(help="Write a JSON report.", metavar="FILE", group=OUTPUT)
-    html: Path | None = option(help="Write a report as an HTML page.", metavar="FILE", group=OUTPUT)
-    record: Path | None = option(
-        help="Run the FMU and write reference files to this folder.", metavar="FOLDER", group=_MAKE
+    junit: Path | None = _output(help="Write a JUnit XML report.", metavar="FILE")
+    json: Path | None = _output(help="Write a JSON report.", metavar="FILE")
+    html: Path | None = _output(help="Write a report as an HTML page.", metavar="FILE")
+    record: Path | None = _make(
+        help="Run the FMU and write reference files to this folder.", metavar="FOLDER"
     )
-    input: Path | None = option(help="Inputs of the reference run.", metavar="FILE.csv", group=_MAKE)
-    excite: str = option(
-        "steps",
-        help=f"Shape of the inputs without a file: {', '.join(SHAPES)}.",
-        metavar="SHAPE",
-        group=_MAKE,
+    input: Path | None = _make(help="Inputs of the reference run.", metavar="FILE.csv")
+    excite: str = _make(
+        "steps", help=f"Shape of the inputs without a file: {', '.join(SHAPES)}.", metavar="SHAPE"
     )
-    set: Mapping[str, str] = option(
-        {},
-        help="Start value of the reference run (repeatable).",
-        metavar="VARIABLE=VALUE",
-        group=_MAKE,
+    set: Mapping[str, str] = _make(
+        {}, help="Start value of the reference run (repeatable).", metavar="VARIABLE=VALUE"
     )
-    stop_time: float | None = option(help="Stop time of the reference run.", unit="s", group=_MAKE)
-    step_size: float | None = option(help="Communication step of the reference run.", unit="s", group=_MAKE)
+    stop_time: float | None = _make(help="Stop time of the reference run.", unit="s")
+    step_size: float | None = _make(help="Communication step of the reference run.", unit="s")
 
 
 def command(chosen: Parameters, given: dict[str, Any]) -> None:
@@ -157,12 +142,8 @@ def command(chosen: Parameters, given: dict[str, Any]) -> None:
             progress=progress,
             interrupted=interrupted,
         )
-    writers = (
-        (report.save_junit, chosen.junit),
-        (report.save_json, chosen.json),
-        (report.save_html, chosen.html),
-    )
-    for save, path in writers:
+    savers = report.save_junit, report.save_json, report.save_html
+    for (path, _, _), save in zip(reports, savers, strict=True):
         if path is not None:
             save(path, overwrite)
     if recording is not None:
@@ -220,18 +201,13 @@ def _show(report: Report, explain: bool) -> None:
     With `explain`, show all findings, and what was done.
     """
     for examined in report.examined:
-        for verdict in (
-            Verdict.FAILED,
-            Verdict.WARNING,
-            *((Verdict.PASSED, Verdict.SKIPPED) if explain else ()),
-        ):
+        more = (Verdict.PASSED, Verdict.SKIPPED) if explain else ()
+        for verdict in (Verdict.FAILED, Verdict.WARNING, *more):
             _show_findings(examined, verdict, explain)
-        for objection in examined.objections:
-            said = f"{_text(examined.label)}: [{_STYLE[Verdict.FAILED]}]not passed[/] {_text(objection)}"
-            show(said, highlight=False, soft_wrap=True)
-        for gap in examined.not_examined:
-            said = f"{_text(examined.label)}: [dim]not examined[/] {_text(gap)}"
-            show(said, highlight=False, soft_wrap=True)
+        remarks = [f"[{_STYLE[Verdict.FAILED]}]not passed[/] {_text(x)}" for x in examined.objections]
+        remarks += [f"[dim]not examined[/] {_text(x)}" for x in examined.not_examined]
+        for remark in remarks:
+            show(f"{_text(examined.label)}: {remark}", highlight=False, soft_wrap=True)
     table = Table(Column("", overflow="fold"), *(str(v) for v in Verdict), "time / s")
     for examined in report.examined:
         counts = (_count(len(examined.of(v)), v) for v in Verdict)
