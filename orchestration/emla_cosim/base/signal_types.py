@@ -1,7 +1,7 @@
 """Types of signals: rows carry all values as doubles, and recorders convert them."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -93,8 +93,3 @@ def read_types(content: Any) -> dict[str, SignalType]:
         }
     except (AttributeError, KeyError, TypeError, ValueError):
         return {}
-
-
-def types_of(names: Sequence[str], types: Mapping[str, SignalType]) -> list[SignalType]:
-    """Return the type of each signal; those without an entry are Reals."""
-    return [types.get(name, REAL) for name in names]

@@ -151,16 +151,13 @@ def _choose_by_tag(value: Any, tag: str, types: Mapping[str | None, Any], at: Lo
 
 def _choose_member(value: Any, members: Sequence[Any]) -> Any:
     """Return the member of a union for a value: by its form, if the union has tables or lists."""
-    plain = [t for t in members if _base_of(t) in _NAMES or get_origin(t) is Literal]
+    bases = [get_args(t)[0] if get_origin(t) is Annotated else t for t in members]
+    plain = [t for t, base in zip(members, bases, strict=True) if base in _NAMES or get_origin(t) is Literal]
     if isinstance(value, (Mapping, list, tuple)) or not plain:
         return next((t for t in members if t not in plain), Union[tuple(members)])  # noqa: UP007
     if isinstance(value, str):
         plain = [t for t in plain if t in (str, Path)] or plain
     return plain[0] if len(plain) == 1 else Union[tuple(plain)]  # noqa: UP007
-
-
-def _base_of(type_: Any) -> Any:
-    return get_args(type_)[0] if get_origin(type_) is Annotated else type_
 
 
 def _convert_mapping(value: Any, of: Any, at: Location, folder: Path | None) -> dict[str, Any]:

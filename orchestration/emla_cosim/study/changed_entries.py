@@ -8,7 +8,7 @@ from ..system.model import Value
 from .actuator.actuator import Actuator
 from .actuator.entries import TABLES
 from .experiments import EXPERIMENTS
-from .joints.joint_files import list_joint_names, load_joint
+from .joints.schema import list_joint_names, load_joint
 
 
 def change_entries(

@@ -8,7 +8,7 @@ import msgspec
 
 from ..system.model import System
 from .actuator.joint_actuators import NONE, Actuators, check_joints
-from .joints.joint_files import load_joint
+from .joints.schema import load_joint
 from .systems import Choice, study_joint
 
 EXPERIMENTS = {"experiment-1": "prototype", "experiment-2": "prototype"}

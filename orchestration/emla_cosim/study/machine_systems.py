@@ -14,9 +14,10 @@ from ..system.bond import Bond
 from ..system.model import Component, System, Value
 from .actuator.joint_actuators import NONE, Actuators, check_joints
 from .joint import start_values
+from .joints.schema import load_joint
 from .machine_motion import Motion, describe_other_machine, load_motion
 from .roles import JOINTS
-from .systems import STUDY, Choice, study_joint
+from .systems import Choice, study_joint
 
 _LED: dict[str, str | None] = {
     f"reference.{name}": f"machine.trajectory.{name}[{{element}}]" for name in ("x_d", "v_d", "a_d")
@@ -107,7 +108,7 @@ def _system(
     components, connections, bonds = list[Component](), list[str](), dict[str, Bond]()
     for element, joint in enumerate(JOINTS, 1):
         made = study_joint(
-            STUDY[joint],
+            load_joint(joint),
             controller,
             gains,
             reference=None,
@@ -134,14 +135,14 @@ def _system(
 
 def _mechanics(wanted: Motion, actuators: Actuators) -> dict[str, Value]:
     """Return the parameters of the actuators in the merged plant, and its start position."""
-    start = [STUDY[joint].start.x_L + wanted.ahead[joint] for joint in JOINTS]
-    uncertain = [STUDY[joint].plant.get("F_2", 0.0) for joint in JOINTS]
+    start = [load_joint(joint).start.x_L + wanted.ahead[joint] for joint in JOINTS]
+    uncertain = [load_joint(joint).plant.get("F_2", 0.0) for joint in JOINTS]
     return start_values(HdrmPlant, {**_by_joint(HdrmPlant, actuators), "x_L_start": start, "F_2": uncertain})
 
 
 def _by_joint(block: type[Block], actuators: Actuators) -> dict[str, Any]:
     """Return a block's parameters of all actuators, by attribute."""
-    emlas = [(actuators.get(joint) or STUDY[joint].actuator).emla for joint in JOINTS]
+    emlas = [(actuators.get(joint) or load_joint(joint).actuator).emla for joint in JOINTS]
     known = {x.attribute for x in block.layout().parameters if x.shape}
     return {
         name: [getattr(emla, name) for emla in emlas] for name in sorted(known) if hasattr(emlas[0], name)

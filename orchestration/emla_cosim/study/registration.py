@@ -19,9 +19,8 @@ from .actuator.remarks import remarks
 from .changed_entries import change_entries
 from .figures import JOINT_FIGURES, MACHINE_FIGURES
 from .joint_map import JointMap
-from .joints.joint_files import list_joint_names, read_joint_text
 from .joints.joint_table import KEYS
-from .joints.schema import KIND
+from .joints.schema import KIND, list_joint_names, read_joint_text
 from .loads import load_metrics
 from .metrics import joint_metrics
 from .randomness import find_seeds

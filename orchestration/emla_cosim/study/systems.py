@@ -24,10 +24,9 @@ from .actuator.joint_actuators import (
 )
 from .controllers import ChosenGains, choose_controller
 from .joint import Joint, build_joint
-from .joints.joint_files import Joints, list_joint_names, load_joint
-from .joints.schema import JointFile, parse_joint
+from .joints.schema import JointFile, list_joint_names, load_joint, parse_joint
 
-STUDY = Joints(("lift", "tilt", "telescope"))
+STUDY = ("lift", "tilt", "telescope")
 """The joints of the study; further joint files do not add to them."""
 
 Choice = str | type | None
@@ -161,7 +160,7 @@ def _alone(own: JointFile, controller: Choice, gains: Choice, actuators: Actuato
 
 
 def joint_scenario(content: Mapping[str, Any], where: str, folder: Path) -> ScenarioFile:
-    """Return the scenario of a joint file's content; see `read_joint`.
+    """Return the scenario of a joint file's content; see `parse_joint`.
 
     Args:
         content: The content of the file.
@@ -183,7 +182,7 @@ def _side_by_side(
     return sum(others, first)
 
 
-_three_joints = partial(_side_by_side, tuple(STUDY))
+_three_joints = partial(_side_by_side, STUDY)
 
 SYSTEMS: dict[str, Callable[..., System]] = {
     "study": _three_joints,
