@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
 
 import emla_cosim as ec
@@ -49,7 +50,7 @@ def joint_figures(simulation: ec.Simulation, **options: Any) -> Any:
 def check_table_vi(figures: Mapping[str, Any]) -> None:
     for joint in JOINTS:
         assert figures[joint]["held"], figures[joint]["reason"]
-        for name, value in TABLE_VI.cells["study", joint]["rsba"]._asdict().items():
+        for name, value in msgspec.structs.asdict(TABLE_VI.cells["study", joint]["rsba"]).items():
             assert figures[joint][name] < value, (joint, name)
 
 

@@ -25,7 +25,7 @@ from ..run.run_setup import run_times
 from ..run.scenarios.scenario import Scenario
 from ..run.stop_conditions import check_no_condition
 from ..study.actuator.actuator import Actuator
-from ..study.actuator.effective_values import get_number
+from ..study.actuator.model_parameters import get_number
 from ..study.loading import load
 from ..study.roles import list_role_patterns
 from ..system.model import System

@@ -7,8 +7,8 @@ from ..base.errors import CommandError, join_names
 from ..system.model import Value
 from .actuator.actuator import Actuator
 from .actuator.entries import TABLES
-from .experiments import EXPERIMENTS
 from .joints.schema import list_joint_names, load_joint
+from .systems import EXPERIMENTS
 
 
 def change_entries(

@@ -51,23 +51,20 @@ _NOT_MERGED = ("friction", "stop")
 """Tables of an actuator that the merged plant does not support."""
 
 
-def _replay(
-    controller: Choice, gains: Choice, trajectory: Path | None = None, actuators: Actuators = NONE
+def _separate(
+    wires: Sequence[str],
+    bond: Bond | None,
+    controller: Choice,
+    gains: Choice,
+    trajectory: Path | None = None,
+    actuators: Actuators = NONE,
 ) -> System:
-    """Build the machine with load forces of the reference motion, as in the paper; no joint affects them."""
-    return _system(
-        controller, gains, load_motion(trajectory), _manipulator(actuators), _LOADED, _REPLAYED, actuators
-    )
-
-
-def _coupled(
-    controller: Choice, gains: Choice, trajectory: Path | None = None, actuators: Actuators = NONE
-) -> System:
-    """Build the machine with load forces of the actual motion: both sides exchange motion and force."""
-    machine = _manipulator(actuators)
-    return _system(
-        controller, gains, load_motion(trajectory), machine, _LOADED, _COUPLED, actuators, bond=_BOND
-    )
+    """Build the machine with the manipulator as a component of its own, which loads the joints."""
+    machine = Component("machine.manipulator", "HdrmManipulator")
+    if actuators:  # with their masses and strokes
+        values = start_values(HdrmManipulator, _by_joint(HdrmManipulator, actuators))
+        machine = replace(machine, parameters=values)
+    return _system(controller, gains, load_motion(trajectory), machine, _LOADED, wires, actuators, bond=bond)
 
 
 def _merged(
@@ -84,12 +81,6 @@ def _merged(
             )
     machine = Component("machine.plant", "HdrmPlant", _mechanics(wanted, actuators))
     return _system(controller, gains, wanted, machine, _MOVED, _MERGED, actuators, electrical=True)
-
-
-def _manipulator(actuators: Actuators) -> Component:
-    """Return the manipulator, with masses and strokes of its actuators."""
-    values = start_values(HdrmManipulator, _by_joint(HdrmManipulator, actuators)) if actuators else {}
-    return Component("machine.manipulator", "HdrmManipulator", values)
 
 
 def _system(
@@ -150,8 +141,10 @@ def _by_joint(block: type[Block], actuators: Actuators) -> dict[str, Any]:
 
 
 SYSTEMS: dict[str, Callable[..., System]] = {
-    "hdrm-replay": _replay,
-    "hdrm-coupled": _coupled,
+    # load forces of the reference motion, as in the paper; no joint affects them
+    "hdrm-replay": partial(_separate, _REPLAYED, None),
+    # load forces of the actual motion: both sides exchange motion and force
+    "hdrm-coupled": partial(_separate, _COUPLED, _BOND),
     "hdrm-merged": _merged,
 }
 """Systems by name, made for a controller and its gains, and optionally a trajectory file and actuators."""

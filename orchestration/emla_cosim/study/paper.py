@@ -3,10 +3,9 @@
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from .experiments import EXPERIMENTS
 from .joints.joint_table import Cells
 from .joints.schema import load_joint
-from .systems import STUDY
+from .systems import EXPERIMENTS, STUDY
 
 
 @dataclass(frozen=True)

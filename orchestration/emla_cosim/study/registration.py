@@ -13,7 +13,7 @@ from ..run.seeds import SEEDS
 from ..views.animation import ANIMATIONS
 from ..views.plots.by_unit import BY_UNIT
 from ..views.plots.pictures import FIGURES
-from . import experiments, machine_systems, systems
+from . import machine_systems, systems
 from .actuator.model_parameters import follow_plant_changes
 from .actuator.remarks import remarks
 from .changed_entries import change_entries
@@ -40,7 +40,7 @@ LOADS = "loads"
 
 def register() -> None:
     """Register everything under its name; calling it again changes nothing."""
-    own = systems.SYSTEMS | experiments.SYSTEMS | machine_systems.SYSTEMS
+    own = systems.SYSTEMS | machine_systems.SYSTEMS
     SYSTEMS.update(own)
     FOLLOWING.update(machine_systems.SYSTEMS)
     CHANGES["actuator"] = change_entries

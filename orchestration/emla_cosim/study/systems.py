@@ -6,6 +6,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+import msgspec
+
 from emla_fmu import EmlaMotor
 from emla_fmu.observer_gains import ObserverGains
 from fmublock.noise import MODULUS
@@ -28,6 +30,12 @@ from .joints.schema import JointFile, list_joint_names, load_joint, parse_joint
 
 STUDY = ("lift", "tilt", "telescope")
 """The joints of the study; further joint files do not add to them."""
+
+EXPERIMENTS = {"experiment-1": "prototype", "experiment-2": "prototype"}
+"""The joint of each experiment with the prototype EMLA (Section V): plant at 10 kHz, control at 1 kHz.
+
+Its file has motion and load, in `[experiment.SCENARIO]`.
+"""
 
 Choice = str | type | None
 """A controller or a set of gains by name, a controller also as a block; None for the default."""
@@ -182,6 +190,37 @@ def _side_by_side(
     return sum(others, first)
 
 
+def _experiment(scenario: str, controller: Choice, gains: Choice, actuators: Actuators = NONE) -> System:
+    """Return a joint with the motion and the load of an experiment."""
+    name = EXPERIMENTS[scenario]
+    check_joints(actuators, (name,))
+    own = load_joint(name)
+    task = own.experiment(scenario)
+    measured = _measured((actuators.get(name) or own.actuator).emla.i_range, own.sample_time)
+    own = msgspec.structs.replace(own, load=task.load, plant={**own.plant, **measured})
+    return study_joint(
+        own,
+        controller,
+        gains,
+        reference=task.reference.parameters(),
+        load=task.load.parameters(),
+        actuators=actuators,
+    ).alone()
+
+
+def _measured(i_range: float, sample_time: float) -> dict[str, Any]:
+    """Return parameters of the drive's sensors and computing time; assumed, except the sample time.
+
+    They are not in a joint file because they follow from the actuator, which the user can replace.
+    """
+    return {
+        "sigma": 1e-8,  # three steps of the encoder
+        "delay": sample_time,
+        "sigma_i": 1e-3 * i_range,
+        "resolution_i": 2.0 * i_range / 2**12,
+    }
+
+
 _three_joints = partial(_side_by_side, STUDY)
 
 SYSTEMS: dict[str, Callable[..., System]] = {
@@ -191,5 +230,6 @@ SYSTEMS: dict[str, Callable[..., System]] = {
     **{name: partial(_side_by_side, (name,)) for name in dict.fromkeys((*STUDY, *list_joint_names()))},
     "published": partial(_three_joints, as_printed=True),
     "published-true-states": partial(_three_joints, as_printed=True, true_feedback=True),
+    **{name: partial(_experiment, name) for name in EXPERIMENTS},
 }
 """Systems by name, made for a controller, a set of its gains, and optionally other actuators by joint."""

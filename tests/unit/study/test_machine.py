@@ -8,6 +8,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -70,7 +71,7 @@ def test_robust_gains_keep_table_vi(fmu_folder: Path) -> None:
 def check_table_vi(result: ec.Result) -> None:
     for joint in JOINTS:
         printed, found = TABLE_VI.cells["study", joint]["rsba"], result.metrics["joints"][joint]
-        for name, limit in printed._asdict().items():
+        for name, limit in msgspec.structs.asdict(printed).items():
             assert 0.0 < found[name] < limit, (joint, name)
         assert found["held"] and found["saturated_after_settling"] == 0.0
 

@@ -1,4 +1,4 @@
-"""Model parameters of observer and controller, and which of them do not match a changed plant."""
+"""Parameters of a system with overrides, and model parameters that do not match a changed plant."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -8,12 +8,12 @@ from typing import Any
 
 from emla_fmu import motion_law
 
-from ...base.errors import join_names
+from ...base.errors import CommandError, join_names
 from ...base.patterns import matches_pattern
+from ...base.quantities import parse_quantity
 from ...run.options import Options
 from ...system.model import System, Value
 from ..roles import JOINTS
-from .effective_values import value_of
 
 _BOTH, _CONTROLLER = ("controller", "observer"), ("controller",)
 
@@ -175,3 +175,43 @@ def _value(belief: _AssumedValue, plant: Mapping[str, float]) -> float:
         return belief.value(SimpleNamespace(**{p.rpartition(".")[2]: x for p, x in plant.items()}))
     except (ZeroDivisionError, OverflowError):
         return math.nan
+
+
+def get_number(system: System, options: Options, component: str, variable: str) -> float | None:
+    """Return a start value in the unit of its model; None if it is unknown before the run."""
+    found = next((c for c in system.components if c.name == component), None)
+    if found is None or not is_own(component, options):
+        return None
+    return value_of(f"{component}.{variable}", found.parameters.get(variable), options.set)
+
+
+def value_of(name: str, value: Value | None, overrides: Mapping[str, Value]) -> float | None:
+    """Return a start value as a number in the unit of its model; None if it is unknown before the run.
+
+    Args:
+        name: The full name of the variable.
+        value: The value in the system: a number, a text with a unit, or None.
+        overrides: Values by name or pattern. Names win over patterns, later patterns over earlier ones.
+    """
+    for pattern, given in overrides.items():
+        if matches_pattern(name, pattern):
+            value = given
+    value = overrides.get(name, value)
+    if isinstance(value, str):
+        try:
+            return parse_quantity(value, name).si_number
+        except CommandError:
+            return None  # a name of an enumeration, or a unit known only with the FMU
+    return None if value is None else float(value)
+
+
+def is_own(component: str, options: Options) -> bool:
+    """Return whether a component's outputs follow from its start values: no FMU and no data replaces it.
+
+    Data without names of signals drive the signals that their columns name.
+    """
+    from_data = any(
+        not source.signals or any(name.startswith(f"{component}.") for name in source.signals)
+        for source in options.input
+    )
+    return component not in options.replace and not from_data
