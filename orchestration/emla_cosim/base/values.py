@@ -68,10 +68,11 @@ def convert_at(value: Any, type_: Any, at: Location, folder: Path | None = None)
         return value
     if origin in (Mapping, dict):
         return _convert_mapping(value, inner[1], at, folder)
-    if origin is tuple and meta is not None and "unit" in extra:
-        return _convert_tuple(value, [Annotated[t, meta] if t is float else t for t in inner], at)
     if origin is tuple:
-        return _convert_tuple(value, inner, at)
+        quantities = meta is not None and "unit" in extra
+        return _convert_tuple(
+            value, [Annotated[t, meta] if quantities and t is float else t for t in inner], at
+        )
     if origin in (Sequence, list):
         if isinstance(value, (str, bytes)) or not isinstance(value, Sequence):
             raise _type_error(at.label, value, "a list")

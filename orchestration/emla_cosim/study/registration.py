@@ -16,7 +16,6 @@ from ..views.plots.pictures import FIGURES
 from . import machine_systems, systems
 from .actuator.model_parameters import follow_plant_changes
 from .actuator.remarks import remarks
-from .changed_entries import change_entries
 from .figures import JOINT_FIGURES, MACHINE_FIGURES
 from .joint_map import JointMap
 from .joints.joint_table import KEYS
@@ -28,7 +27,7 @@ from .roles import find_tracked_joints
 from .schedules import scheduled_times
 from .sketch.film import ManipulatorAnimation
 from .sketch.manipulator_picture import ManipulatorPicture
-from .systems import joint_scenario
+from .systems import change_entries, joint_scenario
 from .tuning_plans import list_tuning_plans
 
 JOINTS = "joints"

@@ -1,4 +1,7 @@
-"""The built-in systems: joints of the paper's study with their references, loads and disturbances."""
+"""The built-in systems: joints of the paper's study with their references, loads and disturbances.
+
+Their actuators can have other entries than their data sheets.
+"""
 
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
@@ -12,9 +15,11 @@ from emla_fmu import EmlaMotor
 from emla_fmu.observer_gains import ObserverGains
 from fmublock.noise import MODULUS
 
-from ..base.errors import CommandError
+from ..base.errors import CommandError, join_names
 from ..run.scenarios.scenario_file import ScenarioFile
-from ..system.model import System
+from ..system.model import System, Value
+from .actuator.actuator import Actuator
+from .actuator.entries import TABLES
 from .actuator.joint_actuators import (
     NONE,
     Actuators,
@@ -233,3 +238,50 @@ SYSTEMS: dict[str, Callable[..., System]] = {
     **{name: partial(_experiment, name) for name in EXPERIMENTS},
 }
 """Systems by name, made for a controller, a set of its gains, and optionally other actuators by joint."""
+
+
+def change_entries(
+    system: str, actuators: Mapping[str, Path | Actuator], entries: Mapping[str, Value]
+) -> dict[str, Actuator]:
+    """Read the actuators of joints, and return them with other entries.
+
+    Args:
+        system: Name of the system; its own joint may have no other actuator.
+        actuators: Actuators, or their files, by joint.
+        entries: Values by JOINT.TABLE.ENTRY, as data sheets print them.
+
+    Raises:
+        CommandError: A name is wrong, a joint has no data sheet, or the changed data sheet has errors.
+    """
+    found = {name: Actuator.read(one) if isinstance(one, Path) else one for name, one in actuators.items()}
+    changes: dict[str, dict[str, dict[str, Value]]] = {}
+    for place, value in entries.items():
+        joint, table, key = _split_entry(place)
+        changes.setdefault(joint, {}).setdefault(table, {})[key] = value
+    for joint, tables in changes.items():
+        base = found.get(joint) or _own_actuator(system, joint)
+        found[joint] = base.changed(tables, f"{base.label} with changes")
+    return found
+
+
+def _split_entry(place: str) -> tuple[str, str, str]:
+    joint, _, rest = place.partition(".")
+    table, _, key = rest.partition(".")
+    if table not in TABLES:
+        raise CommandError(
+            f"the entry '{place}' of a data sheet does not exist; write JOINT.TABLE.ENTRY, with a table of "
+            f"{join_names(TABLES)}.",
+            entry=place,
+        )
+    return joint, table, key
+
+
+def _own_actuator(system: str, joint: str) -> Actuator:
+    """Return the actuator that a joint of a built-in system has without another one."""
+    own = {EXPERIMENTS.get(system, joint), joint}
+    if joint not in list_joint_names() or own != {joint}:
+        raise CommandError(
+            f"{joint} has no data sheet whose entries can change; add --actuator {joint}=FILE.toml.",
+            joint=joint,
+        )
+    return load_joint(joint).sheet

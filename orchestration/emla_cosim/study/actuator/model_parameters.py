@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 from types import SimpleNamespace
 from typing import Any
 
@@ -38,21 +39,15 @@ class _AssumedValue:
     value: Callable[[Any], float]
 
 
-def _same(name: str, whose: tuple[str, ...], of: str) -> _AssumedValue:
-    """Return a model parameter that equals a parameter of the plant."""
-    attribute = of.rpartition(".")[2]
-    return _AssumedValue(name, whose, (of,), lambda plant: getattr(plant, attribute))
-
-
 _ASSUMED_VALUES = (
-    _same("model.R_s", _CONTROLLER, "motor.R_s"),
-    _same("model.L_d", _CONTROLLER, "motor.L_d"),
-    _same("model.L_q", _CONTROLLER, "motor.L_q"),
-    _same("model.Phi_PM", _BOTH, "motor.Phi_PM"),
-    _same("model.N_p", _BOTH, "motor.N_p"),
-    _same("model.C_eq", _CONTROLLER, "screw.C_eq"),
-    _same("limit.u_max", _CONTROLLER, "inverter.u_max"),
-    _same("limit.v_max", _CONTROLLER, "screw.v_max"),
+    _AssumedValue("model.R_s", _CONTROLLER, ("motor.R_s",), attrgetter("R_s")),
+    _AssumedValue("model.L_d", _CONTROLLER, ("motor.L_d",), attrgetter("L_d")),
+    _AssumedValue("model.L_q", _CONTROLLER, ("motor.L_q",), attrgetter("L_q")),
+    _AssumedValue("model.Phi_PM", _BOTH, ("motor.Phi_PM",), attrgetter("Phi_PM")),
+    _AssumedValue("model.N_p", _BOTH, ("motor.N_p",), attrgetter("N_p")),
+    _AssumedValue("model.C_eq", _CONTROLLER, ("screw.C_eq",), attrgetter("C_eq")),
+    _AssumedValue("limit.u_max", _CONTROLLER, ("inverter.u_max",), attrgetter("u_max")),
+    _AssumedValue("limit.v_max", _CONTROLLER, ("screw.v_max",), attrgetter("v_max")),
     _AssumedValue("model.alpha_RL", _CONTROLLER, _GEAR, motion_law.alpha_RL),
     _AssumedValue(
         "model.A_eq",

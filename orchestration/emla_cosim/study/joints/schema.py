@@ -16,7 +16,7 @@ from ...base.toml_structs import list_given, read_toml
 from ...base.values import convert_value
 from ..actuator.actuator import Actuator
 from .gain_tables import GainSet, GainTable, ObserverSet
-from .joint_table import Cells, DriveTable, JointTable, joint_struct
+from .joint_table import Cells, JointTable, joint_struct
 from .motions import Compliance, JointExperiment
 
 _FOLDER = "emla_cosim.study.joints"
@@ -169,22 +169,17 @@ def parse_joint(content: Mapping[str, Any], label: str, name: str, folder: Path)
         }
         for controller, sets in (list_given(table.gains) if table.gains is not None else {}).items()
     }
+    entries = msgspec.structs.asdict(table.drive)
+    drive = {name: entries[name] for name in entries if name != "always" and entries[name]}
     converted = {
         "run": _run(list_given(table.run), name),
-        "realistic": _realistic(table.actuator, table.drive, f"[drive] of {label}"),
+        "realistic": table.actuator.changed(drive, f"[drive] of {label}") if drive else table.actuator,
         "disturbance": list_given(table.disturbance),
         "plant": list_given(table.plant),
         "observers": observers,
         "gains": gains,
     }
     return JointFile(**{**msgspec.structs.asdict(table), **converted}, name=name, label=label)
-
-
-def _realistic(actuator: Actuator, drive: DriveTable, label: str) -> Actuator:
-    """Return the actuator with the entries of `[drive]`."""
-    tables = {key: value for key, value in msgspec.structs.asdict(drive).items() if key != "always"}
-    changed = {key: value for key, value in tables.items() if value is not None}
-    return actuator.changed(changed, label) if changed else actuator
 
 
 def _run(options: dict[str, Any], joint: str) -> dict[str, Any]:
