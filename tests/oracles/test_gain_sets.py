@@ -7,15 +7,17 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
 
 import emla_cosim as ec
+from emla_cosim.study.joints.schema import load_joint
 from emla_cosim.study.paper import TABLE_VI, TABLE_VIII
 from emla_cosim.study.systems import STUDY
 from tests.support.joint_data import EMLAS
 from tests.support.tiers import mostly_slow
 
-JOINTS = tuple(STUDY)
+JOINTS = STUDY
 ERRORS = {
     ("study", "damped"): (0.4e-6, 2.3e-6, 0.2e-6),
     ("study", "compensated"): (0.06e-6, 2.1e-6, 1.0e-6),
@@ -48,7 +50,7 @@ def joint_figures(simulation: ec.Simulation, **options: Any) -> Any:
 def check_table_vi(figures: Mapping[str, Any]) -> None:
     for joint in JOINTS:
         assert figures[joint]["held"], figures[joint]["reason"]
-        for name, value in TABLE_VI.cells["study", joint]["rsba"]._asdict().items():
+        for name, value in msgspec.structs.asdict(TABLE_VI.cells["study", joint]["rsba"]).items():
             assert figures[joint][name] < value, (joint, name)
 
 
@@ -81,14 +83,14 @@ def of_all(name: str, value: float) -> dict[str, float]:
 
 def started(error: float) -> dict[str, float]:
     names = ("plant.start.x_L", "observer.start.x_hat")
-    return {f"{joint}.{name}": STUDY[joint].reference.q_S + error for joint in JOINTS for name in names}
+    return {f"{joint}.{name}": load_joint(joint).reference.q_S + error for joint in JOINTS for name in names}
 
 
 def stepping() -> dict[str, float]:
     """Return loads that step from -F to F."""
     values = of_all("disturbance.load.start[2]", 0.6) | of_all("disturbance.load.ramp", 1e-4)
     for joint in JOINTS:
-        force = STUDY[joint].load.largest
+        force = load_joint(joint).load.largest
         values |= {f"{joint}.disturbance.load.level[{i}]": f for i, f in ((1, -force), (2, force))}
     return values
 

@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
+from emla_cosim.study.joints.schema import load_joint
 from emla_cosim.study.loading import load
-from emla_cosim.study.systems import STUDY
 from tests.support.joint_data import EMLAS, PROTOTYPE, PUBLISHED
 
 JOINTS = ("lift", "tilt", "telescope")
@@ -176,5 +176,5 @@ def test_speeds_and_loads(joint: str) -> None:
     """The reference is as fast as printed, but within the EMLA's bound; the load is too."""
     printed = of(EMLA_DETAILS, joint)
     assert EMLAS[joint].v_max == printed["v_max"]
-    assert STUDY[joint].reference.peak == min(abs(of(MOTION, joint)["v_E"]), printed["v_max"])
-    assert abs(STUDY[joint].load.largest) <= printed["F_c"]
+    assert load_joint(joint).reference.peak == min(abs(of(MOTION, joint)["v_E"]), printed["v_max"])
+    assert abs(load_joint(joint).load.largest) <= printed["F_c"]

@@ -5,8 +5,8 @@ import numpy as np
 from emla_cosim.base.arrays import Vector
 from emla_cosim.run.result import Result
 from emla_cosim.run.simulation import Simulation
+from emla_cosim.study.joints.schema import load_joint
 from emla_cosim.study.roles import JOINTS, find_variable
-from emla_cosim.study.systems import STUDY
 
 SAMPLE = 1e-4
 """Time in s after which controllers, observers and disturbances act, whatever the communication step."""
@@ -43,7 +43,7 @@ def _start(merged: bool, quiet: bool) -> dict[str, float]:
     """Start values without offset and without rounding of the sensor."""
     values = dict[str, float]()
     for i, joint in enumerate(JOINTS, 1):
-        q = STUDY[joint].reference.q_S
+        q = load_joint(joint).reference.q_S
         values[f"machine.plant.start.x_L[{i}]" if merged else f"{joint}.plant.start.x_L"] = q
         values[f"{joint}.observer.start.x_hat"] = q
         values[f"{joint}.{'motor' if merged else 'plant'}.sensor.resolution"] = 0.0

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from emla_cosim.study.joints.joint_files import load_joint
+from emla_cosim.study.joints.schema import load_joint
 from emla_fmu.drive import drive
 from emla_fmu.observer_gains import ObserverGains
 from rsba_fmu.gains import RsbaGains

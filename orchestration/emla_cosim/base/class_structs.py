@@ -34,23 +34,14 @@ def struct_of(
             continue
         type_ = types.get(field.name) or type_in_file(field.type)
         is_required = field.is_required and NoneType not in get_args(type_)
-        if not _is_described(type_):
-            meaning = about.get(field.name, "")
-            meta = dotted(meaning) if _has_dots(field.type) else describe(meaning)
-            type_ = Annotated[type_, meta]
+        metas = get_args(type_)[1:] if get_origin(type_) is Annotated else ()
+        if not any(meta.description for meta in metas):
+            has_dots = get_origin(field.type) is Mapping and not is_dataclass(get_args(field.type)[1])
+            type_ = Annotated[type_, (dotted if has_dots else describe)(about.get(field.name, ""))]
         fields.append((field.name, type_, *([] if is_required else [msgspec.UNSET])))
     return extend_struct(
         msgspec.Struct, class_.__name__, fields, (inspect.getdoc(class_) or "").partition("\n")[0]
     )
-
-
-def _is_described(type_: Any) -> bool:
-    return get_origin(type_) is Annotated and any(meta.description for meta in get_args(type_)[1:])
-
-
-def _has_dots(type_: Any) -> bool:
-    """Return whether a type is a table whose values are not tables."""
-    return get_origin(type_) is Mapping and not is_dataclass(get_args(type_)[1])
 
 
 def _read_arguments(class_: Any) -> dict[str, str]:
@@ -75,13 +66,10 @@ def type_in_file(type_: Any) -> Any:
         return dict[str, type_in_file(inner[1])]
     if origin is Sequence:
         return list[type_in_file(inner[0])]
-    return _short_type(type_) | record_struct(type_) if is_dataclass(type_) else type_
-
-
-def _short_type(record: Any) -> Any:
-    """Return the type of the value from which alone a dataclass can be read: a number or a text."""
-    first = list_fields(record)[0].type
-    return float if float in (first, *get_args(first)) else str
+    if not is_dataclass(type_):
+        return type_
+    first = list_fields(type_)[0].type  # a dataclass can be read from its first field alone
+    return (float if float in (first, *get_args(first)) else str) | record_struct(type_)
 
 
 def record(type_: Any, about: str = "") -> Any:

@@ -77,11 +77,10 @@ def list_fields(type_: Any) -> list[Field]:
 
 
 def combine_problems(label: str, problems: Sequence[str]) -> CommandError:
-    """Return one error for several problems, which are sentences; `fields["problems"]` has them."""
+    """Return one error for all problems, which are sentences; `fields["problems"]` has them."""
     lines = "".join(f"\n  {problem}" for problem in problems)
-    return CommandError(
-        f"{label} cannot be used for {len(problems)} reasons:{lines}", problems=list(problems)
-    )
+    text = f": {problems[0]}" if len(problems) == 1 else f" for {len(problems)} reasons:{lines}"
+    return CommandError(f"{label} cannot be used{text}", problems=list(problems))
 
 
 def _nearest(name: str, names: Collection[str], absent: Collection[str]) -> list[str]:

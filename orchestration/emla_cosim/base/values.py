@@ -68,10 +68,11 @@ def convert_at(value: Any, type_: Any, at: Location, folder: Path | None = None)
         return value
     if origin in (Mapping, dict):
         return _convert_mapping(value, inner[1], at, folder)
-    if origin is tuple and meta is not None and "unit" in extra:
-        return _convert_tuple(value, [Annotated[t, meta] if t is float else t for t in inner], at)
     if origin is tuple:
-        return _convert_tuple(value, inner, at)
+        quantities = meta is not None and "unit" in extra
+        return _convert_tuple(
+            value, [Annotated[t, meta] if quantities and t is float else t for t in inner], at
+        )
     if origin in (Sequence, list):
         if isinstance(value, (str, bytes)) or not isinstance(value, Sequence):
             raise _type_error(at.label, value, "a list")
@@ -151,16 +152,13 @@ def _choose_by_tag(value: Any, tag: str, types: Mapping[str | None, Any], at: Lo
 
 def _choose_member(value: Any, members: Sequence[Any]) -> Any:
     """Return the member of a union for a value: by its form, if the union has tables or lists."""
-    plain = [t for t in members if _base_of(t) in _NAMES or get_origin(t) is Literal]
+    bases = [get_args(t)[0] if get_origin(t) is Annotated else t for t in members]
+    plain = [t for t, base in zip(members, bases, strict=True) if base in _NAMES or get_origin(t) is Literal]
     if isinstance(value, (Mapping, list, tuple)) or not plain:
         return next((t for t in members if t not in plain), Union[tuple(members)])  # noqa: UP007
     if isinstance(value, str):
         plain = [t for t in plain if t in (str, Path)] or plain
     return plain[0] if len(plain) == 1 else Union[tuple(plain)]  # noqa: UP007
-
-
-def _base_of(type_: Any) -> Any:
-    return get_args(type_)[0] if get_origin(type_) is Annotated else type_
 
 
 def _convert_mapping(value: Any, of: Any, at: Location, folder: Path | None) -> dict[str, Any]:

@@ -8,8 +8,7 @@ from ..base.files import read_text
 from ..base.toml_structs import read_toml
 from ..run.scenarios.scenario import Scenario
 from ..study.actuator.actuator import Actuator
-from ..study.joints.joint_files import list_joint_names, load_joint
-from ..study.joints.schema import JointFile, parse_joint
+from ..study.joints.schema import JointFile, list_joint_names, load_joint, parse_joint
 
 
 def find_data_sheet(scenario: Scenario, source: object, joint: str) -> Actuator:

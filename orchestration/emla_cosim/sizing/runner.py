@@ -24,7 +24,7 @@ from ..run.result import Result
 from ..run.run_setup import run_times
 from ..run.scenarios.scenario import Scenario
 from ..study.actuator.actuator import Actuator
-from ..study.actuator.effective_values import get_number
+from ..study.actuator.model_parameters import get_number
 from ..study.loading import load
 from ..study.roles import list_role_patterns
 from ..system.model import System

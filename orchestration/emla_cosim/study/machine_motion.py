@@ -12,8 +12,8 @@ from hdrm_fmu.spline import Spline, TrajectoryError, default_spline, trajectory_
 from ..base.errors import CommandError
 from ..system.model import System, Value
 from ..trajectories.file import read_motion
+from .joints.schema import load_joint
 from .roles import JOINTS
-from .systems import STUDY
 
 _SHOWN = 3
 """The number of differences that a message lists."""
@@ -60,7 +60,8 @@ def load_motion(file: Path | None) -> Motion:
 def _motion(spline: Spline, problem: Mapping[str, Any] | None = None) -> Motion:
     parameters = trajectory_parameters(spline)
     first = spline.evaluated([min(max(0.0, spline.start), spline.end)])[0]
-    ahead = {joint: float(x) - STUDY[joint].reference.q_S for joint, x in zip(JOINTS, first, strict=True)}
+    starts = [load_joint(joint).reference.q_S for joint in JOINTS]
+    ahead = {joint: float(x) - q_S for joint, x, q_S in zip(JOINTS, first, starts, strict=True)}
     return Motion(parameters, ahead, spline, problem or {})
 
 

@@ -14,9 +14,10 @@ from ..system.bond import Bond
 from ..system.model import Component, System, Value
 from .actuator.joint_actuators import NONE, Actuators, check_joints
 from .joint import start_values
+from .joints.schema import load_joint
 from .machine_motion import Motion, describe_other_machine, load_motion
 from .roles import JOINTS
-from .systems import STUDY, Choice, study_joint
+from .systems import Choice, study_joint
 
 _LED: dict[str, str | None] = {
     f"reference.{name}": f"machine.trajectory.{name}[{{element}}]" for name in ("x_d", "v_d", "a_d")
@@ -50,23 +51,20 @@ _NOT_MERGED = ("friction", "stop")
 """Tables of an actuator that the merged plant does not support."""
 
 
-def _replay(
-    controller: Choice, gains: Choice, trajectory: Path | None = None, actuators: Actuators = NONE
+def _separate(
+    wires: Sequence[str],
+    bond: Bond | None,
+    controller: Choice,
+    gains: Choice,
+    trajectory: Path | None = None,
+    actuators: Actuators = NONE,
 ) -> System:
-    """Build the machine with load forces of the reference motion, as in the paper; no joint affects them."""
-    return _system(
-        controller, gains, load_motion(trajectory), _manipulator(actuators), _LOADED, _REPLAYED, actuators
-    )
-
-
-def _coupled(
-    controller: Choice, gains: Choice, trajectory: Path | None = None, actuators: Actuators = NONE
-) -> System:
-    """Build the machine with load forces of the actual motion: both sides exchange motion and force."""
-    machine = _manipulator(actuators)
-    return _system(
-        controller, gains, load_motion(trajectory), machine, _LOADED, _COUPLED, actuators, bond=_BOND
-    )
+    """Build the machine with the manipulator as a component of its own, which loads the joints."""
+    machine = Component("machine.manipulator", "HdrmManipulator")
+    if actuators:  # with their masses and strokes
+        values = start_values(HdrmManipulator, _by_joint(HdrmManipulator, actuators))
+        machine = replace(machine, parameters=values)
+    return _system(controller, gains, load_motion(trajectory), machine, _LOADED, wires, actuators, bond=bond)
 
 
 def _merged(
@@ -85,12 +83,6 @@ def _merged(
     return _system(controller, gains, wanted, machine, _MOVED, _MERGED, actuators, electrical=True)
 
 
-def _manipulator(actuators: Actuators) -> Component:
-    """Return the manipulator, with masses and strokes of its actuators."""
-    values = start_values(HdrmManipulator, _by_joint(HdrmManipulator, actuators)) if actuators else {}
-    return Component("machine.manipulator", "HdrmManipulator", values)
-
-
 def _system(
     controller: Choice,
     gains: Choice,
@@ -107,7 +99,7 @@ def _system(
     components, connections, bonds = list[Component](), list[str](), dict[str, Bond]()
     for element, joint in enumerate(JOINTS, 1):
         made = study_joint(
-            STUDY[joint],
+            load_joint(joint),
             controller,
             gains,
             reference=None,
@@ -134,14 +126,14 @@ def _system(
 
 def _mechanics(wanted: Motion, actuators: Actuators) -> dict[str, Value]:
     """Return the parameters of the actuators in the merged plant, and its start position."""
-    start = [STUDY[joint].start.x_L + wanted.ahead[joint] for joint in JOINTS]
-    uncertain = [STUDY[joint].plant.get("F_2", 0.0) for joint in JOINTS]
+    start = [load_joint(joint).start.x_L + wanted.ahead[joint] for joint in JOINTS]
+    uncertain = [load_joint(joint).plant.get("F_2", 0.0) for joint in JOINTS]
     return start_values(HdrmPlant, {**_by_joint(HdrmPlant, actuators), "x_L_start": start, "F_2": uncertain})
 
 
 def _by_joint(block: type[Block], actuators: Actuators) -> dict[str, Any]:
     """Return a block's parameters of all actuators, by attribute."""
-    emlas = [(actuators.get(joint) or STUDY[joint].actuator).emla for joint in JOINTS]
+    emlas = [(actuators.get(joint) or load_joint(joint).actuator).emla for joint in JOINTS]
     known = {x.attribute for x in block.layout().parameters if x.shape}
     return {
         name: [getattr(emla, name) for emla in emlas] for name in sorted(known) if hasattr(emlas[0], name)
@@ -149,8 +141,10 @@ def _by_joint(block: type[Block], actuators: Actuators) -> dict[str, Any]:
 
 
 SYSTEMS: dict[str, Callable[..., System]] = {
-    "hdrm-replay": _replay,
-    "hdrm-coupled": _coupled,
+    # load forces of the reference motion, as in the paper; no joint affects them
+    "hdrm-replay": partial(_separate, _REPLAYED, None),
+    # load forces of the actual motion: both sides exchange motion and force
+    "hdrm-coupled": partial(_separate, _COUPLED, _BOND),
     "hdrm-merged": _merged,
 }
 """Systems by name, made for a controller and its gains, and optionally a trajectory file and actuators."""

@@ -3,10 +3,9 @@
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from .experiments import EXPERIMENTS
-from .joints.joint_files import load_joint
 from .joints.joint_table import Cells
-from .systems import STUDY
+from .joints.schema import load_joint
+from .systems import EXPERIMENTS, STUDY
 
 
 @dataclass(frozen=True)
@@ -43,7 +42,7 @@ def _list_moves() -> str:
     return "; ".join(
         f"{name} {s.reference.q_S:g} to {s.reference.q_E:g} m, at most {s.reference.peak:g} m/s, "
         f"against {s.load.largest / 1e3:g} kN"
-        for name, s in STUDY.items()
+        for name, s in ((name, load_joint(name)) for name in STUDY)
     )
 
 

@@ -12,15 +12,13 @@ from ..run.scenarios.scenario_file import KINDS, Kind
 from ..views.animation import ANIMATIONS
 from ..views.plots.by_unit import BY_UNIT
 from ..views.plots.pictures import FIGURES
-from . import experiments, machine_systems, systems
+from . import machine_systems, systems
 from .actuator.model_parameters import follow_plant_changes
 from .actuator.remarks import remarks
-from .changed_entries import change_entries
 from .figures import JOINT_FIGURES, MACHINE_FIGURES
 from .joint_map import JointMap
-from .joints.joint_files import list_joint_names, read_joint_text
 from .joints.joint_table import KEYS
-from .joints.schema import KIND
+from .joints.schema import KIND, list_joint_names, read_joint_text
 from .loads import load_metrics
 from .metrics import joint_metrics
 from .randomness import find_seeds
@@ -28,7 +26,7 @@ from .roles import find_tracked_joints
 from .schedules import scheduled_times
 from .sketch.film import ManipulatorAnimation
 from .sketch.manipulator_picture import ManipulatorPicture
-from .systems import joint_scenario
+from .systems import change_entries, joint_scenario
 from .tuning_plans import list_tuning_plans
 
 JOINTS = "joints"
@@ -40,7 +38,7 @@ LOADS = "loads"
 
 def register() -> None:
     """Register everything under its name; calling it again changes nothing."""
-    own = systems.SYSTEMS | experiments.SYSTEMS | machine_systems.SYSTEMS
+    own = systems.SYSTEMS | machine_systems.SYSTEMS
     SYSTEMS.update(own)
     FOLLOWING.update(machine_systems.SYSTEMS)
     CHANGES["actuator"] = change_entries

@@ -1,4 +1,7 @@
-"""The built-in systems: joints of the paper's study with their references, loads and disturbances."""
+"""The built-in systems: joints of the paper's study with their references, loads and disturbances.
+
+Their actuators can have other entries than their data sheets.
+"""
 
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
@@ -6,13 +9,17 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+import msgspec
+
 from emla_fmu import EmlaMotor
 from emla_fmu.observer_gains import ObserverGains
 from fmublock.noise import MODULUS
 
-from ..base.errors import CommandError
+from ..base.errors import CommandError, join_names
 from ..run.scenarios.scenario_file import ScenarioFile
-from ..system.model import System
+from ..system.model import System, Value
+from .actuator.actuator import Actuator
+from .actuator.entries import TABLES
 from .actuator.joint_actuators import (
     NONE,
     Actuators,
@@ -24,11 +31,16 @@ from .actuator.joint_actuators import (
 )
 from .controllers import ChosenGains, choose_controller
 from .joint import Joint, build_joint
-from .joints.joint_files import Joints, list_joint_names, load_joint
-from .joints.schema import JointFile, parse_joint
+from .joints.schema import JointFile, list_joint_names, load_joint, parse_joint
 
-STUDY = Joints(("lift", "tilt", "telescope"))
+STUDY = ("lift", "tilt", "telescope")
 """The joints of the study; further joint files do not add to them."""
+
+EXPERIMENTS = {"experiment-1": "prototype", "experiment-2": "prototype"}
+"""The joint of each experiment with the prototype EMLA (Section V): plant at 10 kHz, control at 1 kHz.
+
+Its file has motion and load, in `[experiment.SCENARIO]`.
+"""
 
 Choice = str | type | None
 """A controller or a set of gains by name, a controller also as a block; None for the default."""
@@ -161,7 +173,7 @@ def _alone(own: JointFile, controller: Choice, gains: Choice, actuators: Actuato
 
 
 def joint_scenario(content: Mapping[str, Any], where: str, folder: Path) -> ScenarioFile:
-    """Return the scenario of a joint file's content; see `read_joint`.
+    """Return the scenario of a joint file's content; see `parse_joint`.
 
     Args:
         content: The content of the file.
@@ -183,7 +195,38 @@ def _side_by_side(
     return sum(others, first)
 
 
-_three_joints = partial(_side_by_side, tuple(STUDY))
+def _experiment(scenario: str, controller: Choice, gains: Choice, actuators: Actuators = NONE) -> System:
+    """Return a joint with the motion and the load of an experiment."""
+    name = EXPERIMENTS[scenario]
+    check_joints(actuators, (name,))
+    own = load_joint(name)
+    task = own.experiment(scenario)
+    measured = _measured((actuators.get(name) or own.actuator).emla.i_range, own.sample_time)
+    own = msgspec.structs.replace(own, load=task.load, plant={**own.plant, **measured})
+    return study_joint(
+        own,
+        controller,
+        gains,
+        reference=task.reference.parameters(),
+        load=task.load.parameters(),
+        actuators=actuators,
+    ).alone()
+
+
+def _measured(i_range: float, sample_time: float) -> dict[str, Any]:
+    """Return parameters of the drive's sensors and computing time; assumed, except the sample time.
+
+    They are not in a joint file because they follow from the actuator, which the user can replace.
+    """
+    return {
+        "sigma": 1e-8,  # three steps of the encoder
+        "delay": sample_time,
+        "sigma_i": 1e-3 * i_range,
+        "resolution_i": 2.0 * i_range / 2**12,
+    }
+
+
+_three_joints = partial(_side_by_side, STUDY)
 
 SYSTEMS: dict[str, Callable[..., System]] = {
     "study": _three_joints,
@@ -192,5 +235,53 @@ SYSTEMS: dict[str, Callable[..., System]] = {
     **{name: partial(_side_by_side, (name,)) for name in dict.fromkeys((*STUDY, *list_joint_names()))},
     "published": partial(_three_joints, as_printed=True),
     "published-true-states": partial(_three_joints, as_printed=True, true_feedback=True),
+    **{name: partial(_experiment, name) for name in EXPERIMENTS},
 }
 """Systems by name, made for a controller, a set of its gains, and optionally other actuators by joint."""
+
+
+def change_entries(
+    system: str, actuators: Mapping[str, Path | Actuator], entries: Mapping[str, Value]
+) -> dict[str, Actuator]:
+    """Read the actuators of joints, and return them with other entries.
+
+    Args:
+        system: Name of the system; its own joint may have no other actuator.
+        actuators: Actuators, or their files, by joint.
+        entries: Values by JOINT.TABLE.ENTRY, as data sheets print them.
+
+    Raises:
+        CommandError: A name is wrong, a joint has no data sheet, or the changed data sheet has errors.
+    """
+    found = {name: Actuator.read(one) if isinstance(one, Path) else one for name, one in actuators.items()}
+    changes: dict[str, dict[str, dict[str, Value]]] = {}
+    for place, value in entries.items():
+        joint, table, key = _split_entry(place)
+        changes.setdefault(joint, {}).setdefault(table, {})[key] = value
+    for joint, tables in changes.items():
+        base = found.get(joint) or _own_actuator(system, joint)
+        found[joint] = base.changed(tables, f"{base.label} with changes")
+    return found
+
+
+def _split_entry(place: str) -> tuple[str, str, str]:
+    joint, _, rest = place.partition(".")
+    table, _, key = rest.partition(".")
+    if table not in TABLES:
+        raise CommandError(
+            f"the entry '{place}' of a data sheet does not exist; write JOINT.TABLE.ENTRY, with a table of "
+            f"{join_names(TABLES)}.",
+            entry=place,
+        )
+    return joint, table, key
+
+
+def _own_actuator(system: str, joint: str) -> Actuator:
+    """Return the actuator that a joint of a built-in system has without another one."""
+    own = {EXPERIMENTS.get(system, joint), joint}
+    if joint not in list_joint_names() or own != {joint}:
+        raise CommandError(
+            f"{joint} has no data sheet whose entries can change; add --actuator {joint}=FILE.toml.",
+            joint=joint,
+        )
+    return load_joint(joint).sheet

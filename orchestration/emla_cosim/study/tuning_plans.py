@@ -8,8 +8,7 @@ from string import Template
 
 from ..base.errors import CommandError
 from .controllers import CONTROLLERS
-from .joints.joint_files import has_tuning, list_joint_names, load_joint
-from .joints.schema import JointFile
+from .joints.schema import JointFile, has_tuning, list_joint_names, load_joint
 from .systems import joint_system
 
 _SET = "damped"

@@ -140,9 +140,8 @@ TUNING_PLAN = struct_of(TuningPlan, _TABLES, NOT_IN_FILES)
 """The struct of a plan's file, without options."""
 
 
-def list_plain_fields() -> list[str]:
-    """Return the names of the fields that are plain data."""
-    return [f.name for f in fields(TuningPlan) if f.name not in (*_NOT_PLAIN, *NOT_IN_FILES)]
+PLAIN_FIELDS = [f.name for f in fields(TuningPlan) if f.name not in (*_NOT_PLAIN, *NOT_IN_FILES)]
+"""Fields that are plain data."""
 
 
 def load_tuning_plan(source: Source | TuningPlan) -> TuningPlan:

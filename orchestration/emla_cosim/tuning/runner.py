@@ -30,7 +30,7 @@ from ..system.model import Value
 from .data import Tuned
 from .evaluation import Evaluation
 from .folder import TuneFolder
-from .plan import TuningPlan, list_plain_fields, load_tuning_plan
+from .plan import PLAIN_FIELDS, TuningPlan, load_tuning_plan
 from .preparation import TuningTask, prepare_task
 from .result import TuneResult
 from .score import Score
@@ -305,7 +305,7 @@ def _record(task: TuningTask, result: TuneResult) -> dict[str, Any]:
     """Return the content of tune.json: everything that determines the result, and the result."""
     plan = task.plan
     asked = {
-        **{name: getattr(plan, name) for name in list_plain_fields()},
+        **{name: getattr(plan, name) for name in PLAIN_FIELDS},
         "scenario": plan.scenario if isinstance(plan.scenario, str) else str(plan.name),
         "vary": {name: str(given) for name, given in plan.vary.items()},
         "cases": [asdict(case) for case in plan.cases],

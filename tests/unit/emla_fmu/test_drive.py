@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from scipy.integrate import simpson
 
 from emla_cosim.study.joint import start_values
+from emla_cosim.study.joints.schema import load_joint
 from emla_cosim.study.systems import STUDY, current_seed
 from emla_fmu import EmlaPlant, end_stops, friction, inverter
 from fmublock.instance import Instance, StepDiscardedError
@@ -240,7 +241,7 @@ def test_a_stop_holds_a_drive_at_its_largest_speed(name: str) -> None:
 
 
 def test_seeds_of_currents_are_seeds_and_differ() -> None:
-    own = [study.seed for study in STUDY.values() if study.seed is not None]
+    own = [seed for joint in STUDY if (seed := load_joint(joint).seed) is not None]
     seeds = [current_seed(seed) for seed in own]
     assert len({*seeds, *own}) == 6
     assert all(1 <= seed <= 2147483646 for seed in seeds)

@@ -5,11 +5,12 @@ from dataclasses import fields
 
 import pytest
 
+from emla_cosim.study.joints.schema import load_joint
 from emla_cosim.study.systems import STUDY
 from rsba_fmu.gains import RsbaGains
 from tests.support.joint_data import COMPENSATED, DAMPED, EMLAS, PUBLISHED, ROBUST
 
-LOADS = {**{joint: study.load.largest for joint, study in STUDY.items()}, "prototype": 75e3}
+LOADS = {**{joint: load_joint(joint).load.largest for joint in STUDY}, "prototype": 75e3}
 """The largest load of each joint in N."""
 FASTEST = {**dict.fromkeys(STUDY, 0.25 / 1e-4), "prototype": 0.4 * 1e3}
 """How fast the current loops are in rad/s: a part of the rate of samples."""

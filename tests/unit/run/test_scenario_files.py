@@ -14,7 +14,7 @@ import pytest
 import emla_cosim as ec
 from emla_cosim.run.run_setup import check_run
 from emla_cosim.run.scenarios.built_in import SCENARIOS
-from emla_cosim.study.joints.joint_files import list_joint_names
+from emla_cosim.study.joints.schema import list_joint_names
 from emla_cosim.study.loading import load
 from tests.support.commands import Emla
 from tests.support.paths import ROOT

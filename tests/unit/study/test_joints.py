@@ -14,9 +14,9 @@ from typing import Any
 import pytest
 
 import emla_cosim as ec
+from emla_cosim.base.toml_structs import read_toml
 from emla_cosim.study.controllers import CONTROLLERS
-from emla_cosim.study.joints.joint_files import load_joint, read_joint_text
-from emla_cosim.study.joints.schema import JointFile, parse_joint, read_joint
+from emla_cosim.study.joints.schema import JointFile, load_joint, parse_joint, read_joint_text
 from tests.support.paths import ROOT
 from tests.support.tiers import mostly_slow
 
@@ -24,7 +24,8 @@ TILT = read_joint_text("tilt")
 
 
 def read(text: str, name: str = "slew") -> JointFile:
-    return read_joint(text, f"the joint file '{name}.toml'", name, Path())
+    label = f"the joint file '{name}.toml'"
+    return parse_joint(read_toml(text, label), label, name, Path())
 
 
 def without(text: str, *lines: str) -> str:

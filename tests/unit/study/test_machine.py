@@ -8,6 +8,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -15,10 +16,10 @@ import emla_cosim as ec
 from emla_cosim.run.simulation import Simulation
 from emla_cosim.study import machine_systems
 from emla_cosim.study.figures import JOINT_FIGURES
+from emla_cosim.study.joints.schema import load_joint
 from emla_cosim.study.loading import load
 from emla_cosim.study.paper import TABLE_VI
 from emla_cosim.study.roles import JOINTS, find_joints, find_tracked_joints, find_variable
-from emla_cosim.study.systems import STUDY
 from hdrm_fmu import HDRM
 from hdrm_fmu.dynamics import inverse_dynamics
 from hdrm_fmu.spline import DEFAULT_FILE, default_spline
@@ -70,7 +71,7 @@ def test_robust_gains_keep_table_vi(fmu_folder: Path) -> None:
 def check_table_vi(result: ec.Result) -> None:
     for joint in JOINTS:
         printed, found = TABLE_VI.cells["study", joint]["rsba"], result.metrics["joints"][joint]
-        for name, limit in printed._asdict().items():
+        for name, limit in msgspec.structs.asdict(printed).items():
             assert 0.0 < found[name] < limit, (joint, name)
         assert found["held"] and found["saturated_after_settling"] == 0.0
 
@@ -195,7 +196,7 @@ def test_trajectory_path_is_relative_to_the_scenario_file(tmp_path: Path) -> Non
     scenario = folder / "mine.toml"
     scenario.write_text('system = "hdrm-merged"\ntrajectory = "t.json"\n')
     start = load(scenario).system.component("machine.plant").parameters["start.x_L[1]"]
-    assert start == pytest.approx(STUDY["lift"].start.x_L + 0.02)
+    assert start == pytest.approx(load_joint("lift").start.x_L + 0.02)
 
 
 KNOTS = [0.0, *np.linspace(0.0, 1.0, 60).tolist(), 1.0]

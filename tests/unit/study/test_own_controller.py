@@ -10,7 +10,7 @@ import emla_cosim as ec
 import fmublock
 from emla_cosim.fmu.models import fmu_path
 from emla_cosim.study.joint import _known_units
-from emla_cosim.study.joints.joint_files import load_joint
+from emla_cosim.study.joints.schema import load_joint
 from fmublock import Block, Input, Output, Parameter
 from rsba_fmu import FocController, RsbaController
 from tests.support.commands import Emla

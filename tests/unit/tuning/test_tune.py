@@ -94,6 +94,12 @@ def test_derived_values_follow_the_gains(valley: System, scheduler: Client) -> N
     assert result.set["v.f.x"] == pytest.approx(3.0, rel=0.02)
 
 
+def test_cases_without_a_name_have_their_position(tmp_path: Path) -> None:
+    path = tmp_path / "plan.toml"
+    path.write_text('scenario = "lift"\n[vary]\nx = "1:2"\n[[cases]]\n[[cases]]\nname = "late"\n[[cases]]\n')
+    assert [case.name for case in load_tuning_plan(path).cases] == ["1", "late", "3"]
+
+
 def test_cases_have_weights_conditions_and_values(valley: System, scheduler: Client) -> None:
     cases = [ec.Case("usual"), ec.Case("shifted", 3.0, {"v.f.z": 10}, ["total < 12"])]
     plan = _plan(valley, cases=cases, objective="total", evaluations=1)

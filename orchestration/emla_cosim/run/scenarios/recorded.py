@@ -53,14 +53,10 @@ def load_recorded_run(path: Path, given: Mapping[str, Any]) -> RecordedRun:
         raise CommandError(f"{where} has the source {source!r}; it must be the name or path of a scenario.")
     if not isinstance(changed, dict):
         raise CommandError(f"{where} has no table 'changed' of the options.")
-    kept = {name: value for name, value in changed.items() if not _is_replaced(name, given)}
+    replaced = {name for name, value in given.items() if not isinstance(value, Mapping)}
+    kept = {name: value for name, value in changed.items() if name not in replaced}
     _check(kept, where)
     return RecordedRun(source, read_options(select_repeatable(kept), where), content)
-
-
-def _is_replaced(name: str, given: Mapping[str, Any]) -> bool:
-    """Return whether the new options replace a recorded option completely."""
-    return name in given and not isinstance(given[name], Mapping)
 
 
 def _check(changed: Mapping[str, Any], where: str) -> None:

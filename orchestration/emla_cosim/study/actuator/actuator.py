@@ -1,7 +1,7 @@
 """An actuator, read from a file or created in Python."""
 
 import hashlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -76,7 +76,7 @@ class Actuator(FileOrObject):
 
     def __post_init__(self) -> None:
         if problems := self._problems() or [f"{text}." for text in find_contradictions(self.values)]:
-            raise _combine(self.label, problems)
+            raise combine_problems(self.label, problems)
 
     @classmethod
     def read(cls, path: str | Path) -> "Actuator":
@@ -106,11 +106,11 @@ class Actuator(FileOrObject):
         """
         names = ACTUATOR.__struct_fields__
         if problems := [str(unknown_entry("it", key, names)) for key in tables if key not in names]:
-            raise _combine(label, problems)
+            raise combine_problems(label, problems)
         try:
             return cls(**{**{name: {} for name in NEEDED}, **tables}, file=file, sha256=sha256)
         except CommandError as error:
-            raise _combine(label, error.fields["problems"]) from None
+            raise combine_problems(label, error.fields["problems"]) from None
 
     def changed(self, entries: Mapping[str, Mapping[str, Any]], label: str) -> "Actuator":
         """Return the actuator with other entries.
@@ -226,16 +226,8 @@ def _combinations(tables: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
             yield f"[{table}] lacks {' or '.join(keys)}; write {' or '.join(texts)}."
         if len(present) > 1 and (table, keys) in ONE_OF:
             yield f"[{table}] has {join_names(present)}, which mean the same; keep one."
-    if tuple(key in tables["motor"] for key in ("L", "L_d", "L_q")) not in _INDUCTANCES:
+    has_L, has_L_d, has_L_q = (key in tables["motor"] for key in ("L", "L_d", "L_q"))
+    if has_L_d != has_L_q or has_L == has_L_d:
         yield "[motor] needs L, or both L_d and L_q."
     if tables["thermal"] and "i_N" not in tables["motor"]:
         yield "[thermal] needs motor.i_N, the current that causes its permitted_rise."
-
-
-_INDUCTANCES = ((True, False, False), (False, True, True))
-
-
-def _combine(label: str, problems: Sequence[str]) -> CommandError:
-    if len(problems) == 1:
-        return CommandError(f"{label} cannot be used: {problems[0]}", problems=list(problems))
-    return combine_problems(label, problems)

@@ -1,19 +1,20 @@
-"""Model parameters of observer and controller, and which of them do not match a changed plant."""
+"""Parameters of a system with overrides, and model parameters that do not match a changed plant."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 from types import SimpleNamespace
 from typing import Any
 
 from emla_fmu import motion_law
 
-from ...base.errors import join_names
+from ...base.errors import CommandError, join_names
 from ...base.patterns import matches_pattern
+from ...base.quantities import parse_quantity
 from ...run.options import Options
 from ...system.model import System, Value
 from ..roles import JOINTS
-from .effective_values import value_of
 
 _BOTH, _CONTROLLER = ("controller", "observer"), ("controller",)
 
@@ -38,21 +39,15 @@ class _AssumedValue:
     value: Callable[[Any], float]
 
 
-def _same(name: str, whose: tuple[str, ...], of: str) -> _AssumedValue:
-    """Return a model parameter that equals a parameter of the plant."""
-    attribute = of.rpartition(".")[2]
-    return _AssumedValue(name, whose, (of,), lambda plant: getattr(plant, attribute))
-
-
 _ASSUMED_VALUES = (
-    _same("model.R_s", _CONTROLLER, "motor.R_s"),
-    _same("model.L_d", _CONTROLLER, "motor.L_d"),
-    _same("model.L_q", _CONTROLLER, "motor.L_q"),
-    _same("model.Phi_PM", _BOTH, "motor.Phi_PM"),
-    _same("model.N_p", _BOTH, "motor.N_p"),
-    _same("model.C_eq", _CONTROLLER, "screw.C_eq"),
-    _same("limit.u_max", _CONTROLLER, "inverter.u_max"),
-    _same("limit.v_max", _CONTROLLER, "screw.v_max"),
+    _AssumedValue("model.R_s", _CONTROLLER, ("motor.R_s",), attrgetter("R_s")),
+    _AssumedValue("model.L_d", _CONTROLLER, ("motor.L_d",), attrgetter("L_d")),
+    _AssumedValue("model.L_q", _CONTROLLER, ("motor.L_q",), attrgetter("L_q")),
+    _AssumedValue("model.Phi_PM", _BOTH, ("motor.Phi_PM",), attrgetter("Phi_PM")),
+    _AssumedValue("model.N_p", _BOTH, ("motor.N_p",), attrgetter("N_p")),
+    _AssumedValue("model.C_eq", _CONTROLLER, ("screw.C_eq",), attrgetter("C_eq")),
+    _AssumedValue("limit.u_max", _CONTROLLER, ("inverter.u_max",), attrgetter("u_max")),
+    _AssumedValue("limit.v_max", _CONTROLLER, ("screw.v_max",), attrgetter("v_max")),
     _AssumedValue("model.alpha_RL", _CONTROLLER, _GEAR, motion_law.alpha_RL),
     _AssumedValue(
         "model.A_eq",
@@ -175,3 +170,43 @@ def _value(belief: _AssumedValue, plant: Mapping[str, float]) -> float:
         return belief.value(SimpleNamespace(**{p.rpartition(".")[2]: x for p, x in plant.items()}))
     except (ZeroDivisionError, OverflowError):
         return math.nan
+
+
+def get_number(system: System, options: Options, component: str, variable: str) -> float | None:
+    """Return a start value in the unit of its model; None if it is unknown before the run."""
+    found = next((c for c in system.components if c.name == component), None)
+    if found is None or not is_own(component, options):
+        return None
+    return value_of(f"{component}.{variable}", found.parameters.get(variable), options.set)
+
+
+def value_of(name: str, value: Value | None, overrides: Mapping[str, Value]) -> float | None:
+    """Return a start value as a number in the unit of its model; None if it is unknown before the run.
+
+    Args:
+        name: The full name of the variable.
+        value: The value in the system: a number, a text with a unit, or None.
+        overrides: Values by name or pattern. Names win over patterns, later patterns over earlier ones.
+    """
+    for pattern, given in overrides.items():
+        if matches_pattern(name, pattern):
+            value = given
+    value = overrides.get(name, value)
+    if isinstance(value, str):
+        try:
+            return parse_quantity(value, name).si_number
+        except CommandError:
+            return None  # a name of an enumeration, or a unit known only with the FMU
+    return None if value is None else float(value)
+
+
+def is_own(component: str, options: Options) -> bool:
+    """Return whether a component's outputs follow from its start values: no FMU and no data replaces it.
+
+    Data without names of signals drive the signals that their columns name.
+    """
+    from_data = any(
+        not source.signals or any(name.startswith(f"{component}.") for name in source.signals)
+        for source in options.input
+    )
+    return component not in options.replace and not from_data

@@ -11,7 +11,7 @@ from fmublock import Block
 
 from ...run.options import Options
 from ...system.model import System
-from .effective_values import get_number, is_own
+from .model_parameters import get_number, is_own
 
 _EVENLY = 200
 """Number of evenly spaced moments at which a profile is sampled, beside the ends of its parts."""

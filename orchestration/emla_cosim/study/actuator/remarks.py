@@ -10,8 +10,7 @@ from ..controllers import choose_controller
 from ..machine_motion import load_motion
 from .actuator import Actuator
 from .derived import holding_torque
-from .effective_values import get_number, is_own
-from .model_parameters import describe_stale_parameters
+from .model_parameters import describe_stale_parameters, get_number, is_own
 from .profiles import largest_load, reference_reach, run_span
 
 _BY_RULE = ("compensated", "robust", "rule")

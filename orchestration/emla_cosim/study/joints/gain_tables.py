@@ -82,12 +82,10 @@ def gain_tables(
 def _table_of(name: str, function: Callable[..., Any], further: Sequence[Any]) -> type[GainTable]:
     """Return the struct of a function: its arguments, and further fields."""
     hints = get_type_hints(function)
-    fields: list[Any] = [
-        (argument.name, _type_in_file(hints[argument.name]))
-        if argument.default is inspect.Parameter.empty
-        else (argument.name, _type_in_file(hints[argument.name]), argument.default)
-        for argument in inspect.signature(function).parameters.values()
-    ]
+    fields = list[Any]()
+    for argument_name, argument in inspect.signature(function).parameters.items():
+        default = () if argument.default is argument.empty else (argument.default,)
+        fields.append((argument_name, _type_in_file(hints[argument_name]), *default))
     about = " ".join((inspect.getdoc(function) or "").partition("\n")[0].split())
     table = extend_struct(GainTable, name.replace(" ", "_"), [*fields, *further], about)
     table.function, table.arguments = staticmethod(function), [field[0] for field in fields]

@@ -1,6 +1,8 @@
-"""Joint files: all data of a joint."""
+"""Joint files: all data of a joint. Those that come with the study are read by name."""
 
 from collections.abc import Mapping
+from functools import cache
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -9,13 +11,15 @@ import msgspec
 from emla_fmu.observer_gains import ObserverGains
 from emla_fmu.parameters import EmlaParameters
 
-from ...base.errors import CommandError, join_names
+from ...base.errors import CommandError, check_choice, join_names
 from ...base.toml_structs import list_given, read_toml
 from ...base.values import convert_value
 from ..actuator.actuator import Actuator
 from .gain_tables import GainSet, GainTable, ObserverSet
-from .joint_table import Cells, DriveTable, JointTable, joint_struct
+from .joint_table import Cells, JointTable, joint_struct
 from .motions import Compliance, JointExperiment
+
+_FOLDER = "emla_cosim.study.joints"
 
 KIND = "joint"
 """The value of `kind` in a joint file."""
@@ -118,17 +122,40 @@ class JointFile(JointTable, frozen=True, kw_only=True):
         )
 
 
-def read_joint(text: str, label: str, name: str, folder: Path) -> JointFile:
-    """Read a joint file; paths in it are relative to `folder`.
+def list_joint_names() -> list[str]:
+    """Return the names of all joint files, sorted."""
+    found = (file.name for file in files(_FOLDER).iterdir())
+    return sorted(name.removesuffix(".toml") for name in found if name.endswith(".toml"))
 
-    Raises:
-        CommandError: The text is not TOML, or an entry is unknown, missing or wrong.
-    """
-    return parse_joint(read_toml(text, label), label, name, folder)
+
+def read_joint_text(name: str) -> str:
+    """Return the text of a joint file; raise CommandError for an unknown name."""
+    check_choice("joint", name, list_joint_names())
+    return (files(_FOLDER) / f"{name}.toml").read_text(encoding="utf-8")
+
+
+def has_tuning(name: str) -> bool:
+    """Return whether a joint file has the table `[tuning]`; False for a file that is not TOML."""
+    text = read_joint_text(name)
+    try:
+        return "tuning" in text and "tuning" in read_toml(text, name)  # reading takes longer
+    except CommandError:
+        return False
+
+
+@cache
+def load_joint(name: str) -> JointFile:
+    """Return a joint by name; raise CommandError for an unknown name or an error in the file."""
+    label = f"the joint '{name}'"
+    return parse_joint(read_toml(read_joint_text(name), label), label, name, Path())
 
 
 def parse_joint(content: Mapping[str, Any], label: str, name: str, folder: Path) -> JointFile:
-    """Return the joint of a joint file's content; see `read_joint`."""
+    """Return the joint of a joint file's content; paths in it are relative to `folder`.
+
+    Raises:
+        CommandError: An entry is unknown, missing or wrong.
+    """
     if not name.isidentifier():
         raise CommandError(
             f"{label} cannot name a joint: '{name}' is invalid; use letters, digits and _ in the file name."
@@ -142,22 +169,17 @@ def parse_joint(content: Mapping[str, Any], label: str, name: str, folder: Path)
         }
         for controller, sets in (list_given(table.gains) if table.gains is not None else {}).items()
     }
+    entries = msgspec.structs.asdict(table.drive)
+    drive = {name: entries[name] for name in entries if name != "always" and entries[name]}
     converted = {
         "run": _run(list_given(table.run), name),
-        "realistic": _realistic(table.actuator, table.drive, f"[drive] of {label}"),
+        "realistic": table.actuator.changed(drive, f"[drive] of {label}") if drive else table.actuator,
         "disturbance": list_given(table.disturbance),
         "plant": list_given(table.plant),
         "observers": observers,
         "gains": gains,
     }
     return JointFile(**{**msgspec.structs.asdict(table), **converted}, name=name, label=label)
-
-
-def _realistic(actuator: Actuator, drive: DriveTable, label: str) -> Actuator:
-    """Return the actuator with the entries of `[drive]`."""
-    tables = {key: value for key, value in msgspec.structs.asdict(drive).items() if key != "always"}
-    changed = {key: value for key, value in tables.items() if value is not None}
-    return actuator.changed(changed, label) if changed else actuator
 
 
 def _run(options: dict[str, Any], joint: str) -> dict[str, Any]:
