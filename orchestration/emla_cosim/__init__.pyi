@@ -39,7 +39,7 @@ from .master.algorithms.strong import Strong as Strong
 from .master.instances.fmu_instance import FmuInstance as FmuInstance
 from .master.network import Link as Link
 from .master.network import Network as Network
-from .master.stepping.registry import STEP_SIZE_CONTROLS as STEP_SIZE_CONTROLS
+from .master.stepping.step_size_control import STEP_SIZE_CONTROLS as STEP_SIZE_CONTROLS
 from .master.stepping.step_size_control import StepRequest as StepRequest
 from .master.stepping.step_size_control import StepSizeControl as StepSizeControl
 from .master.stepping.stepping_base import Stepping as Stepping

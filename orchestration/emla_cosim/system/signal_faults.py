@@ -59,7 +59,11 @@ def wire_faults(system: System, placed: FaultComponents, interfaces: Mapping[str
     for name, signal in signals.items():
         fault = placed[name]
         if isinstance(fault.value, str):
-            values = _start_values(replace(fault, value=_read_value(signal, fault.kind, fault.value)))
+            unit = signal.unit
+            if unit is not None and fault.kind == "offset":
+                unit = replace(unit, is_difference=True)
+            value = read_quantity(fault.value, f"the value of the fault of {signal.full_name}", unit)
+            values = _start_values(replace(fault, value=value))
             system = system.with_component(replace(system.component(name), parameters=values))
     outputs = [name for name, signal in signals.items() if signal.variable.causality == "output"]
     for name in reversed(outputs):  # each is connected directly to the output
@@ -84,14 +88,6 @@ def _start_values(fault: Fault) -> dict[str, Value]:
         return values | {"freeze": True}
     effects = {"offset": {"offset": fault.value}, "gain": {"gain": fault.value}}
     return values | effects.get(fault.kind, {"gain": 0.0, "offset": fault.value})
-
-
-def _read_value(signal: NamedVariable, kind: str, text: str) -> float:
-    """Return the value of a fault in the unit of its signal; an offset is a difference."""
-    unit = signal.unit
-    if unit is not None and kind == "offset":
-        unit = replace(unit, is_difference=True)
-    return read_quantity(text, f"the value of the fault of {signal.full_name}", unit)
 
 
 def _find_signal(names: Names, fault: Fault) -> NamedVariable:
