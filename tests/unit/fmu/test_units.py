@@ -3,13 +3,13 @@
 from pathlib import Path
 
 import pytest
-from emla_cosim.system.start_values import resolve_start_values
 
 from emla_cosim.base.errors import CommandError
 from emla_cosim.base.faults import accept_faults
 from emla_cosim.fmu.interface import Interface, read_interface
 from emla_cosim.system.fault import Fault
 from emla_cosim.system.model import Component, System
+from emla_cosim.system.names import Names
 from emla_cosim.system.resolution import resolve_system
 from emla_cosim.system.signal_faults import add_fault_components, wire_faults
 from tests.support.hand_written_fmus import edit_description
@@ -85,7 +85,7 @@ def system_of(interface: Interface) -> tuple[System, dict[str, Interface]]:
     ],
 )
 def test_start_values_in_units_of_the_fmu(interface: Interface, name: str, text: str, value: float) -> None:
-    found = resolve_start_values(*system_of(interface), {f"a.{name}": text})
+    found = Names(*system_of(interface)).start_values({f"a.{name}": text})
     assert found == {f"a.{name}": pytest.approx(value, rel=1e-12)}
 
 
@@ -103,7 +103,7 @@ def test_start_values_in_units_of_the_fmu(interface: Interface, name: str, text:
 )
 def test_units_that_do_not_fit(interface: Interface, name: str, text: str, message: str) -> None:
     with pytest.raises(CommandError, match=message):
-        resolve_start_values(*system_of(interface), {f"a.{name}": text})
+        Names(*system_of(interface)).start_values({f"a.{name}": text})
 
 
 @pytest.mark.parametrize(("text", "value", "count"), [("3 mm", 3.0, 0), ("3 cm", 0.03, 1)])
@@ -112,7 +112,7 @@ def test_definition_that_contradicts_its_name_is_reported(
 ) -> None:
     """The FMU defines mm with the factor 1. Values in its own unit need no conversion."""
     with accept_faults(lenient=False) as faults:
-        found = resolve_start_values(*system_of(interface), {"a.length": text})
+        found = Names(*system_of(interface)).start_values({"a.length": text})
     assert found == {"a.length": pytest.approx(value)}
     assert len(faults.remarks()) == count
     assert all("the factor 1, but its name means 0.001 m" in remark for remark in faults.remarks())
