@@ -59,7 +59,11 @@ class Quantity:
         Raises:
             CommandError: If the units measure different things.
         """
-        return _scale_number(self.number, resolve_conversion(self.unit, unit, label))
+        conversion = resolve_conversion(self.unit, unit, label)
+        power = round(math.log10(abs(conversion.factor)))
+        if conversion.offset or not math.isclose(conversion.factor, 10.0**power, rel_tol=1e-15):
+            return conversion(self.number)
+        return float(Decimal(repr(self.number)).scaleb(power))  # only shifts the point: no digit changes
 
 
 def resolve_conversion(unit: SiUnit | None, target: SiUnit | None, label: str) -> LinearTransformation:
@@ -90,14 +94,6 @@ def resolve_conversion(unit: SiUnit | None, target: SiUnit | None, label: str) -
         ) from error
     note_fault(label, *(f"{text}; it is converted as declared" for text in contradictions))
     return conversion
-
-
-def _scale_number(number: float, between: LinearTransformation) -> float:
-    """Transform a number; a power of ten only shifts the decimal point, so that no digit changes."""
-    power = round(math.log10(abs(between.factor)))
-    if between.offset or not math.isclose(between.factor, 10.0**power, rel_tol=1e-15):
-        return between(number)
-    return float(Decimal(repr(number)).scaleb(power))
 
 
 def has_unit(value: object) -> bool:

@@ -3,26 +3,9 @@
 import math
 from dataclasses import dataclass, replace
 
-from fmublock.units import BASE_UNITS, SiUnit, counts_turns, find_unit, list_meanings
-
-__all__ = [
-    "BASE_UNITS",
-    "COLUMN_UNITS",
-    "IDENTITY",
-    "LinearTransformation",
-    "SiUnit",
-    "UndefinedUnitError",
-    "counts_turns",
-    "define_display_unit",
-    "explain_contradiction",
-    "find_conversion",
-    "find_unit",
-    "format_powers",
-    "is_same_factor",
-    "list_contradictions",
-    "list_meanings",
-    "read_turns",
-]
+from fmublock.units import BASE_UNITS as BASE_UNITS
+from fmublock.units import SiUnit, counts_turns, find_unit
+from fmublock.units import list_meanings as list_meanings
 
 COLUMN_UNITS = "units"
 """The metadata entry of a Parquet file with the units of its columns, as a JSON object."""

@@ -10,14 +10,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..base.units import BASE_UNITS
 from ..base.untrusted_xml import parse_xml
 from ..base.wording import shorten_line
+from .fmi_3_calls import FLOATS, INTEGERS, NUMBER_TYPES
 
-_INTEGERS = ("Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64")
-_FLOATS = ("Float32", "Float64")
 _TYPES_2 = ("Real", "Integer", "Boolean", "String", "Enumeration")
-_TYPES_3 = (*_FLOATS, *_INTEGERS, "Boolean", "String", "Binary", "Enumeration", "Clock")
-_BASE = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
+_TYPES_3 = (*NUMBER_TYPES, "Boolean", "String", "Binary", "Enumeration", "Clock")
 _UNKNOWNS_2 = "ModelStructure/*[self::Outputs or self::Derivatives or self::InitialUnknowns]/Unknown"
 _UNKNOWNS_3 = (
     "ModelStructure/*[self::Output or self::ContinuousStateDerivative or self::ClockedState"
@@ -55,10 +54,10 @@ def _between(low: int, high: int) -> _Number:
 _UNSIGNED = _between(0, 2**32 - 1)
 _SIZE = _Number("a whole number, at least 0", 0)
 _BY_TYPE = {
-    **dict.fromkeys(("Real", *_FLOATS), _DOUBLE),
+    **dict.fromkeys(("Real", *FLOATS), _DOUBLE),
     **{
         kind: _between(*(int(x) for x in (np.iinfo(kind.lower()).min, np.iinfo(kind.lower()).max)))
-        for kind in _INTEGERS
+        for kind in INTEGERS
     },
     "Integer": _between(-(2**31), 2**31 - 1),
     "Enumeration": _WHOLE,
@@ -110,7 +109,7 @@ def _list_faults(root: Any) -> Iterator[_Fault]:
     times = ("startTime", "stopTime", "tolerance", "stepSize")
     yield from _check_all(root.iterfind("DefaultExperiment"), times, _DOUBLE)
     if not is_1:
-        yield from _check_all(root.iterfind("UnitDefinitions/Unit/BaseUnit"), _BASE, _WHOLE)
+        yield from _check_all(root.iterfind("UnitDefinitions/Unit/BaseUnit"), BASE_UNITS, _WHOLE)
         yield from _check_all(root.iterfind("UnitDefinitions/Unit/*"), ("factor", "offset"), _DOUBLE)
         yield from _check_types(root, is_3)
     variables = root.find("ModelVariables")

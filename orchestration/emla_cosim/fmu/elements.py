@@ -9,14 +9,15 @@ import attrs
 import numpy as np
 from fmpy.model_description import ModelDescription, ModelVariable, Unknown
 
-_INTEGERS = ("Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64")
+from .fmi_3_calls import INTEGERS
+
 WIDE = ("UInt32", "Int64", "UInt64")
 """Types with values that a 32-bit integer cannot have."""
 
 _GENERAL = {
     "Float64": "Real",
     "Float32": "Real",
-    **dict.fromkeys(_INTEGERS, "Integer"),
+    **dict.fromkeys(INTEGERS, "Integer"),
     "Boolean": "Boolean",
     "String": "String",
     "Enumeration": "Enumeration",
@@ -31,7 +32,7 @@ _MEMORY: dict[str, type[Any]] = {
     "Integer": np.int32,
     "Float64": np.float64,
     "Float32": np.float32,
-    **{name: getattr(np, name.lower()) for name in _INTEGERS},
+    **{name: getattr(np, name.lower()) for name in INTEGERS},
 }
 _LARGEST = 2**20
 """The largest number of elements of an array."""

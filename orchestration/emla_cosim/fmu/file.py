@@ -95,25 +95,14 @@ def open_fmu(path: Path, folder: Path, kind: str | None = None) -> FmuFile:
         ) from error
     except Exception as error:  # zipfile raises many types
         raise CommandError(f"'{path}' is not an FMU that can be read: {error}.") from error
-    return FmuFile(
-        path=path,
-        folder=folder,
-        interface=interface,
-        library=_check_complete(path, _library(path, folder, str(interface.kinds[kind].modelIdentifier))),
-        sha256=hash_file(path),
-        kind=kind,
-    )
+    identifier = str(interface.kinds[kind].modelIdentifier)
+    return FmuFile(path, folder, interface, _library(path, folder, identifier), hash_file(path), kind)
 
 
 def _library(path: Path, folder: Path, identifier: str) -> Path:
-    """Return the FMU's library for this machine."""
-    if (library := find_library(folder, identifier)) is not None:
-        return library
-    raise CommandError(f"'{path}' {explain_missing_library(folder, identifier)}.")
-
-
-def _check_complete(path: Path, library: Path) -> Path:
-    """Return the library; raise CommandError if it is truncated."""
+    """Return the FMU's library for this machine; raise CommandError if it is missing or truncated."""
+    if (library := find_library(folder, identifier)) is None:
+        raise CommandError(f"'{path}' {explain_missing_library(folder, identifier)}.")
     if missing := missing_bytes(library):
         raise CommandError(
             f"the library '{library.parent.name}/{library.name}' of the FMU '{path}' is truncated: its last "

@@ -7,18 +7,9 @@ import numpy as np
 
 from ..base.arrays import Vector
 
-NUMBER_TYPES = (
-    "Float64",
-    "Float32",
-    "Int8",
-    "UInt8",
-    "Int16",
-    "UInt16",
-    "Int32",
-    "UInt32",
-    "Int64",
-    "UInt64",
-)
+FLOATS = ("Float64", "Float32")
+INTEGERS = ("Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64")
+NUMBER_TYPES = (*FLOATS, *INTEGERS)
 
 DISCARD, ERROR = 2, 3
 

@@ -21,12 +21,9 @@ STATUS = ("fmi2OK", "fmi2Warning", "fmi2Discard", "fmi2Error", "fmi2Fatal", "fmi
 OK, WARNING, DISCARD, ERROR, FATAL, PENDING = range(6)
 FINE = (OK, WARNING)
 
-_WITHOUT_STATUS = ("fmi2GetTypesPlatform", "fmi2GetVersion", "fmi2Instantiate", "fmi2FreeInstance")
-_WITHOUT_STATUS_3 = (
-    "fmi3GetVersion",
-    "fmi3InstantiateCoSimulation",
-    "fmi3InstantiateModelExchange",
-    "fmi3FreeInstance",
+_WITHOUT_STATUS = (
+    *("fmi2GetTypesPlatform", "fmi2GetVersion", "fmi2Instantiate", "fmi2FreeInstance"),
+    *("fmi3GetVersion", "fmi3InstantiateCoSimulation", "fmi3InstantiateModelExchange", "fmi3FreeInstance"),
 )
 
 
@@ -170,7 +167,7 @@ class _Announced:
             raise self.instance.python_error(fname, error) from error
         finally:
             self.instance.returned()
-        if fname not in (*_WITHOUT_STATUS, *_WITHOUT_STATUS_3) and answer not in FINE:
+        if fname not in _WITHOUT_STATUS and answer not in FINE:
             raise FMICallException(fname, answer)
         return answer
 

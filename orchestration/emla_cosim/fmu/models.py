@@ -20,23 +20,12 @@ from fmublock.cache import cache_folder
 from fmublock.disclosure import Disclosure
 from fmublock.errors import BuildError, DisclosureError, LoadError, VersionError
 from fmublock.files import accept
-from fmublock.platforms import FMI_VERSIONS, TARGETS, host_platform
+from fmublock.platforms import FMI_VERSIONS as FMI_VERSIONS
+from fmublock.platforms import TARGETS, host_platform
 from fmublock.recipe import FLAVOURS, Documents, Producer, Recipe, RelatedFile
 
 from ..base.errors import CommandError, RunError, check_choice
 from ..base.ownership import check_replaceable, refuse_others
-
-__all__ = [
-    "FLAVOURS",
-    "FMI_VERSIONS",
-    "FMU_FOLDER",
-    "MODELS",
-    "PLATFORMS",
-    "Disclosure",
-    "build",
-    "find_block",
-    "fmu_path",
-]
 
 MODELS: dict[str, type[Block]] = {
     b.__name__: b for b in (*emla_fmu.BLOCKS, *rsba_fmu.BLOCKS, *hdrm_fmu.BLOCKS)

@@ -115,7 +115,9 @@ def convert_start_value(component: str, interface: Interface, variable: ModelVar
             raise CommandError(f"{name} = {value} is not a Boolean; write true or false.")
         return booleans[str(value).lower()]
     try:
-        number = float(value) if variable.type == "Real" else _convert_integer(value)
+        if variable.type != "Real" and isinstance(value, float) and not value.is_integer():
+            raise ValueError(value)
+        number = float(value) if variable.type == "Real" else int(value)
     except (ValueError, OverflowError) as error:
         kind = "number" if variable.type == "Real" else "whole number"
         raise CommandError(f"{name} = {value} is not a {kind}.") from error
@@ -145,13 +147,6 @@ def format_value(variable: ModelVariable, value: Any) -> Any:
     """Return a value of a variable as users write it: the name of an item of an enumeration."""
     names = {number: name for name, number in _items(variable).items()}
     return names.get(value, value) if variable.type == "Enumeration" else value
-
-
-def _convert_integer(value: Any) -> int:
-    """Return a whole number, possibly written as a float; raise ValueError for any other value."""
-    if isinstance(value, float) and not value.is_integer():
-        raise ValueError(value)
-    return int(value)
 
 
 def _enumeration(name: str, variable: ModelVariable, value: Any) -> int:

@@ -14,7 +14,7 @@ from ..fmu.interface import CO_SIMULATION, KINDS, Interface, read_interfaces
 from ..fmu.models import build, check_build_path
 from ..inputs.loaded_input import LoadedInput, find_data_end
 from ..inputs.wired_inputs import wire_inputs
-from ..system.model import Component, Replacement, ShortNameError, System, Value
+from ..system.model import Component, ShortNameError, System, Value
 from ..system.names import Names
 from ..system.signal_faults import add_fault_components, wire_faults
 from ..system.structure import set_structure, structure_of
@@ -74,7 +74,16 @@ def prepare_system(system: System, options: Options, progress: Progress) -> Prep
         if note and component.name not in replacements:
             progress.note(f"Note: {note}")
     for name, replacement in replacements.items():
-        system = _replace_component(system, name, replacement, others[name], interfaces, progress)
+        system, fit = replace_component(system, name, replacement, others[name], interfaces)
+        progress.report_replacement(fit)
+        if fit.problems:
+            first, *further = fit.problems
+            more = f", and {format_count(len(further), 'more does', 'more do')} not fit" if further else ""
+            raise CommandError(
+                f"'{replacement.fmu}' cannot replace {name}: {first}{more}; a mapping may help.",
+                component=name,
+                problems=[str(p) for p in fit.problems],
+            )
         fmus[name], interfaces[name] = replacement.fmu, others[name]
         if sizes := structure_of(system.component(name), others[name]):
             raise CommandError(
@@ -176,27 +185,6 @@ def apply_parameter_files(
         for file in files:
             system = system.with_parameters(file_values(file, system, interfaces))
     return system
-
-
-def _replace_component(
-    system: System,
-    name: str,
-    replacement: Replacement,
-    other: Interface,
-    interfaces: Mapping[str, Interface],
-    progress: Progress,
-) -> System:
-    changed, fit = replace_component(system, name, replacement, other, interfaces)
-    progress.report_replacement(fit)
-    if fit.problems:
-        first, *others = fit.problems
-        more = f", and {format_count(len(others), 'more does', 'more do')} not fit" if others else ""
-        raise CommandError(
-            f"'{replacement.fmu}' cannot replace {name}: {first}{more}; a mapping may help.",
-            component=name,
-            problems=[str(p) for p in fit.problems],
-        )
-    return changed
 
 
 def disable_event_mode(system: System, names: Sequence[str], interfaces: Mapping[str, Interface]) -> System:

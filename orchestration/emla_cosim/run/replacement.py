@@ -46,7 +46,7 @@ def replace_component(
     component, original = convert_to_fmu_terms(system.component(name)), interfaces[name]
     entries = _entries(replacement, original, other)
     matching = _VariableMatcher(system, component, original, other, entries)
-    fit = CompatibilityReport(name, replacement.fmu, matching.matches, matching.same)
+    fit = CompatibilityReport(name, replacement.fmu, matching.matches, len(matching.same))
     if fit.problems:
         return system, fit
     kept = {n: v for n, v in component.parameters.items() if n not in matching.left_out}
@@ -116,7 +116,8 @@ class _VariableMatcher:
         self.aliases: dict[str, Alias] = {}
         self.matches: list[VariableMatch] = []
         self.left_out: set[str] = set()
-        self._same: set[str] = set()
+        self.same: set[str] = set()
+        """The variables with the same name and unit."""
         inputs = [x.input for x in system.into(component.name)]
         outputs = list(dict.fromkeys(x.output for x in system.out_of(component.name)))
         for name in inputs:
@@ -129,11 +130,6 @@ class _VariableMatcher:
         self.matches += self._free(inputs)
         if any(match.fatal for match in self.matches):
             self.matches += self._unused()
-
-    @property
-    def same(self) -> int:
-        """Number of variables with the same name and unit."""
-        return len(self._same)
 
     def _target(self, name: str) -> str:
         """Return the new FMU's name of a variable; empty if another variable already has that name."""
@@ -183,7 +179,7 @@ class _VariableMatcher:
 
     def _unused(self) -> Iterator[VariableMatch]:
         """Match outputs and parameters of the new FMU that a mapping could still name."""
-        used = {*self._taken, *self._same}
+        used = {*self._taken, *self.same}
         for name, variable in self._other.variables.items():
             if variable.causality in ("output", "parameter") and name not in used:
                 yield VariableMatch(variable.causality, "", self._with_unit(name, self._other), "is not used")
@@ -200,7 +196,7 @@ class _VariableMatcher:
             self._say(kind, name, variable.name, f"has {error}", fatal=True)
             return
         if variable.name == name and transformation == IDENTITY:
-            self._same.add(name)
+            self.same.add(name)
             return
         self.aliases[name] = Alias(variable.name, transformation, ours)
         self._say(kind, name, variable.name, FITS if transformation == IDENTITY else str(transformation))

@@ -119,7 +119,9 @@ class SweepFolder(Folder):
             self.write_record({**record, "status": UNFINISHED_SWEEP})
             with write_atomically(self._place / PARTS / DESIGN) as stream:
                 stream.write(to_parquet(about))
-            self._forget_orphans()
+            for file in (self._place / SERIES).glob("*.parquet"):  # of chunks whose part was not written
+                if not (self._place / PARTS / file.name).exists():
+                    file.unlink()
 
     def clear(self) -> None:
         """Remove the files of an earlier sweep. May raise OSError."""
@@ -205,12 +207,6 @@ class SweepFolder(Folder):
             raise CommandError(
                 f"'{self.path / PARTS / file.name}' cannot be read; remove it to run its variants again."
             ) from error
-
-    def _forget_orphans(self) -> None:
-        """Remove signals of chunks whose part was not written."""
-        for file in (self._place / SERIES).glob("*.parquet"):
-            if not (self._place / PARTS / file.name).exists():
-                file.unlink()
 
 
 def read_unfinished(folder: Path, figures: Sequence[str]) -> tuple[polars.DataFrame, list[Path]] | None:

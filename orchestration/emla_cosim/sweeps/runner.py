@@ -22,7 +22,6 @@ from ..sandbox.interruption import catch_interrupts
 from .data import Chunk, SimulationDescription
 from .design import Design, VariantGroup, design_variants
 from .executor import ClusterExecutor, Scheduler, open_executor
-from .factors import Factor
 from .folder import SweepFolder, hash_plain_data
 from .measures import Measures, Metric, MetricRequest, resolve_measures, with_verdicts
 from .plan import Plan, Source, load_plan
@@ -110,7 +109,9 @@ def sweep(
         with folder.alone():
             _run(design, notes, folder, (scheduler, workers), resume, progress)
             result = read_sweep(folder.path)
-            _keep_sobol_indices(result, folder)
+            if result.complete and result.sampling == SALTELLI and SOBOL not in folder.record():
+                indices = {name: found.record() for name, found in all_sobol_indices(result).items()}
+                folder.write_record({SOBOL: indices})
             folder.settle()
         return replace(result, folder=None, resources=held.pop_all()) if output is None else result
 
@@ -132,26 +133,15 @@ def _notes(group: VariantGroup) -> Iterator[str]:
     if scenario is None:
         return
     yield from scenario.notes
+    changing = [f for f in group.factors if not any(map(needs_preparation, f.targets))]
     for end in (1, 0):  # high end first: high loads, speeds and strokes are the critical ones
         try:
-            variant = scenario.with_options(_at_ends(group.factors, end))
+            options = merge_options(f.options(f.value(f.distribution.ends[end])) for f in changing)
+            variant = scenario.with_options(options)
         except CommandError as error:  # a single run would fail with this message
             yield f"some variants cannot run: {str(error).strip().rstrip('.')}"
             continue
         yield from variant.notes
-
-
-def _at_ends(factors: Sequence[Factor], end: int) -> dict[str, Any]:
-    """Return the options of a variant with all factors at their low (0) or high end (1)."""
-    changing = [f for f in factors if not any(needs_preparation(target) for target in f.targets)]
-    return merge_options(f.options(f.value(f.distribution.ends[end])) for f in changing)
-
-
-def _keep_sobol_indices(result: SweepResult, folder: SweepFolder) -> None:
-    """Write the Sobol indices of all figures to sweep.json, once the sweep is complete."""
-    if result.complete and result.sampling == SALTELLI and SOBOL not in folder.record():
-        found = {name: indices.record() for name, indices in all_sobol_indices(result).items()}
-        folder.write_record({SOBOL: found})
 
 
 def check_cluster(scheduler: Scheduler, workers: int | None) -> None:
@@ -186,7 +176,10 @@ def _run(
     with catch_interrupts() as interrupted, open_executor(payload, *cluster, progress.note) as found:
         measures, described = _measures(design, asked, found)
         folder.check_room(design.count, len(measures.names), described.rows * len(measures.signals))
-        about = _table_columns(design, identity)
+        about = design.table().with_columns(
+            polars.lit(design.plan.seed, polars.Int64).alias("seed"),
+            polars.Series("provenance", design.provenance(identity["metrics"]), polars.String),
+        )
         folder.begin(_record(design, notes, measures, described, identity), about, resume)
         finished = folder.finished()
         progress.begin("sweeping", design.count, "variants")
@@ -262,11 +255,3 @@ def _record(
         "systems": design.identities,
         "version": version("emla-cosim"),
     }
-
-
-def _table_columns(design: Design, identity: Mapping[str, Any]) -> polars.DataFrame:
-    """Return the columns of the table that are known before the run."""
-    return design.table().with_columns(
-        polars.lit(design.plan.seed, polars.Int64).alias("seed"),
-        polars.Series("provenance", design.provenance(identity["metrics"]), polars.String),
-    )

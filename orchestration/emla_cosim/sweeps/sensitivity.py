@@ -56,13 +56,11 @@ class SobolIndices:
 
     def record(self) -> dict[str, Any]:
         """Return the entry for sweep.json."""
-        numbers = {name: [_or_none(x) for x in getattr(self, name).tolist()] for name in _INDICES}
+        numbers = {
+            name: [x if math.isfinite(x) else None for x in getattr(self, name).tolist()] for name in _INDICES
+        }
         kept = {"factors": list(self.factors), **numbers, "groups": self.groups, "left_out": self.left_out}
         return {**kept, "warning": self.warning}
-
-
-def _or_none(value: float) -> float | None:
-    return value if math.isfinite(value) else None
 
 
 _INDICES = ("first", "first_confidence", "total", "total_confidence")
@@ -103,16 +101,9 @@ def sobol_indices(result: SweepData, figure: str) -> SobolIndices:
             f"in all of their {rows} variants; Sobol indices need at least 2, for useful results hundreds.",
             figure=figure,
         )
-    first, first_confidence, total, total_confidence = _indices(result, figure, whole)
+    indices = _indices(result, figure, whole)
     return SobolIndices(
-        figure,
-        tuple(result.factors),
-        first,
-        first_confidence,
-        total,
-        total_confidence,
-        groups=len(whole),
-        left_out=count - len(whole),
+        figure, tuple(result.factors), *indices, groups=len(whole), left_out=count - len(whole)
     )
 
 

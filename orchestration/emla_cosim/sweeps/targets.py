@@ -89,7 +89,13 @@ def _arguments(option: Option, value: Any) -> list[str] | None:
         entered = [one for one in value.values() if isinstance(one, FileOrObject)]
         if any(one.file is None for one in entered):
             return None
-        return [text for name, inner in value.items() for text in _entry(flag, name, inner)]
+        arguments = list[str]()
+        for name, inner in value.items():
+            is_fmu = isinstance(inner, Replacement)
+            arguments += [flag, f"{name}={inner.fmu if is_fmu else _text(inner)}"]
+            if is_fmu and inner.mapping is not None:
+                arguments += ["--mapping", f"{name}={inner.mapping}"]
+        return arguments
     if isinstance(value, (list, tuple)):
         if option.parse is not None:
             return [flag, ",".join(map(_text, value))]
@@ -97,13 +103,6 @@ def _arguments(option: Option, value: Any) -> list[str] | None:
             return None
         return [text for inner in value for text in (flag, _text(inner))]
     return [flag, _text(value)] if isinstance(value, (str, int, float, Path)) else None
-
-
-def _entry(flag: str, name: str, value: Any) -> list[str]:
-    if not isinstance(value, Replacement):
-        return [flag, f"{name}={_text(value)}"]
-    mapping = [] if value.mapping is None else ["--mapping", f"{name}={value.mapping}"]
-    return [flag, f"{name}={value.fmu}", *mapping]
 
 
 def _text(value: Any) -> str:

@@ -48,11 +48,6 @@ class Fault:
     value: float | str | None = None
 
     def __post_init__(self) -> None:
-        """Check the fields, and read a value without a unit as a number.
-
-        Raises:
-            CommandError: If a field is invalid.
-        """
         check_choice("kind of fault", self.kind, KINDS)
         of = f"the fault of {self.signal}"
         number = self.value

@@ -194,11 +194,11 @@ class System:
 
     def into(self, name: str) -> Sequence[Connection]:
         """Return the connections to inputs of a component, in order."""
-        return self._into.get(name, ())
+        return self._by_ends[1].get(name, ())
 
     def out_of(self, name: str) -> Sequence[Connection]:
         """Return the connections from outputs of a component, in order."""
-        return self._out_of.get(name, ())
+        return self._by_ends[0].get(name, ())
 
     def split(self, path: str) -> tuple[Component, str]:
         """Split a full name into the component and the name of the variable; both may contain dots.
@@ -300,18 +300,13 @@ class System:
         return {c.name: c for c in reversed(self.components)}
 
     @cached_property
-    def _into(self) -> dict[str, list[Connection]]:
-        return self._connections_by(lambda x: x.target)
-
-    @cached_property
-    def _out_of(self) -> dict[str, list[Connection]]:
-        return self._connections_by(lambda x: x.source)
-
-    def _connections_by(self, component: Callable[[Connection], str]) -> dict[str, list[Connection]]:
-        found: dict[str, list[Connection]] = {}
+    def _by_ends(self) -> tuple[dict[str, list[Connection]], dict[str, list[Connection]]]:
+        """Connections by their source, and by their target."""
+        by_source, by_target = dict[str, list[Connection]](), dict[str, list[Connection]]()
         for x in self.connections:
-            found.setdefault(component(x), []).append(x)
-        return found
+            by_source.setdefault(x.source, []).append(x)
+            by_target.setdefault(x.target, []).append(x)
+        return by_source, by_target
 
     def _connection(self, text: str) -> Connection:
         source, arrow, target = (part.strip() for part in str(text).partition("->"))

@@ -31,11 +31,14 @@ def resolve_system(system: System, interfaces: Mapping[str, Interface]) -> Syste
         CommandError: If names, types or units do not match.
     """
     names: set[str] = set()
-    for component in system.components:
-        _check_name(component.name)
-        if component.name in names:
-            raise CommandError(f"there are two components '{component.name}'; each needs its own name.")
-        names.add(component.name)
+    for name in (c.name for c in system.components):
+        if not name or any(unicodedata.category(letter) in _UNSEEN for letter in name):
+            raise CommandError(
+                f"the component {name!r} needs another name: one line, without control characters.", name=name
+            )
+        if name in names:
+            raise CommandError(f"there are two components '{name}'; each needs its own name.")
+        names.add(name)
     components = tuple(convert_to_fmu_terms(c) for c in system.components)
     driven: dict[tuple[str, str], Connection] = {}
     for x in system.connections:
@@ -47,14 +50,6 @@ def resolve_system(system: System, interfaces: Mapping[str, Interface]) -> Syste
         replace(x, transformation=_transformation(x, system, interfaces)) for x in system.connections
     )
     return replace(system, components=components, connections=tuple(connections))
-
-
-def _check_name(name: str) -> None:
-    """Raise CommandError if a component name is empty or does not fit into one line of text."""
-    if not name or any(unicodedata.category(letter) in _UNSEEN for letter in name):
-        raise CommandError(
-            f"the component {name!r} needs another name: one line, without control characters.", name=name
-        )
 
 
 def refuse_driven(component: Component, system: System) -> None:

@@ -59,16 +59,24 @@ def wire_faults(system: System, placed: FaultComponents, interfaces: Mapping[str
     for name, signal in signals.items():
         fault = placed[name]
         if isinstance(fault.value, str):
-            values = _start_values(replace(fault, value=_read_value(signal, fault.kind, fault.value)))
+            unit = signal.unit
+            if unit is not None and fault.kind == "offset":
+                unit = replace(unit, is_difference=True)
+            value = read_quantity(fault.value, f"the value of the fault of {signal.full_name}", unit)
+            values = _start_values(replace(fault, value=value))
             system = system.with_component(replace(system.component(name), parameters=values))
     outputs = [name for name, signal in signals.items() if signal.variable.causality == "output"]
     for name in reversed(outputs):  # each is connected directly to the output
-        system = _behind_output(system, name, signals[name].end, interfaces)
+        end = signals[name].end
+        if not any(x.ends[0] == end for x in system.connections):
+            raise CommandError(f"{'.'.join(end)} is not connected, so a fault of it would have no effect.")
+        system = _insert(system, Connection(*end, name, "u"), interfaces, source=name, output="y")
     for name, signal in signals.items():
         if name in outputs:
             continue
         if any(x.ends[1] == signal.end for x in system.connections):
-            system = _before_input(system, name, signal.end, interfaces)
+            added = Connection(name, "y", *signal.end)
+            system = _insert(system, added, interfaces, target=name, input="u")
         else:
             system = _at_free_input(system, name, signal)
     return system
@@ -84,14 +92,6 @@ def _start_values(fault: Fault) -> dict[str, Value]:
         return values | {"freeze": True}
     effects = {"offset": {"offset": fault.value}, "gain": {"gain": fault.value}}
     return values | effects.get(fault.kind, {"gain": 0.0, "offset": fault.value})
-
-
-def _read_value(signal: NamedVariable, kind: str, text: str) -> float:
-    """Return the value of a fault in the unit of its signal; an offset is a difference."""
-    unit = signal.unit
-    if unit is not None and kind == "offset":
-        unit = replace(unit, is_difference=True)
-    return read_quantity(text, f"the value of the fault of {signal.full_name}", unit)
 
 
 def _find_signal(names: Names, fault: Fault) -> NamedVariable:
@@ -112,28 +112,17 @@ def _find_signal(names: Names, fault: Fault) -> NamedVariable:
     return signal
 
 
-def _behind_output(
-    system: System, name: str, end: tuple[str, str], interfaces: Mapping[str, Interface]
-) -> System:
-    """Insert a fault between an output and all its receivers, before the conversion of units."""
-    if not any(x.ends[0] == end for x in system.connections):
-        raise CommandError(f"{'.'.join(end)} is not connected, so a fault of it would have no effect.")
+def _insert(system: System, added: Connection, interfaces: Mapping[str, Interface], **ends: str) -> System:
+    """Insert a fault, which has the other `ends`, into the connections of an output or an input.
+
+    At an output it is before the conversion of units, at an input behind it.
+    """
+    side = 0 if "source" in ends else 1
     connections = (
-        _convert_connection(x, interfaces, source=name, output="y") if x.ends[0] == end else x
+        _convert_connection(x, interfaces, **ends) if x.ends[side] == added.ends[side] else x
         for x in system.connections
     )
-    return replace(system, connections=(*connections, Connection(*end, name, "u")))
-
-
-def _before_input(
-    system: System, name: str, end: tuple[str, str], interfaces: Mapping[str, Interface]
-) -> System:
-    """Insert a fault between an input and its source, after the conversion of units."""
-    connections = (
-        _convert_connection(x, interfaces, target=name, input="u") if x.ends[1] == end else x
-        for x in system.connections
-    )
-    return replace(system, connections=(*connections, Connection(name, "y", *end)))
+    return replace(system, connections=(*connections, added))
 
 
 def _at_free_input(system: System, name: str, signal: NamedVariable) -> System:

@@ -158,6 +158,7 @@ class _Reader:
                 )
 
     def _common(self, element: XmlElement) -> dict[str, Any]:
+        place = child(element, "ssd:ElementGeometry")
         return {
             "name": element.get("name"),
             "connectors": tuple(
@@ -166,7 +167,7 @@ class _Reader:
             "bindings": tuple(
                 self._binding(b) for b in children(element, "ssd:ParameterBindings", "ssd:ParameterBinding")
             ),
-            "extent": _corners(child(element, "ssd:ElementGeometry")),
+            "extent": None if place is None else tuple(float(place.get(c)) for c in CORNERS),
             "id": element.get("id"),
         }
 
@@ -255,7 +256,3 @@ class _Reader:
             raise self._fault(element, f"the {local_name(element)} has neither a source nor content")
         check(inside, self._where, kind)
         return inside
-
-
-def _corners(element: XmlElement | None) -> Any:
-    return None if element is None else tuple(float(element.get(c)) for c in CORNERS)

@@ -139,7 +139,8 @@ def _add_common(parent: XmlElement, tag: str, element: Element, /, **attributes:
         for connector in element.connectors:
             _add_connector(group, connector)
     if element.extent is not None:
-        add(added, "ssd:ElementGeometry", **_geometry(element.extent))
+        corners = map(format_float, element.extent)
+        add(added, "ssd:ElementGeometry", **dict(zip(CORNERS, corners, strict=True)))
     if element.bindings:
         group = add(added, "ssd:ParameterBindings")
         for binding in element.bindings:
@@ -206,7 +207,3 @@ def _add_connections(group: XmlElement, connections: Iterable[SsdConnection]) ->
 
 def _format_indices(indices: Iterable[int]) -> str | None:
     return " ".join(map(str, indices)) or None
-
-
-def _geometry(corners: Iterable[float]) -> dict[str, str | None]:
-    return {name: format_float(value) for name, value in zip(CORNERS, corners, strict=True)}

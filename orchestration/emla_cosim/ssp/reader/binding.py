@@ -83,18 +83,15 @@ def resolve_bindings(
                 height = max(g.height for g, _ in given)
                 highest = [pair for pair in given if pair[0].height == height]
                 best, node = highest[-1]  # the chain ends at the source
-                overridden += [_override(other, n, node) for other, n in highest[:-1]]
+                overridden += [
+                    f"{node_name(n)} = {other.parameter.value} has no effect: it is connected to "
+                    f"{node_name(node)}, which has a value too"
+                    for other, n in highest[:-1]
+                ]
                 own = best.entry if best.height == -len(path) else None
                 value = _value(wiring, best, node, (path, name))
                 values[path][name] = BoundValue(value, best.parameter, own)
     return values, [*collected.unused(), *overridden]
-
-
-def _override(given: _GivenValue, node: Node, source: Node) -> str:
-    return (
-        f"{node_name(node)} = {given.parameter.value} has no effect: it is connected to {node_name(source)}, "
-        "which has a value too"
-    )
 
 
 class _CollectedBindings:

@@ -153,7 +153,11 @@ class _Level:
             has = join_names(connectors) if connectors else "none"
             raise self._fault(connection, f"names the connector '{name}'; '{owner.name}' has {has}")
         if isinstance(owner, DictionaryReference):
-            node = self._dictionary(owner), name
+            if owner.dictionary not in self._dictionaries:
+                raise self._wiring.fault(
+                    f"'{owner.name}' names the signal dictionary '{owner.dictionary}', which is missing."
+                )
+            node = self._dictionaries[owner.dictionary], name
             self._share(node, connectors[name])
             return _ConnectionEnd(node, gives=True, takes=True)
         if isinstance(owner, ComponentElement):
@@ -169,14 +173,6 @@ class _Level:
         if element is None:  # inputs of a system are sources inside of it
             return _ConnectionEnd((self._path, name), gives=takes, takes=gives)
         return _ConnectionEnd(((*self._path, element), name), gives, takes)
-
-    def _dictionary(self, reference: DictionaryReference) -> Path_:
-        found = self._dictionaries.get(reference.dictionary)
-        if found is None:
-            raise self._wiring.fault(
-                f"'{reference.name}' names the signal dictionary '{reference.dictionary}', which is missing."
-            )
-        return found
 
     def _share(self, node: Node, connector: Connector) -> None:
         """Use one connector for all references to a signal of a dictionary, and check that units agree."""

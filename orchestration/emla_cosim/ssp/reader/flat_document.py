@@ -265,19 +265,7 @@ def _connection(wired: Wiring, target: Node, names: dict[Path_, str]) -> Connect
     if source[0] not in wired.fmus:
         return None
     transformation = wired.arriving(target, source)
-    default = _unit_conversion(wired, source, target)
-    return Connection(
-        names[source[0]],
-        source[1],
-        names[target[0]],
-        target[1],
-        None if transformation == default else transformation,
-    )
-
-
-def _unit_conversion(wired: Wiring, source: Node, target: Node) -> object:
-    """Return the conversion of units; None if they cannot be converted."""
-    try:
-        return find_conversion(wired.fmu_unit(source), wired.fmu_unit(target))
-    except ValueError:
-        return None
+    with contextlib.suppress(ValueError):  # the units cannot be converted
+        if transformation == find_conversion(wired.fmu_unit(source), wired.fmu_unit(target)):
+            transformation = None
+    return Connection(names[source[0]], source[1], names[target[0]], target[1], transformation)

@@ -93,7 +93,14 @@ def open_package(path: Path, variant: str = "") -> Iterator[Package]:
     else:
         with temporary_folder("ssp") as temporary, show_paths_relative_to(temporary):
             folder = temporary / file.name
-            _unpack(file, folder)
+            try:
+                unpack(file, folder)
+            except UnsafeArchiveError as error:
+                raise CommandError(f"the package '{file}' {error}.") from error
+            except OSError as error:
+                raise CommandError(f"'{file}' cannot be unpacked: {error.strerror or error}.") from error
+            except Exception as error:  # zipfile raises many types
+                raise CommandError(f"'{file}' is not an SSP that can be read: {error}.") from error
             yield replace(_package(folder, variant, name), unpacked=temporary)
 
 
@@ -102,17 +109,6 @@ def _variant(path: Path) -> tuple[Path, str]:
         return path, ""
     name, hash_, variant = path.name.partition("#")
     return (path.with_name(name), variant) if hash_ and name else (path, "")
-
-
-def _unpack(file: Path, folder: Path) -> None:
-    try:
-        unpack(file, folder)
-    except UnsafeArchiveError as error:
-        raise CommandError(f"the package '{file}' {error}.") from error
-    except OSError as error:
-        raise CommandError(f"'{file}' cannot be unpacked: {error.strerror or error}.") from error
-    except Exception as error:  # zipfile raises many types
-        raise CommandError(f"'{file}' is not an SSP that can be read: {error}.") from error
 
 
 def _package(folder: Path, variant: str, name: str) -> Package:

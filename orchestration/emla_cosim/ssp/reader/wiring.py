@@ -51,14 +51,12 @@ class Wiring:
         return CommandError(f"{place}: {text}")
 
     def unit(self, node: Node) -> SiUnit | None:
-        """Return the unit of a connector: the declared one, that of the FMU's variable, or of its targets."""
+        """Return the unit of a connector: the declared one, that of the FMU's variable, or of all targets."""
         declared = self.connectors[node].unit if node in self.connectors else None
         if declared is not None:
             return declared
-        return self.fmu_unit(node) if node[0] in self.fmus else self._unit_inside(node)
-
-    def _unit_inside(self, node: Node) -> SiUnit | None:
-        """Return the unit of all inner connectors that a system's connector drives, if they have the same."""
+        if node[0] in self.fmus:
+            return self.fmu_unit(node)
         inside = (target for target in self._driven.get(node, ()) if target[0][:-1] == node[0])
         units = {self.unit(target) for target in inside}
         return units.pop() if len(units) == 1 else None

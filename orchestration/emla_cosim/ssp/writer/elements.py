@@ -1,7 +1,7 @@
 """Conversion of a system of FMUs to the elements of an SSP."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from ...base.units import IDENTITY, SiUnit
 from ...fmu.interface import KINDS, Interface
@@ -99,22 +99,14 @@ class _Builder:
         )
 
     def _connection(self, connection: Connection) -> ssp.SsdConnection:
+        """Return a connection with an explicit transformation, for tools that do not convert units."""
         source, target = self._names[connection.source], self._names[connection.target]
-        plain = ssp.SsdConnection(source, connection.output, target, connection.input)
-        return self._transformed(plain, connection)
-
-    def _transformed(self, plain: ssp.SsdConnection, connection: Connection) -> ssp.SsdConnection:
-        """Return the connection with an explicit transformation, for tools that do not convert units."""
-        source = self._parts[connection.source].interface.unit(connection.output)
-        target = self._parts[connection.target].interface.unit(connection.input)
-        transformation = connection.transformation or IDENTITY
-        if transformation != IDENTITY:
-            return replace(plain, transformation=transformation, suppress_unit_conversion=True)
-        return replace(plain, suppress_unit_conversion=not _same(source, target))
-
-
-def _same(source: SiUnit | None, target: SiUnit | None) -> bool:
-    return source is None or target is None or source.measures_as(target)
+        given, needed = (self._parts[component].interface.unit(name) for component, name in connection.ends)
+        converts = not (given is None or needed is None or given.measures_as(needed))
+        explicit = None if connection.transformation == IDENTITY else connection.transformation
+        return ssp.SsdConnection(
+            source, connection.output, target, connection.input, explicit, converts or explicit is not None
+        )
 
 
 def select_unambiguous(units: Iterable[SiUnit | None]) -> set[SiUnit]:

@@ -89,7 +89,9 @@ def write_ssp(
     fmus = {c.name: fmus[c.name] for c in system.components}
     interfaces = read_sized_interfaces(system, fmus)
     plain = resolve_system(system, interfaces)
-    uris = _uris(fmus)
+    uris: dict[Path, str] = {}
+    for file in dict.fromkeys(fmus.values()):
+        uris[file] = file_name(file.stem, ".fmu", uris.values())  # files of the same name are numbered
     version = select_version(plain, interfaces)
     parameters = parameter_files(system, interfaces, version)
     parts = {
@@ -117,11 +119,3 @@ def write_ssp(
         write_archive(path, contents, _MARK, check=refuse_others(_is_ours, overwrite))
     except OSError as error:
         raise RunError(f"the package '{path}' cannot be written: {error.strerror or error}.") from error
-
-
-def _uris(fmus: Mapping[str, Path]) -> dict[Path, str]:
-    """Return a URI in the package for each FMU; files of the same name are numbered."""
-    uris: dict[Path, str] = {}
-    for file in dict.fromkeys(fmus.values()):
-        uris[file] = file_name(file.stem, ".fmu", uris.values())
-    return uris

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 
 from ...base.errors import CommandError
 from ...base.faults import accept_if_lenient
+from ...base.wording import find_free_name
 from ...fmu.interface import Interface
 from ...fmu.variables import convert_start_value, find_variable
 from ...system.model import Component, System
@@ -123,18 +124,15 @@ def _bindings(
         return ()
     contents, version = files.contents, files.version
     uri = file_name(component.name, ".ssv", contents)
-    contents[uri] = _parameter_set(component.name, parameters, version)
+    known = select_unambiguous(p.unit for p in parameters)
+    listed = tuple(p if p.unit in known else replace(p, unit=None) for p in parameters)
+    content = ParameterSet(SET_NAME, listed, f"Parameters of {component.name}")
+    contents[uri] = format_parameter_set(content, version)
     reference = None
     if mapping:
         reference = FileReference(file_name(component.name, ".ssm", contents))
         contents[reference.source] = format_mapping(mapping, version)
     return (ParameterBinding(FileReference(uri), mapping=reference, renames=reference is not None),)
-
-
-def _parameter_set(name: str, parameters: list[SsvParameter], version: str) -> bytes:
-    known = select_unambiguous(p.unit for p in parameters)
-    listed = [p if p.unit in known else replace(p, unit=None) for p in parameters]
-    return format_parameter_set(ParameterSet(SET_NAME, tuple(listed), f"Parameters of {name}"), version)
 
 
 def file_name(name: str, ending: str, taken: Collection[str]) -> str:
@@ -146,8 +144,4 @@ def file_name(name: str, ending: str, taken: Collection[str]) -> str:
         taken: The URIs in use.
     """
     stem = re.sub(r"[^A-Za-z0-9_-]", "_", name)
-    uri, number = f"resources/{stem}{ending}", 1
-    while uri in taken:
-        number += 1
-        uri = f"resources/{stem}_{number}{ending}"
-    return uri
+    return find_free_name(f"resources/{stem}", {uri.removesuffix(ending) for uri in taken}) + ending

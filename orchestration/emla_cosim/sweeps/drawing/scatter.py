@@ -56,7 +56,8 @@ def draw_figures(result: SweepData, figures: Sequence[str] = ()) -> "Figure":
     """
     chosen = list(figures or find_varying_figures(result))[:_MOST_FIGURES]
     values = {figure: figure_values(result, figure) for figure in chosen}
-    factors = _strongest(result, list(values.values()))
+    varying = [one for name in result.factors if (one := read_factor(result, name)).varies]
+    factors = sorted(varying, key=lambda one: -max((influence(one, v) for v in values.values()), default=0.0))
     if not (chosen and factors):
         raise nothing_varies_error(result, "factor" if chosen else "figure")
     outcomes = read_outcomes(result)
@@ -79,12 +80,6 @@ def draw_figures(result: SweepData, figures: Sequence[str] = ()) -> "Figure":
         notes.append("Marks at the bottom are variants without the figure.")
     put_legend(figure, make_legend_handles(outcomes, good_outcome(result)), " ".join(notes))
     return figure
-
-
-def _strongest(result: SweepData, figures: Sequence[Vector]) -> list[FactorColumn]:
-    """Return the factors that vary, sorted by their largest rank correlation with any of the figures."""
-    factors = [one for name in result.factors if (one := read_factor(result, name)).varies]
-    return sorted(factors, key=lambda one: -max((influence(one, values) for values in figures), default=0.0))
 
 
 def _draw_panel(

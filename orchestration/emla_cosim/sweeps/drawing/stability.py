@@ -61,7 +61,8 @@ def draw_map(result: SweepData, figures: Sequence[str] = ()) -> "Figure":
     if len(figures) > 1:
         raise CommandError(f"a map shows one figure, not {len(figures)}.")
     outcomes = read_outcomes(result)
-    name = figures[0] if figures else _first_figure(result)
+    varying = (figure for figure in find_varying_figures(result) if not is_truth(result, figure))
+    name = next(iter(figures or varying), None)
     values = (
         figure_values(result, name) * display_of(result, name).factor
         if name
@@ -91,10 +92,6 @@ def draw_map(result: SweepData, figures: Sequence[str] = ()) -> "Figure":
         "" if len(result.factors) == 2 else _note(result, outcomes, good),
     )
     return figure
-
-
-def _first_figure(result: SweepData) -> str | None:
-    return next((figure for figure in find_varying_figures(result) if not is_truth(result, figure)), None)
 
 
 def _two_factors(
