@@ -53,10 +53,10 @@ from .recorders.recorder import Recorder as Recorder
 from .recorders.registry import RECORDERS as RECORDERS
 from .recorders.registry import TABLES as TABLES
 from .recorders.table import Table as Table
-from .recorders.time_series import TimeSeries as TimeSeries
-from .recorders.tubes.signal_comparison import Comparison as Comparison
+from .recorders.table import TimeSeries as TimeSeries
+from .recorders.tubes.signal_check import Comparison as Comparison
 from .recorders.tubes.tolerance import Tolerance as Tolerance
-from .recorders.tubes.tube import Tube as Tube
+from .recorders.tubes.tolerance import Tube as Tube
 from .run.options import Options as Options
 from .run.result import Result as Result
 from .run.scenarios.scenario import Scenario as Scenario
