@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from emla_cosim.base.errors import CommandError
+from emla_cosim.base.values import convert_value
 from emla_cosim.recorders.tubes.signal_check import (
     Comparison,
     compare_signal,
@@ -19,9 +20,9 @@ from emla_cosim.recorders.tubes.tolerance import (
     Tolerance,
     Tube,
     find_tolerance,
-    parse_tolerances,
     read_tolerances,
 )
+from emla_cosim.verification.references.reference_files import ReferenceTable
 
 EXACT = Tolerance(relative=1e-3, time=0.0)
 
@@ -160,7 +161,9 @@ def test_invalid_tolerances(texts: list[str], message: str) -> None:
 
 
 def test_tolerances_of_a_file() -> None:
-    found = parse_tolerances({"x": 1e-5, "y": {"time": 0.0}}, "'f'")
+    found = convert_value({"tolerance": {"x": 1e-5, "y": {"time": 0.0}}}, ReferenceTable, "'f'").tolerance
     assert found == {"x": Tolerance(1e-5), "y": Tolerance(time=0.0)}
-    with pytest.raises(CommandError, match=r"'x' in 'tolerance' of 'f' is .*; it must be a number, or"):
-        parse_tolerances({"x": {"tme": 0.0}}, "'f'")
+    with pytest.raises(
+        CommandError, match=r"'x' in \[tolerance\] of 'f' has the unknown entry 'tme'"
+    ):
+        convert_value({"tolerance": {"x": {"tme": 0.0}}}, ReferenceTable, "'f'")
