@@ -238,7 +238,7 @@ def test_rows_that_are_due_and_the_last_one_are_kept(
 def test_some_signals_without_a_file_for_the_newest_rows(package: Path, tmp_path: Path) -> None:
     """A file system that cannot share memory costs the newest rows; run.json says so."""
     code = """
-import emla_cosim.recorders.row_file as f
+import emla_cosim.recorders.row_buffer as f
 def refuse(*arguments):
     raise OSError(95, 'Operation not supported')
 f._allocate = refuse

@@ -16,7 +16,6 @@ _CLOCK = (
     r"\s*(?P<half>[ap]\.?m\.?)?\s*(?P<zone>Z|UTC|[-+][0-9]{2}:?[0-9]{2})?)?\s*$"
 )
 _CLOCK_TEXT = re.compile(_CLOCK, re.IGNORECASE)
-_DATE = re.compile(r"([0-9]{4})()([0-9]{2})()([0-9]{2})|([0-9]{1,4})([-./])([0-9]{1,2})\7([0-9]{1,4})")
 _NUMBER = re.compile(r"\s*[0-9]*[.,]?[0-9]*\s*")
 """A number without a sign, or nothing; some could be read as a clock time or a date."""
 
@@ -82,8 +81,11 @@ def read_clock(texts: polars.Series, label: str) -> tuple[Vector, str]:
     else:
         moments = moments + np.concatenate([[0], np.cumsum(np.diff(moments) < -_DAY // 2)]) * _DAY
     zones = parts["zone"].fill_null("")
-    offsets = {zone: _offset(zone) for zone in zones.unique().to_list()}
-    moments = moments - zones.replace_strict(offsets, return_dtype=polars.Int64).to_numpy()
+    minutes = {  # Z, UTC and none are 0
+        zone: int(f"{zone[0]}1") * (60 * int(zone[1:3]) + int(zone[-2:])) if zone[:1] in ("+", "-") else 0
+        for zone in zones.unique().to_list()
+    }
+    moments = moments - zones.replace_strict(minutes, return_dtype=polars.Int64).to_numpy() * 60_000_000_000
     clock = "clock times" if parts["second"].is_not_null().any() else "hours and minutes"
     meaning = f"dates{order}" if not timed.any() else f"dates{order} and {clock}" if dated.any() else clock
     return (moments - moments[0]) / 1e9, meaning
@@ -101,14 +103,6 @@ def seconds_from_first(column: polars.Series) -> tuple[Vector, str]:
     return (numbers - numbers[0]) / 1e9, meaning
 
 
-def _offset(zone: str) -> int:
-    """Return the offset of a time zone in ns."""
-    if zone[:1] not in ("+", "-"):
-        return 0
-    minutes = 60 * int(zone[1:3]) + int(zone[-2:])
-    return (-1 if zone[0] == "-" else 1) * minutes * 60_000_000_000
-
-
 def _days(dates: polars.Series, label: str) -> tuple[np.ndarray, str]:
     """Return the days of dates, from any day, and the order of day and month if it was concluded.
 
@@ -118,9 +112,8 @@ def _days(dates: polars.Series, label: str) -> tuple[np.ndarray, str]:
     texts = dates.unique(maintain_order=True).to_list()
     if len(texts) == 1:
         return np.zeros(len(dates), np.int64), ""
-    matches = {text: _DATE.fullmatch(text) for text in texts}
-    parts = {text: [x for x in m.groups() if x is not None] for text, m in matches.items() if m is not None}
-    if wrong := next((text for text in texts if text not in parts), None):
+    parts = {t: re.split("([-./])", f"{t[:4]}-{t[4:6]}-{t[6:]}" if t.isdigit() else t) for t in texts}
+    if wrong := next((text for text, part in parts.items() if part[1] != part[3]), None):
         raise CommandError(f"{label} has the date '{wrong}'; write 2026-05-03 or 03.05.2026.")
     slashed = [(int(p[0]), int(p[2])) for p in parts.values() if p[1] == "/" and len(p[0]) < 4]
     month_first = any(second > 12 for _, second in slashed)
@@ -129,18 +122,16 @@ def _days(dates: polars.Series, label: str) -> tuple[np.ndarray, str]:
             f"{label} has dates such as '{texts[0]}', whose day and month are ambiguous; write "
             "2026-05-03 or 03.05.2026."
         )
-    days = {text: _day(text, part, month_first and part[1] == "/", label) for text, part in parts.items()}
+    days = dict[str, int]()
+    for text, (first, separator, second, _, third) in parts.items():
+        day, month, year = first, second, third
+        if len(first) == 4:
+            day, year = third, first
+        elif month_first and separator == "/":
+            day, month = second, first
+        try:
+            days[text] = date(int(year) + 2000 * (int(year) < 100), int(month), int(day)).toordinal()
+        except ValueError as error:
+            raise CommandError(f"{label} has the date '{text}', which does not exist.") from error
     order = f" ({'month/day' if month_first else 'day/month'}/year)" if slashed else ""
     return dates.replace_strict(days, return_dtype=polars.Int64).to_numpy(), order
-
-
-def _day(text: str, parts: list[str], month_first: bool, label: str) -> int:
-    first, second, third = int(parts[0]), int(parts[2]), int(parts[-1])
-    if len(parts[0]) == 4:
-        year, month, day = first, second, third
-    else:
-        year, month, day = third, *((first, second) if month_first else (second, first))
-    try:
-        return date(year + 2000 if year < 100 else year, month, day).toordinal()
-    except ValueError as error:
-        raise CommandError(f"{label} has the date '{text}', which does not exist.") from error

@@ -15,7 +15,7 @@ from ..system.model import System
 from ..system.names import NamedVariable, Names
 from ..system.vectors import find_indices
 from .data_tables import DataTable
-from .headers import Header
+from .headers import Header, is_same_unit, is_unit
 from .input import Column, Input
 
 
@@ -139,7 +139,14 @@ def find_column(source: Input, data: DataTable, column: Column) -> tuple[int, Co
             f"a derivative of '{header.name}' of {data.label} needs cubic interpolation; "
             'set interpolation = "cubic".'
         )
-    return position, dataclasses.replace(column, unit=data.find_unit(position, unit), derivative=order)
+    header = data.headers[position]
+    unit = header.unit if unit is None else unit
+    if header.unit is not None and is_unit(header.unit) and not is_same_unit(unit or "", header.unit):
+        raise CommandError(
+            f"the column '{header.text}' of {data.label} is declared to be in {unit}; its header says "
+            "otherwise."
+        )
+    return position, dataclasses.replace(column, unit=unit, derivative=order)
 
 
 def _split_list(signal: str, column: Column, data: DataTable, known: Collection[str]) -> dict[str, Column]:

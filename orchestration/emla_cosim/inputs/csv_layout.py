@@ -130,7 +130,8 @@ def _layout_above(lines: Sequence[_Line], row: int, delimiter: str, first: Seque
         above.append(cells)
     if not above:
         return None
-    times = [i for i, cells in enumerate(above) if any(_is_any_time_name(c) for c in cells)]
+    names = [name for group in TIME_NAMES for name in group]
+    times = [i for i, cells in enumerate(above) if any(is_time_name(Header.of(c), names) for c in cells)]
     header = times[0] if len(times) == 1 else int(len(above) > 1 and _is_units(above[0]))
     has_units = header > 0 and _is_units(above[header - 1])
     line = row - 1 - header
@@ -143,10 +144,6 @@ def _layout_above(lines: Sequence[_Line], row: int, delimiter: str, first: Seque
         line,
         header - has_units,
     )
-
-
-def _is_any_time_name(cell: str) -> bool:
-    return any(is_time_name(Header.of(cell), names) for names in TIME_NAMES)
 
 
 def _is_row(cells: Sequence[str]) -> bool:

@@ -16,7 +16,7 @@ from ..base.units import LinearTransformation, SiUnit
 from ..base.wording import format_count, shorten_line
 from ..system.vectors import find_indices
 from .csv_layout import NUMBER
-from .headers import Header, is_same_unit, is_unit, parse_data_unit, rate_of
+from .headers import Header, parse_data_unit, rate_of
 
 ReadColumns = Callable[[Sequence[int], bool], Sequence[polars.Series]]
 """Returns columns by position: numbers that are written as texts as numbers if possible, or as texts."""
@@ -151,7 +151,9 @@ class DataTable:
             CommandError: If a cell is not a finite number; the message names row and column.
         """
         column = self.cells(position)
-        column = column.head(_count_filled(column)) if padded else column
+        if padded:
+            filled = (column.cast(polars.String).fill_null("") != "").arg_true()
+            column = column.head(filled[-1] + 1 if len(filled) else 0)
         return self._to_numbers(position, column, has_gaps)
 
     def values(
@@ -256,22 +258,6 @@ class DataTable:
                 return positions[0]
         return None
 
-    def find_unit(self, position: int, declared: str | None) -> str | None:
-        """Return the unit of a column, from its header or as declared.
-
-        Raises:
-            CommandError: If the declared unit contradicts the header.
-        """
-        written = self.headers[position].unit
-        if declared is None or written is None or not is_unit(written):
-            return declared or written
-        if not is_same_unit(declared, written):
-            raise CommandError(
-                f"the column '{self.headers[position].text}' of {self.label} is declared to be in "
-                f"{declared}; its header says otherwise."
-            )
-        return declared
-
     def _elements(self, position: int, column: polars.Series) -> polars.Series:
         """Return lists of the elements in cells. Raise CommandError if a row has another number of them."""
         if column.dtype == polars.String:
@@ -336,12 +322,3 @@ class DataTable:
 
     def _wrong(self, position: int, problem: str) -> CommandError:
         return CommandError(f"the column '{self.headers[position].text}' of {self.label} {problem}.")
-
-
-def _count_filled(column: polars.Series) -> int:
-    """Return the number of cells up to the last one that is not empty."""
-    empty = column.is_null()
-    if column.dtype == polars.String:
-        empty |= column.str.strip_chars() == ""
-    filled = np.flatnonzero(~empty.to_numpy())
-    return int(filled[-1]) + 1 if filled.size else 0

@@ -233,15 +233,9 @@ def read_frame(label: str, frame: Any) -> DataTable:
     def read(positions: Sequence[int], _: bool) -> Sequence[polars.Series]:
         return [_array_column(label, names[p], np.asarray(frame[names[p]])) for p in positions]
 
-    return DataTable(label, [Header.of(name) for name in names], read, _find_arrays(frame, names))
-
-
-def _find_arrays(frame: Any, names: Sequence[str]) -> dict[int, int]:
-    """Return the number of elements in a row of arrays of shape (n, elements), by position."""
-    if not isinstance(frame, Mapping):
-        return {}
-    shapes = {i: np.shape(frame[name]) for i, name in enumerate(names) if isinstance(frame[name], np.ndarray)}
-    return {i: shape[1] for i, shape in shapes.items() if len(shape) == 2}
+    arrays = {i: np.shape(frame[n]) for i, n in enumerate(names) if isinstance(frame[n], np.ndarray)}
+    lists = {i: shape[1] for i, shape in arrays.items() if len(shape) == 2}  # of shape (n, elements)
+    return DataTable(label, [Header.of(name) for name in names], read, lists)
 
 
 def _array_column(label: str, name: str, column: np.ndarray) -> polars.Series:

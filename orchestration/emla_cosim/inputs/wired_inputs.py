@@ -1,6 +1,6 @@
 """Tables in a system: their FMUs and connections."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -132,16 +132,9 @@ def _add_component(system: System, name: str, fmu: Path, bindings: Sequence[Colu
         if x.ends[1] not in inputs
     ]
     connections += [Connection(name, signal, *end) for end, signal in inputs.items()]
-    driven: dict[str, list[str]] = {}
-    for component, variable in inputs:
-        driven.setdefault(component, []).append(variable)
-    components = [_drop_driven_values(c, driven.get(c.name, ())) for c in system.components]
+    components = []
+    for c in system.components:  # an input that is connected now has no start value
+        values = {n: v for n, v in c.parameters.items() if (c.name, c.alias(n).variable) not in inputs}
+        components.append(replace(c, parameters=values))
     components = [Component(name, fmu=fmu), *components]
     return replace(system, components=tuple(components), connections=tuple(connections))
-
-
-def _drop_driven_values(component: Component, driven: Iterable[str]) -> Component:
-    """Return a component without start values of inputs that are connected now."""
-    names = set(driven)
-    values = {n: v for n, v in component.parameters.items() if component.alias(n).variable not in names}
-    return replace(component, parameters=values)

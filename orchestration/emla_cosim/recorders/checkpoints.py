@@ -32,10 +32,8 @@ class Checkpoints(Recorder):
 
     def pause(self, run: Pause) -> None:
         """Write a checkpoint if one is due, or if stepping is over; RunError if that fails."""
-        if run.over or time.monotonic() - self._last >= INTERVAL:
-            self._save(run)
-
-    def _save(self, run: Pause) -> None:
+        if not run.over and time.monotonic() - self._last < INTERVAL:
+            return
         notes = {"identity": self.identity, "time": run.stepping.time, "recorders": run.memory()}
         try:
             save_checkpoint(self._place, run.stepping, notes, self._overwrite)

@@ -120,6 +120,8 @@ class MetricsRecorder(Recorder):
 
     def __init__(self) -> None:
         self.kinds: dict[str, Metrics] = {}
+        self._signals: SignalFigures | None = None
+        self._bonds: Bonds | None = None
 
     def begin(self, outline: Outline, memory: Any = None) -> None:
         """Begin all metrics, or continue from a `memory`."""
@@ -135,6 +137,7 @@ class MetricsRecorder(Recorder):
         """Take the next rows."""
         for metrics in self.kinds.values():
             metrics.write(rows)
+        assert self._signals is not None and self._bonds is not None
         self._signals.write(rows)
         self._bonds.write(rows)
 
@@ -146,16 +149,19 @@ class MetricsRecorder(Recorder):
             for signal, transformation in shown.items():
                 if signal < len(signals):
                     row[1 + signal] = transformation(row[1 + signal])
-            self._bonds.see(row)
+            if self._bonds is not None:
+                self._bonds.see(row)
 
         return watch
 
     def pause(self, run: Pause) -> None:
         """Use what the run has learned about its loops so far."""
-        self._bonds.learn(run.stepping.algorithm)
+        if self._bonds is not None:
+            self._bonds.learn(run.stepping.algorithm)
 
     def memory(self) -> Any:
         """Return the state of all metrics."""
+        assert self._signals is not None and self._bonds is not None
         kinds = {name: metrics.memory() for name, metrics in self.kinds.items()}
         return {"kinds": kinds, SIGNALS: self._signals.memory(), COUPLING: self._bonds.memory()}
 
@@ -185,8 +191,8 @@ class MetricsRecorder(Recorder):
 
     def signals(self) -> dict[str, dict[str, float]]:
         """Return the figures of every recorded signal, of all rows so far; see `SignalFigures`."""
-        return self._signals.figures()
+        return self._signals.figures() if self._signals is not None else {}
 
     def coupling(self) -> dict[str, dict[str, float]]:
         """Return the energies of bonds so far; see `Bonds`."""
-        return self._bonds.figures()
+        return self._bonds.figures() if self._bonds is not None else {}

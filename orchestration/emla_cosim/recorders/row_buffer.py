@@ -1,11 +1,16 @@
-"""The buffer that passes the rows of a run to its recorders."""
+"""The buffer that passes the rows of a run to its recorders, and its file, which outlives a process."""
 
+import os
+import tempfile
 from collections.abc import Callable, Mapping, Sequence
+from mmap import mmap
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..base.arrays import Vector
+from ..base.files import UNFINISHED, mark_of_process
 from ..base.units import LinearTransformation
 from ..sandbox import crash_page
 from .recorder import Recorder, recording
@@ -55,7 +60,7 @@ class RowBuffer:
         self._activity = crash_page.current_activity()
         self._filled = self._passed = 0
         """Numbers of rows that are complete, and that the recorders have, since the beginning."""
-        self._count()
+        self._activity.rows = self._filled
 
     def room(self, most: int) -> Vector:
         """Return free rows to fill: at least one, at most `most`."""
@@ -65,16 +70,17 @@ class RowBuffer:
     def commit(self, count: int) -> None:
         """Take the first `count` of the free rows as filled. Raises RecordingError."""
         self._filled += count
-        self._count()
+        self._activity.rows = self._filled  # compiled code may have counted them, too
         is_full = self._filled % self._block == 0
-        if is_full or self._has_texts():
+        last = self._ring[(self._filled - 1) % len(self._ring)]
+        if is_full or (self._texts and np.isfinite(last[self._texts]).any()):
             self.flush()
         if is_full and self._is_mapped:  # the next block may overwrite only what is stored
             self._each(lambda recorder: recorder.release(len(self._ring) - self._block))
 
     def flush(self) -> None:
         """Pass the filled rows to the recorders. Raises RecordingError."""
-        self._count()
+        self._activity.rows = self._filled
         count = self._filled - self._passed
         if not count:
             return
@@ -89,14 +95,6 @@ class RowBuffer:
             self.flush()
         finally:
             self._each(lambda recorder: recorder.end())
-
-    def _count(self) -> None:
-        """Set the number of complete rows, which compiled code has counted, too."""
-        self._activity.rows = self._filled
-
-    def _has_texts(self) -> bool:
-        last = self._ring[(self._filled - 1) % len(self._ring)]
-        return bool(self._texts) and bool(np.isfinite(last[self._texts]).any())
 
     def _each(self, call: Callable[[Recorder], None]) -> None:
         """Call every recorder, also after a failure, then raise the first failure."""
@@ -119,3 +117,67 @@ def show_rows(rows: Vector, shown: Mapping[int, LinearTransformation]) -> Vector
         column = rows[:, 1 + signal]
         column[:] = transformation.factor * column + transformation.offset
     return rows
+
+
+_ZEROS = bytes(2**20)
+
+
+class RowFile:
+    """A hidden file in an output folder. After its processes were killed, `remove_unfinished` removes it.
+
+    Args:
+        folder: The folder.
+        size: Size in bytes.
+
+    Attributes:
+        path: the file.
+        memory: its content.
+
+    Raises:
+        OSError: There is no space, or the file system has no shared memory.
+    """
+
+    def __init__(self, folder: Path, size: int) -> None:
+        descriptor, name = tempfile.mkstemp(prefix=f"{UNFINISHED}{mark_of_process()}-", dir=folder)
+        self.path = Path(name)
+        try:
+            _allocate(descriptor, size)
+            self.memory = mmap(descriptor, size)
+        except BaseException:
+            self.remove()
+            raise
+        finally:
+            os.close(descriptor)
+
+    def remove(self) -> None:
+        """Remove the file; its memory can be used until the process ends."""
+        self.path.unlink(missing_ok=True)
+
+
+def _allocate(descriptor: int, size: int) -> None:
+    """Reserve space on the disk: a process that writes to memory without any is killed."""
+    if hasattr(os, "posix_fallocate"):
+        os.posix_fallocate(descriptor, 0, size)
+        return
+    left = size
+    while left:
+        left -= os.write(descriptor, _ZEROS[: min(left, len(_ZEROS))])
+
+
+def read_rows(path: Path, width: int, count: int) -> tuple[int, Vector]:
+    """Return the last rows of a run that an ended process left. The first may be incomplete if it is stored.
+
+    Args:
+        path: The file.
+        width: Number of values in a row.
+        count: Number of rows of the run.
+
+    Returns:
+        The number of rows before them, and an array of shape (n, width).
+
+    Raises:
+        OSError: The file cannot be read.
+    """
+    ring = np.fromfile(path).reshape(-1, width)
+    first = max(count - len(ring), 0)
+    return first, ring[np.arange(first, count) % len(ring)]

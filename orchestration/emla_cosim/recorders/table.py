@@ -15,10 +15,6 @@ class Table(Recorder):
     """Base class of recorders that keep every n-th row, and the last one, of the selected signals.
 
     A file format implements `open`, `append` and `read`, and its constructor takes the path of the file.
-
-    Attributes:
-        names: names of the columns, `time` first.
-        types: types of the columns by name; Real for those without an entry.
     """
 
     types: Mapping[str, SignalType] = {}

@@ -10,8 +10,7 @@ from emla_cosim.base.files import UNFINISHED, remove_unfinished
 from emla_cosim.base.units import LinearTransformation
 from emla_cosim.recorders import row_buffer
 from emla_cosim.recorders.recorder import Recorder
-from emla_cosim.recorders.row_buffer import RowBuffer
-from emla_cosim.recorders.row_file import RowFile, read_rows
+from emla_cosim.recorders.row_buffer import RowBuffer, RowFile, read_rows
 from emla_cosim.sandbox import crash_page
 from tests.support.full_disk import files_of_at_most
 

@@ -13,7 +13,7 @@ from typing import Any
 from ...base.units import LinearTransformation
 from ...recorders.file_table import FileTable
 from ...recorders.recorder import Outline, Pause, Recorder
-from ...recorders.row_file import RowFile
+from ...recorders.row_buffer import RowFile
 from ...recorders.table import Table
 from ...run.result import Result
 from ...run.scenarios.scenario import Scenario

@@ -17,8 +17,7 @@ from ...master.instances.call_codes import decode_call
 from ...recorders.file_table import FileTable
 from ...recorders.metrics import MetricsRecorder
 from ...recorders.recorder import Outline, recording
-from ...recorders.row_buffer import show_rows
-from ...recorders.row_file import read_rows
+from ...recorders.row_buffer import read_rows, show_rows
 from ...run.remarks import describe_lost_values
 from ...run.result import Result
 from ...run.run_record import COMPLETED

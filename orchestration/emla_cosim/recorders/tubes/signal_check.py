@@ -76,8 +76,8 @@ def compare_signal(
     if not finite.any():
         finite, reference = np.ones_like(finite), np.zeros_like(reference)
     reference_time, reference = reference_time[finite], reference[finite]
-    if is_held:
-        reference_time, reference = _hold(reference_time, reference)
+    if is_held:  # two points at each time but the first
+        reference_time, reference = np.repeat(reference_time, 2)[1:], np.repeat(reference, 2)[:-1]
     tube = tolerance.tube(reference_time, reference)
     low, high = reference_time[0] - tube.time, reference_time[-1] + tube.time
     common = (time >= low) & (time <= high)
@@ -116,8 +116,3 @@ def describe_departure(comparison: Comparison) -> str:
         f"{comparison.worst:.3g}{unit}, at t = {comparison.worst_at:.9g} s, where "
         f"{comparison.tube.value:.3g}{unit} are allowed"
     )
-
-
-def _hold(time: Vector, values: Vector) -> tuple[Vector, Vector]:
-    """Return the points of a signal that holds, with two points at each time but the first."""
-    return np.repeat(time, 2)[1:], np.repeat(values, 2)[:-1]

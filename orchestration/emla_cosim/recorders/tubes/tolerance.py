@@ -87,10 +87,11 @@ class Tolerance:
     def tube(self, time: Vector, reference: Vector) -> Tube:
         """Return the tube around a reference with finite values at these times in s."""
         scale = float(np.ptp(reference)) or float(np.abs(reference).max())
-        value = _or(self.relative, RELATIVE) * scale + _or(self.absolute, 0.0)
+        relative = RELATIVE if self.relative is None else self.relative
+        value = relative * scale + (self.absolute or 0.0)
         intervals = np.diff(np.unique(time))
         half = 0.5 * float(np.median(intervals)) if len(intervals) else 0.0
-        return Tube(value if scale > 0.0 else max(value, _LEAST), _or(self.time, half))
+        return Tube(value if scale > 0.0 else max(value, _LEAST), half if self.time is None else self.time)
 
 
 def find_tolerance(signal: str, tolerances: Mapping[str, Tolerance]) -> Tolerance:
@@ -139,7 +140,3 @@ def _read(text: str) -> tuple[str, Tolerance]:
             "SIGNAL=relative:NUMBER,absolute:NUMBER,time:NUMBER."
         )
     return pattern.strip() or "*", Tolerance(**found)
-
-
-def _or(value: float | None, otherwise: float) -> float:
-    return otherwise if value is None else value

@@ -13,11 +13,11 @@ from ...base.errors import CommandError, check_choice
 from ...base.files import read_text
 from ...base.patterns import find_names, select_names
 from ...base.signal_types import COLUMN_TYPES, REAL, SignalType, read_types
-from ...inputs.stored_runs import open_stored_run
+from ...inputs.stored_runs import StoredRun, open_stored_run
 from ...recorders.metrics import TRACKED
 from ...system.names import find_main_component
 from ..panels import Line, Plot
-from .panel_drawing import Table, read_rows
+from .panel_drawing import read_rows
 from .stacked import (
     LAYOUTS,
     MOST_LINES,
@@ -52,7 +52,7 @@ class Traces:
     names: Sequence[str]
     units: Mapping[str, str]
     types: Mapping[str, SignalType]
-    table: Table
+    table: "Result | StoredRun"
     roles: Mapping[str, str]
     files: Sequence[Path] = ()
     main: str = ""

@@ -1,7 +1,7 @@
 """Draw panels as a grid with a column for each subject."""
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Protocol
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from ...inputs.stored_runs import StoredRun
+    from ...run.result import Result
     from .scales import Scales
 
 _LETTERS = 13
@@ -140,15 +142,7 @@ def _reach(lines: Sequence[Line]) -> tuple[float, float]:
     return min(float(v.min()) for v in known), max(float(v.max()) for v in known)
 
 
-class Table(Protocol):
-    """What has columns of rows."""
-
-    def read(self, names: Sequence[str], most: int | None = None) -> Mapping[str, Vector]:
-        """Return columns by name, at most this many rows of them."""
-        ...
-
-
-def read_rows(table: Table, names: Sequence[str]) -> tuple[dict[str, Vector], str]:
+def read_rows(table: "Result | StoredRun", names: Sequence[str]) -> tuple[dict[str, Vector], str]:
     """Return columns and `time` by name, and a note on rows that are left out, empty if none is."""
     data = dict(table.read(["time", *names], MOST_ROWS))
     shown = len(data["time"])
