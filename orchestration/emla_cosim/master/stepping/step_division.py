@@ -6,7 +6,7 @@ run goes back to a state from a moment ago, and repeats the steps since then. Ot
 
 import time
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,8 +15,10 @@ from ...base.errors import RunError, join_names
 from ..algorithms.algorithm import Algorithm
 from ..algorithms.snapshot import Snapshot
 from ..instances.fmu_instance import DiscardedStepError
-from .native_loop import NativeLoop
 from .timing import CommunicationPoints
+
+if TYPE_CHECKING:
+    from .native_loop import NativeLoop  # slow to import, and `emla list` needs only the controls
 
 INTERVAL, SHARE = 0.05, 0.01
 """Shortest wall time in s between two saved states, and the share of a run that saving them may take."""
@@ -31,7 +33,7 @@ class StepDivision:
         times: The communication points.
     """
 
-    def __init__(self, algorithm: Algorithm, loop: NativeLoop, times: CommunicationPoints) -> None:
+    def __init__(self, algorithm: Algorithm, loop: "NativeLoop", times: CommunicationPoints) -> None:
         self._algorithm, self._loop, self._times = algorithm, loop, times
         instances = algorithm.network.instances
         self._divided = set[int]()
