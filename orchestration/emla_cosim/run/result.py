@@ -17,7 +17,7 @@ from ..recorders.metrics import Figures, MetricDisplay
 from ..recorders.table import Table
 from ..recorders.tubes.signal_check import Comparison
 from ..recorders.tubes.tolerance import Tolerance
-from ..system.names import find_main_component
+from ..system.model import find_main_component
 from .agreement import compare_with_stored
 from .plot_formats import PLOT_FORMATS
 

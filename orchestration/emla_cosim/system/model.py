@@ -336,3 +336,20 @@ def _component(name: str, what: str | Path | type) -> Component:
     if isinstance(what, Path) or what.lower().endswith(".fmu"):
         return Component(name, fmu=Path(what))
     return Component(name, model=what)
+
+
+def find_main_component(record: Mapping[str, Any]) -> str:
+    """Return the component of a run of one FMU, whose variables need no component's name; empty without one.
+
+    Data and faults are components, too.
+
+    Args:
+        record: Content of run.json.
+    """
+    components = record.get("components")
+    if not isinstance(components, Mapping):
+        return ""
+    if len(components) == 1:
+        return str(next(iter(components)))
+    scenario, is_fmu = record.get("scenario"), str(record.get("source")).lower().endswith(".fmu")
+    return str(scenario) if is_fmu and scenario in components else ""

@@ -5,7 +5,6 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import count, takewhile
-from typing import Any
 
 from fmpy.model_description import ModelVariable
 
@@ -285,20 +284,3 @@ def _variables(component: Component, interface: Interface) -> dict[str, ModelVar
     """Return the variables of a component by their names in the system, in the order of the FMU."""
     names = {own: name for own, (name, _) in component.by_fmu_name.items()}
     return {names.get(own, own): variable for own, variable in interface.variables.items()}
-
-
-def find_main_component(record: Mapping[str, Any]) -> str:
-    """Return the component of a run of one FMU, whose variables need no component's name; empty without one.
-
-    Data and faults are components, too.
-
-    Args:
-        record: Content of run.json.
-    """
-    components = record.get("components")
-    if not isinstance(components, Mapping):
-        return ""
-    if len(components) == 1:
-        return str(next(iter(components)))
-    scenario, is_fmu = record.get("scenario"), str(record.get("source")).lower().endswith(".fmu")
-    return str(scenario) if is_fmu and scenario in components else ""
