@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 from ..base.errors import CommandError, join_names
 from ..base.units import IDENTITY, LinearTransformation, SiUnit

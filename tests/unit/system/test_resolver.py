@@ -12,7 +12,7 @@ import emla_cosim as ec
 from emla_cosim.base.errors import CommandError, suggest_names
 from emla_cosim.base.patterns import find_names, matches_pattern
 from emla_cosim.system.fault import Fault, read_faults
-from emla_cosim.system.names import find_main_component
+from emla_cosim.system.model import find_main_component
 from fmublock import Block, Input, Output, Parameter, State, build
 from tests.support.commands import Emla, sentence
 
