@@ -14,7 +14,7 @@ from typing import Any
 import click
 
 COMMANDS = {
-    "build": "Build the built-in FMUs, or FMUs from your Python blocks, for other tools and platforms.",
+    "build": "Build FMUs of built-in models, your Python blocks or data, for other tools and platforms.",
     "list": "List the named scenarios, plans, models, controllers and gain sets.",
     "info": "Show the variables of an FMU, an SSP or a scenario, and which of them you can set.",
     "schema": "Print the JSON Schema of a kind of file, with which editors complete and check.",

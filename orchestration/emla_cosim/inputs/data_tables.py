@@ -188,7 +188,7 @@ class DataTable:
             column = column.replace(words)
         elif column.dtype == polars.Boolean:
             column = column.cast(polars.Float64)
-        numbers = self._to_numbers(position, column, has_gaps)
+        numbers = self._to_numbers(position, column, has_gaps, type_)
         low, high = (0, 1) if type_.kind == "Boolean" else limits
         fits = (numbers == np.round(numbers)) & (numbers >= low) & (numbers <= high)
         if type_.items:
@@ -272,7 +272,9 @@ class DataTable:
             )
         return column
 
-    def _to_numbers(self, position: int, column: polars.Series, has_gaps: bool = False) -> Vector:
+    def _to_numbers(
+        self, position: int, column: polars.Series, has_gaps: bool = False, type_: SignalType = REAL
+    ) -> Vector:
         """Return the cells of a column as numbers; raise CommandError as `numbers`."""
         if not (column.dtype.is_numeric() or column.dtype in (polars.String, polars.Null)):
             raise self._wrong(position, f"is of the type {column.dtype}; it must be of numbers")
@@ -284,7 +286,7 @@ class DataTable:
         if has_gaps:
             bad = numbers.is_null() & ~(column.is_null() | (column.cast(polars.String) == "").fill_null(True))
         if (row := bad.arg_max()) is not None and bad[row]:
-            raise self.wrong_cell(position, row, self.cells(position, as_text=True)[row])
+            raise self.wrong_cell(position, row, self.cells(position, as_text=True)[row], type_)
         return numbers.fill_null(np.nan).to_numpy()
 
     def join_names(self) -> str:
@@ -294,15 +296,17 @@ class DataTable:
             names = [*names[:_NAMED], f"{len(names) - _NAMED} more"]
         return join_names(names) if names else "none"
 
-    def wrong_cell(self, position: int, row: int, value: Any) -> CommandError:
-        """Return the error of a cell that is not a number; rows count from 0."""
+    def wrong_cell(self, position: int, row: int, value: Any, type_: SignalType = REAL) -> CommandError:
+        """Return the error of a cell that is not a value of a type; rows count from 0."""
         text = "nothing" if value is None or str(value).strip() == "" else f"'{str(value)[:40]}'"
-        hint = ""
-        if row == 0 and isinstance(value, str) and not NUMBER.fullmatch(value):
-            hint = " (write units in the header, as in 'Force [kN]')"
+        values = {"Boolean": "true, false, 1 or 0", "Integer": "a whole number"}
+        names = type_.items.values()
+        right = f"one of {join_names(names)}" if names else values.get(type_.kind, "a finite number")
+        if row == 0 and type_.kind == "Real" and isinstance(value, str) and not NUMBER.fullmatch(value):
+            right += " (write units in the header, as in 'Force [kN]')"
         return CommandError(
             f"{self.label} has {text} in row {row + 1} of the column '{self.headers[position].text}'; "
-            f"it must be a finite number{hint}.",
+            f"it must be {right}.",
             row=row + 1,
             column=self.headers[position].text,
         )

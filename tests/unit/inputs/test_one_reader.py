@@ -8,11 +8,13 @@ import pytest
 
 import emla_cosim as ec
 from emla_cosim.base.errors import CommandError
+from emla_cosim.base.signal_types import SignalType
 from emla_cosim.base.units import find_unit
 from emla_cosim.fmu.interface import Interface, read_interface
 from emla_cosim.fmu.models import build
 from emla_cosim.identification.measurement import read_measurements
 from emla_cosim.inputs.stored_runs import open_stored_run
+from emla_cosim.inputs.table_files import read_table
 from emla_cosim.verification.references.reference_files import read_columns
 from emla_cosim.views.plots.overlay import read_traces
 from fmublock import Block, DiscreteState, Input, Output
@@ -176,3 +178,22 @@ def test_data_outside_of_the_run_name_the_setting(passing: Path, tmp_path: Path,
         done = emla(*arguments, "--overwrite", "--input", f"{file}:Passing.u=u,shift={shift}")
         assert done.exit_code == 0, done.output
         assert (tmp_path / "o" / "results.csv").read_text().splitlines()[-1].startswith("1.0,2.0")
+
+
+@pytest.mark.parametrize(
+    ("type_", "cell", "right"),
+    [
+        (SignalType("Boolean"), "yes", "true, false, 1 or 0"),
+        (SignalType("Integer"), "two", "a whole number"),
+        (SignalType("Enumeration", {1: "Off", 5: "Fast"}), "Fastt", "one of Off and Fast"),
+    ],
+)
+def test_cells_that_are_not_values_of_their_type(
+    type_: SignalType, cell: str, right: str, tmp_path: Path
+) -> None:
+    (tmp_path / "data.csv").write_text(f"time,u\n0,{cell}\n1,1\n")
+    data = read_table(tmp_path / "data.csv", "the table")
+    with pytest.raises(
+        CommandError, match=rf"has '{cell}' in row 1 of the column 'u'; it must be {right}\.$"
+    ):
+        data.values(1, type_)
