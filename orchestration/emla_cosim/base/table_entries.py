@@ -11,7 +11,7 @@ import msgspec
 
 from .errors import CommandError, join_names
 
-_LEAST_SIMILARITY = 0.5
+_LEAST_SIMILARITY = 0.6
 """Of names that may be meant, from 0 to 1; as `difflib.get_close_matches` counts it."""
 
 

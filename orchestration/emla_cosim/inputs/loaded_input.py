@@ -67,31 +67,35 @@ class LoadedInput:
 
 @dataclass(frozen=True)
 class DataSpan:
-    """The first and the last time of an input in s."""
+    """The first and the last time of an input in s, and whether the user has shifted them."""
 
     label: str
     first: float
     last: float
     end: str
+    is_shifted: bool
 
     @classmethod
     def of(cls, source: Input, start: float) -> "DataSpan":
         """Read the span of an input; `start` is that of the run in s."""
         times = LoadedInput.of(source, start).times
-        return cls(source.label, float(times[0]), float(times[-1]), source.end)
+        return cls(source.label, float(times[0]), float(times[-1]), source.end, source.shift is not None)
 
     def check_overlap(self, start: float, stop: float) -> None:
         """Raise CommandError if the data are all before or all after a run: it would have one value only."""
+        remedy = f"shift={SHIFT_TO_START}"
+        if not self.is_shifted:
+            remedy += f" or a time such as 'shift={start - self.first:.9g} s'"
         if self.first >= stop:
-            side, remedy = "after", ""
+            side = "after"
         elif self.last <= start and self.end != "repeat":
-            side, remedy = "before", ", or repeat them with end=repeat"
+            side = "before"
+            remedy += ", or repeat them with end=repeat"
         else:
             return
         raise CommandError(
             f"{self.label} has data from {self.first:.9g} to {self.last:.9g} s, {side} the run, from "
-            f"{start:.9g} to {stop:.9g} s; shift them with shift={SHIFT_TO_START} or a time such as "
-            f"'shift={start - self.first:.9g} s'{remedy}."
+            f"{start:.9g} to {stop:.9g} s; shift them with {remedy}."
         )
 
     def describe_held(self, start: float, stop: float, step: float) -> str | None:

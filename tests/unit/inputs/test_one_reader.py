@@ -173,7 +173,10 @@ def test_data_outside_of_the_run_name_the_setting(passing: Path, tmp_path: Path,
     times = ["--stop-time", "1", "--step-size", "0.5"]
     arguments = ["run", str(passing), *times, "--no-plots", "--output", str(tmp_path / "o")]
     refused = sentence(emla(*arguments, "--input", f"{file}:Passing.u=u"), 2)
-    assert "data from 5 to 6 s, after the run, from 0 to 1 s; shift them with shift=start" in refused
+    assert "has data from 5 to 6 s, after the run, from 0 to 1 s" in refused
+    assert refused.endswith("; shift them with shift=start or a time such as 'shift=-5 s'.")
+    refused = sentence(emla(*arguments, "--input", f"{file}:Passing.u=u,shift=-9 s"), 2)
+    assert "data from -4 to -3 s, before the run, from 0 to 1 s; shift them with shift=start, or" in refused
     for shift in ("start", "-5 s"):
         done = emla(*arguments, "--overwrite", "--input", f"{file}:Passing.u=u,shift={shift}")
         assert done.exit_code == 0, done.output
