@@ -114,7 +114,7 @@ def test_fmpy_computes_what_is_recorded(source: str, typed_fmu: Path, tmp_path: 
         ("0,0,1.5,0,1", "has 1.5 in row 1 of the column 'i', which is not an Integer"),
         ("0,0,3e9,0,1", "has 3e+09 in row 1 of the column 'i', which is not an Integer"),
         ("0,0,1,2,1", "has 2 in row 1 of the column 'b', which is not a Boolean"),
-        ("0,0,1,nan,1", "has 'nan' in row 1 of the column 'b'; it must be a finite number"),
+        ("0,0,1,nan,1", "has 'nan' in row 1 of the column 'b'; it must be true, false, 1 or 0"),
     ],
 )
 def test_invalid_values_of_inputs(typed_fmu: Path, tmp_path: Path, row: str, message: str) -> None:
