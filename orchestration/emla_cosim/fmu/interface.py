@@ -228,7 +228,12 @@ def _find_range_faults(interface: Interface) -> Iterator[str]:
         low, high = declared_range(variable)
         if low > high:
             yield f"{name} has the minimum {low:g}, above its maximum of {high:g}"
-        elif variable.start is not None and not low <= (start := float(variable.start)) <= high:
+            continue
+        try:
+            start = math.nan if variable.start is None else float(variable.start)
+        except ValueError:  # a list, or no number, which is another fault
+            continue
+        if start < low or start > high:
             limit = f"below its minimum of {low:g}" if start < low else f"above its maximum of {high:g}"
             yield f"{name} starts at {start:g}, {limit}"
 

@@ -18,7 +18,6 @@ from ...study.joints.joint_table import joint_struct
 from ...study.registration import register
 from ...sweeps.plan import SWEEP_PLAN
 from ...sweeps.plan_files import plan_struct
-from ...trajectories.problem import PROBLEM
 from ...tuning.plan import TUNING_PLAN
 from ...verification.references.reference_files import ReferenceTable
 from ...views.terminal import print_exactly, show
@@ -33,6 +32,12 @@ class FileKind(NamedTuple):
     struct: Callable[[], type[msgspec.Struct]]
 
 
+def _trajectory_struct() -> type[msgspec.Struct]:
+    from ...trajectories.problem import PROBLEM  # loads casadi and scipy, which other kinds do not need
+
+    return PROBLEM
+
+
 FILE_KINDS: Mapping[str, FileKind] = {
     "scenario": FileKind("Scenario: a system and options to run it", scenario_struct),
     "joint": FileKind("Joint: actuator, gains, motion and load", joint_struct),
@@ -40,7 +45,7 @@ FILE_KINDS: Mapping[str, FileKind] = {
     "sweep": FileKind("Plan of emla sweep", lambda: plan_struct(SWEEP_PLAN)),
     "tune": FileKind("Plan of emla tune", lambda: plan_struct(TUNING_PLAN)),
     "identify": FileKind("Plan of emla identify", lambda: plan_struct(identification_struct())),
-    "trajectory": FileKind("Problem of emla trajectory", lambda: PROBLEM),
+    "trajectory": FileKind("Problem of emla trajectory", _trajectory_struct),
     "reference": FileKind("What belongs to a reference solution, MODEL_ref.toml", lambda: ReferenceTable),
 }
 """Kinds of files in TOML that commands read, by name."""
