@@ -109,9 +109,10 @@ class DataTable:
         ]
 
     def load(self, positions: Sequence[int]) -> None:
-        """Read several columns of numbers at once; it is faster than one by one."""
-        sources = [s for s in dict.fromkeys(self._sources[p][0] for p in positions) if s not in self._counts]
-        for source, column in zip(sources, self._read(sources, False), strict=True):
+        """Read several columns of numbers at once: one by one, a text is parsed again for each."""
+        chosen = dict.fromkeys(self._sources[p][0] for p in positions)
+        sources = [s for s in chosen if s not in self._counts and (s, False) not in self._columns]
+        for source, column in zip(sources, self._read(sources, False) if sources else (), strict=True):
             self._columns[source, False] = column
 
     def cells(self, position: int, as_text: bool = False) -> polars.Series:

@@ -57,6 +57,8 @@ def row_distance(sources: Sequence[Input]) -> float:
 def _jumps(loaded: LoadedInput) -> Vector:
     """Return the times of rows that differ from the row before in a column of numbers."""
     differs = np.zeros(len(loaded.times), dtype=bool)
+    with contextlib.suppress(CommandError):  # a column that cannot be read is left out below
+        loaded.data.load(range(len(loaded.data.headers)))
     for position in range(len(loaded.data.headers)):
         if position != loaded.time:
             with contextlib.suppress(CommandError):  # a column of texts drives nothing

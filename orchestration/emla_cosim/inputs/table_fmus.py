@@ -128,6 +128,7 @@ def _make_content(table: LoadedInput, driven: Sequence[tuple[ColumnBinding, str]
     """Return the columns and outputs of an FMU; bindings of one column share it."""
     columns: dict[tuple[int, str, str], TableColumn] = {}
     outputs = []
+    table.data.load([binding.column for binding, _ in driven if binding.type.kind == "Real"])
     for binding, output in driven:
         # a discrete variable has no values between rows
         interpolation = "held" if binding.is_discrete else table.source.interpolation

@@ -2,8 +2,10 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import polars
 import pytest
 
 import emla_cosim as ec
@@ -13,8 +15,11 @@ from emla_cosim.base.units import find_unit
 from emla_cosim.fmu.interface import Interface, read_interface
 from emla_cosim.fmu.models import build
 from emla_cosim.identification.measurement import read_measurements
+from emla_cosim.inputs.events import input_events
+from emla_cosim.inputs.input import Input as DataInput
 from emla_cosim.inputs.stored_runs import open_stored_run
 from emla_cosim.inputs.table_files import read_table
+from emla_cosim.inputs.table_fmus import build_data_fmu
 from emla_cosim.verification.references.reference_files import read_columns
 from emla_cosim.views.plots.overlay import read_traces
 from fmublock import Block, DiscreteState, Input, Output
@@ -200,3 +205,26 @@ def test_cells_that_are_not_values_of_their_type(
         CommandError, match=rf"has '{cell}' in row 1 of the column 'u'; it must be {right}\.$"
     ):
         data.values(1, type_)
+
+
+def test_a_wide_text_is_parsed_once_not_for_each_column(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With 200 columns of 20,000 rows, columns one by one took 15 s instead of 0.2 s."""
+    names = [f"u{i}" for i in range(30)]
+    rows = [[0.5 * k, *(k * i for i in range(30))] for k in range(3)]
+    file = tmp_path / "wide.csv"
+    file.write_text("\n".join(",".join(map(str, row)) for row in [["time", *names], *rows]))
+    count, read_csv = [0], polars.read_csv
+
+    def counted(*arguments: Any, **options: Any) -> polars.DataFrame:
+        count[0] += 1
+        return read_csv(*arguments, **options)
+
+    monkeypatch.setattr(polars, "read_csv", counted)
+    path, _ = build_data_fmu(f"{file}:interpolation=held", tmp_path, [host_platform()])
+    assert count[0] <= 3
+    jumps = input_events([DataInput(file, interpolation="held")], [], {}, 0.0, 1.0)
+    assert count[0] <= 6 and {0.5, 1.0} <= set(jumps)
+    with ec.load(path, step_size=0.5, stop_time=1.0).prepare() as simulation:
+        assert simulation.run()["wide.u29"].tolist() == [0.0, 29.0, 58.0]
