@@ -55,9 +55,9 @@ def describe_inequality(rows: Sequence[Row]) -> list[str]:
             effort += _describe_effort(joint, group_by_variant(of_joint))
     remarks = [f"observers of {join_names(joints)}: {texts}." for texts, joints in observers.items()]
     if reserves:
-        remarks.append(
-            f"reserves of {join_names(reserves)}, listed below; --reserves CURRENT,VOLTAGE sets equal ones."
-        )
+        limited = all("%" in part for row in rows for part in str(row[RESERVES]).split(" and "))
+        hint = "; --reserves CURRENT,VOLTAGE sets equal ones" if limited else ""
+        remarks.append(f"reserves of {join_names(reserves)}, listed below{hint}.")
     return [f"Not equal: {remark}" for remark in (*remarks, *effort)]
 
 

@@ -147,12 +147,13 @@ def test_unequal_terms_stand_below_the_ranking() -> None:
     (_, effort) = describe_ranking([*runs, *others])
     won = "a/own wins the position error of tilt"
     assert effort == f"Not equal: {won} with more torque effort than b/own (10 %)."
-    others = [row | {"observer": "none", "reserves": "not stated"} for row in runs]
-    others = [row | {"controller": "b"} for row in others]
-    assert describe_ranking([*runs, *others])[1:] == [
+    reserved = [row | {"controller": "b", "observer": "none", "reserves": "2 % and 20 %"} for row in runs]
+    assert describe_ranking([*runs, *reserved])[1:] == [
         "Not equal: observers of tilt: a/own robust; b/own none.",
         "Not equal: reserves of tilt, listed below; --reserves CURRENT,VOLTAGE sets equal ones.",
     ]
+    unlimited = [row | {"controller": "c", "reserves": "0 % and no limit"} for row in runs]
+    assert describe_ranking([*runs, *unlimited])[1:] == ["Not equal: reserves of tilt, listed below."]
 
 
 def test_comparison_shows_observers_and_offers_equal_ones(fmu_folder: Path) -> None:
