@@ -13,7 +13,7 @@ from .text_table import Cell, TextTable
 
 _ERROR = SHOWN["position_error_m"]
 _HEADER = (
-    "controller",
+    "controller,\nobserver",
     "error\n/ µm",
     "loop",
     "phase\n/ °",
@@ -49,10 +49,9 @@ def _build_table(scenario: str, joint: str, rows: list[Row]) -> TextTable:
     errors, observers = mark_winner(found, _ERROR), name_observers(rows)
     for name, one in found.items():
         lines.append(len(body))
-        first = [Cell(f"{name}\nobserver {observers[name]}"), errors[name]]
-        for loop in LOOPS:
-            body.append([*first, Cell(loop.removesuffix("_loop")), *_cells(one.rows[0], loop)])
-            first = [Cell(""), Cell("")]
+        heads = [[Cell(name), errors[name]], [Cell(observers[name]), Cell("")]]
+        for loop, head in zip(LOOPS, heads, strict=True):
+            body.append([*head, Cell(loop.removesuffix("_loop")), *_cells(one.rows[0], loop)])
     times = sorted({row[AT] for row in rows if row[AT] is not None})
     delay = next((row[DELAY] for row in rows if row[DELAY] is not None), None)
     when = f" at t = {' and '.join(f'{at:.4g}' for at in times)} s" if times else ""

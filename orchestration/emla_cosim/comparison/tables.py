@@ -68,9 +68,9 @@ def _describe_lost_joint(summary: SeedStatistics, several: Mapping[str, bool]) -
 
 def _header(result: CompareData, first: str, rows: Sequence[Row]) -> list[str]:
     """Return the heads of columns: controller, gains and observer, below each other."""
-    observers = name_observers(rows)
+    observers = {name: text.replace(" at ", "\nat ") for name, text in name_observers(rows).items()}
     heads = {name: name.replace("/", "\n") for name in result.entrants}
-    return [first, *(f"{head}\nobserver {observers.get(name, 'none')}" for name, head in heads.items())]
+    return [first, *(f"{head}\nobserver\n{observers.get(name, 'none')}" for name, head in heads.items())]
 
 
 def _plain(result: CompareData) -> Iterator[TextTable]:

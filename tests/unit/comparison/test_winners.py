@@ -161,7 +161,7 @@ def test_comparison_shows_observers_and_offers_equal_ones(fmu_folder: Path) -> N
     unequal = ec.compare("lift", ["rsba", "foc"], gains=["rsba/robust", "foc/tuned"], **options)
     (grid,) = unequal.grids
     assert grid.header[1:] == [
-        "rsba\nrobust\nobserver robust at 4000 rad/s", "foc\ntuned\nobserver compensated at 1959 rad/s"
+        "rsba\nrobust\nobserver\nrobust\nat 4000 rad/s", "foc\ntuned\nobserver\ncompensated\nat 1959 rad/s"
     ]  # fmt: skip
     assert grid.under[0] == (
         "Not equal: observers of lift: rsba/robust robust at 4000 rad/s; foc/tuned compensated at 1959 rad/s."
