@@ -29,7 +29,7 @@ def _describe_winners(rows: Sequence[Row]) -> list[str]:
         return [f"With random effects, one run shows no winner; {enough}"]
     least = fewest_wins(seeds)
     marked = (
-        f"It is marked as the winner with at least {least} wins (two-sided sign test at 5 %)."
+        f"It is marked as the winner with at least {least} wins (two-sided sign test at {100.0 * LEVEL:g} %)."
         if least
         else f"{seeds} seeds are too few to mark a winner; {enough}"
     )

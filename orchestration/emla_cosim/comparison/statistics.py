@@ -118,10 +118,10 @@ def rank(found: Mapping[str, SeedStatistics], figure: MetricDisplay) -> Ranking 
 
 
 def is_significant(wins: int, seeds: int) -> bool:
-    """Return whether a number of wins is more than chance in a two-sided sign test at 5 %.
+    """Return whether a number of wins is more than chance in a two-sided sign test.
 
-    The test covers all controllers of a row together: in a seed only one controller is below all others, so
-    the chances of wrong winners with more than half of the wins add up to those of two equal controllers.
+    The test covers all controllers of a row together. In a seed only one controller is below all others, so
+    the probabilities of wrong winners add up to at most that of two equal controllers.
 
     References:
         Dixon, W. J., and Mood, A. M.: The statistical sign test. J. Am. Stat. Assoc. 41, 1946.
