@@ -108,7 +108,7 @@ def _bars(result: CompareData) -> "Figure":
         axes.set_xlabel(f"{SHOWN[name].label} / {SHOWN[name].unit}", fontsize=9)
     paper = "; dotted: the paper's RSBA" if result.table == PAPER else ""
     unequal = describe_inequality(result.rows.rows(named=True))
-    remark = "; not equal in all but gains: see comparison.md" if unequal else ""
+    remark = "; terms are not equal: see comparison.md" if unequal else ""
     figure.suptitle(f"Controllers side by side{paper}{remark}", fontsize=12, fontweight="bold")
     return figure
 
