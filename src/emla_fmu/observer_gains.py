@@ -1,6 +1,7 @@
 """Rules for the gains of the observer, as published and improved; joint files have the numbers."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
+from math import isclose
 
 
 @dataclass(frozen=True)
@@ -114,3 +115,23 @@ def with_poles(gains: ObserverGains, p: float) -> ObserverGains:
     if gains.omega_d > 0.0:
         return compensated(p)
     return gains if gains.use_model else robust(p)
+
+
+def describe(gains: ObserverGains) -> str:
+    """Return the rule that gives these gains or the most of them, its arguments, and gains that differ."""
+    damped_p, p, w = gains.alpha_1 / 4.0, gains.alpha_1 / 3.0, gains.alpha_1 / 2.0
+    rules = {
+        f"robust at {w:.6g} rad/s": robust(w),
+        f"compensated at {p:.6g} rad/s": compensated(p),
+        f"damped at {damped_p:.6g} rad/s, {1e3 * gains.ahead:.6g} ms ahead": damped(damped_p, gains.ahead),
+        f"published with eta_hat {gains.eta_hat_start:.6g}": published(gains.eta_hat_start),
+    }
+    differences = {rule: _list_differences(gains, of_rule) for rule, of_rule in rules.items()}
+    rule = min(differences, key=lambda name: len(differences[name]))
+    return f"{rule}, but {', '.join(differences[rule])}" if differences[rule] else rule
+
+
+def _list_differences(gains: ObserverGains, others: ObserverGains) -> list[str]:
+    """Return the gains that differ by more than rounding, with their values."""
+    values = {f.name: (float(getattr(gains, f.name)), float(getattr(others, f.name))) for f in fields(gains)}
+    return [f"{name} = {a:.6g}" for name, (a, b) in values.items() if not isclose(a, b, rel_tol=1e-9)]

@@ -39,21 +39,17 @@ def list_tuning_seeds() -> set[int]:
     }
 
 
-def random_seeds(prepared: Preparation, values: Mapping[str, Value], fixed: Mapping[str, Value]) -> list[str]:
+def random_seeds(prepared: Preparation, values: Mapping[str, Value]) -> list[str]:
     """Return the full names of the seeds of sequences that affect a run.
 
     Args:
         prepared: The system.
         values: Start values of the run, by full name; they override those of the system.
-        fixed: Start values set by the user; seeds among them are not replaced.
     """
+    names = Names(prepared.system, prepared.interfaces)
 
     def value(name: str) -> float | None:
-        return (
-            float(values[name])
-            if name in values
-            else Names(prepared.system, prepared.interfaces).find(name).start_number
-        )
+        return float(values[name]) if name in values else names.find(name).start_number
 
-    names = find_start_values(SEED, prepared.system, prepared.interfaces)
-    return [name for name in names if name not in fixed and is_random(name, value)]
+    seeds = find_start_values(SEED, prepared.system, prepared.interfaces)
+    return [name for name in seeds if is_random(name, value)]

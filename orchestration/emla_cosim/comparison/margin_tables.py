@@ -6,13 +6,14 @@ from typing import Any
 from ..linearization.margins import LARGEST_MS, LEAST_GAIN_DB, LEAST_PHASE_DEG
 from .data import CompareData
 from .margins import AT, DELAY, FIGURES, LOOPS, PROBLEM
+from .remarks import describe_ranking, name_observers
 from .rows import SHOWN, Row
 from .statistics import group_by_variant, mark_winner
 from .text_table import Cell, TextTable
 
 _ERROR = SHOWN["position_error_m"]
 _HEADER = (
-    "controller",
+    "controller,\nobserver",
     "error\n/ µm",
     "loop",
     "phase\n/ °",
@@ -45,13 +46,12 @@ def build_margin_tables(result: CompareData) -> list[TextTable]:
 def _build_table(scenario: str, joint: str, rows: list[Row]) -> TextTable:
     body, lines = list[list[Cell]](), list[int]()
     found = group_by_variant(rows)
-    errors = mark_winner(found, _ERROR)
+    errors, observers = mark_winner(found, _ERROR), name_observers(rows)
     for name, one in found.items():
         lines.append(len(body))
-        first = [Cell(name), errors[name]]
-        for loop in LOOPS:
-            body.append([*first, Cell(loop.removesuffix("_loop")), *_cells(one.rows[0], loop)])
-            first = [Cell(""), Cell("")]
+        heads = [[Cell(name), errors[name]], [Cell(observers[name]), Cell("")]]
+        for loop, head in zip(LOOPS, heads, strict=True):
+            body.append([*head, Cell(loop.removesuffix("_loop")), *_cells(one.rows[0], loop)])
     times = sorted({row[AT] for row in rows if row[AT] is not None})
     delay = next((row[DELAY] for row in rows if row[DELAY] is not None), None)
     when = f" at t = {' and '.join(f'{at:.4g}' for at in times)} s" if times else ""
@@ -60,6 +60,7 @@ def _build_table(scenario: str, joint: str, rows: list[Row]) -> TextTable:
         f"Computing delay: {known}. Conditions: phase margin of at least {LEAST_PHASE_DEG:g}°, gain margins "
         f"of at least {LEAST_GAIN_DB:g} dB both ways, Ms of at most {LARGEST_MS:g}. none: nothing limits it."
     ]
+    under += describe_ranking(rows)
     return TextTable(f"{joint} of {scenario}: stability margins{when}", _HEADER, body, under, lines)
 
 

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from ..study.controllers import CONTROLLERS
 from ..study.paper import PRINTED, REFERENCE, Cells, PrintedTable
 from .data import CompareData
+from .remarks import describe_ranking, name_observers
 from .rows import SHOWN, Row, label_variant
 from .statistics import SeedStatistics, group_by_variant, mark_winner
 from .text_table import Cell, TextTable, format_rounded
@@ -35,15 +36,16 @@ def _cells(rows: Sequence[Row], printed: PrintedTable) -> TextTable:
         columns = {figure.name: mark_winner(found, figure) for figure in _FIGURES}
         lines.append(len(body))
         place = joint if len(printed.scenarios) == 1 else scenario
+        observers = name_observers(own)
         for name, one in found.items():
-            cells = [Cell(place), Cell(name)]
+            cells = [Cell(place), Cell(f"{name}\nobserver {observers[name]}")]
             for figure, said in zip(_FIGURES, paper.get(one.controller, (None,) * 4), strict=True):
                 cells.append(columns[figure.name][name])
                 cells.append(Cell("" if said is None else format_rounded(figure.factor * said)))
             body.append(cells)
     header = ["", "controller/gains", *(h for f in _FIGURES for h in (f"{f.label} / {f.unit}", "paper"))]
     title = f"{printed.name}: ours beside the paper's; the winner of ours is marked"
-    return TextTable(title, header, body, [printed.references], lines)
+    return TextTable(title, header, body, [*describe_ranking(rows), printed.references], lines)
 
 
 def _averages(rows: Sequence[Row], printed: PrintedTable) -> TextTable:

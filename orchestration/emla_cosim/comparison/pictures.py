@@ -11,8 +11,9 @@ from ..study.paper import PRINTED
 from ..views.plots.style import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, new_figure, tidy_axes
 from .cases import stability_maps
 from .data import PAPER, ROBUSTNESS, STABILITY, CompareData
+from .remarks import describe_inequality
 from .rows import HELD, SHOWN, Row, label_variant
-from .statistics import SeedStatistics, format_lost, group_by_variant
+from .statistics import SeedStatistics, format_lost, group_by_variant, rank
 from .tables import group_rows
 from .text_table import format_rounded
 
@@ -80,7 +81,11 @@ def _bars(result: CompareData) -> "Figure":
                 _draw_points(axes, names, values, spreads, colors)
             else:
                 axes.barh(names, values, xerr=spreads, color=colors, height=0.7)
-            for place, one in enumerate(found.values()):
+            ranking = rank(found, shown)
+            winner = ranking.best if ranking and ranking.is_winner else None
+            for place, (variant, one) in enumerate(found.items()):
+                if variant == winner:
+                    axes.text(0.98, place, "wins", transform=axes.get_yaxis_transform(), **_WINS)
                 if not one.is_held:
                     text = format_lost(one, shown)
                     axes.text(0.02, place, text, transform=axes.get_yaxis_transform(), **_TOLD)
@@ -102,7 +107,9 @@ def _bars(result: CompareData) -> "Figure":
     for axes, name in zip(grid[-1], bars, strict=True):
         axes.set_xlabel(f"{SHOWN[name].label} / {SHOWN[name].unit}", fontsize=9)
     paper = "; dotted: the paper's RSBA" if result.table == PAPER else ""
-    figure.suptitle(f"Controllers side by side{paper}", fontsize=12, fontweight="bold")
+    unequal = describe_inequality(result.rows.rows(named=True))
+    remark = "; terms are not equal: see comparison.md" if unequal else ""
+    figure.suptitle(f"Controllers side by side{paper}{remark}", fontsize=12, fontweight="bold")
     return figure
 
 
@@ -135,6 +142,7 @@ def _label_decades(axes: "Axes") -> None:
 
 
 _TOLD: dict[str, Any] = {"va": "center", "fontsize": 7, "color": _LOST}
+_WINS: dict[str, Any] = {"va": "center", "ha": "right", "fontsize": 7, "fontweight": "bold"}
 
 
 def _printed(scenario: str, joint: str, figure: str) -> float | None:

@@ -1,7 +1,8 @@
 """The plan of a comparison: all runs, and the prepared simulations that they use."""
 
+import shlex
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from ..base.errors import CommandError
@@ -16,6 +17,7 @@ from ..sweeps.worker_payload import Preparation
 from .cases import ComparisonCase, describe_left_out
 from .controller_variants import ControllerVariant
 from .held_out_seeds import HeldOutSeeds, random_seeds
+from .observers import find_equal_gains, list_observers
 from .reserves import CURRENT, VOLTAGE, Reserves, describe_reserves, reserve_values
 from .subsystems import find_independent_subsystems
 
@@ -28,6 +30,9 @@ class ComparisonRun:
         own: The options that make the case.
         group: The position of the prepared simulation.
         seed: The held-out seed of the random sequences; None for those of the scenario.
+        is_random: Whether random sequences affect the run.
+        observers: The observer of each joint as text.
+        reserves: The reserves of the controllers as text.
     """
 
     scenario: str
@@ -37,6 +42,9 @@ class ComparisonRun:
     own: Mapping[str, Any]
     group: int
     seed: int | None = None
+    is_random: bool = False
+    observers: Mapping[str, str] = field(default_factory=dict)
+    reserves: str = ""
 
 
 @dataclass(frozen=True)
@@ -123,13 +131,15 @@ def plan_runs(
                 if not groups or groups[-1] is not part:
                     groups.append(part)
                 run.add((scenario, case.name))
-                kept.setdefault(str(variant), {})[describe_reserves(part, own["set"])] = None
+                reserves = describe_reserves(part, own["set"])
+                kept.setdefault(str(variant), {})[reserves] = None
                 if terms.reserves is not None and not reserve_values(part, terms.reserves):
                     fixed[str(variant)] = None
-                for seed, options in _choose_seeds(part, own, held_out, terms.options):
-                    runs.append(
-                        ComparisonRun(scenario, variant, case, _joints(part), options, len(groups) - 1, seed)
-                    )
+                joints, sequences = _joints(part), random_seeds(part, own["set"])
+                observers = list_observers(part, joints, own["set"])
+                for seed, options in _choose_seeds(sequences, own, held_out, terms.options):
+                    position = scenario, variant, case, joints, options, len(groups) - 1, seed
+                    runs.append(ComparisonRun(*position, bool(sequences), observers, reserves))
     notes = [
         describe_left_out(missing, scenario)
         for scenario in scenarios
@@ -139,18 +149,37 @@ def plan_runs(
         raise CommandError(" ".join(notes))
     known = [f"Note: {note}." for group in groups if group.scenario for note in group.scenario.notes]
     notes += dict.fromkeys(known)
-    reserves = "; ".join(f"{name} {', '.join(found)}" for name, found in kept.items())
-    notes.append(f"Reserves of current and voltage: {reserves}.")
+    shown = "; ".join(f"{name} {', '.join(found)}" for name, found in kept.items())
+    notes.append(f"Reserves of current and voltage: {shown}.")
     notes += [f"{name} keeps its own reserves: it has no {CURRENT} and {VOLTAGE} to set." for name in fixed]
+    notes += _suggest_equal_observers(runs, terms.options)
     return ComparisonPlan(runs, groups, terms.options, notes)
 
 
+def _suggest_equal_observers(runs: Sequence[ComparisonRun], options: Mapping[str, Any]) -> Iterator[str]:
+    """Return a remark for each scenario with unequal observers: sets of gains that have equal ones."""
+    for scenario in dict.fromkeys(run.scenario for run in runs):
+        of_scenario = [run for run in runs if run.scenario == scenario]
+        controllers = list(dict.fromkeys(run.controller_variant.controller for run in of_scenario))
+        pairs = {(joint, observer) for run in of_scenario for joint, observer in run.observers.items()}
+        is_equal = len(pairs) == len({joint for joint, _ in pairs})
+        if (
+            len(controllers) > 1
+            and not is_equal
+            and (equal := find_equal_gains(scenario, controllers, options))
+        ):
+            yield f"Equal observers in {scenario}: --gains {shlex.quote(','.join(map(str, equal)))}."
+
+
 def _choose_seeds(
-    part: Preparation, own: Mapping[str, Any], held_out: HeldOutSeeds, options: Mapping[str, Any]
+    sequences: Sequence[str], own: Mapping[str, Any], held_out: HeldOutSeeds, options: Mapping[str, Any]
 ) -> Iterator[tuple[int | None, Mapping[str, Any]]]:
-    """Return held-out seeds, each with the options of its run; a single None if nothing is random."""
-    names = random_seeds(part, own["set"], options.get("set") or {}) if held_out.drawn else []
-    if not names:
+    """Return held-out seeds, each with the options of its run; a single None if there is nothing to draw.
+
+    Seeds that the user sets are not replaced.
+    """
+    names = [name for name in sequences if name not in (options.get("set") or {})]
+    if not (names and held_out.drawn):
         yield None, own
     else:
         for seed in held_out.drawn:

@@ -1,6 +1,6 @@
 """The reserves of current and voltage that controllers keep, and how to set the same for all."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 from ..base.errors import CommandError
@@ -59,18 +59,33 @@ def _controllers(prepared: Preparation) -> list[str]:
     return [c.name for c in prepared.system.components if c.name.rpartition(".")[2] == "controller"]
 
 
-def _of(controller: str, prepared: Preparation, values: Mapping[str, Value]) -> Reserves | None:
-    variables = prepared.interfaces[controller].variables
+def read_start_values(
+    component: str, prepared: Preparation, values: Mapping[str, Value]
+) -> Callable[[str], float | None]:
+    """Return a function that returns a start value of a component by name; None if it is not a number.
+
+    Args:
+        component: The name of the component.
+        prepared: The system.
+        values: Start values of the run by full name; they override those of the system.
+    """
+    variables, names = prepared.interfaces[component].variables, Names(prepared.system, prepared.interfaces)
 
     def value(name: str) -> float | None:
         if name not in variables:
             return None
-        full, start = f"{controller}.{name}", str(variables[name].start).lower()
+        full, start = f"{component}.{name}", str(variables[name].start).lower()
         if full in values:
             return float(values[full])
-        number = Names(prepared.system, prepared.interfaces).find(full).start_number
+        number = names.find(full).start_number
         return _TRUTHS.get(start) if number is None else number
 
+    return value
+
+
+def _of(controller: str, prepared: Preparation, values: Mapping[str, Value]) -> Reserves | None:
+    variables = prepared.interfaces[controller].variables
+    value = read_start_values(controller, prepared, values)
     current, voltage = value(CURRENT), value(VOLTAGE)
     if current is None or voltage is None:
         return None

@@ -20,8 +20,9 @@ class CompareResult(CompareData):
 
     Attributes:
         rows: polars data frame with a row for each scenario, case, joint, controller, set of gains and seed.
-            `held` is the verdict, `lost_at_s` and `why` say when and why a joint was not held; the metrics
-            have units in their names.
+            `held` is the verdict, `lost_at_s` and `why` say when and why a joint was not held; `observer` and
+            `reserves` may differ between controllers, `random` tells whether seeds matter; the metrics have
+            units in their names.
         errors: position errors in m over `time` in s, one frame for each run by its number, with a column for
             each joint, if they were kept.
         table: name of the tables, or None.

@@ -19,6 +19,9 @@ FIGURES = tuple(f.name for f in fields(JointFigures) if f.name not in _NO_NUMBER
 HELD, LOST_AT, WHY, SEED = "held", "lost_at_s", "why", "seed"
 """Columns that say whether a joint was held; if not, when and why; and the held-out seed."""
 
+RANDOM, OBSERVER, RESERVES = "random", "observer", "reserves"
+"""Columns that say whether random sequences affect the run, and what may differ between controllers."""
+
 COLUMNS: Mapping[str, Any] = {
     "run": polars.Int64,
     "scenario": polars.String,
@@ -26,7 +29,10 @@ COLUMNS: Mapping[str, Any] = {
     "joint": polars.String,
     "controller": polars.String,
     "gains": polars.String,
+    OBSERVER: polars.String,
+    RESERVES: polars.String,
     SEED: polars.Int64,
+    RANDOM: polars.Boolean,
     HELD: polars.Boolean,
     LOST_AT: polars.Float64,
     WHY: polars.String,
@@ -62,7 +68,10 @@ def _row(run: ComparisonRun, joint: str, outcome: VariantOutcome) -> dict[str, A
         "joint": joint,
         "controller": run.controller_variant.label,
         "gains": run.controller_variant.gains,
+        OBSERVER: run.observers.get(joint),
+        RESERVES: run.reserves,
         SEED: run.seed,
+        RANDOM: run.is_random,
         HELD: is_held,
         LOST_AT: at,
         WHY: why,

@@ -31,6 +31,7 @@ from .folder import CompareFolder, build_record
 from .margins import add_margins, measure_margins
 from .measures import FIGURES_ALONE, WITH_ERRORS, WITH_MOTION
 from .plan import ComparisonPlan, ComparisonTerms, plan_runs
+from .remarks import FEWEST_SEEDS
 from .reserves import parse_reserves
 from .result import CompareResult
 from .rows import build_rows as rows_of
@@ -38,8 +39,8 @@ from .rows import build_rows as rows_of
 RESOLUTION = 7
 """Default number of points along an axis of a map."""
 
-SEEDS = 5
-"""Default number of held-out seeds; maps use none by default."""
+SEEDS = FEWEST_SEEDS
+"""Default number of held-out seeds, the smallest that can show a winner; maps use none by default."""
 
 
 def compare(
@@ -72,7 +73,7 @@ def compare(
             conditions), "stability" (maps over delay and parameters), "margins" (stability margins of each
             joint's loops beside its errors), or None.
         seeds: number of held-out seeds, the same for all controllers; 0 for the seeds of the scenario.
-            Default: 5, for maps 0.
+            Default: 6, for maps 0.
         reserves: parts of current and voltage that each controller keeps, such as (0.02, 0.2). Default: those
             of each controller.
         resolution: points on each axis of a map.

@@ -1,13 +1,17 @@
-"""Statistics over the seeds of a comparison: mean and spread of each figure, and clear winners."""
+"""Statistics over the seeds of a comparison: mean and spread of each figure, and winners seed by seed."""
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from statistics import fmean, stdev
+from typing import NamedTuple
 
 from ..recorders.metrics import MetricDisplay
-from .rows import HELD, Row, label_variant
-from .text_table import Cell, format_rounded
+from .rows import HELD, RANDOM, SEED, Row, label_variant
+from .text_table import Cell, format_rounded, resolution
+
+LEVEL = 0.05
+"""Largest probability of a wrong winner in a row."""
 
 
 @dataclass(frozen=True)
@@ -63,14 +67,31 @@ def group_by_variant(rows: Sequence[Row]) -> dict[str, SeedStatistics]:
     return {variant: SeedStatistics(own) for variant, own in found.items()}
 
 
-def find_winner(found: Mapping[str, SeedStatistics], figure: MetricDisplay) -> str | None:
-    """Return the controller with the clearly smallest mean of a figure.
+class Ranking(NamedTuple):
+    """The controller with the smallest mean of a figure, and in how many runs it is below all others.
 
-    Only joints that were held in all runs count. The smallest mean must be below the next one by more than
-    both standard deviations together, and differ from it in the digits that tables show.
+    Attributes:
+        best: The controller with its gains.
+        wins: The number of seeds with which it is below every other controller.
+        seeds: The number of compared seeds; 0 if nothing is random.
+        is_winner: Whether this is more than chance.
+    """
+
+    best: str
+    wins: int
+    seeds: int
+    is_winner: bool
+
+
+def rank(found: Mapping[str, SeedStatistics], figure: MetricDisplay) -> Ranking | None:
+    """Compare a figure seed by seed; only joints that were held in all runs count.
+
+    Without random sequences, the smallest figure wins. With them, a win is a seed with which the controller
+    is below all others. The winner is the controller with the smallest mean if its number of wins is
+    significant in a sign test. Figures that differ by less than the last digit shown are equal.
 
     Returns:
-        The controller with its gains; None if there is no clear winner or no other controller.
+        The ranking; None if there are not two controllers to compare.
     """
     means = {
         name: mean
@@ -79,20 +100,57 @@ def find_winner(found: Mapping[str, SeedStatistics], figure: MetricDisplay) -> s
     }
     if len(means) < 2:
         return None
-    best, *others = sorted(means, key=lambda name: means[name])
+    best = min(means, key=lambda name: means[name])
+    by_seed = {name: {row[SEED]: float(row[figure.name]) for row in found[name].rows} for name in means}
+    seeds = {seed for values in by_seed.values() for seed in values} - {None} or {None}
+    for values in by_seed.values():
+        if None in values:  # a run without random sequences is the same with every seed
+            values |= dict.fromkeys(seeds, values[None])
+    pairs = [seed for seed in seeds if all(seed in values for values in by_seed.values())]
+    best_values = by_seed.pop(best)
+    wins = sum(
+        all(_is_below(best_values[seed], values[seed], figure) for values in by_seed.values())
+        for seed in pairs
+    )
+    if not any(row[RANDOM] for name in means for row in found[name].rows):
+        return Ranking(best, wins, 0, bool(wins))
+    return Ranking(best, wins, len(pairs), is_significant(wins, len(pairs)))
 
-    def is_clear(other: str) -> bool:
-        both = found[best].spread(figure.name) + found[other].spread(figure.name)
-        shown = [format_rounded(figure.factor * means[name]) for name in (best, other)]
-        return means[other] - means[best] > both and shown[0] != shown[1]
 
-    return best if all(map(is_clear, others)) else None
+def is_significant(wins: int, seeds: int) -> bool:
+    """Return whether a number of wins is more than chance in a two-sided sign test.
+
+    The test covers all controllers of a row together. In a seed only one controller is below all others, so
+    the probabilities of wrong winners add up to at most that of two equal controllers.
+
+    References:
+        Dixon, W. J., and Mood, A. M.: The statistical sign test. J. Am. Stat. Assoc. 41, 1946.
+    """
+    from scipy.stats import binomtest  # slow to import
+
+    return 2 * wins > seeds and bool(binomtest(wins, seeds).pvalue <= LEVEL)
+
+
+def fewest_wins(seeds: int) -> int | None:
+    """Return the smallest significant number of wins; None if even all seeds are too few."""
+    return next((wins for wins in range(seeds // 2, seeds + 1) if is_significant(wins, seeds)), None)
+
+
+def _is_below(value: float, other: float, figure: MetricDisplay) -> bool:
+    """Return whether a figure is below another one by at least a unit of the last digit that tables show."""
+    a, b = figure.factor * value, figure.factor * other
+    return b > a and b - a >= (1.0 - 1e-9) * resolution(b)
 
 
 def mark_winner(found: Mapping[str, SeedStatistics], figure: MetricDisplay) -> dict[str, Cell]:
-    """Return the cells of a row of a table by controller and gains, with means, spreads and the winner."""
-    best = find_winner(found, figure)
-    return {name: _cell(one, figure)._replace(best=name == best) for name, one in found.items()}
+    """Return the cells of a row by controller and gains: means, spreads, wins and the winner."""
+    cells = {name: _cell(one, figure) for name, one in found.items()}
+    if ranking := rank(found, figure):
+        text = cells[ranking.best].text
+        if ranking.seeds and ranking.wins:
+            text = f"{text}, wins {ranking.wins} of {ranking.seeds}"
+        cells[ranking.best] = Cell(text, best=ranking.is_winner)
+    return cells
 
 
 def format_mean(one: SeedStatistics, figure: MetricDisplay) -> str:

@@ -7,6 +7,7 @@ from typing import Any
 from .data import MARGINS, PAPER, ROBUSTNESS, STABILITY, CompareData
 from .margin_tables import build_margin_tables
 from .paper_tables import build_paper_tables
+from .remarks import describe_ranking, name_observers
 from .rows import HELD, LOST_AT, SHOWN, WHY, Row, label_variant
 from .statistics import SeedStatistics, format_mean, group_by_variant, mark_winner
 from .text_table import Cell, TextTable
@@ -65,19 +66,11 @@ def _describe_lost_joint(summary: SeedStatistics, several: Mapping[str, bool]) -
     return f"{where}{first['joint']} with {summary.controller_variant}{runs}: {first[WHY]}."
 
 
-def _header(result: CompareData, first: str) -> list[str]:
-    return [first, *(name.replace("/", "\n") for name in result.entrants)]
-
-
-def _under(rows: Sequence[Row]) -> list[str]:
-    """Return the remarks that explain cells with means."""
-    seeds = len({row["seed"] for row in rows} - {None})
-    if seeds < 2:
-        return []
-    return [
-        f"± is the standard deviation over {seeds} seeds that no tuning used. A winner is marked only where "
-        "its mean is below all others by more than both standard deviations together."
-    ]
+def _header(result: CompareData, first: str, rows: Sequence[Row]) -> list[str]:
+    """Return the heads of columns: controller, gains and observer, below each other."""
+    observers = {name: text.replace(" at ", "\nat ") for name, text in name_observers(rows).items()}
+    heads = {name: name.replace("/", "\n") for name in result.entrants}
+    return [first, *(f"{head}\nobserver\n{observers.get(name, 'none')}" for name, head in heads.items())]
 
 
 def _plain(result: CompareData) -> Iterator[TextTable]:
@@ -97,7 +90,7 @@ def _plain(result: CompareData) -> Iterator[TextTable]:
                     ]
                 )
         title = f"Controllers on {scenario}; the winner of each row is marked"
-        yield TextTable(title, _header(result, ""), body, _under(rows), lines)
+        yield TextTable(title, _header(result, "", rows), body, describe_ranking(rows), lines)
 
 
 def _robustness(result: CompareData) -> Iterator[TextTable]:
@@ -114,9 +107,12 @@ def _robustness(result: CompareData) -> Iterator[TextTable]:
                     means = [format_mean(one, figure) for figure in others]
                     cells[name] = cells[name]._replace(text=" / ".join([cells[name].text, *means]))
             body.append([Cell(case), *(cells.get(name, Cell("")) for name in result.entrants)])
-        yield TextTable(f"{joint} of {scenario}: {meaning}", _header(result, "case"), body, _under(rows))
+        title, header = f"{joint} of {scenario}: {meaning}", _header(result, "case", rows)
+        yield TextTable(title, header, body, describe_ranking(rows))
     for (scenario,), rows in group_rows(result.rows.rows(named=True), "scenario").items():
-        yield TextTable(f"Cases of {scenario} that hold", _header(result, "joint"), _shares(result, rows))
+        yield TextTable(
+            f"Cases of {scenario} that hold", _header(result, "joint", rows), _shares(result, rows)
+        )
 
 
 def _stability(result: CompareData) -> Iterator[TextTable]:
@@ -124,7 +120,7 @@ def _stability(result: CompareData) -> Iterator[TextTable]:
     rows = [{**row, "map": row["case"].partition(":")[0]} for row in result.rows.rows(named=True)]
     for (name,), own in group_rows(rows, "map").items():
         title = f"Points of the map of {name} that hold"
-        yield TextTable(title, _header(result, "joint"), _shares(result, own))
+        yield TextTable(title, _header(result, "joint", own), _shares(result, own))
 
 
 def _shares(result: CompareData, rows: Sequence[Row]) -> list[Sequence[Cell]]:

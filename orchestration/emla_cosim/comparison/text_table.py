@@ -1,5 +1,6 @@
 """A text table for the terminal and for Markdown."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -19,6 +20,11 @@ class Cell(NamedTuple):
 def format_rounded(value: float) -> str:
     """Return a number with three digits, or with all digits before the point; large ones without exponent."""
     return f"{value:.3g}" if abs(value) < 1e3 else f"{value:.4g}" if abs(value) < 1e4 else f"{value:,.0f}"
+
+
+def resolution(value: float) -> float:
+    """Return the value of the last digit with which `format_rounded` shows a number."""
+    return min(1.0, 10.0 ** (math.floor(math.log10(abs(value))) - 2)) if value else 0.0
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Comparisons are fair: recommended gains, held-out seeds, equal reserves, winners beyond the spread."""
+"""Comparisons are fair: recommended gains, held-out seeds, equal reserves and observers."""
 
 import itertools
 import json
@@ -14,18 +14,9 @@ from distributed import Client
 import emla_cosim as ec
 from emla_cosim.comparison.held_out_seeds import HeldOutSeeds, list_tuning_seeds, random_seeds
 from emla_cosim.comparison.reserves import Reserves, describe_reserves, reserve_values
-from emla_cosim.comparison.rows import COLUMNS, read_verdict
+from emla_cosim.comparison.rows import read_verdict
 from emla_cosim.comparison.runner import compare
-from emla_cosim.comparison.statistics import (
-    SeedStatistics,
-    find_winner,
-    format_lost,
-    group_by_variant,
-    mark_winner,
-)
-from emla_cosim.comparison.tables import describe_lost_joints
 from emla_cosim.fmu.models import build
-from emla_cosim.recorders.metrics import MetricDisplay
 from emla_cosim.run.scenarios.built_in import TUNINGS
 from emla_cosim.study.controllers import CONTROLLERS
 from emla_cosim.study.loading import load
@@ -34,78 +25,6 @@ from emla_cosim.sweeps.worker_payload import Preparation
 from fmublock import Block, Input, Output, clamp
 
 pytestmark = pytest.mark.usefixtures("on_one_cluster")
-
-ERROR = MetricDisplay("position_error_m", "position error", 1e6, "µm", "m")
-
-
-def rows(controller: str, *errors: float, held: bool = True) -> list[dict[str, Any]]:
-    """Runs of a controller that differ in their seeds, with these position errors in µm."""
-    return [
-        {"controller": controller, "gains": "own", "held": held, "seed": i, "position_error_m": 1e-6 * e}
-        for i, e in enumerate(errors)
-    ]
-
-
-@pytest.mark.parametrize("seed", range(8))
-def test_winner_is_ahead_by_more_than_the_spread(seed: int) -> None:
-    """Beside a computation of its own, on three controllers that are near one another."""
-    random = np.random.default_rng(seed)
-    errors = random.uniform(1.0, 1.6, (3, 1)) + random.normal(0.0, 0.05, (3, 5))
-    found = group_by_variant([row for name, e in zip("abc", errors, strict=True) for row in rows(name, *e)])
-    mean, deviation = errors.mean(axis=1), errors.std(axis=1, ddof=1)
-    best = int(mean.argmin())
-    clear = all(mean[i] - mean[best] > deviation[i] + deviation[best] for i in range(3) if i != best)
-    expected = f"{'abc'[best]}/own" if clear else None
-    assert find_winner(found, ERROR) == expected
-    assert [name for name, cell in mark_winner(found, ERROR).items() if cell.best] == (
-        [expected] if expected else []
-    )
-
-
-def test_equal_figures_and_a_single_controller_have_no_winner() -> None:
-    def winner(**errors: float) -> str | None:
-        return find_winner(group_by_variant([r for n, e in errors.items() for r in rows(n, e)]), ERROR)
-
-    assert winner(a=7.0, b=7.1) == "a/own"
-    assert winner(a=7.061, b=7.0612) is None  # both are shown as 7.06
-    assert winner(a=7.0) is None
-
-
-def test_lost_joints_cannot_win() -> None:
-    lost = [*rows("a", 0.1, 0.2), *rows("a", 6040.0, held=False)]
-    found = group_by_variant([*lost, *rows("b", 1.0, 1.1, 1.2), *rows("c", 3.0, 3.1, 3.2)])
-    assert find_winner(found, ERROR) == "b/own"
-    assert mark_winner(found, ERROR)["a/own"] == ("not held in 1 of 3 (6040)", False, True)
-    assert format_lost(SeedStatistics(rows("a", 6040.0, held=False)), ERROR) == "not held (6040)"
-    assert format_lost(SeedStatistics(rows("a", float("nan"), held=False)), ERROR) == "not held"
-
-
-def robustness() -> ec.CompareResult:
-    """A table of two cases with two seeds, in which one controller loses one run of four."""
-    common = {"run": 0, "scenario": "own", "joint": "lift", "saturated_after_settling": 0.01}
-    ends = {False: {"lost_at_s": 0.5, "why": "lift tripped on its speed at t = 0.5 s"}, True: {}}
-    found = [
-        row | common | {"case": case, "torque_peak_N_m": 100.0 + row["seed"]} | ends[row["held"]]
-        for case, lost in (("nominal", False), ("noise", True))
-        for row in [*rows("a", 1.0, 1.1), *rows("b", 2.0), *rows("b", 2.0, 2.4, held=not lost)[1:]]
-    ]
-    table = polars.DataFrame(found, schema=dict(COLUMNS), orient="row")
-    return ec.CompareResult("own", "robustness", table, ["a/own", "b/own"])
-
-
-def test_robustness_table_has_means_and_counts_held_runs() -> None:
-    cases, held = robustness().grids
-    first, second = ([cell.text for cell in row] for row in cases.rows)
-    assert first == ["nominal", "1.05 ± 0.071 / 100 / 1", "2.2 ± 0.28 / 100 / 1"]
-    assert second[1:] == ["1.05 ± 0.071 / 100 / 1", "not held in 1 of 2 (2.4)"]
-    assert [cell.best for cell in cases.rows[0]] == [False, True, False]
-    assert not any(cell.best for cell in cases.rows[1])  # there is only one left
-    assert [[cell.text for cell in row] for row in held.rows] == [["lift", "2 of 2", "1 of 2"]]
-    assert describe_lost_joints(robustness()) == [
-        "noise, lift with b/own (1 of 2 runs): lift tripped on its speed at t = 0.5 s."
-    ]
-    assert list(robustness().figures()) == ["comparison-robustness"]
-
 
 HELD = {"held": True, "reason": None}
 SWINGS = {"held": False, "reason": "it swings.", "oscillation": {"time_s": 0.4}}
@@ -154,11 +73,10 @@ def prepared(fmu_folder: Path) -> dict[str, Preparation]:
 def test_random_components_get_seeds(prepared: dict[str, Preparation]) -> None:
     """On the study nothing but tilt's disturbance, until a sensor has noise or its disturbance none."""
     study, tilt = prepared["study"], "tilt.disturbance.d_2.seed"
-    assert random_seeds(study, {}, {}) == [tilt]
-    assert random_seeds(study, {"lift.plant.sensor.sigma": 1e-6}, {}) == ["lift.plant.sensor.seed", tilt]
-    assert random_seeds(study, {"tilt.disturbance.d_2.high": 0.0}, {}) == []
-    assert random_seeds(study, {}, {tilt: 5}) == []
-    assert len(random_seeds(prepared["study-drive"], {}, {})) == 7
+    assert random_seeds(study, {}) == [tilt]
+    assert random_seeds(study, {"lift.plant.sensor.sigma": 1e-6}) == ["lift.plant.sensor.seed", tilt]
+    assert random_seeds(study, {"tilt.disturbance.d_2.high": 0.0}) == []
+    assert len(random_seeds(prepared["study-drive"], {})) == 7
 
 
 @pytest.fixture(scope="module")
@@ -199,6 +117,20 @@ def test_controllers_get_the_same_random_sequences(compared: ec.CompareResult, f
     assert alone["position_error_m"] == compared.rows.filter(run=run["run"])["position_error_m"][0]
 
 
+def test_controllers_meet_equal_noise_and_disturbances(fmu_folder: Path) -> None:
+    """Bit by bit, though their loops differ: one seed gives one sequence."""
+    seed = HeldOutSeeds(1).values(["tilt.disturbance.d_2.seed", "tilt.plant.sensor.seed"], 1)
+    sensor = {"tilt.plant.sensor.sigma": 1e-7, "tilt.plant.sensor.resolution": 0.0}
+    sequences = []
+    for controller in ("rsba", "foc"):
+        scenario = load("tilt", controller=controller, stop_time=0.05, output_interval=1e-4, fmus=fmu_folder)
+        with scenario.prepare() as simulation:
+            result = simulation.run(set=seed | sensor)
+        noise = result["tilt.plant.x_measured"] - result["tilt.plant.x_L"]
+        sequences.append([*result["tilt.disturbance.d_2"], *noise])
+    assert sequences[0] == sequences[1] and np.std(sequences[0]) > 0.0
+
+
 def test_table_shows_mean_and_spread(compared: ec.CompareResult) -> None:
     (grid,) = compared.grids
     tilt = compared.rows.filter(joint="tilt", controller="foc")["position_error_m"].to_numpy()
@@ -211,8 +143,9 @@ def test_table_shows_mean_and_spread(compared: ec.CompareResult) -> None:
 
 
 def test_notes_state_reserves_and_offer_other_sets(compared: ec.CompareResult) -> None:
-    reserves, others = compared.notes
+    reserves, equal, others = compared.notes
     assert reserves == ("Reserves of current and voltage: rsba/damped 2 % and 20 %; foc/damped 0 % and 5 %.")
+    assert equal == "Equal observers in study: --gains rsba/robust,foc/rule."
     left = "rsba/compensated, rsba/robust, rsba/published, rsba/compliant, foc/tuned and foc/rule"
     assert others.startswith(f"Further sets of gains: {left}")
 
