@@ -9,8 +9,6 @@ from typing import Any, Unpack
 
 import numpy as np
 
-from emla_fmu import EmlaCompliantPlant, EmlaPlant
-
 from ..base.arrays import Vector
 from ..base.errors import CommandError, RunError
 from ..base.patterns import matches_pattern
@@ -25,15 +23,20 @@ from ..run.run_setup import run_times
 from ..run.scenarios.scenario import Scenario
 from ..study.actuator.actuator import Actuator
 from ..study.actuator.model_parameters import get_number
+from ..study.criteria import ALL_JOINTS, Criteria, criteria_of
+from ..study.limits import WINDING_TEMPERATURE
 from ..study.loading import load
 from ..study.roles import list_role_patterns
 from ..system.model import System
 from .cycle import SIGNALS, Cycle, follow_reference, list_joints, read_cycle
 from .data_sheets import find_data_sheet
-from .figures import compute_figures, winding_rise
+from .figures import SizingFigures, compute_figures
 from .folder import SizeFolder
 from .limits import Requirements, Unexamined, Utilisation, examine, link_capacity
+from .losses import describe_losses
+from .plant import find_plant
 from .result import Candidate, JointSizing, SizeResult
+from .winding import Winding, find_winding, warm_up
 
 AMBIENT = 313.15
 """Default temperature around a motor in K, 40 degrees Celsius as in IEC 60034-1."""
@@ -247,7 +250,7 @@ def _size_scenario(scenario: Scenario, task: _Task) -> dict[str, JointSizing]:
     if length > whole * (1.0 + 1e-9):
         raise CommandError(f"the cycle of {length:g} s is longer than the run of {whole:g} s.")
     interval = times.step * max(math.ceil(length / times.step / _ROWS), 1)  # peaks need every row
-    given: dict[str, Any] = {"output_interval": interval, "set": _directional(scenario)}
+    given: dict[str, Any] = {"output_interval": interval}
     if task.lead_in:
         given["start_time"] = times.start - task.lead_in
     with scenario.prepare(task.progress, **given) as simulation:
@@ -270,10 +273,15 @@ def _size_scenario(scenario: Scenario, task: _Task) -> dict[str, JointSizing]:
         result = simulation.run(recorders=[table], signals=kept)
         if result.early_end is not None:  # of an FMU; conditions were refused before
             raise RunError(f"{result.early_end.rstrip('.')}, but emla size needs the whole run.")
+    chosen = scenario.options.criteria
+    criteria = criteria_of(
+        joints, {key: chosen[key] for key in chosen if key.rpartition(".")[0] in (*joints, ALL_JOINTS)}
+    )
     sizings = {}
     for joint in joints:
         sheet = find_data_sheet(scenario, task.source, joint)
-        sizings[joint] = _size_joint(result, joint, sheet, times.stop - own[joint], times.stop, task.needed)
+        start = times.stop - own[joint]
+        sizings[joint] = _size_joint(result, joint, sheet, criteria[joint], start, times.stop, task.needed)
     return {
         joint: replace(one, remarks=(*one.remarks, *_remarks_on_others(joint, sizings, scenario.system)))
         for joint, one in sizings.items()
@@ -341,17 +349,6 @@ class _LastRows(TimeSeries):
         super().append(rows[rows[:, 0] >= self._start])
 
 
-def _directional(scenario: Scenario) -> dict[str, Any]:
-    """Return start values with which losses of gearbox and screw oppose the motion, unless the user set it.
-
-    The plant's default takes them from the torque in both directions, which returns more energy than a load
-    gives.
-    """
-    set_, plants = scenario.options.set, (EmlaPlant.__name__, EmlaCompliantPlant.__name__)
-    names = [f"{c.name}.gearbox.directional" for c in scenario.system.components if c.model in plants]
-    return {name: True for name in names if not any(matches_pattern(name, key) for key in set_)}
-
-
 def _cycle_length(scenario: Scenario, joint: str, whole: float) -> float:
     """Return the length in s of a joint's cycle, from that of the run."""
     period = get_number(scenario.system, scenario.options, f"{joint}.reference", "period")
@@ -359,18 +356,31 @@ def _cycle_length(scenario: Scenario, joint: str, whole: float) -> float:
 
 
 def _size_joint(
-    result: Result, joint: str, sheet: Actuator, start: float, stop: float, needed: Requirements
+    result: Result,
+    joint: str,
+    sheet: Actuator,
+    criteria: Criteria,
+    start: float,
+    stop: float,
+    needed: Requirements,
 ) -> JointSizing:
-    values = sheet.values
-    cycle = read_cycle(result, joint, sheet.emla, start, stop)
-    verdict = result.metrics.get("joints", {}).get(joint)
-    reason = None if verdict is None or verdict.get("held") else str(verdict.get("reason"))
-    overloaded = reason is not None and bool(((verdict or {}).get("trip") or {}).get("cause"))
+    values, plant = sheet.values, find_plant(joint, result.parameters, sheet.emla)
+    cycle = read_cycle(result, plant, start, stop)
+    verdict = result.metrics.get("joints", {}).get(joint, {"held": True})
+    trip = verdict.get("trip") or {}
+    reason = None if verdict.get("held") else str(verdict.get("reason"))
+    if trip.get("what") == WINDING_TEMPERATURE and np.abs(cycle.error).max() <= criteria.position_window:
+        reason = None  # it follows its motion, and is too hot, which its limits say
+    overloaded = reason is not None and bool(trip.get("cause"))
     required = reason is not None and cycle.has_required
     if required:
-        cycle = follow_reference(cycle, result)
-    figures = compute_figures(cycle, values, link_capacity(values))
-    examined = list(examine(cycle, values, figures, needed))
+        cycle = follow_reference(cycle, plant, result)
+    winding, rise = find_winding(plant, values, criteria.over_temperature), None
+    if isinstance(winding, Winding):
+        rise = winding.rise(cycle)
+        cycle = warm_up(cycle, plant, rise)
+    figures = compute_figures(cycle, values, link_capacity(values), winding, rise)
+    examined = list(examine(cycle, values, figures, needed, winding))
     limits = [one for one in examined if isinstance(one, Utilisation)]
     return JointSizing(
         joint,
@@ -380,19 +390,32 @@ def _size_joint(
         figures,
         sorted(limits, key=lambda one: -one.fraction),
         [one for one in examined if isinstance(one, Unexamined)],
-        winding_rise(cycle, values),
+        describe_losses(cycle, plant),
+        winding,
+        rise,
         required,
         reason,
         overloaded,
-        tuple(_remarks(cycle, values, result.times.step, reason, required)),
+        tuple(_remarks(cycle, values, figures, winding, result.times.step, reason, required)),
     )
 
 
 def _remarks(
-    cycle: Cycle, values: Mapping[str, float], step: float, reason: str | None, required: bool
+    cycle: Cycle,
+    values: Mapping[str, float],
+    figures: SizingFigures,
+    winding: Winding | str,
+    step: float,
+    reason: str | None,
+    required: bool,
 ) -> list[str]:
     found = []
     joint = cycle.joint
+    if isinstance(winding, Winding) and math.isfinite(trip := figures.trip_time_s or math.inf):
+        found.append(
+            f"{joint}: from cold, the repeated cycle trips after {trip:.4g} s: the winding gets hotter than "
+            f"{winding.trip_rise:.4g} K above the ambient."
+        )
     if required:
         found.append(
             f"{joint} did not follow its motion; its figures are those that the motion requires of a motor "
