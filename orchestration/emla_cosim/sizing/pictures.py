@@ -70,6 +70,9 @@ def _draw_torque(axes: "Axes", sizing: JointSizing) -> None:
     part = _every(len(cycle.time))
     shown = np.abs(cycle.omega[part]), np.abs(cycle.torque[part])
     axes.plot(rpm * shown[0], shown[1], color=BLUE, linewidth=1.0)
+    row = int(np.abs(cycle.torque).argmax())  # thinned rows may lack it
+    axes.plot([rpm * abs(cycle.omega[row])], [abs(cycle.torque[row])], "x", color=BLUE)
+    labels.append("peak of the cycle")
     lasting = continuous_torque(sizing.values, speed)
     if lasting is not None:
         axes.plot(rpm * speed, np.where(inside, lasting, np.nan), color=ORANGE)

@@ -45,15 +45,15 @@ def find_winding(plant: JointPlant, values: Mapping[str, float], over_temperatur
         values: Entries of the data sheet, in SI units and peak values.
         over_temperature: Fraction beyond the permitted rise at which a joint trips.
     """
-    entry = "thermal.permitted_rise"
-    if plant.values["i_N"] > 0.0:
-        i_N, rise, tau = (plant.values[name] for name in ("i_N", "permitted_rise", "tau_th"))
+    entry, data = "thermal.permitted_rise", ("i_N", "permitted_rise", "tau_th")
+    if plant.values["i_N"] > 0.0 and all(name in plant.names for name in data):
+        i_N, rise, tau = (plant.values[name] for name in data)
         source = entry if values.get(entry) == rise else plant.names["permitted_rise"]
         return Winding(i_N, rise, tau, (1.0 + over_temperature) * rise, source)
     if entry in values:
         i_N, rise, tau = (values[name] for name in ("motor.i_N", entry, "thermal.tau_th"))
         return Winding(i_N, rise, tau, (1.0 + over_temperature) * rise, entry)
-    names = [plant.names[name] for name in ("i_N", "permitted_rise", "tau_th") if name in plant.names]
+    names = [plant.names[name] for name in data if name in plant.names]
     return f"[thermal] in the data sheet{f', or --set of {join_names(names)}' if names else ''}"
 
 
