@@ -555,7 +555,7 @@ def test_coarse_rows_are_reported(
     fine = sized(stop_time=0.5, lead_in=0.0)
     assert sized(stop_time=0.5, lead_in=0.0, output_interval=0.01).figures == fine.figures
     assert not any("apart" in remark for remark in fine.remarks)
-    monkeypatch.setattr("emla_cosim.sizing.runner._ROWS", 50)
+    monkeypatch.setattr("emla_cosim.sizing.runner.MAX_ROWS", 50)
     coarse = sized(stop_time=0.5, lead_in=0.0)
     assert any("rows 0.01 s apart" in remark for remark in coarse.remarks)
     assert len(coarse.cycle.time) == 51

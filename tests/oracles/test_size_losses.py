@@ -151,6 +151,17 @@ def test_rigid_limit_of_a_compliant_plant() -> None:
     assert torque == pytest.approx((alpha * sheet.J_m + sheet.M_BS / alpha + 500.0 / (0.8 * alpha)) * a)
 
 
+def test_axial_force_of_a_compliant_plant_is_that_of_its_transmission(
+    size: Callable[..., ec.SizeResult], fmu_folder: Path
+) -> None:
+    cycle = size("study-compliant", lead_in=0.0, stop_time=0.4)["telescope"].cycle
+    options: dict[str, Any] = {"stop_time": 0.4, "output_interval": 1e-4, "fmus": fmu_folder}
+    with ec.load("study-compliant", **options).prepare() as simulation:
+        run = simulation.run(recorders=[ec.TimeSeries()])
+    force, a = run["telescope.plant.transmission.force"], run["telescope.plant.a_L"]
+    assert cycle.force == pytest.approx(force + cycle.emla.M_BS * a)
+
+
 # ---- Temperature -------------------------------------------------------------------------------------
 
 

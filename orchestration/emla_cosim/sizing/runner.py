@@ -28,13 +28,14 @@ from ..study.limits import WINDING_TEMPERATURE
 from ..study.loading import load
 from ..study.roles import list_role_patterns
 from ..system.model import System
-from .cycle import SIGNALS, Cycle, follow_reference, list_joints, read_cycle
+from .cycle import SIGNALS, follow_reference, list_joints, read_cycle
 from .data_sheets import find_data_sheet
-from .figures import SizingFigures, compute_figures
+from .figures import compute_figures
 from .folder import SizeFolder
 from .limits import Requirements, Unexamined, Utilisation, examine, link_capacity
 from .losses import describe_losses
 from .plant import find_plant
+from .remarks import MAX_ROWS, describe_coupling, describe_cycle
 from .result import Candidate, JointSizing, SizeResult
 from .winding import Winding, find_winding, warm_up
 
@@ -43,12 +44,6 @@ AMBIENT = 313.15
 
 LEAD_IN = 1.0
 """Default time in s before the cycle."""
-
-_ROWS = 200_000
-"""Largest number of rows of a cycle."""
-
-_RETURNS = 1e-3
-"""Fraction of the stroke within which a cycle ends where it began."""
 
 
 def size(
@@ -249,7 +244,7 @@ def _size_scenario(scenario: Scenario, task: _Task) -> dict[str, JointSizing]:
     length = whole if task.cycle is None else task.cycle
     if length > whole * (1.0 + 1e-9):
         raise CommandError(f"the cycle of {length:g} s is longer than the run of {whole:g} s.")
-    interval = times.step * max(math.ceil(length / times.step / _ROWS), 1)  # peaks need every row
+    interval = times.step * max(math.ceil(length / times.step / MAX_ROWS), 1)  # peaks need every row
     given: dict[str, Any] = {"output_interval": interval}
     if task.lead_in:
         given["start_time"] = times.start - task.lead_in
@@ -283,29 +278,15 @@ def _size_scenario(scenario: Scenario, task: _Task) -> dict[str, JointSizing]:
         start = times.stop - own[joint]
         sizings[joint] = _size_joint(result, joint, sheet, criteria[joint], start, times.stop, task.needed)
     return {
-        joint: replace(one, remarks=(*one.remarks, *_remarks_on_others(joint, sizings, scenario.system)))
-        for joint, one in sizings.items()
+        joint: replace(
+            sizing,
+            remarks=(
+                *describe_cycle(sizing, times.step),
+                *describe_coupling(joint, sizings, scenario.system),
+            ),
+        )
+        for joint, sizing in sizings.items()
     }
-
-
-def _remarks_on_others(joint: str, sizings: Mapping[str, JointSizing], system: System) -> Iterator[str]:
-    """Yield a remark for each coupled joint that did not follow its motion."""
-    import networkx  # slow to import
-
-    graph = networkx.Graph((x.source, x.target) for x in system.connections)
-    branch = {name: name.partition(".")[0] for name in graph}
-    coupled = {
-        branch[name]
-        for part in networkx.connected_components(graph)
-        if any(branch[name] == joint for name in part)
-        for name in part
-    }
-    for other, one in sizings.items():
-        if other != joint and other in coupled and one.reason is not None:
-            yield (
-                f"{joint} is coupled to {other}, which did not follow its motion; the load of {joint} is not "
-                "that of the motion."
-            )
 
 
 class _NotesOnce(Progress):
@@ -396,47 +377,4 @@ def _size_joint(
         required,
         reason,
         overloaded,
-        tuple(_remarks(cycle, values, figures, winding, result.times.step, reason, required)),
     )
-
-
-def _remarks(
-    cycle: Cycle,
-    values: Mapping[str, float],
-    figures: SizingFigures,
-    winding: Winding | str,
-    step: float,
-    reason: str | None,
-    required: bool,
-) -> list[str]:
-    found = []
-    joint = cycle.joint
-    if isinstance(winding, Winding) and math.isfinite(trip := figures.trip_time_s or math.inf):
-        found.append(
-            f"{joint}: from cold, the repeated cycle trips after {trip:.4g} s: the winding gets hotter than "
-            f"{winding.trip_rise:.4g} K above the ambient."
-        )
-    if required:
-        found.append(
-            f"{joint} did not follow its motion; its figures are those that the motion requires of a motor "
-            "without limits."
-        )
-    elif reason is not None:
-        found.append(
-            f"{joint} did not follow its motion; its figures are those of the run, not of the motion."
-        )
-    if (apart := float(np.diff(cycle.time).max())) > 1.5 * step:
-        found.append(
-            f"{joint}: the cycle has more than {_ROWS:,} steps; the figures are those of rows {apart:.3g} s "
-            "apart, and peaks between them are missed."
-        )
-    ends = abs(float(cycle.x[-1] - cycle.x[0]))
-    if ends > _RETURNS * values["screw.stroke"]:
-        found.append(
-            f"{joint} ends {1e3 * ends:.4g} mm away from its start; the repeated cycle lacks the way back."
-        )
-    if "inverter.C_DC" not in values and np.min(cycle.P_el) < 0.0:
-        found.append(
-            f"{joint}: without inverter.C_DC and U_brake, the brake resistor takes all regenerated energy."
-        )
-    return found
