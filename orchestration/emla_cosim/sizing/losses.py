@@ -52,7 +52,7 @@ def describe_losses(cycle: Cycle, plant: JointPlant) -> Losses:
     if "eta_GB" not in plant.names:
         return Losses("are those of its FMU, which has no gearbox.eta_GB", rms)
     directional = plant.values["directional"]
-    if plant.values["eta_GB"] == 1.0 and not (directional and plant.values["eta_back"]):
+    if plant.values["eta_GB"] == 1.0 and plant.values["eta_back"] in (0.0, 1.0):
         return Losses(f"are none: {plant.names['eta_GB']} is 1", rms)
     used, other = (plant.load_torque(cycle.v, cycle.load, x) for x in (directional, 1.0 - directional))
     conventions = (_OPPOSE, _DIVIDE) if directional else (_DIVIDE, _OPPOSE)

@@ -350,8 +350,9 @@ def _size_joint(
     verdict = result.metrics.get("joints", {}).get(joint, {"held": True})
     trip = verdict.get("trip") or {}
     reason = None if verdict.get("held") else str(verdict.get("reason"))
-    if trip.get("what") == WINDING_TEMPERATURE and np.abs(cycle.error).max() <= criteria.position_window:
-        reason = None  # it follows its motion, and is too hot, which its limits say
+    is_hot = trip.get("what") == WINDING_TEMPERATURE and not verdict.get("oscillation")
+    if is_hot and np.abs(cycle.error).max() <= criteria.position_window:
+        reason = None  # it follows its motion; that it is too hot is said by its limits
     overloaded = reason is not None and bool(trip.get("cause"))
     required = reason is not None and cycle.has_required
     if required:
