@@ -6,37 +6,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from emla_fmu import motion_law
 from emla_fmu.parameters import EmlaParameters
 
 from ..base.arrays import Vector
 from ..base.errors import CommandError
 from ..run.result import Result
-from ..study.roles import JOINTS, RoleNames, find_variable
+from ..study.roles import RoleNames, find_variable
+from .plant import JointPlant
 
 _NEEDED = ("x_L", "v_L", "F_L", "tau_m", "omega_m", "P_el", "i_q", "i_d", "x_d")
-_FURTHER = ("a_L", "v_d", "a_d")
+_FURTHER = ("a_L", "v_d", "a_d", "d_2", "F_T", "temperature_rise")
 SIGNALS = (*_NEEDED, *_FURTHER)
 """Roles of the signals of a cycle."""
-
-_PARAMETERS = {
-    "R_s": "motor.R_s",
-    "L_d": "motor.L_d",
-    "L_q": "motor.L_q",
-    "Phi_PM": "motor.Phi_PM",
-    "N_p": "motor.N_p",
-    "J_m": "motor.J_m",
-    "B_m": "motor.B_m",
-    "J_c": "coupling.J_c",
-    "rho": "gearbox.rho",
-    "J_GB": "gearbox.J_GB",
-    "eta_GB": "gearbox.eta_GB",
-    "lead": "screw.lead",
-    "M_BS": "screw.M_BS",
-    "B_BS": "screw.B_BS",
-    "u_max": "inverter.u_max",
-}
-"""Parameters of the plant by field of `EmlaParameters`."""
 
 
 @dataclass(frozen=True)
@@ -50,14 +31,16 @@ class Cycle:
         x: Position in m.
         v: Speed in m/s.
         a: Acceleration in m/s2.
-        load: Load force in N, positive against extension.
+        load: Force on the screw in N, positive against extension: the load force, or that of a transmission.
         torque: Torque of the motor in N m.
         omega: Speed of the motor in rad/s.
         P_el: Electrical power into the motor in W.
         i_q: q-axis current in A.
         i_d: d-axis current in A.
-        required: Torque in N m that the reference and the load require; NaN if the reference lacks speed or
-            acceleration.
+        required: Torque in N m that reference and load require of a rigid plant; NaN if the reference lacks
+            speed or acceleration.
+        rise: Temperature rise of the winding in K in the run; 0 if the plant does not compute it.
+        error: Position minus reference in m.
     """
 
     joint: str
@@ -73,6 +56,8 @@ class Cycle:
     i_q: Vector
     i_d: Vector
     required: Vector
+    rise: Vector | float = 0.0
+    error: Vector | float = 0.0
 
     @property
     def duration(self) -> float:
@@ -114,116 +99,93 @@ def list_joints(signals: Sequence[str], roles: Mapping[str, str]) -> list[str]:
     ]
 
 
-def read_cycle(result: Result, joint: str, emla: EmlaParameters, start: float, end: float) -> Cycle:
+def read_cycle(result: Result, plant: JointPlant, start: float, end: float) -> Cycle:
     """Return a joint's cycle of a run.
 
     Args:
         result: The run, with a table.
-        joint: The joint.
-        emla: Parameters of the data sheet; those of the run override them.
+        plant: The plant of the joint.
         start: Begin of the cycle in s.
         end: End of the cycle in s.
 
     Raises:
         CommandError: The run has fewer than two rows in the cycle.
     """
-    names = RoleNames(dict.fromkeys(result.names))
-    found = {role: find_variable(joint, role, names, result.roles) for role in SIGNALS}
-    wanted = {role: name for role, name in found.items() if name is not None}
-    data = result.read(["time", *dict.fromkeys(wanted.values())])
+    joint = plant.joint
+    data = _read_signals(result, joint, SIGNALS)
     inside = (data["time"] >= start - 1e-9) & (data["time"] <= end + 1e-9)
     if np.count_nonzero(inside) < 2:
         raise CommandError(f"the cycle from {start:g} to {end:g} s has fewer than two rows of {joint}.")
-    time = data["time"][inside]
-    signal = {role: np.asarray(data[name][inside], dtype=float) for role, name in wanted.items()}
-    parameter = _PlantParameters(joint, result.parameters)
-    known = {field: parameter(name) for field, name in _PARAMETERS.items()}
-    emla = replace(emla, **{field: value for field, value in known.items() if value is not None})
-    a = signal["a_L"] if "a_L" in signal else np.gradient(signal["v_L"], time)
-    required = np.full(len(time), np.nan)
-    if "v_d" in signal and "a_d" in signal:
-        required = _require_torque(emla, parameter, signal["v_d"], signal["a_d"], signal["F_L"])
+    signal = {role: values[inside] for role, values in data.items()}
+    time = signal["time"]
     return Cycle(
         joint,
-        emla,
+        plant.emla,
         time,
         signal["x_L"],
         signal["v_L"],
-        a,
-        signal["F_L"],
+        signal["a_L"] if "a_L" in signal else np.gradient(signal["v_L"], time),
+        signal.get("F_T", signal["F_L"]),
         signal["tau_m"],
         signal["omega_m"],
         signal["P_el"],
         signal["i_q"],
         signal["i_d"],
-        required,
+        _require_torque(plant, signal),
+        signal.get("temperature_rise", 0.0),
+        signal["x_L"] - signal["x_d"],
     )
 
 
-def follow_reference(cycle: Cycle, result: Result) -> Cycle:
-    """Return the cycle as it would be if the motor made the required torque: on the reference, with i_d = 0.
+def follow_reference(cycle: Cycle, plant: JointPlant, result: Result) -> Cycle:
+    """Return the cycle as it would be on the reference, against load and disturbance, with i_d = 0.
 
     Args:
         cycle: A cycle whose required torque is known.
+        plant: The plant of its joint.
         result: The run from which it is.
     """
-    names = RoleNames(dict.fromkeys(result.names))
-    places = {role: str(find_variable(cycle.joint, role, names, result.roles)) for role in _REFERENCE}
-    data = result.read(["time", *dict.fromkeys(places.values())])
+    data = _read_signals(result, cycle.joint, ("x_d", "v_d", "a_d", "F_L", "d_2"))
     rows = np.searchsorted(data["time"], cycle.time)
-    x, v, a = (np.asarray(data[places[role]][rows], dtype=float) for role in _REFERENCE)
+    signal = {role: values[rows] for role, values in data.items()}
+    x, v, a = (signal[role] for role in ("x_d", "v_d", "a_d"))
+    load = signal["F_L"] + plant.load_mass * a
+    torque = plant.required_torque(x, v, a, load, signal.get("d_2", np.zeros_like(load)))
+    current_torque = torque - plant.cogging_torque(x)
     emla, omega = cycle.emla, cycle.emla.alpha_RL * v
-    i_q = cycle.required / (1.5 * emla.N_p * emla.Phi_PM)
-    power = cycle.required * omega + 1.5 * emla.R_s * i_q * i_q
+    i_q = current_torque / (1.5 * emla.N_p * emla.Phi_PM)
+    power = current_torque * omega + 1.5 * emla.R_s * i_q * i_q
     return replace(
         cycle,
         x=x,
         v=v,
         a=a,
-        torque=cycle.required,
+        load=load,
+        torque=torque,
         omega=omega,
         P_el=power,
         i_q=i_q,
         i_d=np.zeros_like(i_q),
+        rise=0.0,
+        error=0.0,
     )
 
 
-_REFERENCE = ("x_d", "v_d", "a_d")
+def _read_signals(result: Result, joint: str, roles: Sequence[str]) -> dict[str, Vector]:
+    """Return the time, and the signals of a joint that exist, by role."""
+    names = RoleNames(dict.fromkeys(result.names))
+    signals = {role: find_variable(joint, role, names, result.roles) for role in roles}
+    present = {role: name for role, name in signals.items() if name is not None}
+    data = result.read(["time", *dict.fromkeys(present.values())])
+    return {
+        "time": data["time"],
+        **{role: np.asarray(data[name], dtype=float) for role, name in present.items()},
+    }
 
 
-class _PlantParameters:
-    """Finds parameters of the plant of a joint in those of a run."""
-
-    def __init__(self, joint: str, parameters: Mapping[str, float]) -> None:
-        self._parameters = parameters
-        self._places = [f"{joint}.plant.{{}}", f"{joint}.motor.{{}}"]
-        if joint in JOINTS:
-            self._places.append(f"machine.plant.{{}}[{JOINTS.index(joint) + 1}]")
-
-    def __call__(self, name: str) -> float | None:
-        """Return a value; None if the plant lacks the parameter."""
-        places = (place.format(name) for place in self._places)
-        return next((self._parameters[p] for p in places if p in self._parameters), None)
-
-
-def _require_torque(
-    emla: EmlaParameters, parameter: _PlantParameters, v: Vector, a: Vector, load: Vector
-) -> Vector:
-    """Return the torque in N m of (5), with friction and losses of the plant in each direction.
-
-    Args:
-        emla: Parameters of the actuator.
-        parameter: Returns further parameters of the plant.
-        v: Speed of the reference in m/s.
-        a: Acceleration of the reference in m/s2.
-        load: Load force in N.
-    """
-    alpha = motion_law.alpha_RL(emla)
-    torque = motion_law.A_eq(emla) * a + motion_law.B_eq(emla) * v
-    if parameter("gearbox.directional"):
-        forward, back = 1.0 / emla.eta_GB, parameter("gearbox.eta_back") or 2.0 - 1.0 / emla.eta_GB
-        factor = np.where(v == 0.0, 1.0, np.where(load * v > 0.0, forward, back))
-        torque = torque + factor * load / alpha
-    else:
-        torque = torque + motion_law.D_eq(emla) * load
-    return torque + (parameter("friction.F_C") or 0.0) * np.sign(v) / alpha
+def _require_torque(plant: JointPlant, signal: Mapping[str, Vector]) -> Vector:
+    """Return the torque in N m of reference and load; NaN if the reference lacks speed or acceleration."""
+    if "v_d" not in signal or "a_d" not in signal:
+        return np.full(len(signal["time"]), np.nan)
+    x, v, a = (signal[role] for role in ("x_d", "v_d", "a_d"))
+    return plant.required_torque(x, v, a, signal["F_L"] + plant.load_mass * a, np.zeros_like(a))

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -9,6 +10,7 @@ from ..base.arrays import Vector
 from . import screw, thermal
 from .braking import brake_power
 from .cycle import Cycle
+from .winding import Winding
 
 
 @dataclass(frozen=True)
@@ -17,6 +19,7 @@ class SizingFigures:
 
     Currents are amplitudes (peak); `current_rms_A` is the root mean square of the amplitude over the cycle.
     `required_torque_peak_N_m` is what reference and load require, also beyond the motor's limit.
+    `trip_time_s` is how long the cycle repeats from cold until the winding trips; infinity if it never does.
     """
 
     cycle_s: float
@@ -49,31 +52,27 @@ class SizingFigures:
     temperature_rise_peak_K: float | None
     temperature_rise_mean_K: float | None
     cycles_until_warm: int | None
+    trip_time_s: float | None
     life_turns: float | None
     life_travel_m: float | None
     life_s: float | None
 
 
-def copper_load(cycle: Cycle, values: Mapping[str, float]) -> Vector:
-    """Return the copper loss relative to that of i_N, as the plant's `motor.load`."""
-    return (cycle.current / values["motor.i_N"]) ** 2
-
-
-def winding_rise(cycle: Cycle, values: Mapping[str, float]) -> Vector | None:
-    """Return the winding's temperature rise in K over the repeated cycle; None without thermal data."""
-    if "thermal.tau_th" not in values:
-        return None
-    entries = values["thermal.permitted_rise"], values["thermal.tau_th"]
-    return thermal.repeat_cycle(cycle.time, copper_load(cycle, values), *entries)
-
-
-def compute_figures(cycle: Cycle, values: Mapping[str, float], capacity: float) -> SizingFigures:
+def compute_figures(
+    cycle: Cycle,
+    values: Mapping[str, float],
+    capacity: float,
+    winding: Winding | str,
+    rise: Vector | None,
+) -> SizingFigures:
     """Return the figures of a cycle.
 
     Args:
         cycle: The cycle.
         values: Entries of the data sheet, in SI units and peak values.
         capacity: Energy in J that the DC link stores until the brake resistor turns on.
+        winding: Thermal data of the winding, or what is missing for them.
+        rise: Temperature rise in K of the repeated cycle; None without thermal data.
     """
     energy = lambda power: float(np.trapezoid(power, cycle.time))  # noqa: E731
     force, power = cycle.force, cycle.P_el
@@ -81,7 +80,6 @@ def compute_figures(cycle: Cycle, values: Mapping[str, float], capacity: float) 
     torque = _largest(cycle.torque)
     brake = brake_power(cycle.time, power, capacity)
     burnt = float(brake @ np.diff(cycle.time))
-    rise = winding_rise(cycle, values)
     load = screw.mean_load(force, cycle.v, cycle.time)
     turns = travel = lasting = None
     speed = cycle.mean(np.abs(cycle.v))
@@ -117,15 +115,24 @@ def compute_figures(cycle: Cycle, values: Mapping[str, float], capacity: float) 
         energy_brake_J=burnt,
         brake_power_peak_W=float(brake.max()),
         brake_power_mean_W=burnt / cycle.duration,
-        temperature_rise_peak_K=None if rise is None else float(rise.max()),
-        temperature_rise_mean_K=None if rise is None else cycle.mean(rise),
-        cycles_until_warm=(
-            None if rise is None else thermal.cycles_until_warm(cycle.duration, values["thermal.tau_th"])
-        ),
+        **_thermal_figures(cycle, winding, rise),
         life_turns=turns,
         life_travel_m=travel,
         life_s=lasting,
     )
+
+
+def _thermal_figures(cycle: Cycle, winding: Winding | str, rise: Vector | None) -> dict[str, Any]:
+    if isinstance(winding, str) or rise is None:
+        names = ("temperature_rise_peak_K", "temperature_rise_mean_K", "cycles_until_warm", "trip_time_s")
+        return dict.fromkeys(names)
+    tau = winding.tau_th
+    return {
+        "temperature_rise_peak_K": float(rise.max()),
+        "temperature_rise_mean_K": cycle.mean(rise),
+        "cycles_until_warm": thermal.cycles_until_warm(cycle.duration, tau),
+        "trip_time_s": thermal.time_until_rise(cycle.time, rise, tau, winding.trip_rise),
+    }
 
 
 def _voltage(cycle: Cycle) -> Vector:

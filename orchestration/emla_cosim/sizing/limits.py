@@ -8,10 +8,12 @@ import numpy as np
 
 from ..study.actuator import derived
 from ..study.actuator.entries import ROOT_2, ROOT_3, TURN
+from ..study.limits import format_distinct
 from . import screw
 from .cycle import Cycle
 from .figures import SizingFigures
 from .motor_curves import continuous_torque
+from .winding import Winding
 
 _ROUNDING = 1e-9
 
@@ -59,8 +61,11 @@ class Utilisation:
     @property
     def sentence(self) -> str:
         """What exceeds the limit, in words, without full stop."""
+        used, limit = format_value(self.used), format_value(self.limit)
+        if used == limit:
+            used, limit = format_distinct(self.used, self.limit)
         return (
-            f"{self.name}: {format_value(self.used)} {self.unit} of {format_value(self.limit)} {self.unit} "
+            f"{self.name}: {used} {self.unit} of {limit} {self.unit} "
             f"({format_percent(self.fraction)} %, {self.source})"
         )
 
@@ -87,7 +92,7 @@ class Requirements:
 
 
 def examine(
-    cycle: Cycle, values: Values, figures: SizingFigures, requirements: Requirements
+    cycle: Cycle, values: Values, figures: SizingFigures, requirements: Requirements, winding: Winding | str
 ) -> Iterator[Utilisation | Unexamined]:
     """Yield all limits.
 
@@ -96,9 +101,10 @@ def examine(
         values: Entries of the data sheet, in SI units and peak values.
         figures: The figures of the cycle.
         requirements: What the application requires.
+        winding: Thermal data of the winding, or what is missing for them.
     """
     yield from _motor(cycle, values, figures)
-    yield from _heat(values, figures, requirements)
+    yield from _heat(values, figures, requirements, winding)
     yield from _motion(cycle, values, figures)
     yield from _screw(values, figures, requirements)
     yield from _braking(values, figures)
@@ -145,20 +151,18 @@ def _voltage_entry(values: Values) -> str:
 
 
 def _heat(
-    values: Values, figures: SizingFigures, requirements: Requirements
+    values: Values, figures: SizingFigures, requirements: Requirements, winding: Winding | str
 ) -> Iterator[Utilisation | Unexamined]:
     rise = figures.temperature_rise_peak_K
-    if rise is None:
-        yield Unexamined("winding temperature", "[thermal]")
+    if isinstance(winding, str) or rise is None:
+        yield Unexamined("winding temperature", str(winding))
         return
-    if "thermal.T_max" not in values:
-        yield _simple(values, "winding temperature rise", rise, "thermal.permitted_rise", "K")
-        return
-    permitted, reached = values["thermal.T_max"] - requirements.ambient, rise + requirements.ambient
-    share = rise / permitted if permitted > 0.0 else math.inf
-    zero = 273.15
-    limit = values["thermal.T_max"] - zero
-    yield Utilisation("winding temperature", reached - zero, limit, "°C", share, "thermal.T_max")
+    yield _upper("winding temperature rise", rise, winding.permitted_rise, "K", 1.0, winding.source)
+    if "thermal.T_max" in values:
+        permitted, zero = values["thermal.T_max"] - requirements.ambient, 273.15
+        share = rise / permitted if permitted > 0.0 else math.inf
+        reached, limit = rise + requirements.ambient - zero, values["thermal.T_max"] - zero
+        yield Utilisation("winding temperature", reached, limit, "°C", share, "thermal.T_max")
 
 
 def _motion(cycle: Cycle, values: Values, figures: SizingFigures) -> Iterator[Utilisation | Unexamined]:

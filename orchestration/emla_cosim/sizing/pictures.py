@@ -1,5 +1,6 @@
 """Plots of a sizing: torque and force over speed, temperature over cycles, power and energy."""
 
+import textwrap
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
@@ -7,10 +8,10 @@ import numpy as np
 
 from ..study.actuator.entries import TURN
 from ..views.plots.style import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, new_figure, tidy_axes
-from .figures import copper_load
 from .motor_curves import continuous_torque, peak_torque
 from .result import JointSizing, SizeResult
 from .thermal import heat
+from .winding import Winding
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -69,10 +70,13 @@ def _draw_torque(axes: "Axes", sizing: JointSizing) -> None:
     part = _every(len(cycle.time))
     shown = np.abs(cycle.omega[part]), np.abs(cycle.torque[part])
     axes.plot(rpm * shown[0], shown[1], color=BLUE, linewidth=1.0)
+    row = int(np.abs(cycle.torque).argmax())  # thinned rows may lack it
+    axes.plot([rpm * abs(cycle.omega[row])], [abs(cycle.torque[row])], "x", color=BLUE)
+    labels.append("peak of the cycle")
     lasting = continuous_torque(sizing.values, speed)
     if lasting is not None:
-        axes.plot(rpm * speed, np.where(inside, np.minimum(lasting, peak), np.nan), color=ORANGE)
-        labels.append("continuous torque")
+        axes.plot(rpm * speed, np.where(inside, lasting, np.nan), color=ORANGE)
+        labels.append("limit of the rms torque")
     axes.plot([rpm * cycle.rms(cycle.omega)], [sizing.figures.torque_rms_N_m], "o", color=GREEN)
     labels.append("rms of the cycle")
     _finish(axes, "motor speed / rpm", "motor torque / N m", labels)
@@ -80,45 +84,56 @@ def _draw_torque(axes: "Axes", sizing: JointSizing) -> None:
 
 
 def _draw_force(axes: "Axes", sizing: JointSizing) -> None:
-    """Draw axial force over speed; the curves are the motor's through gearbox and screw, without inertia."""
+    """Draw axial force over speed.
+
+    The curves are the motor's through gearbox and screw, without inertia; the lines are limits of the screw.
+    """
     cycle = sizing.cycle
     ratio = cycle.emla.alpha_RL * cycle.emla.eta_GB
     top = max(cycle.emla.v_max, 1.05 * float(np.abs(cycle.v).max()))
     speed = np.linspace(0.0, top, 200)
     inside = speed <= cycle.emla.v_max
     omega = cycle.emla.alpha_RL * speed
-    labels = ["peak force", "cycle"]
+    labels = ["force of the peak torque", "cycle"]
     peak = peak_torque(cycle.emla, omega) * ratio
-    if "screw.F_max" in sizing.values:
-        peak = np.minimum(peak, sizing.values["screw.F_max"])
     axes.plot(1e3 * speed, 1e-3 * np.where(inside, peak, np.nan), color=RED)
     part = _every(len(cycle.time))
     axes.plot(1e3 * np.abs(cycle.v[part]), 1e-3 * np.abs(cycle.force[part]), color=BLUE, linewidth=1.0)
     lasting = continuous_torque(sizing.values, omega)
     if lasting is not None:
-        force = np.minimum(lasting * ratio, peak)
-        axes.plot(1e3 * speed, 1e-3 * np.where(inside, force, np.nan), color=ORANGE)
-        labels.append("continuous force")
+        axes.plot(1e3 * speed, 1e-3 * np.where(inside, lasting * ratio, np.nan), color=ORANGE)
+        labels.append("force of the continuous torque")
+    for name, style in (("axial force", "--"), ("screw static load", ":")):
+        for limit in (one.limit for one in sizing.limits if one.name == name):
+            axes.axhline(limit, color=RED, linestyle=style)
+            labels.append(f"limit of the {name}")
     _finish(axes, "speed / mm/s", "axial force / kN", labels)
     axes.set_ylim(bottom=0.0)
 
 
 def _draw_temperature(axes: "Axes", sizing: JointSizing) -> None:
     cycle = sizing.cycle
-    if sizing.rise is None:
-        text = "no [thermal] in the data sheet"
-        axes.text(0.5, 0.5, text, ha="center", va="center", transform=axes.transAxes, fontsize=9)
+    winding = sizing.winding
+    if sizing.rise is None or not isinstance(winding, Winding):
+        text = textwrap.fill(f"winding temperature not examined: needs {winding}", 44, break_long_words=False)
+        axes.text(
+            *(0.5, 0.5, text),
+            ha="center",
+            va="center",
+            transform=axes.transAxes,
+            fontsize=9,
+            parse_math=False,
+        )
         axes.set_axis_off()
         return
-    tau, permitted = sizing.values["thermal.tau_th"], sizing.values["thermal.permitted_rise"]
+    tau = winding.tau_th
     count = max(int(np.ceil(_WARM * tau / cycle.duration)), 1)
     every = max(count // _SHOWN_CYCLES, 1)
     unit, factor = ("min", 1.0 / 60.0) if _WARM * tau > 600.0 else ("s", 1.0)
     # a cold motor differs from a warm one by what it began with, which decays
     start = float(sizing.rise[0])
     local = cycle.time - cycle.time[0]
-    load = copper_load(cycle, sizing.values)
-    cold = heat(cycle.time, load, permitted, tau)
+    cold = heat(cycle.time, winding.load(cycle), winding.permitted_rise, tau)
     part = _every(len(local))
     labels = []
     if every == 1:
@@ -141,11 +156,17 @@ def _draw_temperature(axes: "Axes", sizing: JointSizing) -> None:
         axes.plot(factor * k * cycle.duration, highest, color=BLUE)
         axes.plot(factor * k * cycle.duration, lowest, color=BLUE, linestyle="--")
         labels += ["highest of the cycle", "lowest of the cycle"]
-    axes.axhline(permitted, color=RED)
-    axes.axhline(float(sizing.rise.max()), color=GREY, linewidth=0.8, linestyle=":")
-    labels += ["permitted rise", "highest when warm"]
+    highest_rise = float(sizing.rise.max())
+    axes.axhline(winding.permitted_rise, color=RED)
+    labels.append("permitted rise")
+    for limit in (one for one in sizing.limits if one.name == "winding temperature"):
+        axes.axhline(highest_rise + limit.limit - limit.used, color=RED, linestyle=":")
+        labels.append(f"{limit.source}, above the ambient")
+    axes.axhline(winding.trip_rise, color=ORANGE, linestyle="--")
+    axes.axhline(highest_rise, color=GREY, linewidth=0.8, linestyle=":")
+    labels += ["trip", "highest when warm"]
     _finish(axes, f"time / {unit}", "temperature rise / K", labels)
-    axes.set_ylim(bottom=0.0)
+    axes.set_ylim(0.0, 1.05 * axes.get_ylim()[1])  # lines at the edge would be cut
 
 
 def _draw_power(axes: "Axes", sizing: JointSizing) -> None:
@@ -163,6 +184,8 @@ def _draw_power(axes: "Axes", sizing: JointSizing) -> None:
     right.set_ylabel("electrical energy / kJ (dashed)", fontsize=9)
     right.tick_params(labelsize=8)
     right.spines[["top"]].set_visible(False)
+    axes.set_zorder(right.get_zorder() + 1)  # the legend is above the energy
+    axes.patch.set_visible(False)
 
 
 def _finish(axes: "Axes", x: str, y: str, labels: list[str]) -> None:

@@ -12,6 +12,8 @@ from ..base.errors import CommandError
 from .cycle import Cycle
 from .figures import SizingFigures
 from .limits import Unexamined, Utilisation, format_percent
+from .losses import Losses
+from .winding import Winding
 
 _MOST_ROWS = 20_000
 """Most rows of a table of a cycle."""
@@ -29,6 +31,8 @@ class JointSizing:
         figures: Figures of the cycle.
         limits: Examined limits, the most used first.
         unexamined: Limits that the data sheet lacks.
+        losses: Losses of gearbox and screw in the figures.
+        winding: Thermal data of the winding, or what is missing for them.
         rise: Temperature rise of the winding in K over the repeated cycle; None without thermal data.
         required: Whether figures are what the motion requires, because the joint did not follow it in the
             run.
@@ -44,6 +48,8 @@ class JointSizing:
     figures: SizingFigures
     limits: Sequence[Utilisation]
     unexamined: Sequence[Unexamined]
+    losses: Losses
+    winding: Winding | str
     rise: Vector | None = field(repr=False)
     required: bool = False
     reason: str | None = None
@@ -97,6 +103,8 @@ class JointSizing:
             "figures": asdict(self.figures),
             "limits": [{**asdict(one), "holds": one.holds} for one in self.limits],
             "not_examined": [asdict(one) for one in self.unexamined],
+            "losses": asdict(self.losses),
+            "winding": None if isinstance(self.winding, str) else asdict(self.winding),
             "remarks": list(self.remarks),
         }
 

@@ -9,8 +9,6 @@ from typing import Any, Unpack
 
 import numpy as np
 
-from emla_fmu import EmlaCompliantPlant, EmlaPlant
-
 from ..base.arrays import Vector
 from ..base.errors import CommandError, RunError
 from ..base.patterns import matches_pattern
@@ -25,27 +23,27 @@ from ..run.run_setup import run_times
 from ..run.scenarios.scenario import Scenario
 from ..study.actuator.actuator import Actuator
 from ..study.actuator.model_parameters import get_number
+from ..study.criteria import ALL_JOINTS, Criteria, criteria_of
+from ..study.limits import WINDING_TEMPERATURE
 from ..study.loading import load
 from ..study.roles import list_role_patterns
 from ..system.model import System
-from .cycle import SIGNALS, Cycle, follow_reference, list_joints, read_cycle
+from .cycle import SIGNALS, follow_reference, list_joints, read_cycle
 from .data_sheets import find_data_sheet
-from .figures import compute_figures, winding_rise
+from .figures import compute_figures
 from .folder import SizeFolder
 from .limits import Requirements, Unexamined, Utilisation, examine, link_capacity
+from .losses import describe_losses
+from .plant import find_plant
+from .remarks import MAX_ROWS, describe_coupling, describe_cycle
 from .result import Candidate, JointSizing, SizeResult
+from .winding import Winding, find_winding, warm_up
 
 AMBIENT = 313.15
 """Default temperature around a motor in K, 40 degrees Celsius as in IEC 60034-1."""
 
 LEAD_IN = 1.0
 """Default time in s before the cycle."""
-
-_ROWS = 200_000
-"""Largest number of rows of a cycle."""
-
-_RETURNS = 1e-3
-"""Fraction of the stroke within which a cycle ends where it began."""
 
 
 def size(
@@ -246,8 +244,8 @@ def _size_scenario(scenario: Scenario, task: _Task) -> dict[str, JointSizing]:
     length = whole if task.cycle is None else task.cycle
     if length > whole * (1.0 + 1e-9):
         raise CommandError(f"the cycle of {length:g} s is longer than the run of {whole:g} s.")
-    interval = times.step * max(math.ceil(length / times.step / _ROWS), 1)  # peaks need every row
-    given: dict[str, Any] = {"output_interval": interval, "set": _directional(scenario)}
+    interval = times.step * max(math.ceil(length / times.step / MAX_ROWS), 1)  # peaks need every row
+    given: dict[str, Any] = {"output_interval": interval}
     if task.lead_in:
         given["start_time"] = times.start - task.lead_in
     with scenario.prepare(task.progress, **given) as simulation:
@@ -270,34 +268,25 @@ def _size_scenario(scenario: Scenario, task: _Task) -> dict[str, JointSizing]:
         result = simulation.run(recorders=[table], signals=kept)
         if result.early_end is not None:  # of an FMU; conditions were refused before
             raise RunError(f"{result.early_end.rstrip('.')}, but emla size needs the whole run.")
+    chosen = scenario.options.criteria
+    criteria = criteria_of(
+        joints, {key: chosen[key] for key in chosen if key.rpartition(".")[0] in (*joints, ALL_JOINTS)}
+    )
     sizings = {}
     for joint in joints:
         sheet = find_data_sheet(scenario, task.source, joint)
-        sizings[joint] = _size_joint(result, joint, sheet, times.stop - own[joint], times.stop, task.needed)
+        start = times.stop - own[joint]
+        sizings[joint] = _size_joint(result, joint, sheet, criteria[joint], start, times.stop, task.needed)
     return {
-        joint: replace(one, remarks=(*one.remarks, *_remarks_on_others(joint, sizings, scenario.system)))
-        for joint, one in sizings.items()
+        joint: replace(
+            sizing,
+            remarks=(
+                *describe_cycle(sizing, times.step),
+                *describe_coupling(joint, sizings, scenario.system),
+            ),
+        )
+        for joint, sizing in sizings.items()
     }
-
-
-def _remarks_on_others(joint: str, sizings: Mapping[str, JointSizing], system: System) -> Iterator[str]:
-    """Yield a remark for each coupled joint that did not follow its motion."""
-    import networkx  # slow to import
-
-    graph = networkx.Graph((x.source, x.target) for x in system.connections)
-    branch = {name: name.partition(".")[0] for name in graph}
-    coupled = {
-        branch[name]
-        for part in networkx.connected_components(graph)
-        if any(branch[name] == joint for name in part)
-        for name in part
-    }
-    for other, one in sizings.items():
-        if other != joint and other in coupled and one.reason is not None:
-            yield (
-                f"{joint} is coupled to {other}, which did not follow its motion; the load of {joint} is not "
-                "that of the motion."
-            )
 
 
 class _NotesOnce(Progress):
@@ -341,17 +330,6 @@ class _LastRows(TimeSeries):
         super().append(rows[rows[:, 0] >= self._start])
 
 
-def _directional(scenario: Scenario) -> dict[str, Any]:
-    """Return start values with which losses of gearbox and screw oppose the motion, unless the user set it.
-
-    The plant's default takes them from the torque in both directions, which returns more energy than a load
-    gives.
-    """
-    set_, plants = scenario.options.set, (EmlaPlant.__name__, EmlaCompliantPlant.__name__)
-    names = [f"{c.name}.gearbox.directional" for c in scenario.system.components if c.model in plants]
-    return {name: True for name in names if not any(matches_pattern(name, key) for key in set_)}
-
-
 def _cycle_length(scenario: Scenario, joint: str, whole: float) -> float:
     """Return the length in s of a joint's cycle, from that of the run."""
     period = get_number(scenario.system, scenario.options, f"{joint}.reference", "period")
@@ -359,18 +337,32 @@ def _cycle_length(scenario: Scenario, joint: str, whole: float) -> float:
 
 
 def _size_joint(
-    result: Result, joint: str, sheet: Actuator, start: float, stop: float, needed: Requirements
+    result: Result,
+    joint: str,
+    sheet: Actuator,
+    criteria: Criteria,
+    start: float,
+    stop: float,
+    needed: Requirements,
 ) -> JointSizing:
-    values = sheet.values
-    cycle = read_cycle(result, joint, sheet.emla, start, stop)
-    verdict = result.metrics.get("joints", {}).get(joint)
-    reason = None if verdict is None or verdict.get("held") else str(verdict.get("reason"))
-    overloaded = reason is not None and bool(((verdict or {}).get("trip") or {}).get("cause"))
+    values, plant = sheet.values, find_plant(joint, result.parameters, sheet.emla)
+    cycle = read_cycle(result, plant, start, stop)
+    verdict = result.metrics.get("joints", {}).get(joint, {"held": True})
+    trip = verdict.get("trip") or {}
+    reason = None if verdict.get("held") else str(verdict.get("reason"))
+    is_hot = trip.get("what") == WINDING_TEMPERATURE and not verdict.get("oscillation")
+    if is_hot and np.abs(cycle.error).max() <= criteria.position_window:
+        reason = None  # it follows its motion; that it is too hot is said by its limits
+    overloaded = reason is not None and bool(trip.get("cause"))
     required = reason is not None and cycle.has_required
     if required:
-        cycle = follow_reference(cycle, result)
-    figures = compute_figures(cycle, values, link_capacity(values))
-    examined = list(examine(cycle, values, figures, needed))
+        cycle = follow_reference(cycle, plant, result)
+    winding, rise = find_winding(plant, values, criteria.over_temperature), None
+    if isinstance(winding, Winding):
+        rise = winding.rise(cycle)
+        cycle = warm_up(cycle, plant, rise)
+    figures = compute_figures(cycle, values, link_capacity(values), winding, rise)
+    examined = list(examine(cycle, values, figures, needed, winding))
     limits = [one for one in examined if isinstance(one, Utilisation)]
     return JointSizing(
         joint,
@@ -380,40 +372,10 @@ def _size_joint(
         figures,
         sorted(limits, key=lambda one: -one.fraction),
         [one for one in examined if isinstance(one, Unexamined)],
-        winding_rise(cycle, values),
+        describe_losses(cycle, plant),
+        winding,
+        rise,
         required,
         reason,
         overloaded,
-        tuple(_remarks(cycle, values, result.times.step, reason, required)),
     )
-
-
-def _remarks(
-    cycle: Cycle, values: Mapping[str, float], step: float, reason: str | None, required: bool
-) -> list[str]:
-    found = []
-    joint = cycle.joint
-    if required:
-        found.append(
-            f"{joint} did not follow its motion; its figures are those that the motion requires of a motor "
-            "without limits."
-        )
-    elif reason is not None:
-        found.append(
-            f"{joint} did not follow its motion; its figures are those of the run, not of the motion."
-        )
-    if (apart := float(np.diff(cycle.time).max())) > 1.5 * step:
-        found.append(
-            f"{joint}: the cycle has more than {_ROWS:,} steps; the figures are those of rows {apart:.3g} s "
-            "apart, and peaks between them are missed."
-        )
-    ends = abs(float(cycle.x[-1] - cycle.x[0]))
-    if ends > _RETURNS * values["screw.stroke"]:
-        found.append(
-            f"{joint} ends {1e3 * ends:.4g} mm away from its start; the repeated cycle lacks the way back."
-        )
-    if "inverter.C_DC" not in values and np.min(cycle.P_el) < 0.0:
-        found.append(
-            f"{joint}: without inverter.C_DC and U_brake, the brake resistor takes all regenerated energy."
-        )
-    return found

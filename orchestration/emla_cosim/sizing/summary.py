@@ -36,6 +36,7 @@ _FIGURES = (
     ("winding temperature rise, peak when warm", "temperature_rise_peak_K", 1.0, "K"),
     ("winding temperature rise, mean when warm", "temperature_rise_mean_K", 1.0, "K"),
     ("cycles from cold to 95 % of the rise", "cycles_until_warm", 1.0, ""),
+    ("time from cold until the winding trips", "trip_time_s", 1.0, "s"),
     ("life of the screw L10, turns", "life_turns", 1e-6, "million"),
     ("life of the screw L10, travel", "life_travel_m", 1e-3, "km"),
     ("life of the screw L10, time", "life_s", 1.0 / 3600.0, "h"),
@@ -59,7 +60,7 @@ def format_tables(result: SizeResult) -> list[Table]:
 def format_lines(result: SizeResult) -> list[str]:
     """Return the verdicts and remarks."""
     sizings = [sizing for one in result.candidates for sizing in one.joints.values()]
-    lines = [f"Note: {remark}" for remark in _remarks(result)]
+    lines = [f"Note: {remark}" for remark in _remarks(result)] + _losses(result)
     if not result.varied:
         failed = [f"{result.name} does not hold: {one.problem}" for one in result.candidates if one.problem]
         return [*lines, *failed, *(sizing.verdict for sizing in sizings)]
@@ -88,6 +89,15 @@ def _remarks(result: SizeResult) -> list[str]:
     return [f"{', '.join(labels)}: {remark}" if result.varied else remark for remark, labels in found.items()]
 
 
+def _losses(result: SizeResult) -> list[str]:
+    """Return the losses in the figures of each joint and candidate."""
+    return [
+        f"{f'{joint}, {one.label}' if result.varied else joint}: {sizing.losses.sentence}."
+        for one in result.candidates
+        for joint, sizing in one.joints.items()
+    ]
+
+
 def _figures(sizing: JointSizing) -> Table:
     table = Table(title=escape(f"{sizing.joint}, {sizing.actuator}"), title_justify="left")
     for heading in ("", "value", ""):
@@ -100,13 +110,14 @@ def _figures(sizing: JointSizing) -> Table:
 def _limits(sizing: JointSizing) -> Table:
     table = Table(title=escape(f"Limits of {sizing.joint}, the most used first"), title_justify="left")
     for heading in ("", "%", "used", "limit", "from"):
-        table.add_column(heading, justify="right" if heading in ("%", "used", "limit") else "left")
+        justify = "right" if heading in ("%", "used", "limit") else "left"
+        table.add_column(heading, justify=justify, overflow="fold")
     for one in sizing.limits:
         mark = "" if one.holds else " (!)"
         used, limit = format_value(one.used), f"{format_value(one.limit)} {one.unit}"
         table.add_row(f"{one.name}{mark}", format_percent(one.fraction), used, limit, one.source)
     for left in sizing.unexamined:
-        table.add_row(left.name, "?", "", "", f"not examined: needs {left.missing}")
+        table.add_row(left.name, "?", "", "", escape(f"not examined: needs {left.missing}"))
     return table
 
 

@@ -49,3 +49,23 @@ def repeat_cycle(time: Vector, load: Vector, permitted_rise: float, tau_th: floa
 def cycles_until_warm(period: float, tau_th: float, fraction: float = 0.95) -> int:
     """Return the number of cycles after which a cold motor has this fraction of its final rise."""
     return max(math.ceil(-math.log1p(-fraction) * tau_th / period), 1)
+
+
+def time_until_rise(time: Vector, rise: Vector, tau_th: float, threshold: float) -> float:
+    """Return the time in s from cold after which a repeated cycle exceeds a rise; infinity if it never does.
+
+    A cold motor differs from a warm one by the rise at the start, which decays.
+
+    Args:
+        time: Times in s, shape (rows,).
+        rise: Rise in K of the warm motor, as of `repeat_cycle`, shape (rows,).
+        tau_th: Thermal time constant in s.
+        threshold: Rise in K.
+    """
+    rows = rise > threshold
+    if not rows.any():
+        return math.inf
+    phase, period = (time - time[0])[rows], time[-1] - time[0]
+    decayed = tau_th * np.log(rise[0] / (rise[rows] - threshold))
+    cycles = np.maximum(np.ceil((decayed - phase) / period), 0.0)
+    return float((phase + cycles * period).min())

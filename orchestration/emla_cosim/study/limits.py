@@ -31,13 +31,15 @@ class Range(NamedTuple):
 TORQUE_LIMIT = "torque limit"
 """In place of a role: the largest torque of a motor, for plants that make the commanded torque."""
 
+WINDING_TEMPERATURE = "winding temperature"
+
 RANGES = (
     Range("x_L", "stroke", "m", "q_LB", "q_UB", "over_travel", is_distance=True),
     Range("v_L", "speed", "m/s", None, "v_max", "over_speed"),
     Range("i_q", "current", "A", None, "i_max", "over_current"),
     Range("i_d", "current", "A", None, "i_max", "over_current"),
     Range("tau_m", "demanded torque", "N m", None, TORQUE_LIMIT, "over_torque"),
-    Range("temperature_rise", "winding temperature", "K", None, "permitted_rise", "over_temperature"),
+    Range("temperature_rise", WINDING_TEMPERATURE, "K", None, "permitted_rise", "over_temperature"),
 )
 """Ranges of a joint; a plant without these parameters has none."""
 
@@ -66,7 +68,7 @@ class Trip(LimitViolation):
 
     def sentence(self, joint: str) -> str:
         """Return a message that says when the joint tripped, and why."""
-        value, threshold = _format_distinct(self.value, self.threshold)
+        value, threshold = format_distinct(self.value, self.threshold)
         return (
             f"{joint} tripped on its {self.what} at t = {self.time_s:.6g} s: {self.signal} = "
             f"{value} {self.unit}, beyond {threshold} {self.unit} (limit {self.limit:.6g} {self.unit})."
@@ -79,7 +81,7 @@ class Touch(LimitViolation):
 
     def sentence(self, joint: str) -> str:
         """Return a message that says which limit the joint touched."""
-        value, limit = _format_distinct(self.value, self.limit)
+        value, limit = format_distinct(self.value, self.limit)
         return (
             f"{joint} touched its {self.what} limit, first at t = {self.time_s:.6g} s: {self.signal} reached "
             f"{value} {self.unit}, the limit is {limit} {self.unit}, and it trips at {self.threshold:.6g}."
@@ -288,7 +290,7 @@ def _read(kind: Any, found: Mapping[str, Any], known: set[str]) -> Any:
     return kind(**read)
 
 
-def _format_distinct(value: float, limit: float) -> tuple[str, str]:
+def format_distinct(value: float, limit: float) -> tuple[str, str]:
     """Return two values with as many digits as show their difference, at least 4."""
     texts: Sequence[tuple[str, str]] = [(f"{value:.{n}g}", f"{limit:.{n}g}") for n in range(4, 18)]
     return next(((a, b) for a, b in texts if a != b), (repr(value), repr(limit)))
