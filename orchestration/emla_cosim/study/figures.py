@@ -1,16 +1,38 @@
 """The plots of joints, and of those that move a machine together."""
 
 from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from ..views.plots.pictures import Curve, PanelSpec, Picture, RangeLimit
+from ..views.panels import Limit
+from ..views.plots.pictures import Bound, Curve, Find, PanelSpec, Picture, RangeLimit
 from ..views.plots.style import GREEN, GREY, ORANGE, PURPLE, RED
+from .criteria import criteria_of
 from .roles import find_variable
 
+if TYPE_CHECKING:
+    from ..run.result import Result
+
 _STROKE = RangeLimit("stroke", ("q_UB",), ("q_LB",))
-_SPEED = RangeLimit("largest speed", ("v_max",))
-_CURRENT = RangeLimit("largest current of the controller", ("i_limit",))
-_VOLTAGE = RangeLimit("longest voltage vector", ("u_max",))
-_TORQUE = RangeLimit("largest torque of the controller", ("N_p", "Phi_PM", "i_limit"), scale=1.5)
+_SPEED = RangeLimit("speed limit", ("v_max",))
+_CURRENT = RangeLimit("current limit of the controller", ("i_limit",))
+_VOLTAGE = RangeLimit("voltage limit", ("u_max",))
+_TORQUE = RangeLimit("torque limit of the controller", ("N_p", "Phi_PM", "i_limit"), scale=1.5)
+
+
+@dataclass(frozen=True)
+class PositionWindow(Bound):
+    """The position window of a joint, times `scale`."""
+
+    scale: float
+
+    def resolve(self, result: "Result", column: str, find: Find) -> Limit:
+        """Return the window, from the option `criteria`."""
+        joints = result.metrics["joints"]
+        settings = result.record.get("settings", {})
+        window = self.scale * criteria_of(joints, settings.get("criteria", {}))[column].position_window
+        return Limit("position window", -window, window)
+
 
 WORST = "position_error_m"
 """The metric by which joints are chosen if there are many."""
@@ -21,7 +43,7 @@ JOINT_FIGURES: dict[str, Picture] = {
         (
             PanelSpec(
                 "position / m",
-                (Curve("reference", "x_d", ORANGE, dashed=True), Curve("screw", "x_L")),
+                (Curve("screw", "x_L"), Curve("reference", "x_d", ORANGE, dashed=True)),
                 bound=_STROKE,
             ),
             PanelSpec(
@@ -38,7 +60,18 @@ JOINT_FIGURES: dict[str, Picture] = {
         "Tracking errors",
         (
             PanelSpec("position / mm, settling", (Curve("", "x_L", less="x_d", scale=1e3),), "settling"),
-            PanelSpec("position / µm, settled", (Curve("", "x_L", less="x_d", scale=1e6),), "settled"),
+            PanelSpec(
+                "position / µm, settled",
+                (Curve("", "x_L", less="x_d", scale=1e6),),
+                "settled",
+                bound=PositionWindow(1e6),
+            ),
+            PanelSpec(
+                "load position / µm, settled",
+                (Curve("", "x_load", GREEN, less="x_d", scale=1e6),),
+                "settled",
+                bound=PositionWindow(1e6),
+            ),
             PanelSpec("speed / (mm/s), settled", (Curve("", "v_L", less="v_d", scale=1e3),), "settled"),
         ),
         of="joints",

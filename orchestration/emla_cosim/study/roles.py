@@ -20,7 +20,12 @@ _PLACES: dict[str, tuple[str, ...]] = {
     "x_d": ("{joint}.reference.x_d", "machine.trajectory.x_d[{element}]"),
     "v_d": ("{joint}.reference.v_d", "machine.trajectory.v_d[{element}]"),
     "a_d": ("{joint}.reference.a_d", "machine.trajectory.a_d[{element}]"),
-    "F_L": ("machine.manipulator.F_L[{element}]", "machine.plant.F_L[{element}]", "{joint}.disturbance.F_L"),
+    "F_L": (
+        "{joint}.plant.F_L",  # data that replace the connection
+        "machine.manipulator.F_L[{element}]",
+        "machine.plant.F_L[{element}]",
+        "{joint}.disturbance.F_L",
+    ),
     "x_load": ("{joint}.plant.load.x",),
     "x_hat": ("{joint}.observer.x_hat",),
     "v_hat": ("{joint}.observer.v_hat",),
@@ -116,11 +121,8 @@ def find_variable(
     """
     given = (roles or {}).get(f"{joint}.{role}")
     places = _names(joint, _PLACES[role]) if given is None else (given,)
-    found = next((name for name in places if name in names), None)
-    if found is None:
-        return None
     data = names.data if isinstance(names, RoleNames) else find_data_names(names)
-    return data.get(found, found)
+    return next((data.get(name, name) for name in places if name in data or name in names), None)
 
 
 def find_all_joints(names: Iterable[str], roles: Mapping[str, str]) -> list[str]:
