@@ -30,7 +30,7 @@ def format_figure(value: Any, figure: "MetricDisplay") -> str:
 
 
 def describe_stepping(result: "Result") -> Iterator[str]:
-    """Yield messages on the steps: number, duration, iterations, late connections, overruns."""
+    """Yield messages on the steps: number, duration, iterations, coupling, overruns."""
     if not (result.wall_s > 0 and result.steps):
         return
     rate, factor = result.steps / result.wall_s, result.simulated_s / result.wall_s
@@ -49,12 +49,8 @@ def describe_stepping(result: "Result") -> Iterator[str]:
         each = result.stepping["sweeps_over_loops"] / len(loops) / result.steps
         what = "One loop" if len(loops) == 1 else f"{len(loops)} loops"
         yield f"{what} agreed after {each:.3g} {'sweep' if each == 1 else 'sweeps'} a step"
-    late = result.stepping["late_connections"]
-    if late:
-        come = format_count(len(late), "connection comes", "connections come")
-        yield f"{come} one step late; run.json names {'it' if len(late) == 1 else 'them'}"
-    if (summary := result.record.get("coupling", {}).get("summary")) is not None:
-        yield summary
+    coupling = result.record.get("coupling", {})
+    yield from (coupling[name] for name in ("delay", "summary") if name in coupling)
     if result.pacing is not None:
         kept = result.pacing
         yield (
