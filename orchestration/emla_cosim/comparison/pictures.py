@@ -7,6 +7,7 @@ import numpy as np
 import polars
 
 from ..base.arrays import Vector
+from ..base.wording import format_rounded
 from ..study.paper import PRINTED
 from ..views.plots.style import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, new_figure, tidy_axes
 from .cases import stability_maps
@@ -14,7 +15,6 @@ from .data import PAPER, ROBUSTNESS, STABILITY, CompareData
 from .rows import HELD, SHOWN, Row, label_variant
 from .statistics import SeedStatistics, format_lost, group_by_variant
 from .tables import group_rows
-from .text_table import format_rounded
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

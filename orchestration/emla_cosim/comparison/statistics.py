@@ -5,9 +5,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from statistics import fmean, stdev
 
+from ..base.wording import format_rounded
 from ..recorders.metrics import MetricDisplay
 from .rows import HELD, Row, label_variant
-from .text_table import Cell, format_rounded
+from .text_table import Cell
 
 
 @dataclass(frozen=True)

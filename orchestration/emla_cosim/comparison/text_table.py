@@ -16,11 +16,6 @@ class Cell(NamedTuple):
     lost: bool = False
 
 
-def format_rounded(value: float) -> str:
-    """Return a number with three digits, or with all digits before the point; large ones without exponent."""
-    return f"{value:.3g}" if abs(value) < 1e3 else f"{value:.4g}" if abs(value) < 1e4 else f"{value:,.0f}"
-
-
 @dataclass(frozen=True)
 class TextTable:
     """A table: its title, remarks below it, and the numbers of the rows that follow a line."""

@@ -404,7 +404,7 @@ def _remarks(
         )
     if (apart := float(np.diff(cycle.time).max())) > 1.5 * step:
         found.append(
-            f"{joint}: the cycle has more than {_ROWS:,} steps; the figures are those of rows {apart:.3g} s "
+            f"{joint}: the cycle has more than {_ROWS} steps; the figures are those of rows {apart:.3g} s "
             "apart, and peaks between them are missed."
         )
     ends = abs(float(cycle.x[-1] - cycle.x[0]))

@@ -180,4 +180,4 @@ def read_rows(table: "Result | StoredRun", names: Sequence[str]) -> tuple[dict[s
     if 2 * shown <= MOST_ROWS:  # a longer table would fill more than half
         return data, ""
     rows = len(table.read(["time"])["time"])
-    return data, f"{shown:,} of {rows:,} rows drawn" if shown < rows else ""
+    return data, f"{shown} of {rows} rows drawn" if shown < rows else ""
