@@ -71,9 +71,9 @@ class CouplingSummary:
         step: The step size in s.
         connections: Connections between components that compute in continuous time.
         not_estimated: Why the error is not estimated; empty if it is.
-        delayed: Connections that delay a value by a step, which the estimate does not show: those that
-            would not be late if components stepped in the order of the network, or in no loop, or to a
-            component that samples. Values that a sampling component holds until its next sample are none.
+        delayed: Connections outside of continuous loops that delay a value by a step, which the estimate
+            does not show: those that are not late in the order of the network, those from a component in
+            continuous time. Values that a sampling component holds until its next sample are not delayed.
         is_fixed: Whether all steps have the same size.
     """
 
@@ -133,7 +133,9 @@ class CouplingSummary:
             ]
         )
         is_fixed = isinstance(stepping, FixedSteps)
-        return cls(algorithm, stepping.times.step, connections, reason, list(delayed), is_fixed)
+        estimated = {x.name for x in connections if x.is_in_loop}
+        delayed = [name for name in delayed if name not in estimated]
+        return cls(algorithm, stepping.times.step, connections, reason, delayed, is_fixed)
 
     def without_estimate(self) -> CouplingError:
         """Return the result of a run whose error is not estimated."""

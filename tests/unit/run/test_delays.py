@@ -9,6 +9,7 @@ import emla_cosim as ec
 from emla_cosim.run.result import Result
 from emla_cosim.views.formatting import describe_stepping
 from tests.support.axis import axis
+from tests.support.coupled_systems import drive
 
 
 @pytest.fixture(scope="module")
@@ -57,3 +58,11 @@ def test_delay_between_continuous_components_is_reported(slide: ec.Simulation) -
 def test_steps_of_error_control_have_no_size(slide: ec.Simulation) -> None:
     result = slide.run(algorithm="jacobi", error_tolerance=1e-3)
     assert late(result) == ["One step late: gantry.motion.x_d -> gantry.slide.command"]
+
+
+def test_loops_have_an_estimate_instead() -> None:
+    with ec.load(drive().system, stop_time=0.05, step_size=1e-3).prepare() as simulation:
+        result = simulation.run(algorithm="jacobi")
+        assert late(result) == [] and result.record["coupling"]["estimated_error"] > 0.0
+        (line,) = late(simulation.run(estimate_coupling=False))
+    assert line == "Coupling error not estimated: it is switched off; one step late: motor.tau -> rotor.tau"
