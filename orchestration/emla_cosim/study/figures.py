@@ -2,13 +2,14 @@
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 from ..views.panels import Limit
 from ..views.plots.pictures import Bound, Curve, Find, PanelSpec, Picture, RangeLimit
 from ..views.plots.style import GREEN, GREY, ORANGE, PURPLE, RED
 from .criteria import criteria_of
-from .roles import find_variable
+from .roles import RoleNames, find_variable
 
 if TYPE_CHECKING:
     from ..run.result import Result
@@ -37,8 +38,10 @@ class PositionWindow(Bound):
 WORST = "position_error_m"
 """The metric by which joints are chosen if there are many."""
 
+_joint_picture = partial(Picture, of="joints", find=find_variable, index=RoleNames.fromkeys, worst=WORST)
+
 JOINT_FIGURES: dict[str, Picture] = {
-    "tracking": Picture(
+    "tracking": _joint_picture(
         "Tracking",
         (
             PanelSpec(
@@ -52,11 +55,8 @@ JOINT_FIGURES: dict[str, Picture] = {
                 bound=_SPEED,
             ),
         ),
-        of="joints",
-        find=find_variable,
-        worst=WORST,
     ),
-    "errors": Picture(
+    "errors": _joint_picture(
         "Tracking errors",
         (
             PanelSpec("position / mm, settling", (Curve("", "x_L", less="x_d", scale=1e3),), "settling"),
@@ -74,11 +74,8 @@ JOINT_FIGURES: dict[str, Picture] = {
             ),
             PanelSpec("speed / (mm/s), settled", (Curve("", "v_L", less="v_d", scale=1e3),), "settled"),
         ),
-        of="joints",
-        find=find_variable,
-        worst=WORST,
     ),
-    "currents": Picture(
+    "currents": _joint_picture(
         "Motor currents",
         (
             PanelSpec(
@@ -91,31 +88,22 @@ JOINT_FIGURES: dict[str, Picture] = {
             ),
             PanelSpec("d axis / A", (Curve("actual", "i_d"),), bound=_CURRENT),
         ),
-        of="joints",
-        find=find_variable,
-        worst=WORST,
     ),
-    "voltages": Picture(
+    "voltages": _joint_picture(
         "Motor voltages after the inverter's limit",
         (
             PanelSpec("q axis / V", (Curve("", "u_q"),), bound=_VOLTAGE),
             PanelSpec("d axis / V", (Curve("", "u_d"),), bound=_VOLTAGE),
         ),
-        of="joints",
-        find=find_variable,
-        worst=WORST,
     ),
-    "torque": Picture(
+    "torque": _joint_picture(
         "Motor torque and load",
         (
             PanelSpec("motor torque / (N m)", (Curve("", "tau_m"),), bound=_TORQUE),
             PanelSpec("load force / kN", (Curve("", "F_L", GREY, scale=1e-3),)),
         ),
-        of="joints",
-        find=find_variable,
-        worst=WORST,
     ),
-    "power": Picture(
+    "power": _joint_picture(
         "Power and energy",
         (
             PanelSpec(
@@ -135,11 +123,8 @@ JOINT_FIGURES: dict[str, Picture] = {
                 ),
             ),
         ),
-        of="joints",
-        find=find_variable,
-        worst=WORST,
     ),
-    "adaptation": Picture(
+    "adaptation": _joint_picture(
         "Adaptation of the controller",
         (
             PanelSpec(
@@ -151,19 +136,13 @@ JOINT_FIGURES: dict[str, Picture] = {
                 (Curve("q axis", "theta_3"), Curve("d axis", "theta_4", ORANGE)),
             ),
         ),
-        of="joints",
-        find=find_variable,
-        worst=WORST,
     ),
-    "observer": Picture(
+    "observer": _joint_picture(
         "Observer errors",
         (
             PanelSpec("position / µm", (Curve("", "x_hat", less="x_L", scale=1e6),)),
             PanelSpec("speed / (mm/s)", (Curve("", "v_hat", less="v_L", scale=1e3),)),
         ),
-        of="joints",
-        find=find_variable,
-        worst=WORST,
     ),
 }
 """The plots of a joint by file name; their signals are roles."""
@@ -176,7 +155,7 @@ def _in_machine(joint: str, role: str, names: Collection[str], roles: Mapping[st
 
 
 MACHINE_FIGURES: dict[str, Picture] = {
-    "forces": Picture(
+    "forces": _joint_picture(
         "Forces and speeds of the pistons",
         (
             PanelSpec("load force / kN", (Curve("", "F_L", scale=1e-3),)),
@@ -188,11 +167,9 @@ MACHINE_FIGURES: dict[str, Picture] = {
                 ),
             ),
         ),
-        of="joints",
         find=_in_machine,
-        worst=WORST,
     ),
-    "motion": Picture(
+    "motion": _joint_picture(
         "Positions and accelerations of the pistons",
         (
             PanelSpec(
@@ -204,9 +181,7 @@ MACHINE_FIGURES: dict[str, Picture] = {
                 part="settled",
             ),
         ),
-        of="joints",
         find=_in_machine,
-        worst=WORST,
     ),
 }
 """The plots of a machine's joints by file name, as figures 8 and 9 of the paper."""

@@ -125,7 +125,7 @@ class Picture(Drawing):
 
     `find` returns the full name of a column's signal, or None. Its arguments are the column, the signal's
     name in the curve, all names, and the result's roles. By default the full name is the
-    column's name, a dot and the signal's name.
+    column's name, a dot and the signal's name. `index` makes a collection of the names for fast look-ups.
 
     Of many columns, those with the largest metric `worst` are shown, and first those that are not held.
     """
@@ -135,10 +135,11 @@ class Picture(Drawing):
     of: str
     find: Callable[[str, str, Collection[str], Mapping[str, str]], str | None] = _inside
     worst: str = ""
+    index: Callable[[Iterable[str]], Collection[str]] = set
 
     def signals(self, result: "Result") -> Iterable[str]:
         """Return the signals of the curves of all columns."""
-        names = set(result.names)
+        names = self.index(result.names)
         wanted = dict.fromkeys(name for p in self.panels for curve in p.curves for name in curve.names)
         found = (
             self.find(column, signal, names, result.roles)
@@ -173,7 +174,7 @@ class Picture(Drawing):
 
     def resolved(self, result: "Result", data: Mapping[str, Vector]) -> list[Plot]:
         """Return the panels row by row: one for each column that has signals."""
-        columns, names = self._choose_columns(result), set(result.names)
+        columns, names = self._choose_columns(result), self.index(result.names)
         found = [[self._resolve(panel, c, result, names, data) for c in columns] for panel in self.panels]
         some = [any(row[i].lines for row in found) for i in range(len(columns))]
         rows = [row for row in found if any(panel.lines for panel in row)]
