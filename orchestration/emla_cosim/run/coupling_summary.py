@@ -121,20 +121,8 @@ class CouplingSummary:
             signals = sorted({x.signal for x in connections})
             positions = {*samplers.values(), *unknown.values()} | rare | multiples
             stepping.estimate = CouplingEstimate(algorithm, stepping.loop, stepping.times, signals, positions)
-        multiples = zip(instances, algorithm.multiples, strict=True)
-        readers = {*samplers, *(instance.name for instance, n in multiples if n > 1)}
-        in_order = {id(link) for link in algorithm.network.find_feedback_links()}
-        held = [x for x in algorithm.late_links() if algorithm.exchange.modes[x.target] == Mode.HOLD]
-        delayed = dict.fromkeys(
-            [
-                *(link.name for link in held if id(link) not in in_order),
-                *(x.name for x in connections if x.is_late and x.mode == Mode.HOLD and not x.is_in_loop),
-                *(sample.name for sample in find_late_samples(algorithm, readers)),
-            ]
-        )
+        delayed = _list_delayed(algorithm, connections, samplers)
         is_fixed = isinstance(stepping, FixedSteps)
-        estimated = {x.name for x in connections if x.is_in_loop}
-        delayed = [name for name in delayed if name not in estimated]
         return cls(algorithm, stepping.times.step, connections, reason, delayed, is_fixed)
 
     def without_estimate(self) -> CouplingError:
@@ -268,6 +256,24 @@ def find_late_samples(algorithm: Algorithm, samplers: Collection[str]) -> Iterat
         if is_read and any(id(way) in late for way in ways):
             signal = network.names[network.signal(ways[0])]
             yield LateSample(f"{signal} -> {link.name.partition(' -> ')[2]}", signal, names[link.target])
+
+
+def _list_delayed(
+    algorithm: Algorithm, connections: Sequence[ContinuousConnection], samplers: Collection[str]
+) -> list[str]:
+    """Return the names of `CouplingSummary.delayed`."""
+    network = algorithm.network
+    multiples = zip(network.instances, algorithm.multiples, strict=True)
+    readers = {*samplers, *(instance.name for instance, n in multiples if n > 1)}
+    in_order = {id(link) for link in network.find_feedback_links()}
+    held = [x for x in algorithm.late_links() if algorithm.exchange.modes[x.target] == Mode.HOLD]
+    names = [
+        *(link.name for link in held if id(link) not in in_order),
+        *(x.name for x in connections if x.is_late and x.mode == Mode.HOLD),
+        *(sample.name for sample in find_late_samples(algorithm, readers)),
+    ]
+    estimated = {x.name for x in connections if x.is_in_loop}
+    return [name for name in dict.fromkeys(names) if name not in estimated]
 
 
 def _name_first(names: Sequence[str]) -> str:

@@ -15,7 +15,6 @@ from .style import (
     RED,
     add_legend,
     line_style,
-    make_area_handle,
     make_line_handle,
     new_figure,
     with_margins,
@@ -88,11 +87,13 @@ def draw_panels(panels: Sequence[Plot], title: str, run: str, name: str = "") ->
 
 def _legend_entries(row: Sequence[Plot]) -> "list[tuple[str, Artist]]":
     """Return the entries of a row's legend: lines, unless each panel has only one, and shaded areas."""
+    from matplotlib.patches import Patch
+
     lines = [line for panel in row for line in panel.lines if len(panel.lines) > 1]
     entries = {line.label: make_line_handle(line) for line in lines}
     for panel in row:
         for limit in _near_limits(panel):
-            entries[fill(f"beyond the {limit.label}", _LINE_LETTERS)] = make_area_handle(**_SHADE)
+            entries[fill(f"beyond the {limit.label}", _LINE_LETTERS)] = Patch(**_SHADE)
     return list(entries.items())
 
 

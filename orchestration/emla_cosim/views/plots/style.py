@@ -32,7 +32,6 @@ __all__ = [
     "embed",
     "is_picture",
     "line_style",
-    "make_area_handle",
     "make_line_handle",
     "new_figure",
     "save",
@@ -121,13 +120,6 @@ def make_line_handle(line: "Line") -> "Artist":
     from matplotlib.lines import Line2D
 
     return Line2D([], [], color=line.color, linestyle=line_style(line), linewidth=1.1)
-
-
-def make_area_handle(**style: Any) -> "Artist":
-    """Return what stands for a shaded area in a legend."""
-    from matplotlib.patches import Patch
-
-    return Patch(**style)
 
 
 def count_legend_columns(labels: Sequence[str], width: float) -> int:
