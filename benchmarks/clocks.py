@@ -32,8 +32,8 @@ def main() -> None:
     whole = np.median(rates["without a clock"])
     print("| Blocks | steps/s | range | ratio |\n|---|---:|---:|---:|")
     for name, found in rates.items():
-        span = f"{min(found):,.0f} - {max(found):,.0f}"
-        print(f"| {name} | {np.median(found):,.0f} | {span} | {np.median(found) / whole:.3g} |")
+        span = f"{min(found):.0f} - {max(found):.0f}"
+        print(f"| {name} | {np.median(found):.0f} | {span} | {np.median(found) / whole:.3g} |")
 
 
 def _measure(fmu: Path) -> float:

@@ -31,7 +31,7 @@ def main() -> None:
     print("| | Steps/s | Ratio | Sweeps per step, all loops |\n|---|---|---|---|")
     for way, found in rates.items():
         rate = np.median(found)
-        print(f"| {way} | {rate:,.0f} | {rate / study:.3g} | {sweeps[way]:.2f} |")
+        print(f"| {way} | {rate:.0f} | {rate / study:.3g} | {sweeps[way]:.2f} |")
 
 
 if __name__ == "__main__":

@@ -26,7 +26,7 @@ def main() -> None:
             rates[way].append(result.steps / result.wall_s)
     print("| Rows between which | Steps/s | Ratio |\n|---|---|---|")
     for way, found in rates.items():
-        print(f"| {way} | {np.median(found):,.0f} | {np.median(found) / np.median(rates['none']):.3g} |")
+        print(f"| {way} | {np.median(found):.0f} | {np.median(found) / np.median(rates['none']):.3g} |")
 
 
 if __name__ == "__main__":

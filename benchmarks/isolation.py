@@ -29,7 +29,7 @@ def main() -> None:
     whole = np.median(rates["none"])
     print("| Isolated | Steps/s | Ratio |\n|---|---|---|")
     for way, found in rates.items():
-        print(f"| {way} | {np.median(found):,.0f} | {np.median(found) / whole:.3g} |")
+        print(f"| {way} | {np.median(found):.0f} | {np.median(found) / whole:.3g} |")
 
 
 if __name__ == "__main__":

@@ -82,7 +82,7 @@ def _rates(load: str, folder: Path) -> dict[str, float]:
             same = signals.setdefault((tool.clock, str(options.get("algorithm"))), found["signals"])
             if list(same) != list(found["signals"]):
                 raise BenchmarkError(f"{way}, {load}, computes something else than others of its kind.")
-            print(f"{load}, round {i + 1}: {way}, {1.0 / times[way][-1]:,.0f} steps/s", file=sys.stderr)
+            print(f"{load}, round {i + 1}: {way}, {1.0 / times[way][-1]:.0f} steps/s", file=sys.stderr)
     return {way: 1.0 / median(each) for way, each in times.items()}
 
 

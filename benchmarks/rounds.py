@@ -60,7 +60,7 @@ def measured(
             check_signals(tool.title, job, found["signals"], expected(tool.clock, count))
             result.version = found.get("version", "")
             result.step_times.append(found["seconds"] / found["steps"])
-            tell(f"round {i + 1}: {tool.title}, {1.0 / result.step_times[-1]:,.0f} steps/s")
+            tell(f"round {i + 1}: {tool.title}, {1.0 / result.step_times[-1]:.0f} steps/s")
     return results
 
 

@@ -73,7 +73,7 @@ def _apart(count: int, folder: str) -> Figures:
 
 def _table(found: Mapping[int, Figures]) -> str:
     rows = [
-        f"| {n:,} | {f['preparation_s']:.3f} | {1e3 * f['preparation_s'] / n:.2f} | {f['memory_MB']:.0f} "
+        f"| {n} | {f['preparation_s']:.3f} | {1e3 * f['preparation_s'] / n:.2f} | {f['memory_MB']:.0f} "
         f"| {three_digits(f['rate'] / n)} | {f['rate'] / 1e6:.2f} |"
         for n, f in found.items()
     ]
@@ -104,7 +104,7 @@ def _draw(found: Mapping[int, Figures]) -> None:
 
 def _dress(axes: Axes, title: str) -> None:
     axes.set_xscale("log")
-    axes.set_xticks(SIZES, [f"{n:,}" for n in SIZES])
+    axes.set_xticks(SIZES, list(map(str, SIZES)))
     axes.minorticks_off()
     axes.set_xlabel("FMUs", fontsize=9)
     axes.set_title(title, fontsize=10, loc="left")

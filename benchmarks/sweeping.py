@@ -28,9 +28,9 @@ def main() -> None:
         rows.append((alone, apart, swept, apart / (workers * alone), swept / (workers * alone)))
     alone, apart, swept, possible, reached = np.median(rows, axis=0)
     print("| | Steps/s | Ratio |\n|---|---|---|")
-    print(f"| one prepared simulation, times {workers} | {workers * alone:,.0f} | 1 |")
-    print(f"| {workers} processes with one each | {apart:,.0f} | {possible:.3g} |")
-    print(f"| sweep of {VARIANTS:,} variants | {swept:,.0f} | {reached:.3g} |")
+    print(f"| one prepared simulation, times {workers} | {workers * alone:.0f} | 1 |")
+    print(f"| {workers} processes with one each | {apart:.0f} | {possible:.3g} |")
+    print(f"| sweep of {VARIANTS} variants | {swept:.0f} | {reached:.3g} |")
 
 
 def rate_of_one(runs: int) -> float:

@@ -43,7 +43,7 @@ def rows(results: Sequence[Result]) -> list[tuple[str, ...]]:
 def three_digits(rate: float) -> str:
     """Three digits of a rate."""
     digits = len(f"{rate:.0f}")
-    return f"{round(rate, 3 - digits):,.0f}"
+    return f"{round(rate, 3 - digits):.0f}"
 
 
 def _microseconds(seconds: float) -> str:

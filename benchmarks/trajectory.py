@@ -83,7 +83,7 @@ def _line(name: str, found: Solution, problem: MotionProblem, how: Discretisatio
     figures = assessed(found.spline(how), problem, how.tie_break)
     worst = max(peak.excess for peak in figures.peaks)
     return (
-        f"{name}: cost {found.cost:,.0f} W2 s, t_M {found.duration:.2f} s, {found.iterations} iterations, "
+        f"{name}: cost {found.cost:.0f} W2 s, t_M {found.duration:.2f} s, {found.iterations} iterations, "
         f"{found.wall_s:.1f} s ({found.cpu_s:.1f} s CPU), beyond bounds by {worst:.1e} of their width"
     )
 

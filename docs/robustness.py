@@ -108,7 +108,7 @@ def lines(joints: Sequence[Joint]) -> Iterable[str]:
     yield "| | " + " | ".join(joint.name for joint in joints) + " |"
     yield "|---|" + "---|" * len(joints)
     for outcome in COLORS:
-        yield f"| {outcome} | " + " | ".join(f"{(j.outcomes == outcome).sum():,}" for j in joints) + " |"
+        yield f"| {outcome} | " + " | ".join(f"{(j.outcomes == outcome).sum()}" for j in joints) + " |"
     for label, (name, scale) in SHOWN.items():
         cells = []
         for joint in joints:

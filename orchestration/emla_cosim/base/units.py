@@ -84,11 +84,13 @@ def find_conversion(source: SiUnit | None, target: SiUnit | None) -> LinearTrans
 
     Raises:
         UndefinedUnitError: If one of the units has no definition.
-        ValueError: If they measure different things. The message is a phrase such as `the units m and s`.
+        ValueError: If they measure different things. The message is a phrase such as `the units m and s`;
+            units of the same name have their definitions, as in `N (kg m s-2)`.
     """
     if source is None or target is None or source == target:
         return IDENTITY
-    undefined = [unit for unit in (source, target) if unit.exponents is None]
+    pair = source, target
+    undefined = [unit for unit in pair if unit.exponents is None]
     if undefined and source.name == target.name:
         return IDENTITY
     roots = [unit.multiple_of or unit.name for unit in undefined]
@@ -100,7 +102,9 @@ def find_conversion(source: SiUnit | None, target: SiUnit | None) -> LinearTrans
             f"the units {source} and {target}: {missing}; add a Unit with its BaseUnit there"
         )
     if not undefined and not source.has_dimension_of(target):
-        raise ValueError(f"the units {source} and {target}")
+        is_ambiguous = source.name == target.name
+        ends = [f"{unit} ({format_powers(unit)})" if is_ambiguous else str(unit) for unit in pair]
+        raise ValueError(f"the units {ends[0]} and {ends[1]}")
     offset = 0.0 if source.is_difference or target.is_difference else source.offset - target.offset
     return LinearTransformation(source.factor / target.factor, offset / target.factor)
 

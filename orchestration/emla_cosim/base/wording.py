@@ -4,16 +4,15 @@ from collections.abc import Container, Sequence
 from decimal import Decimal
 
 
-def format_count(count: int, one: str, many: str = "", form: str = "") -> str:
+def format_count(count: int, one: str, many: str = "") -> str:
     """Return a count with its noun: "1 step", "2 steps".
 
     Args:
         count: The count.
         one: The singular, possibly with more words: "step is late".
         many: The plural; default: the singular and an s.
-        form: The format of the number.
     """
-    return f"{count:{form}} {one if count == 1 else many or f'{one}s'}"
+    return f"{count} {one if count == 1 else many or f'{one}s'}"
 
 
 def format_number(value: float, digits: int = 6) -> str:
@@ -24,6 +23,15 @@ def format_number(value: float, digits: int = 6) -> str:
         return f"{value:.{digits}g}"
     except OverflowError:  # a whole number that is too large for a float
         return f"{Decimal(value):.{digits}g}"
+
+
+def format_rounded(value: float, digits: int = 3) -> str:
+    """Return a number with `digits` digits, but with all digits before the point.
+
+    Numbers have no separators of thousands, which a reader may take for decimal commas.
+    """
+    text = f"{value:.{digits}g}"
+    return f"{value:.0f}" if "e+" in text and abs(value) < _LONG else text
 
 
 def list_few(names: Sequence[str], most: int = 8) -> str:
@@ -45,6 +53,9 @@ def find_free_name(name: str, taken: Container[str]) -> str:
         free, number = f"{name}_{number}", number + 1
     return free
 
+
+_LONG = 1e12
+"""Rounded numbers from here on have an exponent."""
 
 _LARGE = 1e15
 """Below it, floats represent every whole number exactly."""

@@ -3,13 +3,14 @@
 import math
 from collections.abc import Iterator, Mapping, Sequence
 
+from ..base.wording import format_rounded
 from ..study.controllers import CONTROLLERS
 from ..study.paper import PRINTED, REFERENCE, Cells, PrintedTable
 from .data import CompareData
 from .remarks import describe_ranking, name_observers
 from .rows import SHOWN, Row, label_variant
 from .statistics import SeedStatistics, group_by_variant, mark_winner
-from .text_table import Cell, TextTable, format_rounded
+from .text_table import Cell, TextTable
 
 _FIGURES = tuple(SHOWN[name] for name in Cells.__struct_fields__)
 _ROUNDED = 0.006

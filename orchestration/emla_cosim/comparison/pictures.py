@@ -7,6 +7,7 @@ import numpy as np
 import polars
 
 from ..base.arrays import Vector
+from ..base.wording import format_rounded
 from ..study.paper import PRINTED
 from ..views.plots.style import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, new_figure, tidy_axes
 from .cases import stability_maps
@@ -15,7 +16,6 @@ from .remarks import describe_inequality
 from .rows import HELD, SHOWN, Row, label_variant
 from .statistics import SeedStatistics, format_lost, group_by_variant, rank
 from .tables import group_rows
-from .text_table import format_rounded
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 from statistics import fmean, stdev
 from typing import NamedTuple
 
+from ..base.wording import format_rounded
 from ..recorders.metrics import MetricDisplay
 from .rows import HELD, RANDOM, SEED, Row, label_variant
-from .text_table import Cell, format_rounded, resolution
+from .text_table import Cell, resolution
 
 LEVEL = 0.05
 """Largest probability of a wrong winner in a row."""

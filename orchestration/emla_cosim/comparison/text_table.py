@@ -17,11 +17,6 @@ class Cell(NamedTuple):
     lost: bool = False
 
 
-def format_rounded(value: float) -> str:
-    """Return a number with three digits, or with all digits before the point; large ones without exponent."""
-    return f"{value:.3g}" if abs(value) < 1e3 else f"{value:.4g}" if abs(value) < 1e4 else f"{value:,.0f}"
-
-
 def resolution(value: float) -> float:
     """Return the value of the last digit with which `format_rounded` shows a number."""
     return min(1.0, 10.0 ** (math.floor(math.log10(abs(value))) - 2)) if value else 0.0

@@ -24,7 +24,7 @@ def format_lines(result: IdentificationResult) -> Iterator[str]:
         if one.problem is not None:
             yield f"{one.name} is not identified: {one.problem}."
     yield from (f"Note: {note.rstrip('.')}." for note in result.notes)
-    yield f"{format_count(result.runs, 'run', form=',')} in {result.wall_s:.0f} s"
+    yield f"{format_count(result.runs, 'run')} in {result.wall_s:.0f} s"
 
 
 def format_interval(one: Estimate) -> str:
@@ -75,7 +75,7 @@ def _fits(result: IdentificationResult) -> Table:
         table.add_row(
             escape(one.experiment + (" (held out)" if one.held_out else "")),
             escape(one.signal),
-            f"{one.samples:,}",
+            str(one.samples),
             f"{100.0 * one.fit:.4g}",
             f"{one.r2:.5g}",
             f"{one.rms:.3g}",

@@ -1,7 +1,7 @@
 """What a run says about the exchange between its components: record, figures, and remarks on its error."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -22,6 +22,9 @@ AIM = 0.005
 
 LARGEST_SHOWN = 10.0
 """Largest error that is written as a number."""
+
+SMALLEST_SHOWN = 1e-5
+"""Smallest error that is written as a number."""
 
 DIVERGES = 1.0
 """Error from which on an explicit exchange in a loop may be unstable at any step."""
@@ -45,6 +48,21 @@ _USES = {
 
 
 @dataclass(frozen=True)
+class LateSample:
+    """What a component that samples reads one step late.
+
+    Attributes:
+        name: Names of output and input.
+        signal: Name of the output.
+        reader: Name of the component.
+    """
+
+    name: str
+    signal: str
+    reader: str
+
+
+@dataclass(frozen=True)
 class CouplingSummary:
     """The continuous connections of a run, and the estimate of their error.
 
@@ -53,12 +71,18 @@ class CouplingSummary:
         step: The step size in s.
         connections: Connections between components that compute in continuous time.
         not_estimated: Why the error is not estimated; empty if it is.
+        delayed: Connections outside of continuous loops that delay a value by a step, which the estimate
+            does not show: those that are not late in the order of the network, those from a component in
+            continuous time. Values that a sampling component holds until its next sample are not delayed.
+        is_fixed: Whether all steps have the same size.
     """
 
     algorithm: Algorithm
     step: float
     connections: Sequence[ContinuousConnection] = field(default=())
     not_estimated: str = ""
+    delayed: Sequence[str] = ()
+    is_fixed: bool = True
 
     @classmethod
     def of(
@@ -97,7 +121,9 @@ class CouplingSummary:
             signals = sorted({x.signal for x in connections})
             positions = {*samplers.values(), *unknown.values()} | rare | multiples
             stepping.estimate = CouplingEstimate(algorithm, stepping.loop, stepping.times, signals, positions)
-        return cls(algorithm, stepping.times.step, connections, reason)
+        delayed = _list_delayed(algorithm, connections, samplers)
+        is_fixed = isinstance(stepping, FixedSteps)
+        return cls(algorithm, stepping.times.step, connections, reason, delayed, is_fixed)
 
     def without_estimate(self) -> CouplingError:
         """Return the result of a run whose error is not estimated."""
@@ -109,6 +135,8 @@ class CouplingSummary:
             "order": self.algorithm.accuracy,
             "connections": {x.name: _USES[Mode(x.mode), x.is_late] for x in self.connections},
         }
+        if self.delayed:
+            found["delay"] = self._describe_delay()
         remark = self._describe(error) if error.errors else None
         if (summary := self._summarize(error)) is not None and remark is None:
             found["summary"] = summary
@@ -154,14 +182,18 @@ class CouplingSummary:
             if error.repeated == DIFFERENCES:
                 return f"Within a step, inputs miss {self._signal(worst)} by roughly {size} of its range"
             return f"Estimated coupling error: {size} of the range of {self._signal(worst)} (order {order})"
-        is_expected = error.not_estimated in (
-            SWITCHED_OFF,
-            NO_CONNECTIONS,
-            ERROR_CONTROL,
-            EARLIER_RUN,
-            UNFINISHED,
-        )
-        return None if is_expected else f"Coupling error not estimated: {error.not_estimated}"
+        if error.not_estimated in (NO_CONNECTIONS, ERROR_CONTROL, EARLIER_RUN, UNFINISHED):
+            return None
+        late = [x.name for x in self.connections if x.is_late and x.mode == Mode.HOLD]
+        if error.not_estimated == SWITCHED_OFF and not late:
+            return None
+        held = f"; one step late: {_name_first(late)}" if late else ""
+        return f"Coupling error not estimated: {error.not_estimated}{held}"
+
+    def _describe_delay(self) -> str:
+        """Return one line on the connections that delay a value by a step."""
+        size = f" ({self.step:g} s)" if self.is_fixed else ""
+        return f"One step{size} late: {_name_first(self.delayed)}"
 
     def _describe(self, error: CouplingError) -> str | None:
         """Return the remark on an estimated error; None if it is small."""
@@ -204,7 +236,54 @@ class CouplingSummary:
         return self.algorithm.network.names[connection.signal]
 
 
+def find_late_samples(algorithm: Algorithm, samplers: Collection[str]) -> Iterator[LateSample]:
+    """Yield what components that sample read one step late from those that do not sample.
+
+    What a component that samples writes is not late: it holds its value until its next sample.
+
+    Args:
+        algorithm: The algorithm, after `setup`.
+        samplers: Names of the components that sample.
+    """
+    network, names = algorithm.network, [instance.name for instance in algorithm.network.instances]
+    late = {id(link) for link in algorithm.late_links()}
+    into = {link.target: link for link in network.links if link.target in network.followers}
+    for link in network.links:
+        ways = [link]
+        while ways[0].source in into:
+            ways.insert(0, into[ways[0].source])
+        is_read = names[link.target] in samplers and names[ways[0].source] not in samplers
+        if is_read and any(id(way) in late for way in ways):
+            signal = network.names[network.signal(ways[0])]
+            yield LateSample(f"{signal} -> {link.name.partition(' -> ')[2]}", signal, names[link.target])
+
+
+def _list_delayed(
+    algorithm: Algorithm, connections: Sequence[ContinuousConnection], samplers: Collection[str]
+) -> list[str]:
+    """Return the names of `CouplingSummary.delayed`."""
+    network = algorithm.network
+    multiples = zip(network.instances, algorithm.multiples, strict=True)
+    readers = {*samplers, *(instance.name for instance, n in multiples if n > 1)}
+    in_order = {id(link) for link in network.find_feedback_links()}
+    held = [x for x in algorithm.late_links() if algorithm.exchange.modes[x.target] == Mode.HOLD]
+    names = [
+        *(link.name for link in held if id(link) not in in_order),
+        *(x.name for x in connections if x.is_late and x.mode == Mode.HOLD),
+        *(sample.name for sample in find_late_samples(algorithm, readers)),
+    ]
+    estimated = {x.name for x in connections if x.is_in_loop}
+    return [name for name in dict.fromkeys(names) if name not in estimated]
+
+
+def _name_first(names: Sequence[str]) -> str:
+    """Return the first connection, and how many more there are."""
+    return f"{names[0]} and {len(names) - 1} more, in run.json" if len(names) > 1 else names[0]
+
+
 def _percent(share: float) -> str:
+    if share < SMALLEST_SHOWN:
+        return f"less than {100.0 * SMALLEST_SHOWN:g} %"
     if share > LARGEST_SHOWN:
         return f"more than {100.0 * LARGEST_SHOWN:.0f} %"
     return f"{100.0 * share:.2g} %" if share < 1.0 else f"{100.0 * share:.0f} %"

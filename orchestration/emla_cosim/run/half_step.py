@@ -4,7 +4,7 @@ Components that sample keep their sampling times: they do twice as many steps at
 the error of the coupling, of which half the step removes the part 1 - 2^-p with the order p of the exchange.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,8 +12,9 @@ from ..base.errors import CosimError
 from ..master.algorithms.algorithm import Algorithm
 from ..master.instances.described_instance import DescribedInstance
 from ..master.instances.event_mode_instance import EventModeInstance
-from ..master.network import Link, Network
+from ..master.network import Network
 from ..system.model import System
+from .coupling_summary import find_late_samples
 from .options import Options, read_options
 from .registered import SEEDS
 from .run_setup import run_times, steps_per_row
@@ -129,12 +130,8 @@ def _explain_change(algorithm: Algorithm, samplers: Mapping[str, int]) -> str | 
             return (
                 f"{name} samples, but the algorithm solves it with the others; set --step-multiple {name}=1"
             )
-    late = {id(link) for link in algorithm.late_links()}
-    for source, ways in _trace_sources(algorithm):
-        target = names[ways[-1].target]
-        if target in samplers and names[source] not in samplers and any(id(x) in late for x in ways):
-            read = network.names[network.signal(ways[0])]
-            return f"{target} samples {read} one step late, and half the step would change this delay"
+    for late in find_late_samples(algorithm, samplers):
+        return f"{late.reader} samples {late.signal} one step late, and half the step would change this delay"
     for i in dict.fromkeys(link.target for link in network.links):
         if i not in network.followers and names[i] not in samplers and _may_sample(network, i):
             return (
@@ -159,14 +156,3 @@ def _may_sample(network: Network, i: int) -> bool:
     description = instance.file.description
     discrete = any(v.type == "Real" and v.variability == "discrete" for v in description.modelVariables)
     return discrete and not description.numberOfContinuousStates
-
-
-def _trace_sources(algorithm: Algorithm) -> Iterator[tuple[int, list[Link]]]:
-    """Yield the source of each link to an instance, with the links on the way through followers."""
-    network = algorithm.network
-    into = {link.target: link for link in network.links if link.target in network.followers}
-    for link in network.links:
-        ways = [link]
-        while ways[0].source in into:
-            ways.insert(0, into[ways[0].source])
-        yield ways[0].source, ways

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..base.wording import format_rounded
 from ..study.actuator import derived
 from ..study.actuator.entries import ROOT_2, ROOT_3, TURN
 from ..study.limits import format_distinct
@@ -22,15 +23,12 @@ Values = Mapping[str, float]
 
 def format_percent(fraction: float) -> str:
     """Return a fraction in percent with three digits."""
-    percent = 100.0 * fraction
-    return f"{percent:,.0f}" if 1e3 <= percent < math.inf else f"{percent:.3g}"
+    return format_rounded(100.0 * fraction)
 
 
 def format_value(value: float) -> str:
     """Return a value with four digits."""
-    if math.isinf(value):
-        return "unlimited"
-    return f"{value:,.0f}" if abs(value) >= 1e4 else f"{value:.4g}"
+    return "unlimited" if math.isinf(value) else format_rounded(value, 4)
 
 
 @dataclass(frozen=True)

@@ -38,7 +38,7 @@ def describe_cycle(sizing: JointSizing, step: float) -> Iterator[str]:
         yield f"{joint} did not follow its motion; its figures are those of the run, not of the motion."
     if (apart := float(np.diff(cycle.time).max())) > 1.5 * step:
         yield (
-            f"{joint}: the cycle has more than {MAX_ROWS:,} steps; the figures are those of rows "
+            f"{joint}: the cycle has more than {MAX_ROWS} steps; the figures are those of rows "
             f"{apart:.3g} s apart, and peaks between them are missed."
         )
     ends = abs(float(cycle.x[-1] - cycle.x[0]))

@@ -1,27 +1,52 @@
 """The plots of joints, and of those that move a machine together."""
 
 from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING
 
-from ..views.plots.pictures import Curve, PanelSpec, Picture, RangeLimit
+from ..views.panels import Limit
+from ..views.plots.pictures import Bound, Curve, Find, PanelSpec, Picture, RangeLimit
 from ..views.plots.style import GREEN, GREY, ORANGE, PURPLE, RED
-from .roles import find_variable
+from .criteria import criteria_of
+from .roles import RoleNames, find_variable
+
+if TYPE_CHECKING:
+    from ..run.result import Result
 
 _STROKE = RangeLimit("stroke", ("q_UB",), ("q_LB",))
-_SPEED = RangeLimit("largest speed", ("v_max",))
-_CURRENT = RangeLimit("largest current of the controller", ("i_limit",))
-_VOLTAGE = RangeLimit("longest voltage vector", ("u_max",))
-_TORQUE = RangeLimit("largest torque of the controller", ("N_p", "Phi_PM", "i_limit"), scale=1.5)
+_SPEED = RangeLimit("speed limit", ("v_max",))
+_CURRENT = RangeLimit("current limit of the controller", ("i_limit",))
+_VOLTAGE = RangeLimit("voltage limit", ("u_max",))
+_TORQUE = RangeLimit("torque limit of the controller", ("N_p", "Phi_PM", "i_limit"), scale=1.5)
+
+
+@dataclass(frozen=True)
+class PositionWindow(Bound):
+    """The position window of a joint, times `scale`."""
+
+    scale: float
+
+    def resolve(self, result: "Result", column: str, find: Find) -> Limit:
+        """Return the window, from the option `criteria`."""
+        joints = result.metrics["joints"]
+        settings = result.record.get("settings", {})
+        window = self.scale * criteria_of(joints, settings.get("criteria", {}))[column].position_window
+        return Limit("position window", -window, window)
+
 
 WORST = "position_error_m"
 """The metric by which joints are chosen if there are many."""
 
+_joint_picture = partial(Picture, of="joints", find=find_variable, index=RoleNames.fromkeys, worst=WORST)
+
 JOINT_FIGURES: dict[str, Picture] = {
-    "tracking": Picture(
+    "tracking": _joint_picture(
         "Tracking",
         (
             PanelSpec(
                 "position / m",
-                (Curve("reference", "x_d", ORANGE, dashed=True), Curve("screw", "x_L")),
+                (Curve("screw", "x_L"), Curve("reference", "x_d", ORANGE, dashed=True)),
                 bound=_STROKE,
             ),
             PanelSpec(
@@ -30,22 +55,27 @@ JOINT_FIGURES: dict[str, Picture] = {
                 bound=_SPEED,
             ),
         ),
-        of="joints",
-        find=find_variable,
-        worst=WORST,
     ),
-    "errors": Picture(
+    "errors": _joint_picture(
         "Tracking errors",
         (
             PanelSpec("position / mm, settling", (Curve("", "x_L", less="x_d", scale=1e3),), "settling"),
-            PanelSpec("position / µm, settled", (Curve("", "x_L", less="x_d", scale=1e6),), "settled"),
+            PanelSpec(
+                "position / µm, settled",
+                (Curve("", "x_L", less="x_d", scale=1e6),),
+                "settled",
+                bound=PositionWindow(1e6),
+            ),
+            PanelSpec(
+                "load position / µm, settled",
+                (Curve("", "x_load", GREEN, less="x_d", scale=1e6),),
+                "settled",
+                bound=PositionWindow(1e6),
+            ),
             PanelSpec("speed / (mm/s), settled", (Curve("", "v_L", less="v_d", scale=1e3),), "settled"),
         ),
-        of="joints",
-        find=find_variable,
-        worst=WORST,
     ),
-    "currents": Picture(
+    "currents": _joint_picture(
         "Motor currents",
         (
             PanelSpec(
@@ -58,31 +88,22 @@ JOINT_FIGURES: dict[str, Picture] = {
             ),
             PanelSpec("d axis / A", (Curve("actual", "i_d"),), bound=_CURRENT),
         ),
-        of="joints",
-        find=find_variable,
-        worst=WORST,
     ),
-    "voltages": Picture(
+    "voltages": _joint_picture(
         "Motor voltages after the inverter's limit",
         (
             PanelSpec("q axis / V", (Curve("", "u_q"),), bound=_VOLTAGE),
             PanelSpec("d axis / V", (Curve("", "u_d"),), bound=_VOLTAGE),
         ),
-        of="joints",
-        find=find_variable,
-        worst=WORST,
     ),
-    "torque": Picture(
+    "torque": _joint_picture(
         "Motor torque and load",
         (
             PanelSpec("motor torque / (N m)", (Curve("", "tau_m"),), bound=_TORQUE),
             PanelSpec("load force / kN", (Curve("", "F_L", GREY, scale=1e-3),)),
         ),
-        of="joints",
-        find=find_variable,
-        worst=WORST,
     ),
-    "power": Picture(
+    "power": _joint_picture(
         "Power and energy",
         (
             PanelSpec(
@@ -102,11 +123,8 @@ JOINT_FIGURES: dict[str, Picture] = {
                 ),
             ),
         ),
-        of="joints",
-        find=find_variable,
-        worst=WORST,
     ),
-    "adaptation": Picture(
+    "adaptation": _joint_picture(
         "Adaptation of the controller",
         (
             PanelSpec(
@@ -118,19 +136,13 @@ JOINT_FIGURES: dict[str, Picture] = {
                 (Curve("q axis", "theta_3"), Curve("d axis", "theta_4", ORANGE)),
             ),
         ),
-        of="joints",
-        find=find_variable,
-        worst=WORST,
     ),
-    "observer": Picture(
+    "observer": _joint_picture(
         "Observer errors",
         (
             PanelSpec("position / µm", (Curve("", "x_hat", less="x_L", scale=1e6),)),
             PanelSpec("speed / (mm/s)", (Curve("", "v_hat", less="v_L", scale=1e3),)),
         ),
-        of="joints",
-        find=find_variable,
-        worst=WORST,
     ),
 }
 """The plots of a joint by file name; their signals are roles."""
@@ -143,7 +155,7 @@ def _in_machine(joint: str, role: str, names: Collection[str], roles: Mapping[st
 
 
 MACHINE_FIGURES: dict[str, Picture] = {
-    "forces": Picture(
+    "forces": _joint_picture(
         "Forces and speeds of the pistons",
         (
             PanelSpec("load force / kN", (Curve("", "F_L", scale=1e-3),)),
@@ -155,11 +167,9 @@ MACHINE_FIGURES: dict[str, Picture] = {
                 ),
             ),
         ),
-        of="joints",
         find=_in_machine,
-        worst=WORST,
     ),
-    "motion": Picture(
+    "motion": _joint_picture(
         "Positions and accelerations of the pistons",
         (
             PanelSpec(
@@ -171,9 +181,7 @@ MACHINE_FIGURES: dict[str, Picture] = {
                 part="settled",
             ),
         ),
-        of="joints",
         find=_in_machine,
-        worst=WORST,
     ),
 }
 """The plots of a machine's joints by file name, as figures 8 and 9 of the paper."""

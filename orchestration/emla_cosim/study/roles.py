@@ -21,7 +21,12 @@ _PLACES: dict[str, tuple[str, ...]] = {
     "v_d": ("{joint}.reference.v_d", "machine.trajectory.v_d[{element}]"),
     "a_d": ("{joint}.reference.a_d", "machine.trajectory.a_d[{element}]"),
     "d_2": ("{joint}.disturbance.d_2",),
-    "F_L": ("machine.manipulator.F_L[{element}]", "machine.plant.F_L[{element}]", "{joint}.disturbance.F_L"),
+    "F_L": (
+        "{joint}.plant.F_L",  # data that replace the connection
+        "machine.manipulator.F_L[{element}]",
+        "machine.plant.F_L[{element}]",
+        "{joint}.disturbance.F_L",
+    ),
     "x_load": ("{joint}.plant.load.x",),
     "F_T": ("{joint}.plant.transmission.force",),
     "x_hat": ("{joint}.observer.x_hat",),
@@ -118,11 +123,8 @@ def find_variable(
     """
     given = (roles or {}).get(f"{joint}.{role}")
     places = _names(joint, _PLACES[role]) if given is None else (given,)
-    found = next((name for name in places if name in names), None)
-    if found is None:
-        return None
     data = names.data if isinstance(names, RoleNames) else find_data_names(names)
-    return data.get(found, found)
+    return next((data.get(name, name) for name in places if name in data or name in names), None)
 
 
 def find_all_joints(names: Iterable[str], roles: Mapping[str, str]) -> list[str]:

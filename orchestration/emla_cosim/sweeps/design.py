@@ -174,7 +174,7 @@ def _check_memory(plan: Plan, variants: int, columns: int) -> None:
     needed, there = variants * (columns + 8) * _BYTES_PER_VALUE, psutil.virtual_memory().available
     if needed > 0.5 * there:
         raise CommandError(
-            f"{plan.where} has {variants:,} variants; {there / 2**30:.3g} GiB of memory are not enough; use "
+            f"{plan.where} has {variants} variants; {there / 2**30:.3g} GiB of memory are not enough; use "
             "fewer levels or runs.",
             variants=variants,
         )

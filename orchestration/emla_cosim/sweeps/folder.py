@@ -95,7 +95,7 @@ class SweepFolder(Folder):
             free = shutil.disk_usage(self._place).free
         if needed > free:
             raise CommandError(
-                f"the results of {variants:,} variants take up to {needed / 2**30:.3g} GiB, but "
+                f"the results of {variants} variants take up to {needed / 2**30:.3g} GiB, but "
                 f"'{self.path}' has {free / 2**30:.3g} GiB left; keep fewer signals, or rows further apart."
             )
 

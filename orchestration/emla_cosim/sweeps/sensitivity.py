@@ -48,7 +48,7 @@ class SobolIndices:
             return None
         every = self.groups + self.left_out
         return (
-            f"{self.left_out:,} of {every:,} base samples are left out of the Sobol indices of "
+            f"{self.left_out} of {every} base samples are left out of the Sobol indices of "
             f"'{self.figure}': one of their variants lacks the figure. This biases the indices if the cause "
             "of the failures also changes the figure. Use a figure that every variant has, or narrow the "
             "ranges."

@@ -64,14 +64,14 @@ def status_line(result: SweepResult) -> Text:
     """Return the number of variants, in total and for each status."""
     statuses = [str(status) for status in result.variants[STATUS].to_list()]
     names = dict.fromkeys([DONE, DIVERGED, REFUSED, FAILED, DIED, *statuses])
-    counts = {name: f"{statuses.count(name):,} {name}" for name in names if name in statuses}
+    counts = {name: f"{statuses.count(name)} {name}" for name in names if name in statuses}
     if wrong := int((read_outcomes(result) == NOT_HELD).sum()):
-        counts[DONE] += f" ({wrong:,} of them {NOT_HELD})"
-    line = f"{format_count(len(statuses), 'variant', form=',')}: {', '.join(counts.values()) or 'none'}"
+        counts[DONE] += f" ({wrong} of them {NOT_HELD})"
+    line = f"{format_count(len(statuses), 'variant')}: {', '.join(counts.values()) or 'none'}"
     if ended := sum(tells_requested_end(problem) for problem in result.variants[PROBLEM].to_list()):
-        line += f". FMUs ended {ended:,} of them before the stop time: their figures are of shorter runs"
+        line += f". FMUs ended {ended} of them before the stop time: their figures are of shorter runs"
     if lost := sum(tells_lost_values(problem) for problem in result.variants[PROBLEM].to_list()):
-        line += f". In {lost:,} of them, FMUs did not take start values: the column '{PROBLEM}' says which"
+        line += f". In {lost} of them, FMUs did not take start values: the column '{PROBLEM}' says which"
     return Text(line)
 
 
@@ -80,7 +80,7 @@ def figures_table(result: SweepResult) -> RenderableType:
 
     Booleans have counts. Verdicts come first, since the other figures depend on them.
     """
-    title = f"Figures of the variants that are done ({int(is_done(result).sum()):,})"
+    title = f"Figures of the variants that are done ({int(is_done(result).sum())})"
     table = _new_table("least", "median", "95 %", "largest")
     table.add_column("")
     judged = find_verdicts(result)
@@ -88,7 +88,7 @@ def figures_table(result: SweepResult) -> RenderableType:
         shown, values = display_of(result, figure), figure_values(result, figure)
         known = values[~np.isnan(values)]
         if is_truth(result, figure):
-            cells = ["", "", "", f"{int(known.sum()):,} of {len(known):,} yes"]
+            cells = ["", "", "", f"{int(known.sum())} of {len(known)} yes"]
         else:
             values = np.percentile(known, [0, 50, 95, 100]) if len(known) else np.full(4, np.nan)
             cells = [format_figure(float(value), shown) for value in values]
@@ -109,10 +109,8 @@ def _sensitivities(result: SweepResult, figure: str) -> list[RenderableType]:
 def sobol_table(result: SweepResult, figure: str) -> RenderableType:
     """Tabulate the Sobol indices of a figure, the largest total first. Errors: as `sobol_indices`."""
     found = sobol_indices(result, figure)
-    left_out = f", {found.left_out:,} left out" if found.left_out else ""
-    title = (
-        f"Sobol indices of {display_of(result, figure).label}, from {found.groups:,} base samples{left_out}"
-    )
+    left_out = f", {found.left_out} left out" if found.left_out else ""
+    title = f"Sobol indices of {display_of(result, figure).label}, from {found.groups} base samples{left_out}"
     table = _new_table("first order", "total")
     strongest = np.argsort(-found.total, kind="stable")
     for i in strongest[:_MOST_FACTORS]:

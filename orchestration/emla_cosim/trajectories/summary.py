@@ -59,11 +59,11 @@ def format_costs(result: OptimisedMotion) -> Table:
     figures = result.assessment
     table = Table(title="Cost", title_justify="left", show_header=False)
     for label, value, unit in (
-        ("cost J as printed", f"{figures.cost:,.0f}", "W² s"),
-        ("lower bound ΔE² / (2 t_M)", f"{figures.least_cost:,.0f}", "W² s"),
-        ("tie-break term", f"{figures.tie_break:,.0f}", "W² s"),
-        ("gross work of the joints", f"{figures.gross_work:,.0f}", "J"),
-        ("net work, the change of energy", f"{figures.net_work:,.0f}", "J"),
+        ("cost J as printed", f"{figures.cost:.0f}", "W² s"),
+        ("lower bound ΔE² / (2 t_M)", f"{figures.least_cost:.0f}", "W² s"),
+        ("tie-break term", f"{figures.tie_break:.0f}", "W² s"),
+        ("gross work of the joints", f"{figures.gross_work:.0f}", "J"),
+        ("net work, the change of energy", f"{figures.net_work:.0f}", "J"),
         ("duration t_M", f"{figures.duration:.2f}", "s"),
     ):
         table.add_row(label, value, unit)

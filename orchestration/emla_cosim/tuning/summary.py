@@ -25,7 +25,7 @@ def format_lines(result: TuneResult) -> Iterator[str]:
     """Return the number of runs, and the result on other seeds."""
     yield (
         f"{format_count(result.history.height, 'set')} of gains tried, "
-        f"{format_count(result.runs, 'run', form=',')} in {result.wall_s:.0f} s; "
+        f"{format_count(result.runs, 'run')} in {result.wall_s:.0f} s; "
         f"{format_count(int((result.history['violation'] == 0.0).sum()), 'set')} meet all conditions"
     )
     if (halved := result.best.half_step) is not None:

@@ -184,7 +184,7 @@ def _facts(subject: Subject) -> dict[str, str]:
     facts = {}
     with suppress(OSError):
         facts["SHA-256"] = hash_file(subject.path)
-        facts["size"] = f"{subject.path.stat().st_size / 1024:,.0f} KiB"
+        facts["size"] = f"{subject.path.stat().st_size / 1024:.0f} KiB"
     if "description" in vars(subject):
         with suppress(Exception):
             description = subject.description

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from ..base.wording import format_count
+from ..base.wording import format_count, format_rounded
 from .pages.text import make_visible
 
 if TYPE_CHECKING:
@@ -18,19 +18,17 @@ def format_figure(value: Any, figure: "MetricDisplay") -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, int) and figure.factor == 1:
-        return f"{value:,}"
+        return str(value)
     scaled = figure.factor * value
     if value != value:
         return "none"
-    if abs(scaled) < 1e4:
-        return f"{scaled:.4g}"
-    if figure.large:
+    if figure.large and abs(scaled) >= 1e4:
         return f"{value:.4g} {figure.large}"
-    return f"{scaled:,.0f}" if abs(scaled) < 1e12 else f"{scaled:.4g}"
+    return format_rounded(scaled, 4)
 
 
 def describe_stepping(result: "Result") -> Iterator[str]:
-    """Yield messages on the steps: number, duration, iterations, late connections, overruns."""
+    """Yield messages on the steps: number, duration, iterations, coupling, overruns."""
     if not (result.wall_s > 0 and result.steps):
         return
     rate, factor = result.steps / result.wall_s, result.simulated_s / result.wall_s
@@ -40,7 +38,7 @@ def describe_stepping(result: "Result") -> Iterator[str]:
     how = f", in {threads} threads" if threads > 1 else ""
     yield (
         f"{format_count(result.steps, 'step')}{tried} in {result.wall_s:.2f} s: "
-        f"{rate:,.0f} steps/s, {factor:.2g} x real time{how}"
+        f"{rate:.0f} steps/s, {factor:.2g} x real time{how}"
     )
     if (reason := result.stepping.get("compiled_code_not_kept")) is not None:
         yield f"The stepper in C could not be stored; the next run compiles it again: {reason}"
@@ -49,12 +47,8 @@ def describe_stepping(result: "Result") -> Iterator[str]:
         each = result.stepping["sweeps_over_loops"] / len(loops) / result.steps
         what = "One loop" if len(loops) == 1 else f"{len(loops)} loops"
         yield f"{what} agreed after {each:.3g} {'sweep' if each == 1 else 'sweeps'} a step"
-    late = result.stepping["late_connections"]
-    if late:
-        come = format_count(len(late), "connection comes", "connections come")
-        yield f"{come} one step late; run.json names {'it' if len(late) == 1 else 'them'}"
-    if (summary := result.record.get("coupling", {}).get("summary")) is not None:
-        yield summary
+    coupling = result.record.get("coupling", {})
+    yield from (coupling[name] for name in ("delay", "summary") if name in coupling)
     if result.pacing is not None:
         kept = result.pacing
         yield (
@@ -92,7 +86,7 @@ def list_profile_rows(result: "Result", most: int) -> list[ProfileRow]:
         each = f"{1e6 * steps['seconds'] / count:.3g}" if count else ""
         calls = sum(one["count"] for one in found["calls"].values())
         label = f"{name} (own process)" if found["separate_process"] else name
-        rows.append(_profile_row(label, found["seconds"], whole, f"{count:,}", each, f"{calls:,}"))
+        rows.append(_profile_row(label, found["seconds"], whole, str(count), each, str(calls)))
     if others := fmus[most:]:
         seconds = sum(found["seconds"] for _, found in others)
         rows.append(_profile_row(format_count(len(others), "other FMU"), seconds, whole))

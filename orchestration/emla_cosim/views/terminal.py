@@ -16,7 +16,7 @@ from rich.segment import Segment
 from rich.table import Table
 
 from ..base.errors import CosimError
-from ..base.wording import format_count
+from ..base.wording import format_count, format_rounded
 from .formatting import PROFILE_COLUMNS, describe_stepping, format_figure, list_profile_rows
 from .pages.text import make_visible
 
@@ -235,7 +235,7 @@ def _list_signals(result: "Result", title: str) -> Iterator[Table | str]:
     table.add_column("")
     for signal, figures in islice(result.signals.items(), _MOST_FIGURES):
         unit = result.units.get(signal)
-        values = ("none" if math.isnan(figures[name]) else f"{figures[name]:.5g}" for name in names)
+        values = ("none" if math.isnan(figures[name]) else format_rounded(figures[name], 5) for name in names)
         table.add_row(escape(signal), *values, escape(str(unit) if unit is not None else ""))
     yield table
     if (more := len(result.signals) - _MOST_FIGURES) > 0:

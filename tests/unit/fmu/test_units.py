@@ -118,6 +118,18 @@ def test_definition_that_contradicts_its_name_is_reported(
     assert all("the factor 1, but its name means 0.001 m" in remark for remark in faults.remarks())
 
 
+@pytest.mark.parametrize("name", ["N", "T", "widget"])
+def test_units_of_one_name_and_two_definitions(name: str, tmp_path: Path) -> None:
+    """The message has the definitions, which differ; `T` may be a tesla or a tonne, `widget` is unknown."""
+    powers = {"a": 'kg="1" s="-2" A="-1"', "b": 'kg="1"'}
+    ends = {"a": f"y:output:{name}", "b": f"u:input:{name}"}
+    paths = {c: fake_fmu(tmp_path / f"{c}.fmu", x, units={name: powers[c]}) for c, x in ends.items()}
+    system = System.of(paths, ["a.y -> b.u"])
+    message = rf"a.y -> b.u joins the units {name} \(kg s-2 A-1\) and {name} \(kg\)"
+    with pytest.raises(CommandError, match=message):
+        resolve_system(system, {c: read_interface(path) for c, path in paths.items()})
+
+
 def test_contradiction_of_a_connection_is_reported(tmp_path: Path) -> None:
     fmus = {"a": ("y:output:mm", {"mm": 'm="1"'}), "b": ("u:input:m", {"m": 'm="1"'})}
     paths = {name: fake_fmu(tmp_path / f"{name}.fmu", x, units=u) for name, (x, u) in fmus.items()}

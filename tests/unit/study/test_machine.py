@@ -145,7 +145,7 @@ def test_pictures_and_metrics_of_the_merged_system(merged: Simulation) -> None:
     assert set(result.metrics["joints"]) == set(JOINTS)
     for picture in JOINT_FIGURES.values():
         signals = {name for panel in picture.panels for curve in panel.curves for name in curve.names}
-        for signal in signals - {"P_L"}:  # which the motor alone does not know
+        for signal in signals - {"P_L", "x_load"}:  # the motor alone has no load
             for i, joint in enumerate(JOINTS, 1):
                 name = picture.find(joint, signal, result.names, {})
                 assert name is not None and (name.startswith(f"{joint}.") or name.endswith(f"[{i}]"))

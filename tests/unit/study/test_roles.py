@@ -4,13 +4,14 @@ import json
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import emla_cosim as ec
 from emla_cosim.study.loading import load
-from emla_cosim.study.roles import check_roles
+from emla_cosim.study.roles import RoleNames, check_roles, find_variable
 from tests.support.axis import axis
 from tests.support.commands import Emla, sentence
 
@@ -67,6 +68,15 @@ def test_metrics_and_limits_do_not_depend_on_names(given: dict[str, float], fmu_
     if left is not None:
         assert left["signal"].startswith("a.press.") and left["time_s"] == right_left["time_s"]
         assert found.remarks[0] == expected.remarks[0].replace("lift.plant", "a.press")
+
+
+@pytest.mark.parametrize("signal", ["j.disturbance.F_L", "j.plant.F_L"])
+@pytest.mark.parametrize("kind", [list, RoleNames.fromkeys])
+def test_load_of_data_replaces_that_of_the_scenario(signal: str, kind: Any) -> None:
+    """Whether data drive the output of the disturbance or the input of the plant."""
+    names = ["j.disturbance.F_L", "j.plant.x_L"]
+    assert find_variable("j", "F_L", kind(names)) == "j.disturbance.F_L"
+    assert find_variable("j", "F_L", kind([*names, f"input_2.{signal}"])) == f"input_2.{signal}"
 
 
 def test_position_and_reference_are_enough(slide: ec.Simulation) -> None:

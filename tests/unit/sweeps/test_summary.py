@@ -103,7 +103,7 @@ def test_summary_of_a_saltelli_sample() -> None:
     rows = np.column_stack([a, b, a, b]).ravel()  # a, then with the first factor of b, the second, b
     values = [None, *rows[1:]]
     printed = lines(format_summary(swept({"x[red]": rows, "y": rows}, {"f": values}, "saltelli")))
-    assert "Sobol indices of f, from 2,999 base samples, 1 left out" in printed
+    assert "Sobol indices of f, from 2999 base samples, 1 left out" in printed
     found = [line.split() for line in printed if line.startswith(("x[red]", "y "))]
     assert [row[0] for row in found] == ["x[red]", "y"]
     assert [float(x) for x in found[0][1::3] if x != "±"][:1] == [pytest.approx(1.0, abs=0.1)]

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from emla_cosim.study.figures import JOINT_FIGURES
 from emla_cosim.study.joint_map import JointMap
 from emla_cosim.study.metrics import TOO_SHORT
 from emla_cosim.views.formatting import format_headline
@@ -102,6 +103,72 @@ def test_limit_near_a_curve_is_shaded(high: float, shaded: int) -> None:
     (axes,) = draw_panels([shown], "t", "r").axes
     assert len(axes.patches) == shaded
     assert axes.get_ylim()[1] < 1.3  # a limit far away must not flatten the curve
+    legend = axes.get_legend()
+    labels = [] if legend is None else [text.get_text() for text in legend.get_texts()]
+    assert labels == ["beyond the largest"] * shaded
+
+
+@pytest.mark.parametrize("columns", [1, 3, 8])
+def test_long_labels_fit_in_the_figure(columns: int) -> None:
+    """A legend widens the figure; long labels of axes and areas have several lines."""
+    long = "current limit of the controller of the drive"
+    lines = Line("commanded by the controller", TIME, MOVE), Line("actual", TIME, -MOVE)
+    panels = [
+        Plot(
+            "acceleration of the piston / (m/s²), settled",
+            lines,
+            column=f"c{i}",
+            limits=(Limit(long, None, 1.0),),
+        )
+        for i in range(columns)
+    ]
+    figure = draw_panels(panels * 2, "t", "r")
+    figure.canvas.draw()
+    widths = {round(axes.get_window_extent().width) for axes in figure.axes}
+    assert len(widths) == 1 and widths.pop() > 400
+    for axes in figure.axes[::columns]:
+        assert axes.yaxis.label.get_window_extent().x0 >= 0
+        assert axes.yaxis.label.get_window_extent().height < 1.3 * axes.get_window_extent().height
+    for axes in figure.axes[columns - 1 :: columns]:
+        legend = axes.get_legend()
+        assert legend is not None
+        assert legend.get_window_extent().x0 >= axes.get_window_extent().x1
+        assert legend.get_window_extent().x1 <= figure.bbox.x1
+
+
+def test_panel_without_a_signal_says_so() -> None:
+    panels = [panel(MOVE), Plot("x / m", (), column="tilt")]
+    figure = draw_panels(panels, "t", "r")
+    assert [text.get_text() for text in figure.axes[1].texts] == ["no such signal"]
+    assert not figure.axes[0].texts
+
+
+def test_data_of_an_input_are_drawn() -> None:
+    """Data replace the load, whether they drive the output of a component or the input of the plant."""
+    constant, measured = np.full(2001, 5e4), 5e4 + 1e3 * MOVE
+    for signal in ("j.disturbance.F_L", "j.plant.F_L"):
+        data = {"j.plant.tau_m": MOVE, "j.disturbance.F_L": constant, f"input.{signal}": measured}
+        result: Any = Known({"joints": {"j": {}}}, data)
+        torque = JOINT_FIGURES["torque"]
+        read = {name: data[name] for name in torque.signals(result)}
+        _, load = torque.resolved(result, {"time": TIME, **read})
+        np.testing.assert_allclose(load.lines[0].values, measured / 1e3)
+
+
+@pytest.mark.parametrize(("criteria", "window"), [({}, 1000.0), ({"*.position_window": "2 mm"}, 2000.0)])
+def test_errors_show_the_load_beside_the_screw(criteria: dict[str, Any], window: float) -> None:
+    data = {"j.plant.x_L": MOVE, "j.reference.x_d": MOVE, "j.plant.load.x": MOVE + 2e-4}
+    record = {"settings": {"criteria": criteria}}
+    result: Any = Known({"joints": {"j": {}}}, data, record=record)
+    panels = JOINT_FIGURES["errors"].resolved(result, {"time": TIME, **data})
+    errors = {one.label: one for one in panels}
+    load = errors["load position / µm, settled"]
+    np.testing.assert_allclose(load.lines[0].values, 200.0, rtol=1e-9)
+    for one in (load, errors["position / µm, settled"]):
+        assert one.limits == (Limit("position window", -window, window),)
+    rigid: Any = Known({"joints": {"j": {}}}, {name: data[name] for name in list(data)[:2]})
+    labels = [one.label for one in JOINT_FIGURES["errors"].resolved(rigid, {"time": TIME, **rigid.data})]
+    assert labels == ["position / mm, settling", "position / µm, settled"]
 
 
 def test_constant_signals_take_no_row() -> None:

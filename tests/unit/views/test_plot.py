@@ -168,6 +168,25 @@ def test_layouts_have_the_width_of_a_column(layout: str, width: float, tmp_path:
     assert overlay_runs(traces, layout=layout, title="mine").figure.get_suptitle() == "mine"
 
 
+@pytest.mark.parametrize("layout", ["one-column", "two-columns"])
+@pytest.mark.parametrize("runs", [1, 2])
+def test_legends_above_panels_cover_nothing(layout: str, runs: int, tmp_path: Path) -> None:
+    """They name the signal of the panel, and do not take the height of its curves."""
+    columns = {"time": [0, 1], **{f"telescope.controller.signal_{i}": [0, i] for i in range(6)}}
+    places = [kept(tmp_path / name, columns, dict.fromkeys(columns, "m")) for name in ("first", "second")]
+    figure = overlay_runs(read_traces(places[:runs]), layout=layout).figure
+    figure.draw_without_rendering()
+    below = figure.bbox.y1
+    for axes in figure.axes:
+        legend, box = axes.get_legend(), axes.get_window_extent()
+        assert legend is not None
+        extent = legend.get_window_extent()
+        assert box.y1 - 1.0 <= extent.y0 < extent.y1 <= below + 1.0
+        assert extent.x1 <= figure.bbox.x1 + 1.0 and box.height > 0.6 * figure.dpi
+        assert runs == 1 or (legend.get_title().get_text() in columns and not axes.get_title(loc="left"))
+        below = box.y0
+
+
 def test_result_prints_as_a_table(fmu_folder: Path) -> None:
     result = ec.load("lift", stop_time=0.4, fmus=fmu_folder).prepare().run()
     text = str(result)

@@ -138,7 +138,7 @@ def _handles() -> "dict[str, Artist]":
 
 def _note(result: SweepData, left_out: int) -> str:
     variants, done = len(result.variants), int(is_done(result).sum())
-    note = f"{variants:,} variant{'s' if variants != 1 else ''}"
+    note = f"{variants} variant{'s' if variants != 1 else ''}"
     if done < variants:
-        note += f"; {variants - done:,} that ended early count up to their end"
+        note += f"; {variants - done} that ended early count up to their end"
     return f"{note}; {left_out} more signals have no panel" if left_out else note

@@ -196,7 +196,7 @@ def make_legend_handles(outcomes: np.ndarray, done: str) -> "dict[str, Artist]":
     from matplotlib.lines import Line2D
 
     return {
-        f"{done if name == DONE else name} ({count:,})": Line2D(
+        f"{done if name == DONE else name} ({count})": Line2D(
             [], [], color=color_of(name), marker="o", linestyle="", markersize=5
         )
         for name, count in count_outcomes(outcomes).items()

@@ -157,7 +157,7 @@ def cycles(subject: Subject) -> CheckOutcome:
     if _leaks(grown, count):
         judge = failed if figures["bytes_per_cycle"] > _SERIOUS else warned
         return judge(
-            f"The process grew by {figures['bytes_per_cycle']:,.0f} bytes with each of {figures['cycles']} "
+            f"The process grew by {figures['bytes_per_cycle']:.0f} bytes with each of {figures['cycles']} "
             "instances that were created, run, reset, run again, terminated and freed.",
             figures=figures,
         )

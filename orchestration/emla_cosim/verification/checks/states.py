@@ -131,7 +131,7 @@ def freed(subject: Subject) -> CheckOutcome:
         return failed("fmi2FreeFMUstate leaves the pointer to the state that it freed.")
     if grown := _grown_by_saving(instance):
         return failed(
-            f"The process grew by {grown:,.0f} bytes with each call of fmi2GetFMUstate that was given an "
+            f"The process grew by {grown:.0f} bytes with each call of fmi2GetFMUstate that was given an "
             "earlier state, although the state was freed then.",
             clause=_FREED,
         )

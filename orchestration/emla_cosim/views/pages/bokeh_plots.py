@@ -36,7 +36,7 @@ def template(shape: Shape) -> str:
         figure.varea("x", "lower", "upper", source=source, name="band")
         for edge in ("lower", "upper"):
             figure.line("x", edge, source=source, name=f"band-{edge}", line_width=0.75)
-    for k in reversed(range(shape.lines)):  # the first on top
+    for k in range(shape.lines):  # the last on top, as in plot files: dashes over what they follow
         figure.line("x", "y", source=_source(f"line-{k}", "x", "y"), name=f"line-{k}", line_width=1.5)
     figure.scatter(
         "x", "y", source=_source("mark", "x", "y"), name="mark", size=9, line_width=1.75, fill_color=None

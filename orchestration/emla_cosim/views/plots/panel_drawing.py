@@ -1,6 +1,7 @@
 """Draw panels as a grid with a column for each subject."""
 
 from collections.abc import Sequence
+from textwrap import fill
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -8,10 +9,19 @@ import numpy as np
 from ...base.arrays import Vector
 from ..pages.curve_data import mask_undrawable, thin_points
 from ..pages.text import shorten_text
-from ..panels import Line, Plot
-from .style import GREY, RED, add_legend, line_style, new_figure, with_margins
+from ..panels import Limit, Line, Plot
+from .style import (
+    GREY,
+    RED,
+    add_legend,
+    line_style,
+    make_line_handle,
+    new_figure,
+    with_margins,
+)
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -21,6 +31,12 @@ if TYPE_CHECKING:
 
 _LETTERS = 13
 """Letters per inch in the line below the title."""
+
+_LINE_LETTERS = 24
+"""Most letters in a line of an axis label or of a legend."""
+
+_SHADE = {"color": RED, "alpha": 0.12, "linewidth": 0.0}
+"""Style of the area beyond a limit."""
 
 MOST_ROWS = 200_000
 """Of longer tables plots show only every n-th row."""
@@ -44,14 +60,13 @@ def draw_panels(panels: Sequence[Plot], title: str, run: str, name: str = "") ->
         shown, still = still, []
     said = {c: [_constant(row[j]) for row in still] for j, c in enumerate(columns)}
     figure, grid = new_figure(len(shown), len(columns), 3.9, sharex="none", axes_class=PlainAxes)
-    labels = [_label_lines(row) for row in shown]
     scales = [
         [_draw_panel(axes, panel) for axes, panel in zip(grid[i], row, strict=True)]
         for i, row in enumerate(shown)
     ]
     for i, row in enumerate(shown):
-        grid[i, 0].set_ylabel(row[0].label, parse_math=False)
-        add_legend(grid[i, -1], list(labels[i].items()))
+        grid[i, 0].set_ylabel(fill(row[0].label, _LINE_LETTERS), parse_math=False)
+        add_legend(grid[i, -1], _legend_entries(row))
         if i + 1 < len(shown) and shown[i + 1][0].part == row[0].part:
             for upper, lower, scale in zip(grid[i], grid[i + 1], scales[i], strict=True):
                 upper.sharex(lower)
@@ -66,15 +81,20 @@ def draw_panels(panels: Sequence[Plot], title: str, run: str, name: str = "") ->
     figure.suptitle(title, y=1.0 - 0.08 / height, fontsize=12, fontweight="bold", parse_math=False)
     said_of_run = shorten_text(run, int(_LETTERS * width))
     figure.text(0.5, 1.0 - 0.4 / height, said_of_run, ha="center", color=GREY, fontsize=9, parse_math=False)
-    with_margins(figure, grid, max((len(label) for row in labels for label in row), default=0))
+    with_margins(figure, grid)
     return figure
 
 
-def _label_lines(row: Sequence[Plot]) -> "dict[str, Line]":
-    """Return the lines of a row for its legend, by label: none if each panel has one line."""
-    if all(len(panel.lines) < 2 for panel in row):
-        return {}
-    return {line.label: line for panel in row for line in panel.lines}
+def _legend_entries(row: Sequence[Plot]) -> "list[tuple[str, Artist]]":
+    """Return the entries of a row's legend: lines, unless each panel has only one, and shaded areas."""
+    from matplotlib.patches import Patch
+
+    lines = [line for panel in row for line in panel.lines if len(panel.lines) > 1]
+    entries = {line.label: make_line_handle(line) for line in lines}
+    for panel in row:
+        for limit in _near_limits(panel):
+            entries[fill(f"beyond the {limit.label}", _LINE_LETTERS)] = Patch(**_SHADE)
+    return list(entries.items())
 
 
 def has_changes(panels: Sequence[Plot]) -> bool:
@@ -101,6 +121,8 @@ def _draw_panel(axes: "Axes", panel: Plot) -> "Scales":
     axes.spines[["top", "right"]].set_visible(False)
     axes.margins(x=0.01)
     _shade(axes, panel)
+    if not panel.lines:
+        axes.text(0.5, 0.5, "no such signal", transform=axes.transAxes, ha="center", color=GREY, fontsize=9)
     return Scales(axes)
 
 
@@ -120,18 +142,28 @@ def draw_line(axes: "Axes", line: Line) -> None:
 
 def _shade(axes: "Axes", panel: Plot) -> None:
     """Shade the area beyond a limit that curves come near to."""
+    for limit in _near_limits(panel):
+        bottom, top = axes.get_ylim()
+        if limit.high is not None:
+            top = max(top, limit.high + 0.06 * (top - bottom))
+            axes.axhspan(limit.high, top, **_SHADE)
+        if limit.low is not None:
+            bottom = min(bottom, limit.low - 0.06 * (top - bottom))
+            axes.axhspan(bottom, limit.low, **_SHADE)
+        axes.set_ylim(bottom, top)
+
+
+def _near_limits(panel: Plot) -> list[Limit]:
+    """Return the limits that curves come near to, with those ends only."""
     lowest, highest = _reach(panel.lines)
     near = _NEAR * (highest - lowest)
+    found = []
     for limit in panel.limits:
-        low, high = limit.low, limit.high
-        bottom, top = axes.get_ylim()
-        if high is not None and highest > high - near:
-            top = max(top, high + 0.06 * (top - bottom))
-            axes.axhspan(high, top, color=RED, alpha=0.12, linewidth=0.0)
-        if low is not None and lowest < low + near:
-            bottom = min(bottom, low - 0.06 * (top - bottom))
-            axes.axhspan(bottom, low, color=RED, alpha=0.12, linewidth=0.0)
-        axes.set_ylim(bottom, top)
+        low = limit.low if limit.low is not None and lowest < limit.low + near else None
+        high = limit.high if limit.high is not None and highest > limit.high - near else None
+        if low is not None or high is not None:
+            found.append(Limit(limit.label, low, high))
+    return found
 
 
 def _reach(lines: Sequence[Line]) -> tuple[float, float]:
@@ -149,4 +181,4 @@ def read_rows(table: "Result | StoredRun", names: Sequence[str]) -> tuple[dict[s
     if 2 * shown <= MOST_ROWS:  # a longer table would fill more than half
         return data, ""
     rows = len(table.read(["time"])["time"])
-    return data, f"{shown:,} of {rows:,} rows drawn" if shown < rows else ""
+    return data, f"{shown} of {rows} rows drawn" if shown < rows else ""

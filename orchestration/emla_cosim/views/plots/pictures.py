@@ -4,7 +4,6 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -74,9 +73,21 @@ class Curve:
         return [name for name in (self.signal, self.times, self.less) if name is not None]
 
 
+Find = Callable[[str, Collection[str]], str | None]
+"""Function that returns the full name of a column's signal or parameter, from the existing names."""
+
+
+class Bound(ABC):
+    """Base of ranges that curves should stay in."""
+
+    @abstractmethod
+    def resolve(self, result: "Result", column: str, find: Find) -> Limit | None:
+        """Return the range for a column in the unit of its panel; None if it is unknown."""
+
+
 @dataclass(frozen=True)
-class RangeLimit:
-    """A range that curves should stay in: products of parameters, times `scale`.
+class RangeLimit(Bound):
+    """A range between products of parameters, times `scale`.
 
     Without `low` the range is symmetric.
     """
@@ -85,6 +96,14 @@ class RangeLimit:
     high: tuple[str, ...]
     low: tuple[str, ...] = ()
     scale: float = 1.0
+
+    def resolve(self, result: "Result", column: str, find: Find) -> Limit | None:
+        """Return the range, from the parameters of the result."""
+        ends = [_product(names, find, result.parameters) for names in (self.low, self.high)]
+        low, high = (None if end is None else self.scale * end for end in ends)
+        if high is None:
+            return None
+        return Limit(self.label, low if self.low else -high, high)
 
 
 @dataclass(frozen=True)
@@ -97,11 +116,7 @@ class PanelSpec:
     label: str
     curves: tuple[Curve, ...]
     part: Part = ""
-    bound: RangeLimit | None = None
-
-
-Find = Callable[[str, Collection[str]], str | None]
-"""Function that returns the full name of a column's signal or parameter, from the existing names."""
+    bound: Bound | None = None
 
 
 @dataclass(frozen=True)
@@ -110,7 +125,7 @@ class Picture(Drawing):
 
     `find` returns the full name of a column's signal, or None. Its arguments are the column, the signal's
     name in the curve, all names, and the result's roles. By default the full name is the
-    column's name, a dot and the signal's name.
+    column's name, a dot and the signal's name. `index` makes a collection of the names for fast look-ups.
 
     Of many columns, those with the largest metric `worst` are shown, and first those that are not held.
     """
@@ -120,10 +135,11 @@ class Picture(Drawing):
     of: str
     find: Callable[[str, str, Collection[str], Mapping[str, str]], str | None] = _inside
     worst: str = ""
+    index: Callable[[Iterable[str]], Collection[str]] = set
 
     def signals(self, result: "Result") -> Iterable[str]:
         """Return the signals of the curves of all columns."""
-        names = set(result.names)
+        names = self.index(result.names)
         wanted = dict.fromkeys(name for p in self.panels for curve in p.curves for name in curve.names)
         found = (
             self.find(column, signal, names, result.roles)
@@ -158,23 +174,37 @@ class Picture(Drawing):
 
     def resolved(self, result: "Result", data: Mapping[str, Vector]) -> list[Plot]:
         """Return the panels row by row: one for each column that has signals."""
-        known, time = result.metrics.get(self.of, {}), data["time"]
-        columns = {name: known[name] for name in self._choose_columns(result)}
-        finds = {c: partial(self._find, result, c) for c in columns}
-        begins = {c: _begin(figures, time) for c, figures in columns.items()}
-        found = [
-            [
-                _resolve_panel(panel, column, find, data, result.parameters, begins[column])
-                for column, find in finds.items()
-            ]
-            for panel in self.panels
-        ]
-        some = [any(row[i].lines for row in found) for i in range(len(finds))]
+        columns, names = self._choose_columns(result), self.index(result.names)
+        found = [[self._resolve(panel, c, result, names, data) for c in columns] for panel in self.panels]
+        some = [any(row[i].lines for row in found) for i in range(len(columns))]
         rows = [row for row in found if any(panel.lines for panel in row)]
         return [panel for row in rows for panel, known in zip(row, some, strict=True) if known]
 
-    def _find(self, result: "Result", column: str, name: str, names: Collection[str]) -> str | None:
-        return self.find(column, name, names, result.roles)
+    def _resolve(
+        self,
+        panel: PanelSpec,
+        column: str,
+        result: "Result",
+        names: Collection[str],
+        data: Mapping[str, Vector],
+    ) -> Plot:
+        """Return a panel for a column. Signals are found among `names`, the recorded ones."""
+
+        def find(name: str, there: Collection[str]) -> str | None:
+            return self.find(column, name, there, result.roles)
+
+        time = data["time"]
+        shown = _select_rows(time, panel.part, _begin(result.metrics[self.of][column], time))
+        lines = []
+        for curve in panel.curves:
+            signals = [find(name, names) for name in curve.names]
+            values = [data[name] for name in signals if name is not None and name in data]
+            if len(values) == len(signals):
+                drawn = _values(curve, values, time)[shown]
+                lines.append(Line(curve.label, time[shown], drawn, curve.color, curve.dashed))
+        limit = None if panel.bound is None else panel.bound.resolve(result, column, find)
+        limits = () if limit is None else (limit,)
+        return Plot(panel.label, tuple(lines), limits=limits, column=column, part=panel.part)
 
 
 FIGURES: dict[str, Drawing] = {}
@@ -191,26 +221,6 @@ def drawn(result: "Result") -> "Iterator[tuple[str, Figure | None]]":
             if figure is not None and left_out:
                 figure.text(0.998, 0.004, left_out, ha="right", va="bottom", color=GREY, fontsize=8)
             yield name, figure
-
-
-def _resolve_panel(
-    panel: PanelSpec,
-    column: str,
-    find: Find,
-    data: Mapping[str, Vector],
-    parameters: Mapping[str, float],
-    settled: float,
-) -> Plot:
-    time = data["time"]
-    shown = _select_rows(time, panel.part, settled)
-    lines = []
-    for curve in panel.curves:
-        values = [None if (n := find(name, data)) is None else data[n] for name in curve.names]
-        if all(v is not None for v in values):
-            drawn = _values(curve, [v for v in values if v is not None], time)[shown]
-            lines.append(Line(curve.label, time[shown], drawn, curve.color, curve.dashed))
-    limits = _limits(panel.bound, find, parameters) if panel.bound is not None else ()
-    return Plot(panel.label, tuple(lines), limits=limits, column=column, part=panel.part)
 
 
 def _select_rows(time: Vector, part: Part, settled: float) -> np.ndarray:
@@ -240,14 +250,6 @@ def _values(curve: Curve, values: Sequence[Vector], time: Vector) -> Vector:
             steps = np.diff(time) * (found[1:] + found[:-1]) / 2.0
             found = np.concatenate([[0.0], np.cumsum(steps)])
         return curve.scale * found
-
-
-def _limits(bound: RangeLimit, find: Find, parameters: Mapping[str, float]) -> tuple[Limit, ...]:
-    ends = [_product(names, find, parameters) for names in (bound.low, bound.high)]
-    low, high = (None if end is None else bound.scale * end for end in ends)
-    if high is None:
-        return ()
-    return (Limit(bound.label, low if bound.low else -high, high),)
 
 
 def _product(names: Sequence[str], find: Find, parameters: Mapping[str, float]) -> float | None:

@@ -82,7 +82,15 @@ class Scales(Artist):
 
     @allow_rasterization
     def draw(self, renderer: Any) -> None:
-        """Draw both scales."""
+        """Draw both scales; of axes without curves only the labels."""
+        if self._axes.lines:
+            self._draw_scales(renderer)
+        if self.shows_time:
+            self._axes.xaxis.label.draw(renderer)
+        self._axes.yaxis.label.draw(renderer)
+        self.stale = False
+
+    def _draw_scales(self, renderer: Any) -> None:
         below, left = self.find_ticks(self._axes.xaxis), self.find_ticks(self._axes.yaxis)
         box, points = self._axes.bbox, renderer.points_to_pixels
         to_pixels = self._axes.transData.transform
@@ -111,10 +119,7 @@ class Scales(Artist):
             if below[2]:
                 width = self._width(renderer, below[2])
                 self._write(renderer, gc, box.x1 - width, base - 1.3 * whole, below[2])
-            self._axes.xaxis.label.draw(renderer)
         gc.restore()
-        self._axes.yaxis.label.draw(renderer)
-        self.stale = False
 
     def _draw_lines(self, renderer: Any, lines: Sequence[Any], color: Any) -> None:
         gc = renderer.new_gc()

@@ -8,7 +8,7 @@ from ...base.arrays import Vector
 from ...base.signal_types import REAL, SignalType
 from ..panels import Line, Plot, make_steps
 from .panel_drawing import draw_line
-from .style import COLORS, add_legend, new_figure, tidy_axes
+from .style import COLORS, add_legend, count_legend_columns, make_line_handle, new_figure, tidy_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -51,6 +51,12 @@ _MOST_ITEMS = 12
 _LONGEST = 44
 """Most letters of a name to show."""
 
+
+_BESIDE_LEGEND = 1.0
+"""Width of a figure in inches that a legend above its panels cannot use."""
+
+_LEGEND_LINE = 0.17
+"""Height of a line of a legend in inches."""
 
 _BOOLEANS = {0: "false", 1: "true"}
 
@@ -129,11 +135,13 @@ def draw_stacked(panels: Sequence[Plot], title: str | None, layout: Layout = LAY
     from matplotlib import rc_context
 
     columns = 2 if len(panels) > _TALLEST and not layout.above else 1
+    is_titled = len({panel.column for panel in panels}) > 1
+    height = layout.height + max((_measure_legend(panel, layout, is_titled) for panel in panels), default=0.0)
     with rc_context({"font.size": layout.text, "axes.labelsize": layout.text}):
-        figure, grid = new_figure(-(-len(panels) // columns), columns, layout.width - 1.2, layout.height)
-        axes, of = list(grid.flat), {panel.column for panel in panels}
+        figure, grid = new_figure(-(-len(panels) // columns), columns, layout.width - 1.2, height)
+        axes = list(grid.flat)
         for place, panel in zip(axes, panels, strict=False):
-            _draw(place, panel, len(of) > 1, layout)
+            _draw(place, panel, is_titled, layout)
         for place in axes[len(panels) :]:
             place.set_visible(False)
         for place in axes[max(len(panels) - columns, 0) : len(panels)]:
@@ -152,6 +160,15 @@ def shorten_name(name: str) -> str:
     return f"{name[: _LONGEST // 2 - 2]}...{name[-(_LONGEST // 2 - 1) :]}"
 
 
+def _measure_legend(panel: Plot, layout: Layout, is_titled: bool) -> float:
+    """Return the height in inches that legends above panels need beyond the usual two lines."""
+    if not layout.above or not panel.lines:
+        return 0.0
+    labels = [shorten_name(line.label) for line in panel.lines]
+    lines = -(-len(labels) // count_legend_columns(labels, layout.width - _BESIDE_LEGEND)) + is_titled
+    return _LEGEND_LINE * max(lines - 2, 0)
+
+
 def _draw(axes: "Axes", panel: Plot, titled: bool, layout: Layout) -> None:
     for line in panel.lines:
         draw_line(axes, line)
@@ -160,8 +177,12 @@ def _draw(axes: "Axes", panel: Plot, titled: bool, layout: Layout) -> None:
         axes.set_yticks(list(panel.items), [shorten_name(name) for name in panel.items.values()])
         for label in axes.get_yticklabels():
             label.set_parse_math(False)
-    if titled:
-        axes.set_title(shorten_name(panel.column), fontsize=9, loc="left", parse_math=False)
+    title = shorten_name(panel.column) if titled else ""
+    if not layout.above:
+        axes.set_title(title, fontsize=9, loc="left", parse_math=False)
     tidy_axes(axes)
-    lines = [(shorten_name(line.label), line) for line in panel.lines]
-    add_legend(axes, lines, layout.width - 1.0 if layout.above else None)
+    entries = [(shorten_name(line.label), make_line_handle(line)) for line in panel.lines]
+    if layout.above:
+        add_legend(axes, entries, layout.width - _BESIDE_LEGEND, title)
+    else:
+        add_legend(axes, entries)

@@ -13,6 +13,7 @@ from ...base.colors import BLUE, COLORS, GREEN, GREY, ORANGE, PURPLE, RED
 from ...base.ownership import has_mark, has_seal, seal
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -27,9 +28,11 @@ __all__ = [
     "PURPLE",
     "RED",
     "add_legend",
+    "count_legend_columns",
     "embed",
     "is_picture",
     "line_style",
+    "make_line_handle",
     "new_figure",
     "save",
     "tidy_axes",
@@ -85,15 +88,19 @@ def new_figure(
     return figure, figure.subplots(rows, columns, squeeze=False, sharex=sharex, subplot_kw=kind)
 
 
-def with_margins(figure: "Figure", grid: np.ndarray, letters: int = 0) -> None:
-    """Set fixed margins that leave room for titles, labels, and legends of so many letters.
+def with_margins(figure: "Figure", grid: np.ndarray) -> None:
+    """Set fixed margins for titles and labels, and widen the figure by the legends right of its panels.
 
-    Measuring every label takes longer than all of the drawing.
+    Legends are measured; measuring every label takes longer than all of the drawing.
     """
     rows, columns = grid.shape
     width, height = figure.get_size_inches()
-    left, bottom, top, between = 0.95, 0.55, 0.78, 0.75
-    right = 0.5 + _LETTER * letters if letters else 0.15
+    left, bottom, top, between, right = 0.95, 0.55, 0.78, 0.75, 0.15
+    legends = [legend for axes in grid[:, -1] if (legend := axes.get_legend()) is not None]
+    if legends:
+        beside = max(legend.get_window_extent().width for legend in legends) / figure.dpi
+        width, right = width + beside, right + beside
+        figure.set_size_inches(width, height)
     gaps = [0.65 if row[0].get_xlabel() else 0.25 for row in grid[:-1]]
     wide = (width - left - right - between * (columns - 1)) / columns
     high = (height - bottom - top - sum(gaps)) / rows
@@ -108,25 +115,46 @@ def with_margins(figure: "Figure", grid: np.ndarray, letters: int = 0) -> None:
         axes.yaxis.set_label_coords(-0.56 / wide, 0.5)
 
 
-def add_legend(axes: "Axes", lines: "Sequence[tuple[str, Line]]", width: float | None = None) -> None:
-    """Add a legend where it hides no curve: beside the axes, or above in columns that fit `width` inches."""
+def make_line_handle(line: "Line") -> "Artist":
+    """Return what stands for a line in a legend."""
     from matplotlib.lines import Line2D
 
-    if not lines:
+    return Line2D([], [], color=line.color, linestyle=line_style(line), linewidth=1.1)
+
+
+def count_legend_columns(labels: Sequence[str], width: float) -> int:
+    """Return how many columns of a legend with these labels fit `width` inches, at least 1."""
+    return max(int(width / (0.5 + _LETTER * max(map(len, labels)))), 1)
+
+
+def add_legend(
+    axes: "Axes", entries: "Sequence[tuple[str, Artist]]", width: float | None = None, title: str = ""
+) -> None:
+    """Add a legend where it hides no curve.
+
+    Args:
+        axes: The axes.
+        entries: Labels, and what stands for each; no legend without any.
+        width: Width in inches of a legend above the axes; default: it is beside them.
+        title: Text above the entries.
+    """
+    if not entries:
         return
-    letters = max(len(label) for label, _ in lines)
-    columns = 0 if width is None else max(int(width / (0.5 + _LETTER * letters)), 1)
-    handles = [Line2D([], [], color=x.color, linestyle=line_style(x), linewidth=1.1) for _, x in lines]
+    columns = 0 if width is None else count_legend_columns([label for label, _ in entries], width)
     legend = axes.legend(
-        handles,
-        ["label"] * len(handles),
+        [handle for _, handle in entries],
+        ["label"] * len(entries),
         fontsize=8,
         edgecolor="none",
         loc="lower left" if columns else "center left",
         bbox_to_anchor=(0.0, 1.0) if columns else (1.0, 0.5),
         ncols=max(columns, 1),
     )
-    for text, (label, _) in zip(legend.get_texts(), lines, strict=True):
+    if title:
+        legend.set_title(title)
+        legend.get_title().set(fontsize=8, parse_math=False)
+        legend.set_alignment("left")
+    for text, (label, _) in zip(legend.get_texts(), entries, strict=True):
         text.set(text=label, parse_math=False)
 
 
