@@ -147,6 +147,11 @@ def test_excessive_heat_is_the_first_remark_and_no_verdict() -> None:
     assert "touched its speed limit" in watch(rows, more=limit).remarks()[1]
 
 
+def test_rated_losses_are_permitted() -> None:
+    assert not any("winding" in text for text in watch(rows_of(warm(np.full(100, 1.0)))).remarks())
+    assert any("winding" in text for text in watch(rows_of(warm(np.full(100, 1.01)))).remarks())
+
+
 def test_trip_ends_the_cycle() -> None:
     rises = warm(np.concatenate([np.full(100, 1.79), np.full(100, 500.0)]))
     metrics = watch(rows_of(rises), over=1.0)
