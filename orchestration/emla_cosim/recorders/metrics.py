@@ -81,6 +81,13 @@ METRICS: dict[str, Callable[[Outline], Metrics | None]] = {}
 HELD = "held"
 """Name of the figure that is a verdict: whether a joint, or another object of a metric, is held."""
 
+IDEALISED = "idealised"
+"""Name of the figure that lists what a joint, or another object of a metric, idealises.
+
+Each entry has a `name`, a `label` of a few words, a `sentence`, the `option` that removes it, and the
+`source` of typical values.
+"""
+
 
 def is_verdict(figure: str) -> bool:
     """Return whether a figure such as `lift.held` is a verdict."""

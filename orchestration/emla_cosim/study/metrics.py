@@ -14,6 +14,8 @@ from ..base.arrays import Mask, Vector, count_true_per_row, read_stored_array
 from ..recorders.metrics import HELD, Figures, MetricDisplay, Metrics
 from ..recorders.recorder import Outline
 from .criteria import criteria_of
+from .heat import HeatWatch
+from .idealisations import list_idealisations
 from .limits import LimitWatch, Trip
 from .oscillation import OscillationWatch
 from .roles import INERTIA, RoleNames, check_roles, find_all_joints, find_variable, list_given_joints
@@ -42,8 +44,8 @@ class JointFigures:
     """One joint's part of metrics.json; docs/metrics.md defines each figure.
 
     `held` is the verdict: finite, settled and still so, not tripped, quiet; `reason` says why not. `trip`,
-    `limits_touched`, `excursions` and `oscillation` have details, or None. NaN marks a figure that does not
-    exist.
+    `limits_touched`, `excursions`, `oscillation` and `heat` have details, or None. `idealised` lists what the
+    joint idealises. NaN marks a figure that does not exist.
     """
 
     held: bool
@@ -62,10 +64,13 @@ class JointFigures:
     saturated_fraction: float
     saturated_after_settling: float
     convergence_time_s: float
+    steady_rise_K: float
     excursions: Mapping[str, Any] | None
     trip: Mapping[str, Any] | None
     limits_touched: Sequence[Mapping[str, Any]]
     oscillation: Mapping[str, Any] | None
+    heat: Mapping[str, Any] | None
+    idealised: Sequence[Mapping[str, str]]
 
 
 _TRACKED = ("x_L", "x_d")
@@ -74,6 +79,7 @@ _ROLES = (*_NEEDED, "x_hat", "limited_control", "limited_inverter")
 """Roles of the watched signals, in the order of the gathered rows."""
 
 _HELD = MetricDisplay(HELD, HELD)
+_HEAT = MetricDisplay("steady_rise_K", "steady winding rise", 1.0, "K")
 _SHOWN = (
     MetricDisplay("position_error_m", "position error", 1e6, "µm", "m"),
     MetricDisplay("velocity_error_m_s", "speed error", 1e3, "mm/s", "m/s"),
@@ -114,7 +120,7 @@ class JointMetrics(Metrics):
     reference.
     """
 
-    shown = (_HELD, *_SHOWN)
+    shown = (_HELD, _HEAT, *_SHOWN)
 
     def __init__(
         self,
@@ -161,7 +167,14 @@ class JointMetrics(Metrics):
         self._first_estimate = start
         self._has_speed = ~(self._missing[_ROLES.index("v_d")])
         self._limits = LimitWatch(self._criteria, column, known, given)
-        self._columns = np.array([*self._columns.ravel(), *self._limits.columns], dtype=int)
+        trips = {joint: of.over_temperature for joint, of in self._criteria.items()}
+        self._heat = HeatWatch.of(trips, column, known, given)
+        self._columns = np.array(
+            [*self._columns.ravel(), *self._limits.columns, *self._heat.columns], dtype=int
+        )
+        self._displays = (_HEAT, *_SHOWN) if self._heat.columns else _SHOWN
+        self.shown = (_HELD, *self._displays)
+        self._parameters, self._roles = known, given
         self._settling = Settling(each)
         self._tracking = Tracking(np.array([one.position_window for one in each]))
         self._oscillation = OscillationWatch(
@@ -224,6 +237,9 @@ class JointMetrics(Metrics):
         self._evaluate(time, steps, values, moving, limited)
         since = np.where(np.isnan(self._evaluated_from), np.inf, self._evaluated_from)
         self._oscillation.write(time, steps, torque, speed_error, error, since)
+        if self._heat.columns:
+            until = [math.inf if (t := self._trip(i)) is None else t.time_s for i in range(len(self._joints))]
+            self._heat.write(time, gathered[-len(self._heat.columns) :], since, until)
         self._converge(time, distance)
         if not np.isfinite(distance).all():
             for joint in np.flatnonzero(np.isnan(self._not_finite) & ~np.isfinite(distance).all(axis=1)):
@@ -232,7 +248,7 @@ class JointMetrics(Metrics):
         self._limited += count_true_per_row(limited)
         self._rows += len(rows)
         self._last, self._final = float(time[-1]), distance[:, -1].copy()
-        self.shown = _SHOWN if self._is_short else (_HELD, *_SHOWN)
+        self.shown = self._displays if self._is_short else (_HELD, *self._displays)
 
     def _hold_after_trips(self, time: Vector, signals: Vector) -> None:
         """Replace the signals of joints after their trips by those of the trip: figures end there.
@@ -325,8 +341,16 @@ class JointMetrics(Metrics):
             getattr(self, f"_{name}").remember(memory[name])
 
     def remarks(self) -> Sequence[str]:
-        """Return why joints are not held, which limits they touched, and whether the run is too short."""
-        found = list[str]()
+        """Return which windings get too hot, why joints are not held, and which limits they touched.
+
+        A run that is too short for a verdict has a remark, too.
+        """
+        heats = [self._heat.heat(number) for number in range(len(self._joints))]
+        found = [
+            heat.sentence(joint)
+            for joint, heat in zip(self._joints, heats, strict=True)
+            if heat is not None and heat.is_excessive and self._limits.trip(joint) is None
+        ]
         for number, joint in enumerate(self._joints):
             found += self._reasons(number)
             if self._limits.trip(joint) is None:
@@ -377,7 +401,7 @@ class JointMetrics(Metrics):
         largest = self._tracking.largest[:, number]
         rms_moving, rms_resting = self._tracking.rms(number)
         oscillation = self._oscillation.oscillation(number)
-        trip = self._limits.trip(joint)
+        trip, heat = self._limits.trip(joint), self._heat.heat(number)
         counted, limited = self._tracking.counts[:, number]
         reason = next(iter(self._reasons(number)), None)
         if reason is None and self._is_short:
@@ -406,14 +430,17 @@ class JointMetrics(Metrics):
             saturated_fraction=np.nan if cut else float(self._limited[number]) / max(self._rows, 1),
             saturated_after_settling=float(limited / counted) if counted and settled and not cut else np.nan,
             convergence_time_s=float(self._last_outside[number]) - self._start if within else np.nan,
+            steady_rise_K=np.nan if heat is None else heat.steady_rise_K,
             excursions=self._excursions(number),
             trip=None if trip is None else asdict(trip),
             limits_touched=[asdict(touch) for touch in self._limits.touches(joint)],
             oscillation=None if oscillation is None else asdict(oscillation),
+            heat=None if heat is None else asdict(heat),
+            idealised=[asdict(x) for x in list_idealisations(joint, self._parameters, self._roles)],
         )
 
 
-_PARTS = ("limits", "settling", "tracking", "oscillation")
+_PARTS = ("limits", "settling", "tracking", "oscillation", "heat")
 _STATE = (
     "_start",
     "_last",

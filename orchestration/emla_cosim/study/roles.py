@@ -27,6 +27,7 @@ _PLACES: dict[str, tuple[str, ...]] = {
         "machine.plant.F_L[{element}]",
         "{joint}.disturbance.F_L",
     ),
+    "period": ("{joint}.reference.period",),
     "x_load": ("{joint}.plant.load.x",),
     "F_T": ("{joint}.plant.transmission.force",),
     "x_hat": ("{joint}.observer.x_hat",),
@@ -55,6 +56,26 @@ _PLACES: dict[str, tuple[str, ...]] = {
             "permitted_rise": "motor.permitted_rise",
             "ideal_torque": "use_commanded_current",
             "directional": "gearbox.directional",
+            "i_N": "motor.i_N",
+            "tau_th": "motor.tau_th",
+            "lead_error": "screw.lead_error",
+            "wobble": "screw.wobble",
+            "sigma": "sensor.sigma",
+            "resolution": "sensor.resolution",
+            "eccentricity": "sensor.eccentricity",
+            "sigma_i": "sensor.current.sigma",
+            "resolution_i": "sensor.current.resolution",
+            "delay": "inverter.delay",
+            "dead_time": "inverter.dead_time",
+        }.items()
+    },
+    **{
+        role: (f"{{joint}}.plant.{name}",)
+        for role, name in {
+            "F_C": "friction.F_C",
+            "F_S": "friction.F_S",
+            "stiffness": "transmission.stiffness",
+            "backlash": "transmission.backlash",
         }.items()
     },
     **{
@@ -67,6 +88,8 @@ _PLACES: dict[str, tuple[str, ...]] = {
             "rho": "gearbox.rho",
             "lead": "screw.lead",
             "eta_GB": "gearbox.eta_GB",
+            "B_BS": "screw.B_BS",
+            "C_eq": "screw.C_eq",
         }.items()
     },
     "q_LB": ("{joint}.plant.screw.q_LB", "machine.plant.screw.q_LB[{element}]"),
@@ -92,6 +115,9 @@ _PARAMETERS = (
     "u_max",
     "v_max",
     *INERTIA,
+    *("F_C", "F_S", "B_BS", "C_eq", "lead_error", "wobble", "stiffness", "backlash"),
+    *("sigma", "resolution", "eccentricity", "sigma_i", "resolution_i", "delay", "dead_time"),
+    *("i_N", "tau_th", "period"),
 )
 """The roles of parameters."""
 

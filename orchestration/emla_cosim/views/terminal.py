@@ -190,7 +190,9 @@ def print_line(text: str) -> None:
 
 
 def _list_metrics(result: "Result") -> Iterator[Table | str]:
-    """Yield the remarks on a result and its metrics: by kind, or of signals."""
+    """Yield the remarks on a result, its metrics by kind, or of signals, and what its joints idealise."""
+    from .idealisations import describe_idealisations  # it loads NumPy, which most output does not need
+
     yield from result.remarks
     title = f"{result.name}, {result.end_s - result.times.start:g} s simulated"
     for kind, figures in result.metrics.items():
@@ -198,6 +200,8 @@ def _list_metrics(result: "Result") -> Iterator[Table | str]:
             yield _figures(title, figures, result.shown[kind])
     if not any(result.metrics.values()) and result.signals:
         yield from _list_signals(result, title)
+    if (idealised := describe_idealisations(result)) is not None:
+        yield idealised
 
 
 def _list_profile(result: "Result") -> Iterator[Table]:

@@ -19,7 +19,8 @@ OTHER = {"plant": "press", "reference": "plan", "observer": "guess", "controller
 ROLES = {
     **{role: f"a.press.{role}" for role in ("x_L", "v_L", "tau_m", "i_q", "i_d")},
     **{role: f"a.press.screw.{role}" for role in ("q_LB", "q_UB", "v_max")},
-    **{role: f"a.press.motor.{role}" for role in ("i_max", "temperature_rise", "permitted_rise")},
+    **{role: f"a.press.motor.{role}" for role in ("i_max", "temperature_rise", "permitted_rise", "i_N")},
+    **{role: f"a.press.friction.{role}" for role in ("F_C", "F_S")},
     "x_d": "a.plan.x_d",
     "v_d": "a.plan.v_d",
     "x_hat": "a.guess.x_hat",
@@ -60,6 +61,8 @@ def test_metrics_and_limits_do_not_depend_on_names(given: dict[str, float], fmu_
         found = simulation.run(roles=roles, set={n.format(plant="a.press"): v for n, v in given.items()})
     joint, right = dict(found.metrics["joints"]["lift"]), dict(expected.metrics["joints"]["lift"])
     left, right_left = joint.pop("trip"), right.pop("trip")
+    effects = [{item["name"] for item in figures.pop("idealised")} for figures in (joint, right)]
+    assert effects[0] == {"friction", "heating"} < effects[1]  # other parameters have no roles here
     for figures in (joint, right):
         for name in ("reason", "limits_touched"):
             figures.pop(name)

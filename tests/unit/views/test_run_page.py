@@ -123,6 +123,15 @@ def test_metrics_are_those_of_metrics_json(page: ElementTree.Element, folder: Pa
             assert text == words or float(text.replace(",", "")) == pytest.approx(number, rel=1e-3)
 
 
+def test_idealisations_are_those_of_metrics_json(page: ElementTree.Element, folder: Path) -> None:
+    _, *rows = (cells(row) for row in page.findall(".//*[@id='idealised']//tr"))
+    joints = json.loads((folder / "metrics.json").read_text())["joints"]
+    expected = [(j, x["sentence"], x["option"], x["source"]) for j in joints for x in joints[j]["idealised"]]
+    assert [tuple(row) for row in rows] == expected and len(expected) > 20
+    (line,) = page.findall(".//*[@id='idealised']/p")
+    assert "".join(line.itertext()).startswith("Idealised: no friction, exact lead, rigid, ")
+
+
 def test_signal_metrics_match_their_rows(page: ElementTree.Element, result: Result) -> None:
     rows = {cells(row)[0]: cells(row) for row in page.findall(".//*[@data-signal]")}
     assert list(rows) == result.names

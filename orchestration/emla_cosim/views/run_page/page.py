@@ -11,6 +11,7 @@ from ...base.wording import format_count
 from ...run.result import Result
 from ...ssp.diagram import build_diagrams, group_connections
 from ..formatting import describe_stepping
+from ..idealisations import describe_idealisations, list_idealisations
 from ..pages.comparisons import build_comparison_rows
 from ..pages.page import Plots, render_template
 from . import picture_plots, signals, tables
@@ -42,6 +43,8 @@ def render_page(result: Result, notes: Sequence[str] = ()) -> str:
             *tables.list_margin_tables(result),
             *tables.list_profile_tables(result),
         ],
+        idealised=describe_idealisations(result),
+        idealisations=list_idealisations(result),
         pictures=shown,
         left_out=left_out,
         signals=signals.list_signal_rows(result, data, plots),

@@ -1,0 +1,203 @@
+"""What a joint idealises: effects that its plant leaves out, read from the values of the plant's parameters.
+
+docs/metrics.md lists them.
+"""
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from .roles import find_variable
+
+_VALUE = "VALUE"
+"""In an option: a value that only the user knows."""
+
+_DRIVE, _COMPLIANT = "study-drive", "study-compliant"
+"""Scenarios with typical values."""
+
+_COMPLIANT_PLANT = "fmus/EmlaCompliantPlant/EmlaCompliantPlant.fmu"
+"""Where `emla build EmlaCompliantPlant` writes the plant with a load that is not rigid."""
+
+
+@dataclass(frozen=True)
+class Idealisation:
+    """An effect that a joint leaves out.
+
+    Attributes:
+        name: What is idealised.
+        label: A few words for a list.
+        sentence: A sentence.
+        option: Options of `emla run` that remove it, with `VALUE` for what only the user knows; empty if
+            none does.
+        source: Where typical values are: a scenario or a standard; empty without one.
+    """
+
+    name: str
+    label: str
+    sentence: str
+    option: str
+    source: str
+
+
+class _Effect(NamedTuple):
+    """An effect that is off while all its parameters are 0: their roles, with values for the option."""
+
+    name: str
+    label: str
+    sentence: str
+    values: Mapping[str, str]
+    source: str
+
+
+_LEAD = _Effect(
+    "lead",
+    "exact lead",
+    "The lead of the screw is exact; grade 5 of ISO 3408-3 permits 23 µm in 300 mm.",
+    {"lead_error": "7.67e-5", "wobble": "4e-6"},
+    "ISO 3408-3",
+)
+
+_ELECTRICAL = (
+    _Effect("position noise", "no position noise", "The encoder has no noise.", {"sigma": _VALUE}, _DRIVE),
+    _Effect(
+        "position resolution",
+        "no position steps",
+        "The encoder resolves any distance.",
+        {"resolution": _VALUE},
+        _DRIVE,
+    ),
+    _Effect(
+        "eccentricity",
+        "no eccentricity",
+        "The encoder is centred on its shaft.",
+        {"eccentricity": "9.7e-5"},  # rad, 20 arc seconds, as in docs/systems.md
+        "",
+    ),
+    _Effect(
+        "current measurement",
+        "exact currents",
+        "The current sensors have neither noise nor steps.",
+        dict.fromkeys(("sigma_i", "resolution_i"), _VALUE),
+        _DRIVE,
+    ),
+    _Effect("computing delay", "no delay", "A voltage takes effect at once.", {"delay": _VALUE}, _DRIVE),
+    _Effect("dead time", "no dead time", "The inverter has no dead time.", {"dead_time": _VALUE}, _DRIVE),
+    _Effect(
+        "heating",
+        "no heating",
+        "The winding does not heat; its temperature is not examined.",
+        {"i_N": _VALUE},
+        _DRIVE,
+    ),
+)
+
+
+def list_idealisations(
+    joint: str, parameters: Mapping[str, float], roles: Mapping[str, str] | None = None
+) -> list[Idealisation]:
+    """Return what a joint idealises. A parameter that its plant does not have says nothing.
+
+    Args:
+        joint: The joint.
+        parameters: Values of all parameters by full name; Booleans are 0 or 1. Use `RoleNames` to look up
+            many joints.
+        roles: Names by JOINT.ROLE, which override the default ones.
+    """
+    plant = _Plant(joint, parameters, roles or {})
+    return [
+        *_friction(plant),
+        *_switched_off(plant, _LEAD),
+        *_transmission(plant),
+        *_losses(plant),
+        *_switched_off(plant, *_ELECTRICAL),
+        *_torque(plant),
+    ]
+
+
+class _Plant(NamedTuple):
+    """The parameters of a joint by role."""
+
+    joint: str
+    parameters: Mapping[str, float]
+    roles: Mapping[str, str]
+
+    def name(self, role: str) -> str | None:
+        """Return the full name of a parameter; None if the plant does not have it."""
+        return find_variable(self.joint, role, self.parameters, self.roles)
+
+    def value(self, role: str) -> float:
+        """Return the value of a parameter; NaN if the plant does not have it."""
+        name = self.name(role)
+        return math.nan if name is None else self.parameters[name]
+
+    def is_off(self, *roles: str) -> bool:
+        """Return whether the plant has some of these parameters, all of them 0."""
+        values = [value for role in roles if not math.isnan(value := self.value(role))]
+        return bool(values) and not any(values)
+
+    def option(self, values: Mapping[str, str]) -> str:
+        """Return the options that set the parameters of these roles."""
+        names = {role: self.name(role) for role in values}
+        return " ".join(f"--set {name}={values[role]}" for role, name in names.items() if name is not None)
+
+
+def _switched_off(plant: _Plant, *effects: _Effect) -> Iterator[Idealisation]:
+    for effect in effects:
+        if plant.is_off(*effect.values):
+            option = plant.option(effect.values)
+            yield Idealisation(effect.name, effect.label, effect.sentence, option, effect.source)
+
+
+def _friction(plant: _Plant) -> Iterator[Idealisation]:
+    coulomb, viscous = dict.fromkeys(("F_C", "F_S"), _VALUE), {"B_BS": _VALUE}
+    if plant.is_off(*coulomb, *viscous):
+        option = plant.option(coulomb | viscous)
+        yield Idealisation("friction", "no friction", "The screw has no friction.", option, _DRIVE)
+    elif plant.is_off(*coulomb):
+        sentence, option = "The friction of the screw is viscous only.", plant.option(coulomb)
+        yield Idealisation("friction", "no Coulomb friction", sentence, option, _DRIVE)
+
+
+def _transmission(plant: _Plant) -> Iterator[Idealisation]:
+    """Yield what lies between screw and load: rigid plants have neither stiffness nor backlash."""
+    stiffness, backlash = plant.value("stiffness"), plant.value("backlash")
+    screw = plant.name("C_eq")
+    is_rigid = math.isnan(stiffness) and screw is not None and not plant.parameters[screw]
+    replacement = ""
+    if is_rigid and screw is not None and screw.startswith(f"{plant.joint}.plant."):
+        replacement = f"--replace {plant.joint}.plant={_COMPLIANT_PLANT}"
+    if is_rigid or math.isinf(stiffness):
+        sentence = "Nothing yields between screw and load; 100 N/µm yield 100 µm under 10 kN."
+        option = replacement or plant.option({"stiffness": _VALUE})
+        yield Idealisation("compliance", "rigid", sentence, option, _COMPLIANT)
+    if is_rigid or backlash == 0.0:
+        sentence = "There is no play between screw and load."
+        option = replacement or plant.option({"backlash": _VALUE})
+        yield Idealisation("backlash", "no backlash", sentence, option, _COMPLIANT)
+
+
+def _losses(plant: _Plant) -> Iterator[Idealisation]:
+    if plant.value("eta_GB") == 1.0:
+        sentence = "Gearbox and screw have no losses."
+        yield Idealisation("losses", "no losses", sentence, plant.option({"eta_GB": _VALUE}), _DRIVE)
+    elif plant.value("directional") == 0.0:
+        yield Idealisation(
+            "losses",
+            "no losses when the load drives",
+            "A load that drives the joint returns more energy than it gives: its torque is divided by the "
+            "efficiency, too.",
+            plant.option({"directional": "true"}),
+            _DRIVE,
+        )
+
+
+def _torque(plant: _Plant) -> Iterator[Idealisation]:
+    if plant.value("ideal_torque") > 0.0:
+        yield Idealisation(
+            "torque",
+            "ideal torque",
+            "The motor makes the commanded torque at once, whatever its currents are.",
+            plant.option({"ideal_torque": "false"}),
+            "",
+        )
