@@ -11,7 +11,17 @@ from ..study.metrics import CONVERGENCE_TIME, JointFigures, JointMetrics
 from ..sweeps.data import DIED, VariantOutcome
 from .plan import ComparisonPlan, ComparisonRun
 
-_NO_NUMBERS = ("held", "reason", "excursions", "trip", "limits_touched", "oscillation", "heat", "idealised")
+_NO_NUMBERS = (
+    "held",
+    "reason",
+    "judged",
+    "excursions",
+    "trip",
+    "limits_touched",
+    "oscillation",
+    "heat",
+    "idealised",
+)
 
 FIGURES = tuple(f.name for f in fields(JointFigures) if f.name not in _NO_NUMBERS)
 """Columns with figures of a joint, by their names in metrics.json."""

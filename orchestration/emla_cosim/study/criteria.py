@@ -9,6 +9,11 @@ from ..base.quantities import read_quantity
 
 ALL_JOINTS = "*"
 
+EVALUATED_AFTER = 0.3
+"""Errors and torque count from this time in s after the start, or from settling if that is later."""
+
+TOO_SHORT = f"too short to judge: that takes more than {EVALUATED_AFTER:g} s"
+
 
 def _criterion(default: float, unit: str, meaning: str) -> Any:
     return field(default=default, metadata={"unit": unit, "meaning": meaning})
@@ -35,7 +40,7 @@ class Criteria:
     over_temperature: float = _criterion(0.05, "1", "Fraction beyond the permitted rise that is a trip")
     over_travel: float = _criterion(1e-3, "m", "Distance beyond the stroke that is a trip")
     torque_ripple: float = _criterion(
-        0.125, "1", "Fraction of the torque limit that oscillation may take, rms"
+        0.2, "1", "Fraction of the torque limit that noise of the torque may take, rms"
     )
 
 
@@ -77,3 +82,10 @@ def _value(place: str, value: float | str, unit: str) -> float:
     if not 0.0 < number < float("inf"):
         raise CommandError(f"{label} is {value}; it must be a positive number.", criterion=place)
     return number
+
+
+def format_length(value: float) -> str:
+    """Return a length in m as text with a suitable unit."""
+    if value < 1e-3:
+        return f"{1e6 * value:.4g} µm"
+    return f"{1e3 * value:.4g} mm" if value < 1.0 else f"{value:.4g} m"

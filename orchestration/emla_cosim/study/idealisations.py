@@ -150,7 +150,8 @@ def _switched_off(plant: _Plant, *effects: _Effect) -> Iterator[Idealisation]:
 
 
 def _friction(plant: _Plant) -> Iterator[Idealisation]:
-    coulomb, viscous = dict.fromkeys(("F_C", "F_S"), _VALUE), {"B_BS": _VALUE}
+    coulomb: dict[str, str] = {"F_C": _VALUE, "F_S": _VALUE}
+    viscous: dict[str, str] = {"B_BS": _VALUE}
     if plant.is_off(*coulomb, *viscous):
         option = plant.option(coulomb | viscous)
         yield Idealisation("friction", "no friction", "The screw has no friction.", option, _DRIVE)

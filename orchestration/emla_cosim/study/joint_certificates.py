@@ -17,7 +17,7 @@ from ..base.errors import CommandError
 from ..recorders.recorder import Outline, Recorder
 from ..recorders.table import TimeSeries
 from ..run.simulation import Simulation
-from .metrics import EVALUATED_AFTER
+from .criteria import EVALUATED_AFTER
 from .roles import find_variable
 
 _SUBSYSTEMS = (1, 2, 3, 4)

@@ -12,7 +12,7 @@ from ..run.result import Result
 from ..views.formatting import format_headline
 from ..views.plots.pictures import MOST_COLUMNS, Drawing
 from ..views.plots.style import BLUE, RED, new_figure, tidy_axes
-from .metrics import TOO_SHORT
+from .criteria import TOO_SHORT
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -13,8 +13,7 @@ import numpy as np
 from ..base.arrays import Vector, read_stored_array
 from ..recorders.metrics import Figures, MetricDisplay, Metrics
 from ..recorders.recorder import Outline
-from .criteria import criteria_of
-from .metrics import EVALUATED_AFTER, TOO_SHORT, format_length
+from .criteria import EVALUATED_AFTER, TOO_SHORT, criteria_of, format_length
 from .roles import RoleNames, find_all_joints, find_variable
 from .settling import Settling
 
@@ -29,12 +28,13 @@ _ROLES = ("x_load", "x_L", "x_d")
 class LoadFigures:
     """One load's part of metrics.json; docs/metrics.md defines each figure. NaN marks one without value.
 
-    `load_within_window` tells whether the joint has settled and the load's position error stays within the
-    position window of the joint. `load_reason` says why not.
+    `load_within_window` tells whether joint and load have settled, and the load's position error has stayed
+    within the position window of the joint since. `load_reason` says why not.
     """
 
     load_within_window: bool
     load_reason: str | None
+    load_settling_time_s: float
     load_position_error_m: float
     load_swing_m: float
     load_deflection_m: float
@@ -44,6 +44,7 @@ _SHOWN = (
     MetricDisplay("load_position_error_m", "load position error", 1e6, "µm", "m"),
     MetricDisplay("load_swing_m", "load swing, peak to peak", 1e6, "µm", "m"),
     MetricDisplay("load_deflection_m", "deflection", 1e6, "µm", "m"),
+    MetricDisplay("load_settling_time_s", "load settling time", 1e3, "ms"),
 )
 
 
@@ -69,7 +70,7 @@ def load_metrics(outline: Outline) -> "LoadMetrics | None":
 
 
 class LoadMetrics(Metrics):
-    """Figures by joint; they count from the time from which those of the joint count."""
+    """Figures by joint; they count from when joint and load have settled, or from 0.3 s."""
 
     shown = (MetricDisplay("load_within_window", "load within window"), *_SHOWN)
 
@@ -82,8 +83,11 @@ class LoadMetrics(Metrics):
         each = criteria_of(self._joints, criteria)
         self._windows = [each[joint].position_window for joint in self._joints]
         self._settling = Settling([each[joint] for joint in self._joints])
+        self._load_settling = Settling([each[joint] for joint in self._joints])
         self._start = self._last = np.nan
-        self._farthest_at = np.full(len(self._joints), np.nan)
+        self._first, self._final = np.full((2, len(self._joints)), np.nan)
+        """First and last position error of each load in m."""
+        self._largest_at = np.full(len(self._joints), np.nan)
         """When the position error was largest, in s."""
         self._not_finite = np.full(len(self._joints), np.nan)
         """When the position error was first not finite, in s."""
@@ -98,30 +102,37 @@ class LoadMetrics(Metrics):
         x_load, x_L, x_d = rows.T[self._columns]
         if math.isnan(self._start):
             self._start = float(time[0])
+            self._first = np.abs(x_load[:, 0] - x_d[:, 0])
         with np.errstate(invalid="ignore", over="ignore"):
             error, deflection = x_load - x_d, np.abs(x_L - x_load)
+            size = np.abs(error)
             self._settling.write(time, np.abs(x_L - x_d))
+            self._load_settling.write(time, size)
         for joint in np.flatnonzero(np.isnan(self._not_finite) & ~np.isfinite(error).all(axis=1)):
             self._not_finite[joint] = float(time[(~np.isfinite(error[joint])).argmax()])
-        self._last = float(time[-1])
+        self._last, self._final = float(time[-1]), size[:, -1]
         self.shown = _SHOWN if self._is_short else type(self).shown
         earliest = self._start + EVALUATED_AFTER
         for joint in range(len(self._joints)):
-            settled = self._settling.settled_at(joint)
-            since = earliest if math.isnan(settled) else max(earliest, settled)
-            if math.isnan(self._evaluated_from[joint]) and not math.isnan(settled):
+            settled = max(self._settling.settled_at(joint), self._load_settling.settled_at(joint))
+            is_settled = self._settling.is_settled(joint) and self._load_settling.is_settled(joint)
+            since = max(earliest, settled) if is_settled else earliest
+            if math.isnan(self._evaluated_from[joint]) and is_settled:
                 self._evaluated_from[joint] = since
-                for counted in (self._highest, self._lowest, self._deflection, self._farthest_at):
+                for counted in (self._highest, self._lowest, self._deflection, self._largest_at):
                     counted[joint] = np.nan
             begin = int(np.searchsorted(time, since - _ROUNDING))
             if begin < len(time):
+                if not size[joint, begin:].max() <= self._largest(joint):  # also if there is none before
+                    self._largest_at[joint] = time[begin + int(np.argmax(size[joint, begin:]))]
                 of = error[joint, begin:]
-                size, before = np.abs(of), np.fmax(np.abs(self._highest[joint]), np.abs(self._lowest[joint]))
-                if not size.max() <= before:  # also if there is none before
-                    self._farthest_at[joint] = time[begin + int(np.argmax(size))]
                 self._highest[joint] = np.fmax(self._highest[joint], of.max())
                 self._lowest[joint] = np.fmin(self._lowest[joint], of.min())
                 self._deflection[joint] = np.fmax(self._deflection[joint], deflection[joint, begin:].max())
+
+    def _largest(self, joint: int) -> float:
+        """Return the largest position error in m."""
+        return max(abs(float(self._highest[joint])), abs(float(self._lowest[joint])))
 
     def figures(self) -> Figures:
         """Return the figures by joint for the recorded rows."""
@@ -132,17 +143,15 @@ class LoadMetrics(Metrics):
         reason = self._reason(joint)
         if reason is None and self._is_short:
             reason = f"{TOO_SHORT}."
+        settled = self._load_settling.entered(joint) if self._load_settling.is_settled(joint) else np.nan
         return LoadFigures(
             load_within_window=(reason or self._ended) is None,
             load_reason=reason or self._ended,
-            load_position_error_m=self._farthest(joint),
+            load_settling_time_s=settled - self._start,
+            load_position_error_m=self._largest(joint),
             load_swing_m=highest - lowest,
             load_deflection_m=float(self._deflection[joint]),
         )
-
-    def _farthest(self, joint: int) -> float:
-        """Return the largest position error in m."""
-        return max(abs(float(self._highest[joint])), abs(float(self._lowest[joint])))
 
     def _reason(self, joint: int) -> str | None:
         """Return why a load is not within its window, except that the run is too short."""
@@ -153,27 +162,36 @@ class LoadMetrics(Metrics):
             return None
         if not self._settling.is_settled(joint):
             return f"{name} has not settled."
-        farthest = self._farthest(joint)
-        if farthest <= window:
+        if not self._load_settling.is_settled(joint):
+            first, final = format_length(self._first[joint]), format_length(self._final[joint])
+            return (
+                f"The load of {name} has not settled: its position error was {first} at the start and is "
+                f"{final} at the end; its window is {format_length(window)}."
+            )
+        if (largest := self._largest(joint)) <= (1.0 + _ROUNDING) * window:
             return None
         return (
             f"The load of {name} left the position window of {format_length(window)}: its position error was "
-            f"largest at t = {self._farthest_at[joint]:.6g} s, {format_length(farthest)}."
+            f"largest at t = {self._largest_at[joint]:.6g} s, {format_length(largest)}."
         )
+
+    def reason(self, joint: str) -> str | None:
+        """Return why a load is not within its window if its joint has settled; None if it has no load."""
+        if joint not in self._joints:
+            return None
+        number = self._joints.index(joint)
+        is_judged = self._settling.is_settled(number) or not math.isnan(self._not_finite[number])
+        return self._reason(number) if is_judged else None
+
+    @property
+    def joints(self) -> list[str]:
+        """The joints with a load that is not rigid."""
+        return list(self._joints)
 
     @property
     def _is_short(self) -> bool:
         """Whether the run is too short for a verdict."""
         return not self._last - self._start > EVALUATED_AFTER + _ROUNDING
-
-    def remarks(self) -> Sequence[str]:
-        """Return why loads are not within their windows, for joints that have settled."""
-        settled = [
-            i
-            for i in range(len(self._joints))
-            if self._settling.is_settled(i) or not math.isnan(self._not_finite[i])
-        ]
-        return [reason for i in settled if (reason := self._reason(i)) is not None]
 
     def ended_early(self, problem: str) -> None:
         """Give no load a verdict, because the run ended before its stop time."""
@@ -182,7 +200,7 @@ class LoadMetrics(Metrics):
     def memory(self) -> Any:
         """Return the state as plain data."""
         own = {name: np.asarray(getattr(self, name)).tolist() for name in _STATE}
-        return {"own": own, "settling": self._settling.memory()}
+        return {"own": own, "settling": self._settling.memory(), "load": self._load_settling.memory()}
 
     def remember(self, memory: Any) -> None:
         """Continue from `memory`; raise ValueError or KeyError if it belongs to another run."""
@@ -190,6 +208,7 @@ class LoadMetrics(Metrics):
             value = read_stored_array(memory["own"][name], np.shape(getattr(self, name)))
             setattr(self, name, value if value.ndim else float(value))
         self._settling.remember(memory["settling"])
+        self._load_settling.remember(memory["load"])
 
 
 _STATE = (
@@ -199,6 +218,8 @@ _STATE = (
     "_highest",
     "_lowest",
     "_deflection",
-    "_farthest_at",
+    "_first",
+    "_final",
+    "_largest_at",
     "_not_finite",
 )

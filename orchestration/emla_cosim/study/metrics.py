@@ -13,17 +13,15 @@ import numpy as np
 from ..base.arrays import Mask, Vector, count_true_per_row, read_stored_array
 from ..recorders.metrics import HELD, Figures, MetricDisplay, Metrics
 from ..recorders.recorder import Outline
-from .criteria import criteria_of
+from .criteria import EVALUATED_AFTER, TOO_SHORT, criteria_of, format_length
 from .heat import HeatWatch
 from .idealisations import list_idealisations
 from .limits import LimitWatch, Trip
-from .oscillation import OscillationWatch
+from .loads import LoadMetrics, load_metrics
+from .oscillation import Joint, OscillationWatch
 from .roles import INERTIA, RoleNames, check_roles, find_all_joints, find_variable, list_given_joints
 from .settling import Settling
 from .tracking import AT_REST, FOLLOWING, OBSERVER, POSITION, SPEED, STANDSTILL, TORQUE, Tracking
-
-EVALUATED_AFTER = 0.3
-"""Errors and torque count from this time in s after the start, or from settling if that is later."""
 
 CONVERGED_WITHIN = 0.05
 """The paper's convergence time: from then on, the position error is within this fraction of its first value.
@@ -43,13 +41,15 @@ _SAME_SAMPLE = 1e-6
 class JointFigures:
     """One joint's part of metrics.json; docs/metrics.md defines each figure.
 
-    `held` is the verdict: finite, settled and still so, not tripped, quiet; `reason` says why not. `trip`,
-    `limits_touched`, `excursions`, `oscillation` and `heat` have details, or None. `idealised` lists what the
-    joint idealises. NaN marks a figure that does not exist.
+    `held` is the verdict: finite, settled and still so, not tripped, quiet; `reason` says why not. `judged`
+    says of what: the screw, and the load if it is not rigid. `trip`, `limits_touched`, `excursions`,
+    `oscillation` and `heat` have details, or None. `idealised` lists what the joint idealises. NaN marks a
+    figure that does not exist.
     """
 
     held: bool
     reason: str | None
+    judged: Sequence[str]
     settling_time_s: float
     evaluated_from_s: float
     position_error_m: float
@@ -75,10 +75,14 @@ class JointFigures:
 
 _TRACKED = ("x_L", "x_d")
 _NEEDED = (*_TRACKED, "v_L", "tau_m", "v_d")
-_ROLES = (*_NEEDED, "x_hat", "limited_control", "limited_inverter")
+_ROLES = (*_NEEDED, "x_hat", "limited_control", "limited_inverter", "x_load", "F_L", "d_2")
 """Roles of the watched signals, in the order of the gathered rows."""
 
+_SEARCHED = ("tau_m", "x_L", "x_load", "v_d", "F_L", "d_2")
+"""Roles of the signals for `OscillationWatch`."""
+
 _HELD = MetricDisplay(HELD, HELD)
+_HELD_WITH_LOAD = MetricDisplay(HELD, "held (screw and load)")
 _HEAT = MetricDisplay("steady_rise_K", "steady winding rise", 1.0, "K")
 _SHOWN = (
     MetricDisplay("position_error_m", "position error", 1e6, "µm", "m"),
@@ -96,8 +100,6 @@ _SHOWN = (
 CONVERGENCE_TIME = MetricDisplay("convergence_time_s", "convergence time", 1e3, "ms")
 """The paper's figures, for tables beside its own."""
 
-TOO_SHORT = f"too short to judge: that takes more than {EVALUATED_AFTER:g} s"
-
 
 def joint_metrics(outline: Outline) -> "JointMetrics | None":
     """Return the metrics of all joints of a run; None if it has no joints.
@@ -108,7 +110,13 @@ def joint_metrics(outline: Outline) -> "JointMetrics | None":
     check_roles(outline.roles, outline.names, outline.parameters)
     sampled = {name: n * outline.times.step for name, n in outline.multiples.items()}
     metrics = JointMetrics(
-        outline.names, outline.parameters, outline.roles, outline.criteria, sampled, outline.times.start
+        outline.names,
+        outline.parameters,
+        outline.roles,
+        outline.criteria,
+        sampled,
+        outline.times.start,
+        load_metrics(outline),
     )
     return metrics if metrics.joints else None
 
@@ -130,6 +138,7 @@ class JointMetrics(Metrics):
         criteria: Mapping[str, float | str] | None = None,
         sample_times: Mapping[str, float] | None = None,
         start: float = 0.0,
+        loads: LoadMetrics | None = None,
     ) -> None:
         """Prepare for the rows of a run.
 
@@ -140,6 +149,7 @@ class JointMetrics(Metrics):
             criteria: Values of the option `criteria`.
             sample_times: Sample times in s of components that do several steps at once, by name.
             start: Start time of the run in s, which is the first sample.
+            loads: Metrics of the loads that are not rigid, which the verdict includes.
         """
         column = RoleNames((name, i + 1) for i, name in enumerate(names))
         known, given = RoleNames(parameters or {}), roles or {}
@@ -173,14 +183,28 @@ class JointMetrics(Metrics):
             [*self._columns.ravel(), *self._limits.columns, *self._heat.columns], dtype=int
         )
         self._displays = (_HEAT, *_SHOWN) if self._heat.columns else _SHOWN
-        self.shown = (_HELD, *self._displays)
+        self._verdict = _HELD if loads is None else _HELD_WITH_LOAD
+        self.shown = (self._verdict, *self._displays)
         self._parameters, self._roles = known, given
         self._settling = Settling(each)
         self._tracking = Tracking(np.array([one.position_window for one in each]))
+        self._loads = loads
         self._oscillation = OscillationWatch(
-            [_inertia(joint, known, given) for joint in self._joints],
-            [_torque_limit(joint, known, given) for joint in self._joints],
-            [one.torque_ripple for one in each],
+            [
+                Joint(
+                    has=[
+                        signals[joint][role] is not None
+                        and not _is_fed_back(joint, role, signals[joint][role])
+                        for role in _SEARCHED
+                    ],
+                    inertia=_inertia(joint, known, given),
+                    torque_limit=_torque_limit(joint, known, given),
+                    window=criteria.position_window,
+                    ripple=criteria.torque_ripple,
+                    is_force_known=signals[joint]["F_L"] is not None,
+                )
+                for joint, criteria in zip(self._joints, each, strict=True)
+            ]
         )
         count = len(self._joints)
         self._start = self._last = np.nan
@@ -219,7 +243,9 @@ class JointMetrics(Metrics):
         if len(gathered) > signals.shape[0] * signals.shape[1]:
             self._limits.write(time, gathered[signals.shape[0] * signals.shape[1] :])
             self._hold_after_trips(time, signals)
-        x, x_d, v, torque, v_d, x_hat, control, inverter = signals
+        if self._loads is not None:
+            self._loads.write(rows)
+        x, x_d, v, torque, v_d, x_hat, control, inverter, x_load, force, disturbance = signals
         steps = np.empty(len(time))
         if not self._rows:
             self._start = self._last = float(time[0])
@@ -236,7 +262,7 @@ class JointMetrics(Metrics):
         self._settling.write(time, distance)
         self._evaluate(time, steps, values, moving, limited)
         since = np.where(np.isnan(self._evaluated_from), np.inf, self._evaluated_from)
-        self._oscillation.write(time, steps, torque, speed_error, error, since)
+        self._oscillation.write(time, (torque, error, x_load - x_d, v_d, force, disturbance), since)
         if self._heat.columns:
             until = [math.inf if (t := self._trip(i)) is None else t.time_s for i in range(len(self._joints))]
             self._heat.write(time, gathered[-len(self._heat.columns) :], since, until)
@@ -248,7 +274,7 @@ class JointMetrics(Metrics):
         self._limited += count_true_per_row(limited)
         self._rows += len(rows)
         self._last, self._final = float(time[-1]), distance[:, -1].copy()
-        self.shown = self._displays if self._is_short else (_HELD, *self._displays)
+        self.shown = self._displays if self._is_short else (self._verdict, *self._displays)
 
     def _hold_after_trips(self, time: Vector, signals: Vector) -> None:
         """Replace the signals of joints after their trips by those of the trip: figures end there.
@@ -329,7 +355,8 @@ class JointMetrics(Metrics):
     def memory(self) -> Any:
         """Return the state as plain data."""
         own = {name: np.asarray(getattr(self, name)).tolist() for name in _STATE}
-        return {"own": own, **{name: getattr(self, f"_{name}").memory() for name in _PARTS}}
+        loads = None if self._loads is None else self._loads.memory()
+        return {"own": own, "loads": loads, **{name: getattr(self, f"_{name}").memory() for name in _PARTS}}
 
     def remember(self, memory: Any) -> None:
         """Continue from `memory`; raise ValueError or KeyError if it belongs to another run."""
@@ -339,6 +366,8 @@ class JointMetrics(Metrics):
         self._rows = int(self._rows)
         for name in _PARTS:
             getattr(self, f"_{name}").remember(memory[name])
+        if self._loads is not None:
+            self._loads.remember(memory["loads"])
 
     def remarks(self) -> Sequence[str]:
         """Return which windings get too hot, why joints are not held, and which limits they touched.
@@ -381,6 +410,8 @@ class JointMetrics(Metrics):
                 f"{joint} left its position window of {window} {times} after settling; its position "
                 f"error was largest at t = {left['time_s']:.6g} s, {format_length(left['largest_m'])}."
             )
+        if self._loads is not None and (reason := self._loads.reason(joint)) is not None:
+            found.append(reason)
         if (oscillation := self._oscillation.oscillation(number)) is not None:
             found.append(oscillation.sentence(joint))
         return found
@@ -416,6 +447,7 @@ class JointMetrics(Metrics):
         return JointFigures(
             held=reason is None,
             reason=reason,
+            judged=["screw", *(["load"] if self._loads is not None and joint in self._loads.joints else [])],
             settling_time_s=self._settling.entered(number) - self._start if settled else np.nan,
             evaluated_from_s=float(self._evaluated_from[number]),
             position_error_m=float(largest[POSITION]),
@@ -487,8 +519,6 @@ def _has_drive(joint: str, parameters: Mapping[str, float]) -> bool:
     return not parameters.get(f"{joint}.plant.use_commanded_current", False)
 
 
-def format_length(value: float) -> str:
-    """Return a length in m as text with a suitable unit."""
-    if value < 1e-3:
-        return f"{1e6 * value:.4g} µm"
-    return f"{1e3 * value:.4g} mm" if value < 1.0 else f"{value:.4g} m"
+def _is_fed_back(joint: str, role: str, name: str | None) -> bool:
+    """Return whether a force depends on the motion of the joint: that of a machine does."""
+    return role == "F_L" and name is not None and name.startswith("machine.")

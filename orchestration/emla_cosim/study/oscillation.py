@@ -1,250 +1,399 @@
-"""Detect oscillations: torque that shakes a joint instead of moving its load.
+"""Detect oscillations of joints: tones in torque, screw or load that last or grow, and loud torque noise.
 
-In a limit cycle, and in chatter on noise, the torque accelerates the joint back and forth. So the torque is
-in
-phase with the acceleration of the speed error. A rejected disturbance, however large, needs as much torque
-but accelerates nothing. An external disturbance, such as a random force, accelerates the joint without the
-torque. So both are evaluated in windows of 0.1 s: the part of the torque in phase with the acceleration,
-and the torque that this acceleration of the inertia requires.
+Samples are kept at up to three rates, and each is searched for the frequencies that suit it. A tone counts
+whatever its phase: a drive that works against the spring of its load oscillates as well as one that shakes
+its inertia. Where the load force is not known, torque that does not accelerate the joint may reject a force,
+and does not count.
 """
 
-import itertools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
 
-from ..base.arrays import Mask, Vector, count_true_per_row, read_stored_array
+from ..base.arrays import Mask, Vector, read_stored_array
+from .decimation import SampleRates
+from .tones import FEWEST_WINDOWS, Grid, Tone, ToneSearch
 
-WINDOW = 0.1
-"""Length in s of the windows; the slowest oscillation that can be found has 10 Hz."""
+TORQUE, ERROR, LOAD, SPEED_REFERENCE, FORCE, DISTURBANCE = range(6)
+"""Signals of a joint; the first three are searched, the others may cause tones."""
 
-SUSTAINED = 3
-"""Successive windows that make an oscillation sustained; a reversal or an impact fills one or two."""
+_SIGNALS, _SEARCHED = 6, 3
 
-_FEWEST = 20
-"""Least rows in a window."""
+NAMES = ("torque", "screw", "load")
+"""Names of the signals that are searched."""
 
-_IN_PHASE = 0.9
-"""Least correlation of torque and acceleration for a joint of unknown inertia."""
+_WINDOWS = (128, 64)
+"""Samples of a window at the highest and at the middle rate."""
 
-_STREAK = ("windows", "begin", "crossings", "torque^2", "ripple^2", "torque swing", "position swing")
-_STATE = (
-    "start",
-    "window",
-    "last",
-    "largest",
-    "judged",
-    "streaks",
-    "worst",
-    "sums",
-    "highest",
-    "lowest",
-)
-_SUMS = ("rows", "x", "a", "tau", "x x", "x a", "x tau", "a a", "a tau", "tau tau", "crossings")
+_STEPS = 100
+"""Steps that tell the length of steps in a block of rows."""
+
+_MOST_SAMPLES = 10_000_000
+"""Samples between two blocks of rows with longer steps."""
+
+_ENOUGH_WINDOWS = 64
+"""Number of windows from which on they overlap less."""
+
+_NOISE_BIN = 3
+"""First frequency bin of torque noise; those below contain the motion."""
+
+_NOISE_TIME = 0.05
+"""Length in s of the parts of which torque noise has an rms."""
+
+_NOISE_PARTS = 3
+"""Successive loud parts that make noise sustained; an impact fills one or two."""
+
+_SMALLEST_SWING = 0.01
+"""Amplitude of a lasting tone in the torque relative to its limit; ripple of drives is smaller."""
+
+_SMALLEST_WAY = 0.005
+"""Amplitude of a lasting tone in a position relative to its window."""
+
+_SAME_FREQUENCY = 0.1
+"""Largest relative difference between frequencies of one oscillation."""
+
+_OWN_TORQUE = 0.5
+"""Largest part of the torque that may be missing or too much for the acceleration of the joint."""
 
 
 @dataclass(frozen=True)
 class Oscillation:
-    """A sustained oscillation of a joint.
+    """An oscillation of a joint.
 
     Attributes:
-        time_s: When it began.
-        until_s: The end of its last window so far.
-        frequency_Hz: From the sign changes of the acceleration.
+        kind: "lasting", "growing", or "noise".
+        signal: Where it is largest relative to what is allowed: torque, screw or load.
+        time_s, until_s: Time in which it was examined; it may have begun earlier, and may go on.
+        frequency_Hz: Its frequency; NaN for noise.
+        growth_1_s: Growth of its amplitude in 1/s; NaN for noise.
         torque_ripple: `torque_rms_N_m` as a fraction of the torque limit.
-        torque_rms_N_m: Rms of the torque in phase with the acceleration.
+        torque_rms_N_m: Rms of the torque.
         torque_swing_N_m: Torque from peak to peak.
-        position_swing_m: Position error from peak to peak.
+        position_swing_m: Position of the screw from peak to peak.
+        load_swing_m: Position of the load from peak to peak; NaN for a rigid load.
     """
 
+    kind: str
+    signal: str
     time_s: float
     until_s: float
-    frequency_Hz: float
     torque_ripple: float
     torque_rms_N_m: float
     torque_swing_N_m: float
-    position_swing_m: float
+    frequency_Hz: float = math.nan
+    growth_1_s: float = math.nan
+    position_swing_m: float = math.nan
+    load_swing_m: float = math.nan
 
     def sentence(self, joint: str) -> str:
         """Return a message that describes the oscillation."""
+        if self.kind == "noise":
+            return (
+                f"{joint} has torque noise of {self.torque_rms_N_m:.4g} N m rms from t = "
+                f"{self.time_s:.4g} s on, {100.0 * self.torque_ripple:.3g} % of its limit."
+            )
+        swings = [
+            f"{name} by {text}"
+            for name, value, text in (
+                ("torque", self.torque_swing_N_m, f"{self.torque_swing_N_m:.4g} N m"),
+                ("screw", self.position_swing_m, f"{1e6 * self.position_swing_m:.4g} µm"),
+                ("load", self.load_swing_m, f"{1e6 * self.load_swing_m:.4g} µm"),
+            )
+            if value > 0.0
+        ]
+        grows = f" and grows by {self.growth_1_s:.2g} 1/s" if self.kind == "growing" else ""
         return (
-            f"{joint} oscillates from t = {self.time_s:.6g} s on, at about {self.frequency_Hz:.3g} Hz: its "
-            f"torque swings by {self.torque_swing_N_m:.4g} N m, its position by "
-            f"{1e6 * self.position_swing_m:.4g} µm."
+            f"{joint} oscillates at {self.frequency_Hz:.3g} Hz{grows}, seen from t = {self.time_s:.4g} s to "
+            f"{self.until_s:.4g} s, from peak to peak: {', '.join(swings)}."
         )
+
+
+@dataclass(frozen=True)
+class Joint:
+    """What is known about a joint.
+
+    Attributes:
+        has: Whether the joint has each of its six signals.
+        inertia: Torque per acceleration of the screw in N m / (m/s^2), NaN if unknown.
+        torque_limit: In N m; NaN if unknown, then the largest torque so far is used.
+        window: Position window in m.
+        ripple: Fraction of the torque limit from which on noise is an oscillation.
+        is_force_known: Whether the load force is known, or a part of the system.
+    """
+
+    has: Sequence[bool]
+    inertia: float
+    torque_limit: float
+    window: float
+    ripple: float
+    is_force_known: bool
 
 
 class OscillationWatch:
-    """Evaluates the windows of all joints, each from when it is evaluated on.
+    """Keeps samples of all joints, and searches them for oscillations."""
 
-    Args:
-        inertias: Torque per acceleration of the screw in N m / (m/s^2), NaN if unknown.
-        limits: Torque limits in N m; NaN if unknown, then the largest torque so far is used.
-        ripples: Fractions of the limits from which on a window is loud.
-    """
+    def __init__(self, joints: Sequence[Joint]) -> None:
+        self._joints = joints
+        self._with = [np.flatnonzero([joint.has[signal] for joint in joints]) for signal in range(_SIGNALS)]
+        """Joints that have each signal."""
+        self._channel = np.full((_SIGNALS, len(joints)), -1)
+        """Numbers of the signals that exist, with the torque of all joints first."""
+        for signal, with_it in enumerate(self._with):
+            self._channel[signal, with_it] = 1 + self._channel.max(initial=-1) + np.arange(len(with_it))
+        self._channels = 1 + int(self._channel.max(initial=-1))
+        self._since = np.full(len(joints), np.inf)
+        self._largest = np.zeros(len(joints))
+        """Largest torque in N m."""
+        self._start = self._step = self._last_time = np.nan
+        self._last = np.zeros((self._channels, 1))
+        """The last row."""
+        self._rates: SampleRates | None = None
+        self._worst: dict[int, Oscillation] = {}
+        self._at_end: dict[int, Oscillation | None] = {}
+        """The worst oscillations if the run ended here."""
 
-    def __init__(self, inertias: Sequence[float], limits: Sequence[float], ripples: Sequence[float]) -> None:
-        joints = len(inertias)
-        self._inertias, self._limits, self._ripples = map(np.array, (inertias, limits, ripples))
-        one, x, a, tau = (
-            np.zeros(joints, int),
-            np.ones(joints, int),
-            *np.arange(2, 2 + 2 * joints).reshape(2, -1),
-        )
-        pairs = itertools.combinations_with_replacement((one, x, a, tau), 2)
-        self._places = tuple(np.array(side) for side in zip(*pairs, strict=True))
-        """Positions of the first ten sums in the products of 1, x, and a and tau of all joints."""
-        self._start = np.nan
-        self._window = 0
-        self._last = np.full((2, joints), np.nan)
-        """Speed error in m/s and acceleration in m/s^2 of the last row."""
-        self._largest = np.zeros(joints)
-        self._judged = np.zeros(joints)
-        """Number of evaluated windows."""
-        self._streaks, self._worst = np.zeros((2, len(_STREAK), joints))
-        """The current loud windows in a row, and the loudest sustained ones."""
-        self._clear()
-
-    def _clear(self) -> None:
-        joints = len(self._inertias)
-        self._sums = np.zeros((len(_SUMS), joints))
-        self._highest, self._lowest = np.full((2, joints), -np.inf), np.full((2, joints), np.inf)
-
-    def oscillation(self, joint: int) -> Oscillation | None:
-        """Return the loudest sustained oscillation of a joint so far; None if it was quiet.
-
-        In a run with too few windows, all of them must be loud.
-        """
-        found = self._worst[:, joint]
-        if not found[0] and 0 < self._judged[joint] == self._streaks[0, joint]:
-            found = self._streaks[:, joint]
-        count, begin, crossings, squares, ripple_squares, torque, position = (float(x) for x in found)
-        if not count:
-            return None
-        return Oscillation(
-            time_s=begin,
-            until_s=begin + count * WINDOW,
-            frequency_Hz=crossings / (2.0 * count * WINDOW),
-            torque_ripple=math.sqrt(ripple_squares / count),
-            torque_rms_N_m=math.sqrt(squares / count),
-            torque_swing_N_m=torque,
-            position_swing_m=position,
-        )
-
-    def write(
-        self, time: Vector, steps: Vector, torque: Vector, speed_error: Vector, error: Vector, since: Vector
-    ) -> None:
+    def write(self, time: Vector, signals: Sequence[Vector], since: Vector) -> None:
         """Take the next rows.
 
         Args:
             time: Times in s, shape (rows,).
-            steps: Time in s since the previous row, shape (rows,).
-            torque: Motor torque in N m, shape (joints, rows).
-            speed_error: v_L - v_d in m/s, shape (joints, rows).
-            error: x_L - x_d in m, shape (joints, rows).
+            signals: The six signals, each of shape (joints, rows). Those that do not exist have any value.
             since: Time in s from which on each joint is evaluated; infinite while it is unknown.
         """
-        first = 0
-        if math.isnan(self._start):
-            self._start, first = float(time[0]), 1  # the first row of a run has no acceleration
-        joints, rows = torque.shape
-        with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
-            factors = np.empty((2 + 3 * joints, rows))
-            factors[0], factors[1] = 1.0, time
-            acceleration = factors[2 : 2 + joints]
-            factors[2 + joints : 2 + 2 * joints], factors[2 + 2 * joints :] = torque, error
-            acceleration[:, 0] = speed_error[:, 0] - self._last[0]
-            np.subtract(speed_error[:, 1:], speed_error[:, :-1], out=acceleration[:, 1:])
-            acceleration /= steps
-            positive = np.empty((joints, rows + 1), dtype=bool)
-            positive[:, 0] = self._last[1] > 0.0
-            np.greater(acceleration, 0.0, out=positive[:, 1:])
-            crossings = positive[:, 1:] != positive[:, :-1]
-            while first < rows:
-                # window k excludes its first instant and includes its last one
-                end = int(np.searchsorted(time, self._begin + WINDOW * (1.0 + 1e-6), side="right"))
-                if end > first:
-                    part = slice(first, end)
-                    factors[1, part] -= self._begin
-                    self._add(factors[:, part], crossings[:, part])
-                    first = end
-                if end < rows:
-                    self._judge(since)
-                    self._window = max(
-                        self._window + 1,
-                        math.ceil((float(time[end]) - self._start) / WINDOW - 1e-6) - 1,
-                    )
-        self._last = np.stack([speed_error[:, -1], acceleration[:, -1]])
+        if not self._channels:
+            return
+        self._since, self._at_end = since, {}
+        with np.errstate(invalid="ignore"):
+            self._largest = np.fmax(self._largest, np.abs(signals[TORQUE]).max(axis=1))
+        step = float(np.median(np.diff(time[:_STEPS]))) if len(time) > 1 else self._step
+        if math.isnan(self._step) or step > 4.0 * self._step or 4.0 * step < self._step:
+            self._restart(float(time[0]), step)
+        parts = [
+            signals[signal] if len(with_it) == len(self._joints) else signals[signal][with_it]
+            for signal, with_it in enumerate(self._with)
+            if len(with_it)
+        ]
+        if self._rates is not None:
+            for numbers in self._rates.add(self._resampled(self._rates.count, time, parts)):
+                for number in numbers:
+                    for joint in range(len(self._joints)):
+                        self._search(joint, number, is_end=False)
+        self._last_time, self._last = float(time[-1]), np.concatenate([part[:, -1:] for part in parts])
 
-    @property
-    def _begin(self) -> float:
-        """Return the start of the current window in s."""
-        return self._start + WINDOW * self._window
+    def _restart(self, start: float, step: float) -> None:
+        """Forget all samples, because steps have another length now."""
+        self._start, self._step = start, step
+        self._rates = SampleRates(self._channels, step) if step > 0.0 else None
 
-    def _add(self, factors: Vector, crossings: Mask) -> None:
-        """Add rows to the current window: 1, time since its start, then by joint a, tau and error."""
-        joints = len(self._inertias)
-        multiplied = factors[: 2 + 2 * joints]
-        self._sums[:10] += (multiplied @ multiplied.T)[self._places]
-        self._sums[10] += count_true_per_row(crossings)
-        swinging = factors[2 + joints :]
-        self._highest = np.maximum(self._highest, swinging.max(axis=1).reshape(2, joints))
-        self._lowest = np.minimum(self._lowest, swinging.min(axis=1).reshape(2, joints))
+    def _resampled(self, before: int, time: Vector, parts: Sequence[Vector]) -> Sequence[Vector]:
+        """Return samples at equal steps; those of most runs are."""
+        expected = self._start + self._step * before
+        count = round((float(time[-1]) - expected) / self._step) + 1
+        if count == len(time) and abs(float(time[0]) - expected) < 0.1 * self._step:
+            return parts
+        at = expected + self._step * np.arange(min(max(count, 0), _MOST_SAMPLES))
+        known = np.concatenate([[self._last_time], time]) if self._last_time < time[0] else time
+        rows = np.concatenate(parts)
+        values = np.concatenate([self._last, rows], axis=1) if self._last_time < time[0] else rows
+        samples = np.array([np.interp(at, known, row) for row in values]).reshape(len(rows), -1)
+        return np.split(samples, np.cumsum([len(part) for part in parts])[:-1])
 
-    def _judge(self, since: Vector) -> None:
-        """Evaluate the current window, which is complete, and begin the next one."""
-        self._largest = np.fmax(self._largest, np.maximum(self._highest[0], -self._lowest[0]))
-        limits = np.where(np.isnan(self._limits), self._largest, self._limits)
-        judged = (self._sums[0] >= _FEWEST) & (self._begin >= since - 1e-9)
-        self._judged += judged
-        swings = self._highest - self._lowest
-        may_be_loud = judged & (limits > 0.0) & (swings[0] > self._ripples * limits)  # no rms is larger
-        for joint in np.flatnonzero(may_be_loud).tolist():
-            shaking = self._shaking(joint)
-            ripple = shaking / float(limits[joint])
-            if ripple > self._ripples[joint]:
-                self._follow(joint, shaking, ripple, swings[:, joint])
-            else:
-                may_be_loud[joint] = False
-        self._streaks[:, ~may_be_loud] = 0.0
-        self._clear()
+    def oscillation(self, joint: int) -> Oscillation | None:
+        """Return the worst oscillation of a joint so far; None if there was none."""
+        if joint not in self._at_end:
+            before = dict(self._worst)
+            for number in range(len(self._rates.every) if self._rates is not None else 0):
+                self._search(joint, number, is_end=True)
+            self._at_end[joint] = self._worst.get(joint)
+            self._worst = before  # what grows until now may not do so until the end
+        return self._at_end[joint]
 
-    def _shaking(self, joint: int) -> float:
-        """Return the rms in N m of the torque that shakes a joint in the current window."""
-        n, x, a, tau, xx, xa, x_tau, aa, a_tau, tau_tau, _ = self._sums[:, joint].tolist()
-        # remove linear trends: changes slower than the window are not oscillations
-        spread = max(xx / n - x * x / (n * n), 1e-30)
-        with_a, with_tau = xa / n - x * a / (n * n), x_tau / n - x * tau / (n * n)
-        rms_a = math.sqrt(max(aa / n - a * a / (n * n) - with_a * with_a / spread, 0.0))
-        rms_tau = math.sqrt(max(tau_tau / n - tau * tau / (n * n) - with_tau * with_tau / spread, 0.0))
-        covariance = a_tau / n - a * tau / (n * n) - with_a * with_tau / spread
-        in_phase = covariance / rms_a if rms_a > 0.0 else 0.0
-        inertia = float(self._inertias[joint])
-        if math.isnan(inertia):
-            return in_phase if in_phase >= _IN_PHASE * rms_tau else 0.0
-        return min(in_phase, inertia * rms_a)
+    def _search(self, joint: int, number: int, is_end: bool) -> None:
+        """Search the samples at a rate for oscillations of a joint, which may be the worst so far.
 
-    def _follow(self, joint: int, shaking: float, ripple: float, swings: Vector) -> None:
-        """Add the current window, which is loud, to the joint's streak."""
-        streak, worst = self._streaks[:, joint], self._worst[:, joint]
-        if not streak[0]:
-            streak[1] = self._begin
-        streak += (1.0, 0.0, self._sums[10, joint], shaking * shaking, ripple * ripple, 0.0, 0.0)
-        streak[5:] = np.maximum(streak[5:], swings)
-        goes_on = streak[1] == worst[1]
-        if streak[0] >= SUSTAINED and (goes_on or streak[4] / streak[0] > worst[4] / max(worst[0], 1.0)):
-            worst[:] = streak
+        Args:
+            joint: Number of the joint.
+            number: Number of the rate.
+            is_end: Whether to search for growth until now, too.
+        """
+        rates, about = self._rates, self._joints[joint]
+        if rates is None or not math.isfinite(self._since[joint]):
+            return
+        last, rate = len(rates.every) - 1, rates.rates[number]
+        is_highest = number == 0 and last > 0  # which has the torque only
+        signals = [i for i in range(_SEARCHED) if about.has[i] and (i == TORQUE or not is_highest)]
+        first = math.ceil((float(self._since[joint]) - self._start) * rate - 1e-6) + number
+        first = max(first, rates.available(number) - rates.kept(number))
+        grids = _grids(rate, rates.available(number) - first, is_highest, number == last)
+        if not signals or not grids:
+            return
+        samples = rates.samples(number, self._channel[signals, joint], first)
+        if not np.isfinite(samples).all():
+            return
+        causes = [i for i in range(_SEARCHED, _SIGNALS) if about.has[i] and not is_highest]
+        limit = float(self._largest[joint]) if math.isnan(about.torque_limit) else about.torque_limit
+        floors = [_SMALLEST_SWING * limit if i == TORQUE else _SMALLEST_WAY * about.window for i in signals]
+        begin = self._start + first / rate
+        inputs = cache(partial(self._inputs, number, joint, causes, first))
+        for grid in grids:
+            gains = rates.gains(number, np.arange(grid.length // 2 + 1) * rate / grid.length)
+            search = ToneSearch(samples, inputs, grid, gains)
+            tones = [*search.lasting(floors), *(search.growing() if is_end else ())]
+            found = [
+                _describe(tone, signals, limit, begin, rate)
+                for tone in tones
+                if about.is_force_known or _is_own(tone, signals, about)
+            ]
+            if is_highest and not found:
+                found = _find_noise(search, grid, about.ripple, limit, begin)
+            for oscillation in found:
+                self._keep(joint, oscillation, limit)
+
+    def _inputs(self, number: int, joint: int, causes: Sequence[int], first: int) -> Vector:
+        """Return what may cause tones: inputs, and friction, which changes its sign with the speed."""
+        assert self._rates is not None
+        samples = self._rates.samples(number, self._channel[causes, joint], first)
+        if SPEED_REFERENCE in causes:
+            samples = np.vstack([samples, np.sign(samples[causes.index(SPEED_REFERENCE)])])
+        return samples
+
+    def _keep(self, joint: int, oscillation: Oscillation, limit: float) -> None:
+        window = self._joints[joint].window
+        worst = self._worst.get(joint, oscillation)
+        if _severity(worst, window, limit) > _severity(oscillation, window, limit):
+            worst, oscillation = oscillation, worst
+        self._worst[joint] = _joined(oscillation, worst)
 
     def memory(self) -> dict[str, Any]:
         """Return the state as plain data."""
-        return {name: np.asarray(getattr(self, f"_{name}")).tolist() for name in _STATE}
+        return {
+            **{name: np.asarray(getattr(self, f"_{name}")).tolist() for name in _STATE},
+            "rates": None if self._rates is None else self._rates.memory(),
+            "worst": {str(joint): vars(oscillation) for joint, oscillation in self._worst.items()},
+        }
 
     def remember(self, memory: Mapping[str, Any]) -> None:
         """Continue from `memory`; raise ValueError or KeyError if it belongs to another run."""
-        for name in _STATE:
-            before = getattr(self, f"_{name}")
-            value = read_stored_array(memory[name], np.shape(before))
-            setattr(self, f"_{name}", value if np.ndim(before) else type(before)(value))
+        self._restart(float(memory["start"]), float(memory["step"]))
+        self._last_time = float(memory["last_time"])
+        self._last = read_stored_array(memory["last"], (self._channels, 1))
+        for name in ("since", "largest"):
+            setattr(self, f"_{name}", read_stored_array(memory[name], (len(self._joints),)))
+        if self._rates is not None:
+            self._rates.remember(memory["rates"])
+        self._worst = {int(joint): Oscillation(**values) for joint, values in memory["worst"].items()}
+
+
+_STATE = ("start", "step", "last_time", "last", "since", "largest")
+
+
+def _grids(rate: float, samples: int, is_highest: bool, is_lowest: bool) -> list[Grid]:
+    """Return how to cut samples into windows, each with the frequencies that suit it."""
+    if is_highest:  # the next lower rate has the frequencies below the sixth bin
+        length = _WINDOWS[0]
+        # every second window is enough at such frequencies
+        grids = [Grid(rate, length, 2 * length, (6, length // 2 + 1), is_flat=False)]
+    elif not is_lowest:
+        length = _WINDOWS[1]
+        grids = [Grid(rate, length, length, (4, int(0.41 * length)))]
+    else:
+        # constant relative bandwidth: at least four cycles in a window
+        lengths = [16 * 2**i for i in range(20) if 2.4 * 16 * 2**i <= samples]
+        grids = [
+            Grid(rate, length, _hop(length, samples), (4, 8 if length > 32 else int(0.45 * length)))
+            for length in lengths
+        ]
+    return [g for g in grids if (samples - g.length) // g.hop + 1 >= FEWEST_WINDOWS]
+
+
+def _hop(length: int, samples: int) -> int:
+    """Return the samples from a window to the next: more overlap if there are few windows."""
+    return min(max(length // 8, (samples - length) // _ENOUGH_WINDOWS), length // 2)
+
+
+def _find_noise(
+    search: ToneSearch, grid: Grid, ripple: float, limit: float, begin: float
+) -> list[Oscillation]:
+    """Return noise of the torque whose rms exceeds a fraction of its limit for some time."""
+    windows, is_tone = search.noise(_NOISE_BIN)
+    if is_tone:
+        return []
+    each = max(round(_NOISE_TIME * grid.rate / grid.hop), 1)
+    parts = len(windows) // each
+    squares = windows[: parts * each].reshape(parts, each).mean(axis=1)
+    first, last = _longest_run(squares > (ripple * limit) ** 2)
+    if last - first < _NOISE_PARTS:
+        return []
+    rms, duration = float(np.sqrt(squares[first:last].mean())), each * grid.hop / grid.rate
+    return [
+        Oscillation(
+            kind="noise",
+            signal=NAMES[TORQUE],
+            time_s=begin + first * duration,
+            until_s=begin + last * duration,
+            torque_ripple=rms / limit,
+            torque_rms_N_m=rms,
+            torque_swing_N_m=2.0 * math.sqrt(2.0) * rms,
+        )
+    ]
+
+
+def _is_own(tone: Tone, signals: Sequence[int], about: Joint) -> bool:
+    """Return whether the torque of a tone is that of the joint's acceleration, so that no force causes it."""
+    amplitudes = dict(zip(signals, tone.others, strict=True))
+    if TORQUE not in amplitudes or ERROR not in amplitudes or math.isnan(about.inertia):
+        return True  # at the highest rate, no drive rejects a force
+    own = about.inertia * (2.0 * math.pi * tone.frequency) ** 2 * amplitudes[ERROR]
+    return bool(abs(amplitudes[TORQUE] - own) < _OWN_TORQUE * amplitudes[TORQUE])
+
+
+def _describe(tone: Tone, signals: Sequence[int], limit: float, begin: float, rate: float) -> Oscillation:
+    amplitudes = dict(zip(signals, tone.others.tolist(), strict=True))
+    nan = float("nan")
+    torque = amplitudes.get(TORQUE, nan)
+    return Oscillation(
+        kind="growing" if tone.is_growing else "lasting",
+        signal=NAMES[signals[tone.signal]],
+        time_s=begin + tone.begin / rate,
+        until_s=begin + tone.end / rate,
+        frequency_Hz=tone.frequency,
+        growth_1_s=tone.growth,
+        torque_ripple=torque / math.sqrt(2.0) / limit if limit > 0.0 else nan,
+        torque_rms_N_m=torque / math.sqrt(2.0),
+        torque_swing_N_m=2.0 * torque,
+        position_swing_m=2.0 * amplitudes.get(ERROR, nan),
+        load_swing_m=2.0 * amplitudes.get(LOAD, nan),
+    )
+
+
+def _severity(oscillation: Oscillation, window: float, limit: float) -> float:
+    """Return the largest amplitude relative to what is allowed; noise counts least."""
+    if oscillation.kind == "noise":
+        return -1.0 / oscillation.torque_ripple
+    relative = (
+        oscillation.torque_swing_N_m / limit if limit > 0.0 else 0.0,
+        oscillation.position_swing_m / window,
+        oscillation.load_swing_m / window,
+    )
+    return max((x for x in relative if not math.isnan(x)), default=0.0)
+
+
+def _joined(worse: Oscillation, other: Oscillation) -> Oscillation:
+    """Return the worse oscillation, with the times of both if they have the same frequency."""
+    alike = worse.kind == other.kind == "noise" or (
+        abs(worse.frequency_Hz - other.frequency_Hz) < _SAME_FREQUENCY * worse.frequency_Hz
+    )
+    if not alike:
+        return worse
+    return replace(worse, time_s=min(worse.time_s, other.time_s), until_s=max(worse.until_s, other.until_s))
+
+
+def _longest_run(values: Mask) -> tuple[int, int]:
+    """Return the longest run of true values: its first position, and the one after its last."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], values, [False]]).astype(int)))
+    runs = [(int(first), int(last)) for first, last in zip(edges[::2], edges[1::2], strict=True)]
+    return max(runs, key=lambda run: run[1] - run[0], default=(0, 0))

@@ -18,7 +18,7 @@ from ..algorithms.algorithm import require
 from ..network import Network
 from .stepping_base import Stepping
 
-FORMAT = 6
+FORMAT = 7
 _STATE, _MEMORY = "state/", "memory/"
 
 

@@ -1,0 +1,382 @@
+"""Find tones in signals that last or grow: by the spectrum, and by the trend of its amplitudes.
+
+Short-time spectra show a tone as a peak. The logarithm of its amplitude over time is a straight line if the
+tone lasts, grows or decays exponentially, as a linear system does. Noise, also in a narrow band, scatters
+around any line. What known inputs cause, such as a sine in the disturbance, is removed by least squares.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+
+from ..base.arrays import Vector
+
+FEWEST_WINDOWS = 12
+"""Least number of windows for a trend."""
+
+FEWEST_CYCLES = 10.0
+"""Least number of cycles of a tone."""
+
+_PROMINENCE = 20.0
+"""Least power of a tone relative to the lower quartile of the bins around it, which may have other tones."""
+
+_STEEP = 4.0
+"""Least power of a tone relative to a bin beside its main lobe; says at once that noise has no tone."""
+
+_BEYOND = 5
+"""Bins beside a peak that are compared with it."""
+
+_SCATTER = 0.15
+"""Largest standard deviation of the log amplitude from its trend. Narrow-band noise has 0.6 (Rayleigh)."""
+
+_LASTS = -0.06
+"""Least growth in 1/s of a tone that lasts. A tone that decays faster ends by itself."""
+
+_TREND_ERROR = 0.25
+"""Largest uncertainty of the log amplitude's change over a segment of a tone that lasts."""
+
+_GROWTH = 0.03
+"""Least growth in 1/s that is certain (three standard errors)."""
+
+_GROWN_BY = 0.12
+"""Least change of the log amplitude of a tone that grows."""
+
+_GROWN_LATE = 3.0
+"""The same for a tone that grows in less than half of the time; noise in a narrow band seems to grow, too."""
+
+_EXPONENTIAL = 0.8
+"""Least part of the log amplitude's variance that the trend of a growing tone explains."""
+
+_PHASE_SCATTER = 0.5
+"""Largest standard deviation in rad of the phase of a growing tone from a parabola over time."""
+
+_TONAL = 0.75
+"""Least part of the power in one peak of a tone."""
+
+_SMOOTH = 0.7
+"""Largest change of the log power of a tone from window to window; that of narrow-band noise is about 1."""
+
+_FORCED = 0.5
+"""A tone is caused by the inputs if they explain at least this part of its amplitude."""
+
+_FORCED_GROWTH = 0.4
+"""Largest part of a growing tone that inputs leave unexplained which cause it; a steady input leaves more."""
+
+Spectra = NDArray[np.complex128]
+"""Amplitudes by signal, window and frequency."""
+
+
+@dataclass(frozen=True)
+class Tone:
+    """A tone that lasts or grows.
+
+    Attributes:
+        signal: Number of the signal.
+        frequency: In Hz.
+        growth: Growth of the amplitude in 1/s.
+        amplitude: Mean amplitude in the second half of the time, in the unit of the signal.
+        others: Amplitudes of all signals at this frequency.
+        begin, end: Samples at which the time begins and ends.
+        is_growing: Whether the growth is certain.
+        bin: Frequency bin.
+        windows: First window and the one after the last.
+    """
+
+    signal: int
+    frequency: float
+    growth: float
+    amplitude: float
+    others: Vector
+    begin: int
+    end: int
+    is_growing: bool
+    bin: int
+    windows: tuple[int, int]
+
+
+class Grid(NamedTuple):
+    """How signals are cut into windows.
+
+    Attributes:
+        rate: Samples per second.
+        length: Samples of a window.
+        hop: Samples from a window to the next.
+        bins: First frequency bin and the one after the last.
+        is_flat: Whether to remove a parabola from each window: what is slower than the window.
+    """
+
+    rate: float
+    length: int
+    hop: int
+    bins: tuple[int, int]
+    is_flat: bool = True
+
+
+class _Trend(NamedTuple):
+    """The straight line through log amplitudes over time, for any number of signals and frequencies."""
+
+    growth: Any
+    error: Any
+    scatter: Any
+    explained: Any
+
+
+def windows_of(samples: Vector, grid: Grid) -> Vector:
+    """Return windows of signals, shape (signals, windows, length), without copying."""
+    return sliding_window_view(samples, grid.length, axis=1)[:, :: grid.hop]
+
+
+def spectra_of(samples: Vector, grid: Grid) -> Spectra:
+    """Return short-time spectra, scaled so that a sine has its amplitude, of Hann windows."""
+    windows = windows_of(samples, grid)
+    taper, trend = _taper(grid.length)
+    if grid.is_flat:
+        windows = windows - (windows @ trend) @ trend.T
+    return np.fft.rfft(windows * taper, axis=-1)
+
+
+def _taper(length: int) -> tuple[Vector, Vector]:
+    """Return the window, and orthonormal polynomials up to the second degree, shape (length, 3)."""
+    if length not in _TAPERS:
+        t = np.linspace(-1.0, 1.0, length)
+        hann = np.hanning(length + 1)[:length]
+        trend = np.stack([np.ones(length), t, t * t - np.mean(t * t)], axis=1)
+        trend /= np.sqrt(np.sum(trend * trend, axis=0))
+        _TAPERS[length] = hann * 2.0 / hann.sum(), trend
+    return _TAPERS[length]
+
+
+_TAPERS: dict[int, tuple[Vector, Vector]] = {}
+
+
+class ToneSearch:
+    """Searches the samples of some signals for tones.
+
+    Args:
+        signals: Samples, shape (signals, samples).
+        inputs: Returns samples of what may cause tones, shape (inputs, samples).
+        grid: How they are cut into windows.
+        gains: Amplitude of what is in the samples relative to the signal, by frequency bin.
+    """
+
+    def __init__(self, signals: Vector, inputs: Callable[[], Vector], grid: Grid, gains: Vector) -> None:
+        self._inputs, self._grid, self._gains = inputs, grid, gains
+        self._spectra = spectra_of(signals, grid)
+        self._power = self._spectra.real**2 + self._spectra.imag**2
+
+    @property
+    def count(self) -> int:
+        """Number of windows."""
+        return self._power.shape[1]
+
+    def noise(self, bin_: int) -> tuple[Vector, bool]:
+        """Return noise of the first signal.
+
+        Args:
+            bin_: First frequency bin that counts.
+
+        Returns:
+            The mean square in each window, and whether it is a tone rather than noise: whether one peak has
+            most of it, and its amplitude changes little from window to window.
+        """
+        power = self._power[0, :, bin_:]
+        squares = power.sum(axis=1) / 3.0  # a sine has 3/2 of its squared amplitude
+        mean = power.mean(axis=0)
+        lobe = np.convolve(mean, np.ones(3), "same").max() / max(float(mean.sum()), 1e-300)
+        jumps = np.diff(np.log(np.maximum(squares, 1e-300)))
+        return squares, bool(lobe > _TONAL and np.median(np.abs(jumps)) < _SMOOTH)
+
+    def lasting(self, floors: Sequence[float]) -> Iterator[Tone]:
+        """Yield tones that last and are larger than these amplitudes, the largest of each signal.
+
+        Searches all time, then halves, quarters and so on: a tone may have begun late, or ended early. What
+        decays over a longer time is not searched in its parts.
+        """
+        for signal, floor in enumerate(floors):
+            limits = (floor * self._gains) ** 2
+            if not self._is_loud(signal, limits):
+                continue
+            decaying, tones = list[tuple[int, int, int]](), list[Tone]()
+            for first, last, q in self._peaks(signal, limits):
+                if any(abs(q - p) < 2 and a <= first and last <= b for p, a, b in decaying):
+                    continue
+                trend = self._trend_of(signal, q, first, last)
+                if trend is None:
+                    continue
+                if trend.growth + 2.0 * trend.error < _LASTS:
+                    decaying.append((q, first, last))
+                elif trend.growth > _LASTS and trend.error * self._duration(first, last) < _TREND_ERROR:
+                    tones.append(self._tone(signal, q, first, last, trend.growth))
+            forced: set[int] = set()
+            for tone in sorted(tones, key=lambda tone: -tone.amplitude):
+                if tone.bin in forced:
+                    continue
+                if not self._is_forced(tone):
+                    # the longest of similar tones
+                    yield next(t for t in tones if t.bin not in forced and t.amplitude > 0.5 * tone.amplitude)
+                    break
+                forced.add(tone.bin)
+
+    def growing(self) -> Iterator[Tone]:
+        """Yield tones that grow until the end, however small."""
+        count, (low, high) = self.count, self._grid.bins
+        if count < FEWEST_WINDOWS:
+            return
+        amplitudes = self._amplitudes(slice(None), slice(low, high), 0, count)
+        logs = np.log(np.maximum(amplitudes, 1e-300))
+        for part in (count >> i for i in range(count.bit_length()) if count >> i >= FEWEST_WINDOWS):
+            first = count - part
+            trend = self._trend(logs[:, first:])
+            change = trend.growth * (part - 1) * self._grid.hop / self._grid.rate
+            least = _GROWN_BY if 2 * first <= count + 1 else _GROWN_LATE
+            grows = (trend.growth - 3.0 * trend.error > _GROWTH) & (change > least)
+            grows &= (trend.explained > _EXPONENTIAL) & (trend.scatter < _SCATTER)
+            for signal, q in zip(*np.nonzero(grows), strict=True):
+                if self._is_steady(int(signal), low + int(q), first, count):
+                    tone = self._tone(
+                        int(signal), low + int(q), first, count, float(trend.growth[signal, q]), True
+                    )
+                    if not self._is_forced(tone):
+                        yield tone
+
+    def _is_loud(self, signal: int, limits: Vector) -> bool:
+        """Return whether a tone above limits may be in an eighth of the windows or more."""
+        low, high = self._grid.bins
+        each = -(-self.count // 8)
+        means = (
+            np.add.reduceat(self._power[signal, :, low:high], np.arange(0, self.count, each), axis=0) / each
+        )
+        return bool((means > 0.25 * limits[low:high]).any())
+
+    def _peaks(self, signal: int, limits: Vector) -> Iterator[tuple[int, int, int]]:
+        """Yield prominent peaks above limits: first window, the one after the last, and frequency bin."""
+        segments = np.array(list(_segments(self.count)), dtype=int).reshape(-1, 2)
+        sums = np.zeros((self.count + 1, self._power.shape[2] + _BEYOND))  # no power beyond the last bin
+        np.cumsum(self._power[signal], axis=0, out=sums[1:, :-_BEYOND])
+        power = (sums[segments[:, 1]] - sums[segments[:, 0]]) / np.diff(segments, axis=1)
+        low, high = self._grid.bins
+        width = min(high, len(limits)) - low
+        at = power[:, low : low + width]
+        beside = {i: power[:, low + i : low + i + width] for i in (-4, -3, -1, 1, 3, 4, 5)}
+        is_peak = (at >= beside[-1]) & (at > beside[1]) & (at > limits[low : low + width])
+        is_peak &= at > _STEEP * np.min([beside[i] for i in (-4, -3, 3, 4, 5)], axis=0)
+        for number, i in np.argwhere(is_peak).tolist():
+            if self._is_prominent(power[number, :-_BEYOND], low + i):
+                yield int(segments[number, 0]), int(segments[number, 1]), low + i
+
+    def _is_prominent(self, power: Vector, q: int) -> bool:
+        around = sorted([*power[max(q - 8, 2) : q - 2].tolist(), *power[q + 3 : q + 9].tolist()])
+        return not around or float(power[q]) > _PROMINENCE * around[len(around) // 4]
+
+    def _amplitudes(self, signals: Any, bins: slice, first: int, last: int) -> Vector:
+        """Return amplitudes of tones: three bins contain the main lobe of the window."""
+        width = bins.stop - bins.start
+        power = np.concatenate(
+            [self._power[signals, first:last], self._power[signals, first:last, -2:-1]], axis=-1
+        )
+        lobes = sum(power[..., bins.start + i : bins.start + i + width] for i in (-1, 0, 1))
+        return np.sqrt(lobes / 1.5)
+
+    def _trend(self, logs: Vector) -> _Trend:
+        """Return the trend of log amplitudes along the axis of windows, which is the second last."""
+        count, hop = logs.shape[-2], self._grid.hop / self._grid.rate
+        t = (np.arange(count) - 0.5 * (count - 1)) * hop
+        squares = float(t @ t)
+        growth = np.einsum("...kq,k->...q", logs, t) / squares
+        total = logs.var(axis=-2) * count
+        left = np.maximum(total - growth**2 * squares, 0.0)
+        scatter = np.sqrt(left / (count - 2))
+        overlap = max(self._grid.length / self._grid.hop / 2.0, 1.0)  # such windows are not independent
+        explained = 1.0 - left / np.maximum(total, 1e-300)
+        return _Trend(growth, scatter * np.sqrt(overlap / squares), scatter, explained)
+
+    def _trend_of(self, signal: int, q: int, first: int, last: int) -> _Trend | None:
+        """Return the trend of a tone; None if it is too short, or noise."""
+        if self._duration(first, last) * q * self._grid.rate / self._grid.length < FEWEST_CYCLES:
+            return None
+        amplitudes = self._amplitudes(signal, slice(q, q + 1), first, last)
+        trend = self._trend(np.log(np.maximum(amplitudes, 1e-300)))
+        return None if trend.scatter[0] > _SCATTER else _Trend(*(float(x[0]) for x in trend))
+
+    def _is_steady(self, signal: int, q: int, first: int, last: int) -> bool:
+        """Return whether there is a peak at this frequency bin with the phase of a sine."""
+        power = self._power[signal, (first + last) // 2 : last].mean(axis=0)
+        if power[q] < power[q - 1 : q + 2].max() or not self._is_prominent(power, q):
+            return False
+        if self._duration(first, last) * q * self._grid.rate / self._grid.length < FEWEST_CYCLES:
+            return False
+        phase = np.unwrap(np.angle(self._spectra[signal, first:last, q] * self._turned(q, first, last)))
+        trend = _taper(last - first)[1]  # a parabola: the frequency may change with the amplitude
+        return bool(np.std(phase - trend @ (trend.T @ phase)) < _PHASE_SCATTER)
+
+    def _turned(self, q: int, first: int, last: int) -> Spectra:
+        """Return factors that let the phase of a tone in the middle of a bin stand still."""
+        return np.exp(-2j * np.pi * q * self._grid.hop / self._grid.length * np.arange(first, last))
+
+    def _is_forced(self, tone: Tone) -> bool:
+        """Return whether the inputs cause a tone: whether their tones of this frequency explain it."""
+        inputs = self._inputs()
+        if not len(inputs):
+            return False
+        q, (first, last) = tone.bin, tone.windows
+        taper, trend = _taper(self._grid.length)
+        windows = windows_of(inputs, self._grid)[:, first:last]
+        angle = 2.0 * np.pi * q / self._grid.length * np.arange(self._grid.length)
+        waves = taper[:, np.newaxis] * np.stack([np.cos(angle), -np.sin(angle)], axis=1)
+        parts = windows @ (waves - trend @ (trend.T @ waves))
+        causes = (parts[..., 0] + 1j * parts[..., 1]).T
+        sizes = np.sqrt(np.mean(np.abs(causes) ** 2, axis=0))
+        audible = sizes > 1e-9 * np.maximum(np.ptp(inputs, axis=1), 1e-300)
+        if last - first <= 3 * np.count_nonzero(audible):
+            return False
+        left, basis = self._spectra[tone.signal, first:last, q], list[Spectra]()
+        whole = np.linalg.norm(left)
+        for cause in (causes[:, audible] / sizes[audible]).T:  # least squares by orthogonal causes
+            for earlier in basis:
+                cause = cause - np.vdot(earlier, cause) * earlier
+            if (norm := float(np.linalg.norm(cause))) > 1e-6:
+                basis.append(cause / norm)
+                left = left - np.vdot(basis[-1], left) * basis[-1]
+        most = _FORCED_GROWTH if tone.is_growing else 1.0 - _FORCED
+        return bool(np.linalg.norm(left) < most * whole)
+
+    def _duration(self, first: int, last: int) -> float:
+        """Return the time in s that windows cover."""
+        return ((last - first - 1) * self._grid.hop + self._grid.length) / self._grid.rate
+
+    def _tone(
+        self, signal: int, q: int, first: int, last: int, growth: float, is_growing: bool = False
+    ) -> Tone:
+        late = (first + last) // 2
+        amplitudes = (
+            self._amplitudes(slice(None), slice(q, q + 1), late, last)[..., 0].mean(axis=1) / self._gains[q]
+        )
+        beside = np.sqrt(self._power[signal, first:last, q - 1 : q + 2].mean(axis=0))
+        side = 1 if len(beside) > 2 and beside[2] > beside[0] else -1
+        ratio = float(beside[1 + side] / beside[1])
+        offset = side * (2.0 * ratio - 1.0) / (1.0 + ratio)  # from the main lobe of a Hann window
+        return Tone(
+            signal=signal,
+            frequency=(q + offset) * self._grid.rate / self._grid.length,
+            growth=growth,
+            amplitude=float(amplitudes[signal]),
+            others=amplitudes,
+            begin=first * self._grid.hop,
+            end=(last - 1) * self._grid.hop + self._grid.length,
+            is_growing=is_growing,
+            bin=q,
+            windows=(first, last),
+        )
+
+
+def _segments(count: int) -> Iterator[tuple[int, int]]:
+    """Yield all windows, then halves, quarters and so on, as first and last plus one; the latest first."""
+    length = count
+    while length >= FEWEST_WINDOWS:
+        for last in range(count, length - 1, -length):
+            yield last - length, last
+        length //= 2

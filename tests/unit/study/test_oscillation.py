@@ -1,0 +1,233 @@
+"""Tones that last, grow or decay, beside what known inputs cause, from rows with known rates."""
+
+import json
+from typing import Any
+
+import hypothesis.strategies as st
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from scipy.signal import lfilter
+
+import emla_cosim as ec
+from emla_cosim.study.loads import LoadMetrics
+from emla_cosim.study.metrics import JointMetrics
+
+NAMES = [
+    f"j.{name}"
+    for name in (
+        "plant.x_L",
+        "plant.v_L",
+        "plant.tau_m",
+        "reference.x_d",
+        "reference.v_d",
+        "disturbance.F_L",
+        "disturbance.d_2",
+        "plant.load.x",
+    )
+]
+LIMIT, INERTIA = 200.0, 35.0  # N m, N m / (m/s^2)
+PARAMETERS = {
+    "j.plant.motor.N_p": 1.0,
+    "j.plant.motor.Phi_PM": LIMIT / 1.5,
+    "j.plant.motor.i_max": 1.0,
+}
+
+
+def oscillation_of(
+    stop: float = 4.0,
+    step: float = 1e-4,
+    block: int = 4000,
+    again: bool = False,
+    seed: int = 1,
+    **signals: Any,
+) -> dict[str, Any]:
+    """Return the figures of a joint with these functions of time, beside noise and a forced motion."""
+    t = np.arange(round(stop / step) + 1) * step
+    random = np.random.default_rng(seed)
+    values = {name: np.asarray(f(t)) for name, f in signals.items()}
+    d_2 = values.get("d_2", 0.8 * np.sin(8.0 * t) + 0.7 * np.sin(20.0 * t))
+    forced = -0.99 * INERTIA * d_2  # what is rejected of the disturbance, all but 1 %
+    torque = values.get("torque", 0.0) + forced + 60.0 + 1e-3 * random.normal(size=len(t))
+    error = values.get("error", 0.0) + 1e-8 * d_2 + 1e-11 * random.normal(size=len(t))
+    load = values.get("load", 0.0) + error
+    rest = np.zeros(len(t))
+    rows = np.column_stack([t, error, rest, torque, rest, rest, rest + 57e3, d_2, load])
+
+    def make() -> JointMetrics:
+        return JointMetrics(NAMES, PARAMETERS, loads=LoadMetrics(["j"], [[8, 1, 4]], {}))
+
+    metrics = make()
+    for first in range(0, len(rows), block):
+        metrics.write(np.array(rows[first : first + block], dtype=np.float64))
+        if again:
+            memory = json.loads(json.dumps(metrics.memory()))
+            metrics = make()
+            metrics.remember(memory)
+    return dict(metrics.figures()["j"])
+
+
+def tone(hertz: float, growth: float, end: float, stop: float = 4.0) -> Any:
+    """Return a sine whose amplitude is largest, `end`, at the end or at the start."""
+    return lambda t: (
+        end * np.exp(growth * (t - stop if growth > 0.0 else t)) * np.sin(2.0 * np.pi * hertz * t + 0.5)
+    )
+
+
+@given(
+    hertz=st.sampled_from([5.0, 6.25, 14.0, 40.0, 100.0, 290.0]),
+    growth=st.sampled_from([0.1, 0.3, 0.7, 2.0]),
+    end=st.sampled_from([0.3, 3.0, 30.0]),
+    seed=st.integers(0, 1000),
+)
+@settings(max_examples=20)
+def test_growing_tone_is_an_oscillation_and_decaying_one_is_not(
+    hertz: float, growth: float, end: float, seed: int
+) -> None:
+    """However small: 0.3 N m are 0.15 % of the limit; other frequencies need longer runs."""
+    for sign in (1.0, -1.0):
+        torque = tone(hertz, sign * growth, end)
+        found = oscillation_of(
+            torque=torque, error=lambda t, f=torque: -f(t) / INERTIA / (2 * np.pi * hertz) ** 2
+        )
+        oscillation = found["oscillation"]
+        assert (oscillation is not None) == (sign > 0.0) == (not found["held"]), (sign, oscillation)
+        if oscillation is not None:
+            assert oscillation["frequency_Hz"] == pytest.approx(hertz, rel=0.1)
+            assert oscillation["kind"] in ("growing", "lasting")
+            if oscillation["kind"] == "growing":
+                assert oscillation["growth_1_s"] == pytest.approx(growth, rel=0.3, abs=0.05)
+
+
+@pytest.mark.parametrize(("hertz", "stop"), [(0.6, 25.0), (2.2, 12.0), (4500.0, 1.0)])
+def test_slow_and_fast_oscillations(hertz: float, stop: float) -> None:
+    """From 0.5 Hz to half the sample rate; ten cycles are needed."""
+    found = oscillation_of(stop=stop, torque=tone(hertz, 0.0, 20.0, stop), block=9000)
+    assert found["oscillation"]["kind"] == "lasting" and found["held"] is False
+    assert found["oscillation"]["frequency_Hz"] == pytest.approx(hertz, rel=0.1)
+
+
+def test_load_that_swings_within_its_window_is_an_oscillation() -> None:
+    found = oscillation_of(load=lambda t: 130e-6 * np.sin(2 * np.pi * 6.25 * t))
+    assert found["held"] is False and found["judged"] == ["screw", "load"]
+    assert found["oscillation"]["signal"] == "load"
+    assert found["oscillation"]["load_swing_m"] == pytest.approx(260e-6, rel=0.1)
+    assert "load by 2" in found["reason"]
+
+
+def test_swing_that_decays_is_held() -> None:
+    """A load of 12 t on 20 kN/mm with a damping ratio of 0.02: 0.8 1/s."""
+    assert oscillation_of(load=tone(6.25, -0.8, 0.9e-3))["held"] is True
+
+
+def test_what_known_inputs_cause_is_no_oscillation() -> None:
+    """The joint rejects sines of the disturbance at 1.3, 3.2 and 60 Hz with most of its torque."""
+    for hertz in (1.3, 6.0, 60.0):
+        found = oscillation_of(stop=8.0, d_2=lambda t, f=hertz: 3.0 * np.sin(2 * np.pi * f * t))
+        assert found["oscillation"] is None and found["held"] is True
+    beside = oscillation_of(
+        stop=8.0,
+        d_2=lambda t: 3.0 * np.sin(2 * np.pi * 6.0 * t),
+        torque=lambda t: 20.0 * np.sin(2 * np.pi * 14.0 * t),
+    )
+    assert beside["oscillation"]["frequency_Hz"] == pytest.approx(14.0, rel=0.02)
+
+
+@pytest.mark.parametrize("hertz", [20.0, 300.0, 1000.0])
+@pytest.mark.parametrize("seed", range(3))
+def test_noise_in_a_narrow_band_is_no_oscillation(hertz: float, seed: int) -> None:
+    """A mode with a damping ratio of 0.02 that noise excites: its amplitude comes and goes."""
+    pole = np.exp((-0.02 + 1j) * 2.0 * np.pi * hertz * 1e-4)
+    noise = np.random.default_rng(seed).normal(size=60_001)
+    values = np.real(lfilter([1.0], [1.0, -pole], noise.astype(complex)))
+    torque = 10.0 * values / values.std()
+    assert oscillation_of(stop=6.0, torque=lambda _: torque)["oscillation"] is None
+
+
+def test_any_blocks_and_checkpoints_give_the_same_oscillation() -> None:
+    signals = {"torque": tone(290.0, 0.4, 50.0), "load": tone(6.0, 0.0, 1e-4)}
+    whole = oscillation_of(block=50_000, **signals)["oscillation"]
+    assert oscillation_of(block=777, **signals)["oscillation"] == pytest.approx(whole, nan_ok=True)
+    assert oscillation_of(block=9001, again=True, **signals)["oscillation"] == pytest.approx(
+        whole, nan_ok=True
+    )
+
+
+@pytest.mark.parametrize("step", [1e-3, 5e-3, 2e-5])
+def test_other_steps(step: float) -> None:
+    found = oscillation_of(step=step, torque=tone(14.0, 0.0, 20.0))
+    assert found["oscillation"]["frequency_Hz"] == pytest.approx(14.0, rel=0.05)
+    assert oscillation_of(step=step, torque=tone(14.0, -0.5, 20.0))["oscillation"] is None
+
+
+def test_unequal_steps() -> None:
+    """Error control changes the steps; rows are brought to equal ones."""
+    random = np.random.default_rng(0)
+    t = np.cumsum(random.uniform(5e-4, 1.5e-3, size=6000))
+    rest = np.zeros(len(t))
+    for growth, is_held in ((0.0, False), (-0.5, True)):
+        load = 2e-4 * np.exp(growth * t) * np.sin(2 * np.pi * 8.0 * t)
+        rows = np.column_stack([t, rest, rest, rest, rest, rest, rest, rest, load])
+        metrics = JointMetrics(NAMES, PARAMETERS, loads=LoadMetrics(["j"], [[8, 1, 4]], {}))
+        for part in np.array_split(rows, 7):
+            metrics.write(part)
+        assert metrics.figures()["j"]["held"] is is_held
+
+
+# ---- runs --------------------------------------------------------------------------------------------
+
+
+def soft(joint: str, mass: float, stiffness: float) -> dict[str, float]:
+    """Return a load on a spring with a damping ratio of 0.02."""
+    return {
+        f"{joint}.plant.load.m": mass,
+        f"{joint}.plant.transmission.stiffness": stiffness,
+        f"{joint}.plant.transmission.damping": 2.0 * 0.02 * np.sqrt(stiffness * mass),
+    }
+
+
+@pytest.fixture(scope="module")
+def compliant(fmu_folder: Any) -> Any:
+    with ec.load("study-compliant", fmus=fmu_folder).prepare() as simulation:
+        yield simulation
+
+
+def test_torque_that_works_against_the_spring_is_a_limit_cycle(compliant: ec.Simulation) -> None:
+    """The torque swings by 26 of 32 N m and the load by 1.6 mm within its window, which was held once."""
+    change = {
+        **soft("telescope", 2120.0, 25e6),
+        "telescope.plant.start.deflection": -1.36e-4,
+        "telescope.reference.move.duration[1]": 2.0,
+    }
+    result = compliant.run(stop_time=5.0, set=change, recorders=[])
+    figures, load = result.metrics["joints"]["telescope"], result.metrics["loads"]["telescope"]
+    assert load["load_within_window"] is True and figures["held"] is False
+    assert figures["oscillation"]["frequency_Hz"] == pytest.approx(14.3, rel=0.05)
+    assert figures["oscillation"]["load_swing_m"] == pytest.approx(1.6e-3, rel=0.15)
+    assert any(text.startswith("telescope oscillates at") for text in result.remarks)
+    assert result.metrics["joints"]["lift"]["held"] is True
+
+
+@pytest.mark.parametrize(("damping", "is_held"), [(0.0, False), (0.02, True)])
+def test_boom_that_swings_after_a_move(damping: float, is_held: bool, compliant: ec.Simulation) -> None:
+    """12 t on 20 kN/mm swing at 6 Hz: without damping for ever; a damping ratio of 2 % ends it by 0.8 1/s."""
+    change = {**soft("lift", 12e3, 20e6), "lift.disturbance.load.level[1]": 5e3}
+    change["lift.plant.transmission.damping"] *= damping / 0.02
+    change["lift.plant.start.deflection"] = 5e3 / 20e6
+    criteria = {"lift.position_window": 5e-3}
+    result = compliant.run(stop_time=6.0, set=change, criteria=criteria, recorders=[])
+    figures, load = result.metrics["joints"]["lift"], result.metrics["loads"]["lift"]
+    assert load["load_within_window"] is True and figures["held"] is is_held, figures["reason"]
+    assert (figures["oscillation"] is None) is is_held
+    if not is_held:
+        assert figures["oscillation"]["signal"] == "load"
+        assert figures["oscillation"]["frequency_Hz"] == pytest.approx(6.4, rel=0.1)
+
+
+@pytest.mark.parametrize(("inertia", "is_held"), [(0.669, False), (0.671, True), (0.7, True)])
+def test_inertia_at_the_edge_of_stability(inertia: float, is_held: bool, fmu_folder: Any) -> None:
+    """With 0.669 times the rotor's inertia the torque swings for ever; with 0.671 it decays by 0.25 1/s."""
+    change = {"lift.plant.motor.J_m": inertia * 0.016, "lift.plant.inverter.delay": 1e-4}
+    simulation = ec.load("lift", gains="compensated", fmus=fmu_folder, stop_time=4.0, set=change)
+    figures = simulation.prepare().run(recorders=[]).metrics["joints"]["lift"]
+    assert figures["held"] is is_held and (figures["oscillation"] is None) is is_held
