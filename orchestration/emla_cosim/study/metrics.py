@@ -202,6 +202,9 @@ class JointMetrics(Metrics):
                     window=criteria.position_window,
                     ripple=criteria.torque_ripple,
                     is_force_known=signals[joint]["F_L"] is not None,
+                    sample_times=[
+                        time for name, time in (sample_times or {}).items() if name.startswith(f"{joint}.")
+                    ],
                 )
                 for joint, criteria in zip(self._joints, each, strict=True)
             ]

@@ -53,6 +53,9 @@ _SMALLEST_SWING = 0.01
 _SMALLEST_WAY = 0.005
 """Amplitude of a lasting tone in a position relative to its window."""
 
+_SMALLEST_GROWING = 1e-5
+"""Amplitude of a growing tone relative to torque limit or position window; rounding grows, too."""
+
 _SAME_FREQUENCY = 0.1
 """Largest relative difference between frequencies of one oscillation."""
 
@@ -123,6 +126,7 @@ class Joint:
         window: Position window in m.
         ripple: Fraction of the torque limit from which on noise is an oscillation.
         is_force_known: Whether the load force is known, or a part of the system.
+        sample_times: Sample times in s of its components that do several steps at once.
     """
 
     has: Sequence[bool]
@@ -131,6 +135,7 @@ class Joint:
     window: float
     ripple: float
     is_force_known: bool
+    sample_times: Sequence[float] = ()
 
 
 class OscillationWatch:
@@ -237,16 +242,18 @@ class OscillationWatch:
         causes = [i for i in range(_SEARCHED, _SIGNALS) if about.has[i] and not is_highest]
         limit = float(self._largest[joint]) if math.isnan(about.torque_limit) else about.torque_limit
         floors = [_SMALLEST_SWING * limit if i == TORQUE else _SMALLEST_WAY * about.window for i in signals]
+        least = [_SMALLEST_GROWING * (limit if i == TORQUE else about.window) for i in signals]
         begin = self._start + first / rate
         inputs = cache(partial(self._inputs, number, joint, causes, first))
         for grid in grids:
             gains = rates.gains(number, np.arange(grid.length // 2 + 1) * rate / grid.length)
             search = ToneSearch(samples, inputs, grid, gains)
-            tones = [*search.lasting(floors), *(search.growing() if is_end else ())]
+            tones = [*search.lasting(floors), *(search.growing(least) if is_end else ())]
             found = [
                 _describe(tone, signals, limit, begin, rate)
                 for tone in tones
-                if about.is_force_known or _is_own(tone, signals, about)
+                if (about.is_force_known or _is_own(tone, signals, about))
+                and not _is_sampling(tone, grid, about, 0.5 * rates.rates[0])
             ]
             if is_highest and not found:
                 found = _find_noise(search, grid, about.ripple, limit, begin)
@@ -340,6 +347,20 @@ def _find_noise(
             torque_swing_N_m=2.0 * math.sqrt(2.0) * rms,
         )
     ]
+
+
+def _is_sampling(tone: Tone, grid: Grid, about: Joint, highest: float) -> bool:
+    """Return whether a tone is made by the steps of a sampled controller, which grow with what it follows.
+
+    Args:
+        tone: The tone.
+        grid: Windows in which it is found.
+        about: What is known about the joint.
+        highest: Highest frequency of the run in Hz.
+    """
+    lines = np.array([m / t for t in about.sample_times for m in range(1, int(highest * t) + 2)])
+    folded = np.abs(lines - grid.rate * np.rint(lines / grid.rate))  # where a lower rate shows them
+    return bool((np.abs(folded - tone.frequency) < grid.rate / grid.length).any())
 
 
 def _is_own(tone: Tone, signals: Sequence[int], about: Joint) -> bool:

@@ -221,8 +221,8 @@ class ToneSearch:
                     break
                 forced.add(tone.bin)
 
-    def growing(self) -> Iterator[Tone]:
-        """Yield tones that grow until the end, however small."""
+    def growing(self, floors: Sequence[float]) -> Iterator[Tone]:
+        """Yield tones that grow until the end and have become larger than these amplitudes, by signal."""
         count, (low, high) = self.count, self._grid.bins
         if count < FEWEST_WINDOWS:
             return
@@ -240,7 +240,7 @@ class ToneSearch:
                     tone = self._tone(
                         int(signal), low + int(q), first, count, float(trend.growth[signal, q]), True
                     )
-                    if not self._is_forced(tone):
+                    if tone.amplitude > floors[signal] and not self._is_forced(tone):
                         yield tone
 
     def _is_loud(self, signal: int, limits: Vector) -> bool:

@@ -174,6 +174,14 @@ def test_unequal_steps() -> None:
         assert metrics.figures()["j"]["held"] is is_held
 
 
+def test_steps_of_a_sampled_controller_are_no_oscillation(fmu_folder: Any) -> None:
+    """The torque of a controller at 1 kHz has steps, a tone of 1 kHz that grows with the speed."""
+    change = {"prototype.plant.screw.lead": 0.016}
+    with ec.load("prototype", stop_time=1.0, set=change, fmus=fmu_folder).prepare() as simulation:
+        figures = simulation.run(recorders=[]).metrics["joints"]["prototype"]
+    assert figures["oscillation"] is None and figures["held"] is True
+
+
 # ---- runs --------------------------------------------------------------------------------------------
 
 
