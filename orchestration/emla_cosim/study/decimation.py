@@ -43,15 +43,15 @@ class SampleRates:
         self.rates = [1.0 / (step * every) for every in self.every]
         self.count = 0
         """Number of steps so far."""
-        self._chunk = np.empty((channels, CHUNK))
-        """A ring: the samples of the last chunk, which new ones replace."""
+        self._chunk = np.empty((channels, CHUNK), dtype=np.float32)
+        """A ring: the samples of the last chunk, which new ones replace. Tones need few digits."""
         self._lower = [np.zeros((channels, 0)) for _ in self.every[1:]]
         """Samples of the lower rates from all complete chunks, as far as they are kept."""
         self._before = [np.zeros((channels, 1)) for _ in self.every[1:]]
         """Weighted sums of the last groups, which the next samples need."""
 
     def add(self, signals: Sequence[Vector]) -> Iterator[list[int]]:
-        """Keep samples, and yield after each chunk which rates have not been searched for long.
+        """Keep samples, and yield after each chunk which rates have new samples only.
 
         Args:
             signals: Samples of all signals, each part of shape (signals of the part, samples).
@@ -81,7 +81,7 @@ class SampleRates:
 
     def _decimated(self, channels: Any, steps: int) -> list[tuple[Vector, Vector]]:
         """Return the samples of the lower rates in the first steps of the chunk, and their last sums."""
-        samples, decimated = self._chunk[channels, :steps], list[tuple[Vector, Vector]]()
+        samples, decimated = self._chunk[channels, :steps].astype(float), list[tuple[Vector, Vector]]()
         for before in self._before:
             groups = samples[:, : samples.shape[1] // _EIGHTH * _EIGHTH].reshape(len(samples), -1, _EIGHTH)
             rising = np.concatenate([before[channels], _weighted(groups, _RISING)], axis=1)
@@ -94,7 +94,7 @@ class SampleRates:
         at = self.count % CHUNK
         if number == 0:
             old = self._chunk[channels, at:] if self.count >= CHUNK else np.zeros((len(channels), 0))
-            kept = np.concatenate([old, self._chunk[channels, :at]], axis=1)
+            kept = np.concatenate([old, self._chunk[channels, :at]], axis=1).astype(float)
         else:
             new = self._decimated(channels, at)[number - 1][0]
             kept = np.concatenate([self._lower[number - 1][channels], new], axis=1)
@@ -124,8 +124,9 @@ class SampleRates:
     def remember(self, memory: Mapping[str, Any]) -> None:
         """Continue from `memory`; raise ValueError, TypeError or KeyError if it belongs to another run."""
         channels = len(self._chunk)
-        stored = [np.frombuffer(base64.b64decode(x)).reshape(channels, -1) for x in memory["arrays"]]
-        chunk, *others = stored
+        first, *rest = (base64.b64decode(x) for x in memory["arrays"])
+        chunk = np.frombuffer(first, dtype=np.float32).reshape(channels, -1)
+        others = [np.frombuffer(x).reshape(channels, -1) for x in rest]
         self.count = int(memory["count"])
         self._chunk[:, : chunk.shape[1]] = chunk
         self._lower, self._before = others[: len(self._lower)], others[len(self._lower) :]

@@ -35,9 +35,6 @@ _STEPS = 100
 _MOST_SAMPLES = 10_000_000
 """Samples between two blocks of rows with longer steps."""
 
-_ENOUGH_WINDOWS = 64
-"""Number of windows from which on they overlap less."""
-
 _NOISE_BIN = 3
 """First frequency bin of torque noise; those below contain the motion."""
 
@@ -306,20 +303,20 @@ def _grids(rate: float, samples: int, is_highest: bool, is_lowest: bool) -> list
         grids = [Grid(rate, length, 2 * length, (6, length // 2 + 1), is_flat=False)]
     elif not is_lowest:
         length = _WINDOWS[1]
-        grids = [Grid(rate, length, length, (4, int(0.41 * length)))]
+        grids = [Grid(rate, length, length, (3, int(0.41 * length)))]
     else:
         # constant relative bandwidth: at least four cycles in a window
         lengths = [16 * 2**i for i in range(20) if 2.4 * 16 * 2**i <= samples]
         grids = [
-            Grid(rate, length, _hop(length, samples), (4, 8 if length > 32 else int(0.45 * length)))
+            Grid(
+                rate,
+                length,
+                length // 8,
+                (4, 8 if length > 32 else int(0.45 * length)),
+            )
             for length in lengths
         ]
     return [g for g in grids if (samples - g.length) // g.hop + 1 >= FEWEST_WINDOWS]
-
-
-def _hop(length: int, samples: int) -> int:
-    """Return the samples from a window to the next: more overlap if there are few windows."""
-    return min(max(length // 8, (samples - length) // _ENOUGH_WINDOWS), length // 2)
 
 
 def _find_noise(

@@ -18,7 +18,7 @@ from ..base.arrays import Vector
 FEWEST_WINDOWS = 12
 """Least number of windows for a trend."""
 
-FEWEST_CYCLES = 10.0
+FEWEST_CYCLES = 12.0
 """Least number of cycles of a tone."""
 
 _PROMINENCE = 20.0
@@ -32,6 +32,12 @@ _BEYOND = 5
 
 _SCATTER = 0.15
 """Largest standard deviation of the log amplitude from its trend. Narrow-band noise has 0.6 (Rayleigh)."""
+
+_STANDS_OUT = 4.0
+"""Least power of a tone that comes and goes relative to that at other times; that of noise is up to 3."""
+
+_ENDED = 5.0
+"""A tone that has ended must be this much larger than one that goes on."""
 
 _LASTS = -0.06
 """Least growth in 1/s of a tone that lasts. A tone that decays faster ends by itself."""
@@ -142,12 +148,22 @@ def spectra_of(samples: Vector, grid: Grid) -> Spectra:
 def _taper(length: int) -> tuple[Vector, Vector]:
     """Return the window, and orthonormal polynomials up to the second degree, shape (length, 3)."""
     if length not in _TAPERS:
-        t = np.linspace(-1.0, 1.0, length)
         hann = np.hanning(length + 1)[:length]
-        trend = np.stack([np.ones(length), t, t * t - np.mean(t * t)], axis=1)
-        trend /= np.sqrt(np.sum(trend * trend, axis=0))
-        _TAPERS[length] = hann * 2.0 / hann.sum(), trend
+        _TAPERS[length] = hann * 2.0 / hann.sum(), _polynomials(length, 2)
     return _TAPERS[length]
+
+
+def _polynomials(length: int, degree: int) -> Vector:
+    """Return orthonormal polynomials up to a degree at equal distances, shape (length, degree + 1)."""
+    t = np.linspace(-1.0, 1.0, length)
+    basis = list[Vector]()
+    for power in range(degree + 1):
+        rest = t**power
+        for _ in range(2):  # once more, for the sake of rounding
+            for earlier in basis:
+                rest = rest - np.dot(earlier, rest) * earlier
+        basis.append(rest / np.sqrt(np.dot(rest, rest)))
+    return np.stack(basis, axis=1)
 
 
 _TAPERS: dict[int, tuple[Vector, Vector]] = {}
@@ -193,23 +209,31 @@ class ToneSearch:
     def lasting(self, floors: Sequence[float]) -> Iterator[Tone]:
         """Yield tones that last and are larger than these amplitudes, the largest of each signal.
 
-        Searches all time, then halves, quarters and so on: a tone may have begun late, or ended early. What
-        decays over a longer time is not searched in its parts.
+        Searches all time, then halves, quarters and so on: a tone may have begun late, or ended early.
         """
         for signal, floor in enumerate(floors):
             limits = (floor * self._gains) ** 2
             if not self._is_loud(signal, limits):
                 continue
             decaying, tones = list[tuple[int, int, int]](), list[Tone]()
-            for first, last, q in self._peaks(signal, limits):
-                if any(abs(q - p) < 2 and a <= first and last <= b for p, a, b in decaying):
-                    continue
+            segments = list(_segments(self.count))
+            for number, q in self._peaks(signal, limits, segments):
+                first, last = segments[number]
                 trend = self._trend_of(signal, q, first, last)
                 if trend is None:
                     continue
                 if trend.growth + 2.0 * trend.error < _LASTS:
                     decaying.append((q, first, last))
-                elif trend.growth > _LASTS and trend.error * self._duration(first, last) < _TREND_ERROR:
+                    continue
+                # a part of what decays over a longer time must be certain not to decay
+                is_part = any(abs(q - p) < 2 and a <= first and last <= b for p, a, b in decaying)
+                certain = trend.growth - (2.0 * trend.error if is_part else 0.0) > _LASTS
+                if last - first < self.count and self._comes_and_goes(signal, q, first, last):
+                    continue
+                power = float(self._power[signal, first:last, q].mean())
+                if last < self.count and power < _ENDED**2 * limits[q]:
+                    continue
+                if certain and trend.error * self._duration(first, last) < _TREND_ERROR:
                     tones.append(self._tone(signal, q, first, last, trend.growth))
             forced: set[int] = set()
             for tone in sorted(tones, key=lambda tone: -tone.amplitude):
@@ -223,25 +247,22 @@ class ToneSearch:
 
     def growing(self, floors: Sequence[float]) -> Iterator[Tone]:
         """Yield tones that grow until the end and have become larger than these amplitudes, by signal."""
-        count, (low, high) = self.count, self._grid.bins
-        if count < FEWEST_WINDOWS:
-            return
-        amplitudes = self._amplitudes(slice(None), slice(low, high), 0, count)
-        logs = np.log(np.maximum(amplitudes, 1e-300))
-        for part in (count >> i for i in range(count.bit_length()) if count >> i >= FEWEST_WINDOWS):
-            first = count - part
-            trend = self._trend(logs[:, first:])
-            change = trend.growth * (part - 1) * self._grid.hop / self._grid.rate
-            least = _GROWN_BY if 2 * first <= count + 1 else _GROWN_LATE
-            grows = (trend.growth - 3.0 * trend.error > _GROWTH) & (change > least)
-            grows &= (trend.explained > _EXPONENTIAL) & (trend.scatter < _SCATTER)
-            for signal, q in zip(*np.nonzero(grows), strict=True):
-                if self._is_steady(int(signal), low + int(q), first, count):
-                    tone = self._tone(
-                        int(signal), low + int(q), first, count, float(trend.growth[signal, q]), True
-                    )
-                    if tone.amplitude > floors[signal] and not self._is_forced(tone):
-                        yield tone
+        count = self.count
+        parts = [count >> i for i in range(count.bit_length()) if count >> i >= FEWEST_WINDOWS]
+        for signal, floor in enumerate(floors) if parts else ():
+            limits = (floor * self._gains) ** 2
+            for number, q in self._peaks(signal, limits, [(count - part // 2, count) for part in parts]):
+                first = count - parts[number]
+                trend = self._trend_of(signal, q, first, count)
+                if trend is None or trend.explained < _EXPONENTIAL:
+                    continue
+                change = trend.growth * self._duration(first, count)
+                least = _GROWN_BY if 2 * first <= count + 1 else _GROWN_LATE
+                if trend.growth - 3.0 * trend.error < _GROWTH or change < least:
+                    continue
+                tone = self._tone(signal, q, first, count, trend.growth, True)
+                if self._is_steady(tone) and not self._is_forced(tone):
+                    yield tone
 
     def _is_loud(self, signal: int, limits: Vector) -> bool:
         """Return whether a tone above limits may be in an eighth of the windows or more."""
@@ -252,21 +273,24 @@ class ToneSearch:
         )
         return bool((means > 0.25 * limits[low:high]).any())
 
-    def _peaks(self, signal: int, limits: Vector) -> Iterator[tuple[int, int, int]]:
-        """Yield prominent peaks above limits: first window, the one after the last, and frequency bin."""
-        segments = np.array(list(_segments(self.count)), dtype=int).reshape(-1, 2)
+    def _peaks(
+        self, signal: int, limits: Vector, segments: Sequence[tuple[int, int]]
+    ) -> Iterator[tuple[int, int]]:
+        """Yield prominent peaks above limits in segments of windows: number of the segment, frequency bin."""
+        first, last = np.array(segments, dtype=int).reshape(-1, 2).T
         sums = np.zeros((self.count + 1, self._power.shape[2] + _BEYOND))  # no power beyond the last bin
         np.cumsum(self._power[signal], axis=0, out=sums[1:, :-_BEYOND])
-        power = (sums[segments[:, 1]] - sums[segments[:, 0]]) / np.diff(segments, axis=1)
+        power = (sums[last] - sums[first]) / (last - first)[:, np.newaxis]
         low, high = self._grid.bins
         width = min(high, len(limits)) - low
         at = power[:, low : low + width]
-        beside = {i: power[:, low + i : low + i + width] for i in (-4, -3, -1, 1, 3, 4, 5)}
+        bins = np.arange(low, low + width)
+        beside = {i: power[:, np.maximum(bins + i, 0)] for i in (-4, -3, -1, 1, 3, 4, 5)}
         is_peak = (at >= beside[-1]) & (at > beside[1]) & (at > limits[low : low + width])
         is_peak &= at > _STEEP * np.min([beside[i] for i in (-4, -3, 3, 4, 5)], axis=0)
         for number, i in np.argwhere(is_peak).tolist():
             if self._is_prominent(power[number, :-_BEYOND], low + i):
-                yield int(segments[number, 0]), int(segments[number, 1]), low + i
+                yield number, low + i
 
     def _is_prominent(self, power: Vector, q: int) -> bool:
         around = sorted([*power[max(q - 8, 2) : q - 2].tolist(), *power[q + 3 : q + 9].tolist()])
@@ -302,16 +326,23 @@ class ToneSearch:
         trend = self._trend(np.log(np.maximum(amplitudes, 1e-300)))
         return None if trend.scatter[0] > _SCATTER else _Trend(*(float(x[0]) for x in trend))
 
-    def _is_steady(self, signal: int, q: int, first: int, last: int) -> bool:
-        """Return whether there is a peak at this frequency bin with the phase of a sine."""
-        power = self._power[signal, (first + last) // 2 : last].mean(axis=0)
-        if power[q] < power[q - 1 : q + 2].max() or not self._is_prominent(power, q):
+    def _comes_and_goes(self, signal: int, q: int, first: int, last: int) -> bool:
+        """Return whether a tone is as large at other times, and changes there as only noise does."""
+        amplitudes = self._amplitudes(signal, slice(q, q + 1), 0, self.count)[:, 0]
+        logs, smooth = np.log(np.maximum(amplitudes, 1e-300)), _polynomials(self.count, 4)
+        if np.std(logs - smooth @ (smooth.T @ logs)) < 2.0 * _SCATTER:
             return False
-        if self._duration(first, last) * q * self._grid.rate / self._grid.length < FEWEST_CYCLES:
-            return False
+        squares = amplitudes * amplitudes
+        inside = float(squares[first:last].sum())
+        outside = float(squares.sum()) - inside
+        return inside / (last - first) < _STANDS_OUT * outside / (self.count - last + first)
+
+    def _is_steady(self, tone: Tone) -> bool:
+        """Return whether the phase of a tone is that of a sine."""
+        signal, q, (first, last) = tone.signal, tone.bin, tone.windows
         phase = np.unwrap(np.angle(self._spectra[signal, first:last, q] * self._turned(q, first, last)))
-        trend = _taper(last - first)[1]  # a parabola: the frequency may change with the amplitude
-        return bool(np.std(phase - trend @ (trend.T @ phase)) < _PHASE_SCATTER)
+        curve = _polynomials(last - first, 2)  # the frequency may change with the amplitude
+        return bool(np.std(phase - curve @ (curve.T @ phase)) < _PHASE_SCATTER)
 
     def _turned(self, q: int, first: int, last: int) -> Spectra:
         """Return factors that let the phase of a tone in the middle of a bin stand still."""
@@ -374,9 +405,9 @@ class ToneSearch:
 
 
 def _segments(count: int) -> Iterator[tuple[int, int]]:
-    """Yield all windows, then halves, quarters and so on, as first and last plus one; the latest first."""
+    """Yield all windows, then halves, quarters and so on, which overlap by half: first, and last plus one."""
     length = count
     while length >= FEWEST_WINDOWS:
-        for last in range(count, length - 1, -length):
+        for last in range(count, length - 1, -max(length // 2, 1)):
             yield last - length, last
         length //= 2
