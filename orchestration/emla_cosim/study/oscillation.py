@@ -29,9 +29,6 @@ NAMES = ("torque", "screw", "load")
 _WINDOWS = (128, 64)
 """Samples of a window at the highest and at the middle rate."""
 
-_STEPS = 100
-"""Steps that tell the length of steps in a block of rows."""
-
 _MOST_SAMPLES = 10_000_000
 """Samples between two blocks of rows with longer steps."""
 
@@ -148,6 +145,7 @@ class OscillationWatch:
             self._channel[signal, with_it] = 1 + self._channel.max(initial=-1) + np.arange(len(with_it))
         self._channels = 1 + int(self._channel.max(initial=-1))
         self._since = np.full(len(joints), np.inf)
+        self._needs_largest = any(math.isnan(joint.torque_limit) for joint in joints)
         self._largest = np.zeros(len(joints))
         """Largest torque in N m."""
         self._start = self._step = self._last_time = np.nan
@@ -169,9 +167,10 @@ class OscillationWatch:
         if not self._channels:
             return
         self._since, self._at_end = since, {}
-        with np.errstate(invalid="ignore"):
-            self._largest = np.fmax(self._largest, np.abs(signals[TORQUE]).max(axis=1))
-        step = float(np.median(np.diff(time[:_STEPS]))) if len(time) > 1 else self._step
+        if self._needs_largest:
+            with np.errstate(invalid="ignore"):
+                self._largest = np.fmax(self._largest, np.abs(signals[TORQUE]).max(axis=1))
+        step = float(time[-1] - time[0]) / (len(time) - 1) if len(time) > 1 else self._step
         if math.isnan(self._step) or step > 4.0 * self._step or 4.0 * step < self._step:
             self._restart(float(time[0]), step)
         parts = [
@@ -323,14 +322,12 @@ def _find_noise(
     search: ToneSearch, grid: Grid, ripple: float, limit: float, begin: float
 ) -> list[Oscillation]:
     """Return noise of the torque whose rms exceeds a fraction of its limit for some time."""
-    windows, is_tone = search.noise(_NOISE_BIN)
-    if is_tone:
-        return []
+    windows = search.squares_above(_NOISE_BIN)
     each = max(round(_NOISE_TIME * grid.rate / grid.hop), 1)
     parts = len(windows) // each
     squares = windows[: parts * each].reshape(parts, each).mean(axis=1)
     first, last = _longest_run(squares > (ripple * limit) ** 2)
-    if last - first < _NOISE_PARTS:
+    if last - first < _NOISE_PARTS or search.is_tone_above(_NOISE_BIN):
         return []
     rms, duration = float(np.sqrt(squares[first:last].mean())), each * grid.hop / grid.rate
     return [

@@ -27,6 +27,9 @@ _PROMINENCE = 20.0
 _STEEP = 4.0
 """Least power of a tone relative to a bin beside its main lobe; says at once that noise has no tone."""
 
+_SHORTEST_PART = 32
+"""Parts down to this fraction of the time are searched."""
+
 _BEYOND = 5
 """Bins beside a peak that are compared with it."""
 
@@ -183,28 +186,26 @@ class ToneSearch:
         self._inputs, self._grid, self._gains = inputs, grid, gains
         self._spectra = spectra_of(signals, grid)
         self._power = self._spectra.real**2 + self._spectra.imag**2
+        self._cumulative: dict[int, Vector] = {}
 
     @property
     def count(self) -> int:
         """Number of windows."""
         return self._power.shape[1]
 
-    def noise(self, bin_: int) -> tuple[Vector, bool]:
-        """Return noise of the first signal.
+    def squares_above(self, bin_: int) -> Vector:
+        """Return the mean square of the first signal in each window, from a frequency bin on."""
+        return self._power[0, :, bin_:].sum(axis=1) / 3.0  # a sine has 3/2 of its squared amplitude
 
-        Args:
-            bin_: First frequency bin that counts.
+    def is_tone_above(self, bin_: int) -> bool:
+        """Return whether the first signal is a tone rather than noise from a frequency bin on.
 
-        Returns:
-            The mean square in each window, and whether it is a tone rather than noise: whether one peak has
-            most of it, and its amplitude changes little from window to window.
+        One peak has most of its power, and this changes little from window to window.
         """
-        power = self._power[0, :, bin_:]
-        squares = power.sum(axis=1) / 3.0  # a sine has 3/2 of its squared amplitude
-        mean = power.mean(axis=0)
+        mean = self._power[0, :, bin_:].mean(axis=0)
         lobe = np.convolve(mean, np.ones(3), "same").max() / max(float(mean.sum()), 1e-300)
-        jumps = np.diff(np.log(np.maximum(squares, 1e-300)))
-        return squares, bool(lobe > _TONAL and np.median(np.abs(jumps)) < _SMOOTH)
+        jumps = np.diff(np.log(np.maximum(self.squares_above(bin_), 1e-300)))
+        return bool(lobe > _TONAL and np.median(np.abs(jumps)) < _SMOOTH)
 
     def lasting(self, floors: Sequence[float]) -> Iterator[Tone]:
         """Yield tones that last and are larger than these amplitudes, the largest of each signal.
@@ -278,19 +279,26 @@ class ToneSearch:
     ) -> Iterator[tuple[int, int]]:
         """Yield prominent peaks above limits in segments of windows: number of the segment, frequency bin."""
         first, last = np.array(segments, dtype=int).reshape(-1, 2).T
-        sums = np.zeros((self.count + 1, self._power.shape[2] + _BEYOND))  # no power beyond the last bin
-        np.cumsum(self._power[signal], axis=0, out=sums[1:, :-_BEYOND])
+        sums = self._sums(signal)
         power = (sums[last] - sums[first]) / (last - first)[:, np.newaxis]
-        low, high = self._grid.bins
-        width = min(high, len(limits)) - low
-        at = power[:, low : low + width]
-        bins = np.arange(low, low + width)
-        beside = {i: power[:, np.maximum(bins + i, 0)] for i in (-4, -3, -1, 1, 3, 4, 5)}
-        is_peak = (at >= beside[-1]) & (at > beside[1]) & (at > limits[low : low + width])
-        is_peak &= at > _STEEP * np.min([beside[i] for i in (-4, -3, 3, 4, 5)], axis=0)
-        for number, i in np.argwhere(is_peak).tolist():
-            if self._is_prominent(power[number, :-_BEYOND], low + i):
-                yield number, low + i
+        low, high = self._grid.bins[0], min(self._grid.bins[1], len(limits))
+        at = power[:, low:high]
+        is_peak = (at >= power[:, low - 1 : high - 1]) & (at > power[:, low + 1 : high + 1])
+        rows, bins = np.nonzero(is_peak & (at > limits[low:high]))
+        bins = bins + low
+        beside = np.minimum.reduce([power[rows, np.maximum(bins + i, 0)] for i in (-4, -3, 3, 4, 5)])
+        is_steep = power[rows, bins] > _STEEP * beside
+        for number, q in zip(rows[is_steep].tolist(), bins[is_steep].tolist(), strict=True):
+            if self._is_prominent(power[number, :-_BEYOND], q):
+                yield number, q
+
+    def _sums(self, signal: int) -> Vector:
+        """Return the sums of the power of all windows before each, with bins of no power beyond the last."""
+        if signal not in self._cumulative:
+            sums = np.zeros((self.count + 1, self._power.shape[2] + _BEYOND))
+            np.cumsum(self._power[signal], axis=0, out=sums[1:, :-_BEYOND])
+            self._cumulative[signal] = sums
+        return self._cumulative[signal]
 
     def _is_prominent(self, power: Vector, q: int) -> bool:
         around = sorted([*power[max(q - 8, 2) : q - 2].tolist(), *power[q + 3 : q + 9].tolist()])
@@ -407,7 +415,7 @@ class ToneSearch:
 def _segments(count: int) -> Iterator[tuple[int, int]]:
     """Yield all windows, then halves, quarters and so on, which overlap by half: first, and last plus one."""
     length = count
-    while length >= FEWEST_WINDOWS:
+    while length >= max(FEWEST_WINDOWS, count // _SHORTEST_PART):
         for last in range(count, length - 1, -max(length // 2, 1)):
             yield last - length, last
         length //= 2
