@@ -157,6 +157,7 @@ def test_dark_and_light(opened: Open) -> None:
     assert page.pixels("plot-1", (0xE5, 0x7B, 0x76)) > 100
     page.click(".theme")
     assert page.run(ground) == light
+    page.run("await new Promise(done => setTimeout(done, 500))")  # until the browser has stored it
     page.browser.refresh()
     page.until(f"{ground} === '{light}'")  # it is remembered
     page.click(".theme")

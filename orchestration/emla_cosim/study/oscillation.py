@@ -245,15 +245,15 @@ class OscillationWatch:
             gains = rates.gains(number, np.arange(grid.length // 2 + 1) * rate / grid.length)
             search = ToneSearch(samples, inputs, grid, gains)
             tones = [*search.lasting(floors), *(search.growing(least) if is_end else ())]
-            found = [
+            oscillations = [
                 _describe(tone, signals, limit, begin, rate)
                 for tone in tones
                 if (about.is_force_known or _is_own(tone, signals, about))
                 and not _is_sampling(tone, grid, about, 0.5 * rates.rates[0])
             ]
-            if is_highest and not found:
-                found = _find_noise(search, grid, about.ripple, limit, begin)
-            for oscillation in found:
+            if is_highest and not oscillations:
+                oscillations = _find_noise(search, grid, about.ripple, limit, begin)
+            for oscillation in oscillations:
                 self._keep(joint, oscillation, limit)
 
     def _inputs(self, number: int, joint: int, causes: Sequence[int], first: int) -> Vector:

@@ -39,7 +39,10 @@ _SCATTER = 0.15
 _STANDS_OUT = 4.0
 """Least power of a tone that comes and goes relative to that at other times; that of noise is up to 3."""
 
-_ENDED = 5.0
+_ROUGH = 0.2
+"""Least scatter of the log amplitude of noise around a smooth curve over three times such a part."""
+
+_ENDED = 25.0
 """A tone that has ended must be this much larger than one that goes on."""
 
 _LASTS = -0.06
@@ -335,15 +338,17 @@ class ToneSearch:
         return None if trend.scatter[0] > _SCATTER else _Trend(*(float(x[0]) for x in trend))
 
     def _comes_and_goes(self, signal: int, q: int, first: int, last: int) -> bool:
-        """Return whether a tone is as large at other times, and changes there as only noise does."""
-        amplitudes = self._amplitudes(signal, slice(q, q + 1), 0, self.count)[:, 0]
-        logs, smooth = np.log(np.maximum(amplitudes, 1e-300)), _polynomials(self.count, 4)
-        if np.std(logs - smooth @ (smooth.T @ logs)) < 2.0 * _SCATTER:
+        """Return whether a tone is as large just before or after, and changes there as only noise does."""
+        length = last - first
+        start, end = max(first - length, 0), min(last + length, self.count)
+        amplitudes = self._amplitudes(signal, slice(q, q + 1), start, end)[:, 0]
+        logs, smooth = np.log(np.maximum(amplitudes, 1e-300)), _polynomials(end - start, 4)
+        if np.std(logs - smooth @ (smooth.T @ logs)) < _ROUGH:
             return False
         squares = amplitudes * amplitudes
-        inside = float(squares[first:last].sum())
+        inside = float(squares[first - start : last - start].sum())
         outside = float(squares.sum()) - inside
-        return inside / (last - first) < _STANDS_OUT * outside / (self.count - last + first)
+        return inside / length < _STANDS_OUT * outside / (end - start - length)
 
     def _is_steady(self, tone: Tone) -> bool:
         """Return whether the phase of a tone is that of a sine."""
