@@ -61,9 +61,10 @@ class SampleRates:
             at = self.count % CHUNK
             last = min(first + CHUNK - at, samples)
             row = 0
-            for part in signals:
-                self._chunk[row : row + len(part), at : at + last - first] = part[:, first:last]
-                row += len(part)
+            with np.errstate(over="ignore"):  # of a run that diverges
+                for part in signals:
+                    self._chunk[row : row + len(part), at : at + last - first] = part[:, first:last]
+                    row += len(part)
             self.count += last - first
             first = last
             if self.count % CHUNK == 0:
@@ -84,8 +85,9 @@ class SampleRates:
         samples, decimated = self._chunk[channels, :steps].astype(float), list[tuple[Vector, Vector]]()
         for before in self._before:
             groups = samples[:, : samples.shape[1] // _EIGHTH * _EIGHTH].reshape(len(samples), -1, _EIGHTH)
-            rising = np.concatenate([before[channels], _weighted(groups, _RISING)], axis=1)
-            samples = rising[:, :-1] + _weighted(groups, _FALLING)
+            with np.errstate(invalid="ignore"):  # of a run that diverges
+                rising = np.concatenate([before[channels], _weighted(groups, _RISING)], axis=1)
+                samples = rising[:, :-1] + _weighted(groups, _FALLING)
             decimated.append((samples, rising[:, -1:].copy()))
         return decimated
 

@@ -18,7 +18,7 @@ from .heat import HeatWatch
 from .idealisations import list_idealisations
 from .limits import LimitWatch, Trip
 from .loads import LoadMetrics, load_metrics
-from .oscillation import Joint, OscillationWatch
+from .oscillation import OscillationWatch, WatchedJoint
 from .roles import INERTIA, RoleNames, check_roles, find_all_joints, find_variable, list_given_joints
 from .settling import Settling
 from .tracking import AT_REST, FOLLOWING, OBSERVER, POSITION, SPEED, STANDSTILL, TORQUE, Tracking
@@ -191,7 +191,7 @@ class JointMetrics(Metrics):
         self._loads = loads
         self._oscillation = OscillationWatch(
             [
-                Joint(
+                WatchedJoint(
                     has=[
                         signals[joint][role] is not None
                         and not _is_fed_back(joint, role, signals[joint][role])

@@ -6,6 +6,7 @@ its inertia. Where the load force is not known, torque that does not accelerate 
 and does not count.
 """
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -29,8 +30,8 @@ NAMES = ("torque", "screw", "load")
 _WINDOWS = (128, 64)
 """Samples of a window at the highest and at the middle rate."""
 
-_MOST_SAMPLES = 10_000_000
-"""Samples between two blocks of rows with longer steps."""
+_ENOUGH_STEPS = 32
+"""Steps that tell that steps have become shorter."""
 
 _NOISE_BIN = 3
 """First frequency bin of torque noise; those below contain the motion."""
@@ -110,7 +111,7 @@ class Oscillation:
 
 
 @dataclass(frozen=True)
-class Joint:
+class WatchedJoint:
     """What is known about a joint.
 
     Attributes:
@@ -135,7 +136,7 @@ class Joint:
 class OscillationWatch:
     """Keeps samples of all joints, and searches them for oscillations."""
 
-    def __init__(self, joints: Sequence[Joint]) -> None:
+    def __init__(self, joints: Sequence[WatchedJoint]) -> None:
         self._joints = joints
         self._with = [np.flatnonzero([joint.has[signal] for joint in joints]) for signal in range(_SIGNALS)]
         """Joints that have each signal."""
@@ -170,9 +171,7 @@ class OscillationWatch:
         if self._needs_largest:
             with np.errstate(invalid="ignore"):
                 self._largest = np.fmax(self._largest, np.abs(signals[TORQUE]).max(axis=1))
-        step = float(time[-1] - time[0]) / (len(time) - 1) if len(time) > 1 else self._step
-        if math.isnan(self._step) or step > 4.0 * self._step or 4.0 * step < self._step:
-            self._restart(float(time[0]), step)
+        self._follow_steps(time)
         parts = [
             signals[signal] if len(with_it) == len(self._joints) else signals[signal][with_it]
             for signal, with_it in enumerate(self._with)
@@ -185,6 +184,22 @@ class OscillationWatch:
                         self._search(joint, number, is_end=False)
         self._last_time, self._last = float(time[-1]), np.concatenate([part[:, -1:] for part in parts])
 
+    def _follow_steps(self, time: Vector) -> None:
+        """Begin with the length of the first steps, and anew when steps have another one."""
+        is_first = math.isnan(self._last_time)
+        count = len(time) - is_first
+        step = float(time[-1] - (time[0] if is_first else self._last_time)) / max(count, 1)
+        # a few short steps, such as those before an event, are no reason
+        is_shorter = count >= _ENOUGH_STEPS and 4.0 * step < self._step
+        if step > 0.0 and (math.isnan(self._step) or step > 4.0 * self._step or is_shorter):
+            for joint, number in itertools.product(range(len(self._joints)), range(self._count_rates())):
+                self._search(joint, number, is_end=False)
+            self._restart(float(time[0]), step)
+
+    def _count_rates(self) -> int:
+        """Return the number of rates; none before the second row."""
+        return len(self._rates.every) if self._rates is not None else 0
+
     def _restart(self, start: float, step: float) -> None:
         """Forget all samples, because steps have another length now."""
         self._start, self._step = start, step
@@ -196,7 +211,7 @@ class OscillationWatch:
         count = round((float(time[-1]) - expected) / self._step) + 1
         if count == len(time) and abs(float(time[0]) - expected) < 0.1 * self._step:
             return parts
-        at = expected + self._step * np.arange(min(max(count, 0), _MOST_SAMPLES))
+        at = expected + self._step * np.arange(max(count, 0))
         known = np.concatenate([[self._last_time], time]) if self._last_time < time[0] else time
         rows = np.concatenate(parts)
         values = np.concatenate([self._last, rows], axis=1) if self._last_time < time[0] else rows
@@ -207,7 +222,7 @@ class OscillationWatch:
         """Return the worst oscillation of a joint so far; None if there was none."""
         if joint not in self._at_end:
             before = dict(self._worst)
-            for number in range(len(self._rates.every) if self._rates is not None else 0):
+            for number in range(self._count_rates()):
                 self._search(joint, number, is_end=True)
             self._at_end[joint] = self._worst.get(joint)
             self._worst = before  # what grows until now may not do so until the end
@@ -251,7 +266,7 @@ class OscillationWatch:
                 if (about.is_force_known or _is_own(tone, signals, about))
                 and not _is_sampling(tone, grid, about, 0.5 * rates.rates[0])
             ]
-            if is_highest and not oscillations:
+            if number == 0 and grid is grids[0] and TORQUE in signals and not oscillations:
                 oscillations = _find_noise(search, grid, about.ripple, limit, begin)
             for oscillation in oscillations:
                 self._keep(joint, oscillation, limit)
@@ -305,7 +320,9 @@ def _grids(rate: float, samples: int, is_highest: bool, is_lowest: bool) -> list
         grids = [Grid(rate, length, length, (3, int(0.41 * length)))]
     else:
         # constant relative bandwidth: at least four cycles in a window
-        lengths = [16 * 2**i for i in range(20) if 2.4 * 16 * 2**i <= samples]
+        longest = int(samples / 2.4) // 8 * 8  # which leaves twelve windows
+        lengths = [16 * 2**i for i in range(20) if 16 * 2**i < 0.9 * longest]
+        lengths += [longest] if longest >= 16 else []
         grids = [
             Grid(
                 rate,
@@ -343,7 +360,7 @@ def _find_noise(
     ]
 
 
-def _is_sampling(tone: Tone, grid: Grid, about: Joint, highest: float) -> bool:
+def _is_sampling(tone: Tone, grid: Grid, about: WatchedJoint, highest: float) -> bool:
     """Return whether a tone is made by the steps of a sampled controller, which grow with what it follows.
 
     Args:
@@ -357,7 +374,7 @@ def _is_sampling(tone: Tone, grid: Grid, about: Joint, highest: float) -> bool:
     return bool((np.abs(folded - tone.frequency) < grid.rate / grid.length).any())
 
 
-def _is_own(tone: Tone, signals: Sequence[int], about: Joint) -> bool:
+def _is_own(tone: Tone, signals: Sequence[int], about: WatchedJoint) -> bool:
     """Return whether the torque of a tone is that of the joint's acceleration, so that no force causes it."""
     amplitudes = dict(zip(signals, tone.others, strict=True))
     if TORQUE not in amplitudes or ERROR not in amplitudes or math.isnan(about.inertia):

@@ -7,6 +7,7 @@ around any line. What known inputs cause, such as a sine in the disturbance, is 
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 from ..base.arrays import Vector
 
 FEWEST_WINDOWS = 12
-"""Least number of windows for a trend."""
+"""Least number of windows for a trend; also enough to tell what four inputs cause."""
 
 FEWEST_CYCLES = 12.0
 """Least number of cycles of a tone."""
@@ -151,12 +152,11 @@ def spectra_of(samples: Vector, grid: Grid) -> Spectra:
     return np.fft.rfft(windows * taper, axis=-1)
 
 
+@lru_cache(maxsize=64)
 def _taper(length: int) -> tuple[Vector, Vector]:
     """Return the window, and orthonormal polynomials up to the second degree, shape (length, 3)."""
-    if length not in _TAPERS:
-        hann = np.hanning(length + 1)[:length]
-        _TAPERS[length] = hann * 2.0 / hann.sum(), _polynomials(length, 2)
-    return _TAPERS[length]
+    hann = np.hanning(length + 1)[:length]
+    return hann * 2.0 / hann.sum(), _polynomials(length, 2)
 
 
 def _polynomials(length: int, degree: int) -> Vector:
@@ -170,9 +170,6 @@ def _polynomials(length: int, degree: int) -> Vector:
                 rest = rest - np.dot(earlier, rest) * earlier
         basis.append(rest / np.sqrt(np.dot(rest, rest)))
     return np.stack(basis, axis=1)
-
-
-_TAPERS: dict[int, tuple[Vector, Vector]] = {}
 
 
 class ToneSearch:
@@ -375,8 +372,6 @@ class ToneSearch:
         causes = (parts[..., 0] + 1j * parts[..., 1]).T
         sizes = np.sqrt(np.mean(np.abs(causes) ** 2, axis=0))
         audible = sizes > 1e-9 * np.maximum(np.ptp(inputs, axis=1), 1e-300)
-        if last - first <= 3 * np.count_nonzero(audible):
-            return False
         left, basis = self._spectra[tone.signal, first:last, q], list[Spectra]()
         whole = np.linalg.norm(left)
         for cause in (causes[:, audible] / sizes[audible]).T:  # least squares by orthogonal causes

@@ -107,6 +107,47 @@ def test_slow_and_fast_oscillations(hertz: float, stop: float) -> None:
     assert found["oscillation"]["frequency_Hz"] == pytest.approx(hertz, rel=0.1)
 
 
+def test_slowest_oscillation_in_four_seconds() -> None:
+    """Fourteen cycles, without a forced sine beside it."""
+    found = oscillation_of(d_2=np.zeros_like, torque=tone(3.7, 0.0, 20.0))
+    assert found["oscillation"]["frequency_Hz"] == pytest.approx(3.7, rel=0.1)
+
+
+@pytest.mark.parametrize("stop", [1.6, 2.9, 4.0, 5.2, 9.6, 11.7])
+def test_forced_sines_are_no_oscillation_after_any_time(stop: float) -> None:
+    """Also with the fewest windows that the length of a run leaves."""
+    assert oscillation_of(stop=stop)["held"] is True
+
+
+def test_rows_one_by_one() -> None:
+    """A run that is stepped by hand has blocks of one row, and its steps before events are short."""
+    torque = tone(14.0, 0.0, 20.0, 2.0)
+    assert oscillation_of(stop=2.0, step=1e-3, block=1, torque=torque)["oscillation"]["kind"] == "lasting"
+
+
+def test_oscillation_before_steps_get_longer() -> None:
+    t = np.concatenate([np.arange(3000) * 1e-3, 3.0 + np.arange(300) * 1e-2])
+    load = np.where(t < 3.0, 3e-4 * np.sin(2 * np.pi * 14.0 * t), 0.0)
+    rest = np.zeros(len(t))
+    rows = np.column_stack([t, rest, rest, rest, rest, rest, rest, rest, load])
+    metrics = JointMetrics(NAMES, PARAMETERS, loads=LoadMetrics(["j"], [[8, 1, 4]], {}))
+    for part in np.array_split(rows, 11):
+        metrics.write(part)
+    assert metrics.figures()["j"]["oscillation"]["frequency_Hz"] == pytest.approx(14.0, rel=0.05)
+
+
+def test_noise_with_long_steps() -> None:
+    noise = np.random.default_rng(0)
+    found = oscillation_of(step=2e-3, torque=lambda t: 60.0 * noise.normal(size=len(t)))
+    assert found["oscillation"]["kind"] == "noise" and found["held"] is False
+
+
+@pytest.mark.filterwarnings("error")
+def test_run_that_diverges_gives_no_warnings() -> None:
+    found = oscillation_of(stop=2.0, load=lambda t: 1e-4 * np.exp(np.minimum(200.0 * t, 600.0)))
+    assert found["held"] is False
+
+
 def test_load_that_swings_within_its_window_is_an_oscillation() -> None:
     found = oscillation_of(load=lambda t: 130e-6 * np.sin(2 * np.pi * 6.25 * t))
     assert found["held"] is False and found["judged"] == ["screw", "load"]
