@@ -214,8 +214,9 @@ class Assembly:
             if is_triggered_input(one.variable) and one.end not in driven
         ]
 
-    def list_outputs(self) -> list[str]:
-        """Return the outputs that are recorded by default: Reals, then other types except Strings."""
+    @cached_property
+    def outputs(self) -> list[str]:
+        """The outputs that are recorded by default: Reals, then other types except Strings."""
         signals = self.network.names
         others = [n for n, v in self.unexchanged.items() if v.variable.causality == "output"]
         return sorted(

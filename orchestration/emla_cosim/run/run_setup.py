@@ -1,15 +1,20 @@
-"""Communication points, rows and recorded signals of a run, from its options."""
+"""The plan of a run: what follows from its options alone, before any FMU is used."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 from ..base.errors import CommandError
 from ..base.patterns import find_names, select_names
-from ..inputs.stored_runs import open_stored_run
+from ..inputs.stored_runs import StoredRun, open_stored_run
+from ..master.algorithms.algorithm import Algorithm
 from ..master.stepping.pacing import Pacing
+from ..master.stepping.step_size_control import StepSizeControl
 from ..master.stepping.timing import MAXIMUM_STEPS, CommunicationPoints, make_communication_points
 from ..system.model import System
 from .options import Options
-from .requirements import parse_requirement
+from .requirements import Requirement, parse_requirement
+from .stored_margins import read_margins
 
 DEFAULT_INTERVAL = 1e-3
 """Default time between rows of a table in s."""
@@ -18,17 +23,57 @@ FEW_ROWS, MANY_ROWS = 10, 100
 """A run shorter than so many default intervals has about so many rows, or one per step."""
 
 
-def check_run(options: Options, name: str) -> None:
-    """Raise CommandError for errors that can be found before anything is built."""
-    steps_per_row(options, run_times(options, name))
-    options.make_algorithm()
-    options.make_step_size_control()
-    for text in options.require:
-        parse_requirement(text)
+@dataclass(frozen=True)
+class RunPlan:
+    """What follows from the options of a run.
+
+    Attributes:
+        options: Values of all options.
+        times: Communication points.
+        every: Every `every`-th communication point has a row in tables.
+        algorithm: The algorithm, before its `setup`.
+        control: The step-size control.
+        pacing: Limit of the speed; None without one.
+        requirements: Conditions of `require`, with the names that the user wrote.
+        stored: The run of the option `reference`.
+        margins: The stability margins of the option `margins`.
+        notes: Notes to read before the run, without full stops.
+    """
+
+    options: Options
+    times: CommunicationPoints
+    every: int
+    algorithm: Algorithm
+    control: StepSizeControl
+    pacing: Pacing | None
+    requirements: Sequence[Requirement]
+    stored: StoredRun | None
+    margins: Mapping[str, Any] | None
+    notes: Sequence[str]
+
+
+def plan_run(options: Options, name: str, notes: Sequence[str] = ()) -> RunPlan:
+    """Plan a run.
+
+    Args:
+        options: Values of all options.
+        name: Name of the scenario.
+        notes: Notes on the scenario.
+
+    Raises:
+        CommandError: An option is wrong, or a file cannot be read.
+    """
+    times = run_times(options, name)
+    stored = None
+    every, algorithm = steps_per_row(options, times), options.make_algorithm()
+    control = options.make_step_size_control()
+    requirements = [parse_requirement(text) for text in options.require]
     if options.reference is not None:
-        open_stored_run(options.reference)
-    if options.real_time is not None:
-        Pacing(options.real_time)
+        stored = open_stored_run(options.reference, start=times.start)
+        notes = [*notes, *stored.notes]
+    margins = read_margins(options.margins) if options.margins is not None else None
+    pacing = Pacing(options.real_time) if options.real_time is not None else None
+    return RunPlan(options, times, every, algorithm, control, pacing, requirements, stored, margins, notes)
 
 
 def run_times(options: Options, name: str) -> CommunicationPoints:
