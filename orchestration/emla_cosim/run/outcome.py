@@ -9,7 +9,7 @@ from ..inputs.loaded_input import DataSpan
 from ..master.assembly import Assembly
 from ..master.coupling.estimate import CouplingError
 from ..recorders.coupling.bonds import COUPLING
-from ..recorders.metrics import SIGNALS
+from ..recorders.metrics import SIGNALS, Figures, list_figures
 from ..recorders.table import Table
 from .agreement import (
     agreement_record,
@@ -88,7 +88,7 @@ def build_result(
         times=times,
         table=next((r for r in run.recorders if isinstance(r, Table)), None),
         metrics=metrics.figures(),
-        shown={kind: of.shown for kind, of in metrics.kinds.items()},
+        shown=metrics.shown,
         remarks=record["remarks"],
         steps=run.steps,
         simulated_s=run.simulated_s,
@@ -143,8 +143,9 @@ def _describe_unmet(run: ActiveRun, result: Result) -> str | None:
             f"interrupted at t = {result.end_s:.6g} s, before these requirements could be checked: "
             f"{'; '.join(expected)}."
         )
-    figures = {**result.metrics, COUPLING: result.coupling, SIGNALS: result.signals}
-    problems = [describe_unmet(run.requirements, figures, result.run_figures)]
+    kinds: dict[str, Figures] = {**result.metrics, COUPLING: result.coupling, SIGNALS: result.signals}
+    kinds["run"] = {"run": result.run_figures}
+    problems = [describe_unmet(run.requirements, list_figures(kinds))]
     if stored is not None:
         problems.append(describe_disagreement(result.comparisons, stored))
         if run.requested_end is not None:

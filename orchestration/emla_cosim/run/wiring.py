@@ -19,7 +19,7 @@ from ..master.stepping.stepping_base import Stepping
 from ..recorders.checkpoints import Checkpoints, find_resumable_checkpoint
 from ..recorders.coupling.bond_energy import select_applicable
 from ..recorders.coupling.bonds import COUPLING
-from ..recorders.metrics import MetricsRecorder
+from ..recorders.metrics import SIGNALS, Figures, MetricsRecorder, list_figures
 from ..recorders.recorder import Outline, Recorder
 from ..recorders.table import Table, TimeSeries
 from ..system.model import System
@@ -185,10 +185,14 @@ def _resolve_requirements(
     """Return the requirements with full names. Raise CommandError for figures that do not exist."""
     if not plan.requirements:
         return ()
-    before = MetricsRecorder.before(outline)
-    if figures := {**coupling.figures(None), **before.get(COUPLING, {})}:
-        before[COUPLING] = figures
-    return resolve_requirements(plan.requirements, before, run_figures(), main)
+    recorder = MetricsRecorder()
+    recorder.begin(outline)
+    kinds: dict[str, Figures] = {**recorder.figures(), SIGNALS: recorder.signals()}
+    if figures := {**coupling.figures(None), **recorder.coupling()}:
+        kinds[COUPLING] = figures
+    is_complete = all(kinds.values())
+    kinds["run"] = {"run": run_figures()}
+    return resolve_requirements(plan.requirements, list_figures(kinds), is_complete, main)
 
 
 def _check_recorders(recorders: Any) -> list[Recorder]:
