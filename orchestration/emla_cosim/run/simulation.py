@@ -26,7 +26,7 @@ from ..master.instances.integrator_settings import IntegratorSettings
 from ..master.stepping.fixed_steps import FixedSteps
 from ..master.stepping.stepping_base import ROUNDING, Stepping
 from ..recorders.recorder import Recorder
-from ..stepper.library import find_stepper
+from ..stepper.library import require_stepper
 from ..system.model import System
 from ..system.names import Names
 from .coupling_estimates import CouplingEstimates
@@ -111,7 +111,7 @@ class Simulation:
         self._needs_new_instances = False
         self._coupling_estimates = CouplingEstimates()
         self._lock, self._is_in_use = threading.RLock(), False
-        find_stepper()  # which builds it if necessary, so that no run waits for it
+        require_stepper()  # which builds it if necessary, so that no run waits for it
         progress.advance(1)
 
     def __enter__(self) -> "Simulation":
