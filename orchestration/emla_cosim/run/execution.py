@@ -18,7 +18,6 @@ from ..recorders.recorder import Outline, Recorder, RecordingError, recording
 from ..recorders.row_buffer import RowBuffer
 from ..sandbox.interruption import catch_interrupts
 from .coupling_summary import CouplingSummary
-from .origin import RunOrigin
 from .requirements import Requirement, StopCondition, StoppingRows, describe_stop
 from .run_record import RunDefinition
 from .run_setup import RunPlan
@@ -36,9 +35,7 @@ class ActiveRun:
 
     Attributes:
         plan: What follows from the options.
-        origin: The scenario, and the options set for it.
         definition: What determines the result.
-        requirements: The conditions of `require`, with full names.
         conditions: The conditions of `stop_when`. The first row that meets one ends the run.
         fallback: A remark on the signals that are recorded because no FMU has an output.
         stepping: What does the steps; its algorithm is set up.
@@ -57,9 +54,7 @@ class ActiveRun:
     """
 
     plan: RunPlan
-    origin: RunOrigin
     definition: RunDefinition
-    requirements: Sequence[Requirement]
     conditions: Sequence[StopCondition]
     fallback: str | None
     stepping: Stepping

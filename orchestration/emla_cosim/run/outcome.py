@@ -13,7 +13,6 @@ from ..recorders.metrics import SIGNALS, Figures, list_figures
 from ..recorders.table import Table
 from .agreement import (
     agreement_record,
-    compare_with_stored,
     describe_disagreement,
     describe_missing_part,
 )
@@ -52,7 +51,7 @@ def build_result(
         metrics.ended_early(end)
     report, times = stepping.report(), run.plan.times
     record = build_run_record(
-        name, run.origin, run.definition, assembly, run.plan, run.outline, report, run.problem, unpacked
+        name, run.definition, assembly, run.plan, run.outline, report, run.problem, unpacked
     )
     record["accepted_faults"] = faults.shown(unpacked)
     if run.stopped is not None:
@@ -119,11 +118,9 @@ def check_result(run: ActiveRun, result: Result) -> tuple[Result, RunError | Non
     """
     if run.error is not None:
         return result, run.error
-    stored, options = run.plan.stored, run.plan.options
+    stored = run.plan.stored
     if stored is not None and not run.interrupted:
-        comparisons = compare_with_stored(
-            result.names, result.read, result.units, stored, options.tolerance, result.discrete, result.types
-        )
+        comparisons = result.compare(stored, run.plan.options.tolerance)
         record = {**result.record, "reference": agreement_record(comparisons, stored)}
         result = replace(result, comparisons=comparisons, record=record)
     if (problem := _describe_unmet(run, result)) is None:
@@ -135,7 +132,7 @@ def check_result(run: ActiveRun, result: Result) -> tuple[Result, RunError | Non
 def _describe_unmet(run: ActiveRun, result: Result) -> str | None:
     """Return a message on requirements that are not met, or None."""
     stored = run.plan.stored
-    expected = [str(requirement) for requirement in run.requirements]
+    expected = [str(requirement) for requirement in run.plan.requirements]
     if stored is not None:
         expected.append(f"it agrees with '{stored.path}'")
     if run.interrupted and expected:
@@ -145,7 +142,7 @@ def _describe_unmet(run: ActiveRun, result: Result) -> str | None:
         )
     kinds: dict[str, Figures] = {**result.metrics, COUPLING: result.coupling, SIGNALS: result.signals}
     kinds["run"] = {"run": result.run_figures}
-    problems = [describe_unmet(run.requirements, list_figures(kinds))]
+    problems = [describe_unmet(run.plan.requirements, list_figures(kinds))]
     if stored is not None:
         problems.append(describe_disagreement(result.comparisons, stored))
         if run.requested_end is not None:

@@ -130,28 +130,6 @@ def _format_value(figure: Any, required: Requirement) -> str:
     return f"it is {repr(figure) if short == f'{required.value:.6g}' else short}"
 
 
-def parse_stop_condition(text: str) -> tuple[Requirement, str]:
-    """Parse a condition on a signal; it has the form of a requirement.
-
-    Returns:
-        The condition, and its value as a text if that has a unit.
-
-    Raises:
-        CommandError: It is anything else.
-    """
-    signal, sign, right = split_condition(text)
-    quantity = right if has_unit(right) else ""
-    try:
-        found = parse_requirement(f"{signal} {sign} 0" if quantity else text)
-    except CommandError as error:
-        raise CommandError(
-            f"the condition '{text}' of stop_when is invalid. Write SIGNAL, a comparison such as > or <=, "
-            "and a number, such as 'lift.plant.x_L > 0.3' or 'lift.plant.x_L > 300 mm'.",
-            condition=text,
-        ) from error
-    return found, quantity
-
-
 def check_no_condition(conditions: Sequence[str], command: str) -> None:
     """Raise CommandError if a scenario ends on a condition, for a command that needs the whole run."""
     if conditions:
@@ -192,11 +170,21 @@ def resolve_stop_conditions(
         CommandError: If a condition is invalid, or its signal does not exist.
     """
     conditions = []
-    for condition, quantity in map(parse_stop_condition, texts):
+    for text in texts:
+        signal, sign, right = split_condition(text)
+        is_quantity = has_unit(right)
+        try:
+            condition = parse_requirement(f"{signal} {sign} 0" if is_quantity else text)
+        except CommandError as error:
+            raise CommandError(
+                f"the condition '{text}' of stop_when is invalid. Write SIGNAL, a comparison such as > or "
+                "<=, and a number, such as 'lift.plant.x_L > 0.3' or 'lift.plant.x_L > 300 mm'.",
+                condition=text,
+            ) from error
         name = require_name(condition.figure, units, main, "signal", "stop at")
         value = condition.value
-        if quantity:
-            value = read_quantity(quantity, f"the condition on {name}", units[name])
+        if is_quantity:
+            value = read_quantity(right, f"the condition on {name}", units[name])
         conditions.append(replace(condition, figure=name, value=value))
     return conditions
 

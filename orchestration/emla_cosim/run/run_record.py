@@ -82,7 +82,6 @@ class RunDefinition:
 
 def build_run_record(
     scenario: str,
-    origin: RunOrigin,
     definition: RunDefinition,
     assembly: Assembly,
     plan: RunPlan,
@@ -95,7 +94,7 @@ def build_run_record(
 
     `problem` says why the run ended early. FMUs in the folder `unpacked` have their names in the package.
     """
-    system, types = definition.system, outline.types
+    system, origin, types = definition.system, plan.origin, outline.types
     units = zip(outline.names, outline.units, strict=True)
     return {
         "scenario": scenario,

@@ -1,7 +1,7 @@
 """The plan of a run: what follows from its options alone, before any FMU is used."""
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from ..base.errors import CommandError
@@ -13,6 +13,7 @@ from ..master.stepping.step_size_control import StepSizeControl
 from ..master.stepping.timing import MAXIMUM_STEPS, CommunicationPoints, make_communication_points
 from ..system.model import System
 from .options import Options
+from .origin import RunOrigin
 from .requirements import Requirement, parse_requirement
 from .stored_margins import read_margins
 
@@ -34,10 +35,13 @@ class RunPlan:
         algorithm: The algorithm, before its `setup`.
         control: The step-size control.
         pacing: Limit of the speed; None without one.
-        requirements: Conditions of `require`, with the names that the user wrote.
+        requirements: Conditions of `require`.
         stored: The run of the option `reference`.
         margins: The stability margins of the option `margins`.
         notes: Notes to read before the run, without full stops.
+        origin: The scenario, and the options set for it.
+        recorded: Signals to keep in the table; without any, the run chooses some.
+        conditions: Conditions of `stop_when`, with full names.
     """
 
     options: Options
@@ -50,10 +54,13 @@ class RunPlan:
     stored: StoredRun | None
     margins: Mapping[str, Any] | None
     notes: Sequence[str]
+    origin: RunOrigin = field(default_factory=RunOrigin)
+    recorded: Sequence[str] = ()
+    conditions: Sequence[Requirement] = ()
 
 
 def plan_run(options: Options, name: str, notes: Sequence[str] = ()) -> RunPlan:
-    """Plan a run.
+    """Return the plan of a run, as far as it needs no names of signals.
 
     Args:
         options: Values of all options.

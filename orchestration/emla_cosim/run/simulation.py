@@ -283,14 +283,17 @@ class Simulation:
         values = self._read_options(options)
         chosen = self.options.merged(values)
         chosen = replace(chosen, roles={role: self._complete(name) for role, name in chosen.roles.items()})
-        plan = plan_run(chosen, self.name, self._notes(chosen))
+        plan = replace(
+            plan_run(chosen, self.name, self._notes(chosen)),
+            origin=self._origin.updated(values),
+            recorded=self.select_signals(chosen.signals),
+            conditions=self._resolve_stop_conditions(chosen.stop_when),
+        )
         if plan.stored is not None and len(self._initial_system.components) == 1:
             only = self._initial_system.components[0].name  # inputs and faults add components
             plan = replace(plan, stored=plan.stored.of_component(only))
         for span in self._data:
             span.check_overlap(plan.times.start, plan.times.stop)
-        recorded = self.select_signals(chosen.signals)
-        conditions = self._resolve_stop_conditions(chosen.stop_when)
         self._discard_run()
         changes = {name: chosen.set[name] for name in values.get("set", {})}
         followers = following_values(self._initial_system, chosen) if changes else {}
@@ -300,17 +303,7 @@ class Simulation:
             is_fresh = fresh or self._needs_new_instances
             self._assembly.start(system, is_fresh, chosen.fmi_tolerance, integrator)
         self._needs_new_instances = False
-        self._run = wire_run(
-            plan,
-            self._origin.updated(values),
-            system,
-            self._assembly,
-            self._sampling,
-            recorded,
-            conditions,
-            recorders,
-            self._working_folder,
-        )
+        self._run = wire_run(plan, system, self._assembly, self._sampling, recorders, self._working_folder)
         with self._discard_on_error():
             self._run.begin()
         return self._run

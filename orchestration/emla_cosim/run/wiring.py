@@ -2,6 +2,7 @@
 
 import contextlib
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +27,6 @@ from ..system.model import System
 from .agreement import find_common_signals
 from .coupling_summary import CouplingSummary
 from .execution import ActiveRun, close_stepping
-from .origin import RunOrigin
 from .remarks import choose_fallback_signals
 from .requirements import Requirement, StopCondition, resolve_requirements
 from .result import run_figures
@@ -36,12 +36,9 @@ from .run_setup import RunPlan
 
 def wire_run(
     plan: RunPlan,
-    origin: RunOrigin,
     system: System,
     assembly: Assembly,
     sampling: Sampling,
-    recorded: Sequence[str],
-    conditions: Sequence[Requirement],
     recorders: Sequence[Recorder] | None,
     folder: Path,
 ) -> ActiveRun:
@@ -49,12 +46,9 @@ def wire_run(
 
     Args:
         plan: What follows from the options.
-        origin: The scenario, and the options set for it.
         system: The system with its start values.
         assembly: The network of FMUs, which have these start values.
         sampling: Which components sample.
-        recorded: Signals to keep in the table; without any, others are chosen.
-        conditions: Conditions of `stop_when` with full names.
         recorders: The user's recorders; None for a table in memory.
         folder: The folder that paths of checkpoints are relative to.
 
@@ -62,9 +56,10 @@ def wire_run(
         CommandError: An option does not fit the system.
     """
     options, others, fallback = plan.options, assembly.unexchanged, None
-    if not recorded:
+    if not plan.recorded:
         recorded, fallback = choose_fallback_signals(others.values())
-    observed = dict.fromkeys([*assembly.outputs, *recorded, *(c.figure for c in conditions)])
+        plan = replace(plan, recorded=recorded)
+    observed = dict.fromkeys([*assembly.outputs, *plan.recorded, *(c.figure for c in plan.conditions)])
     assembly.observe([name for name in observed if name in others], plan.every)
     fmus = {name: file.sha256 for name, file in assembly.files.items()}
     definition = RunDefinition(system, fmus, options)
@@ -81,22 +76,21 @@ def wire_run(
         checkpoints, resumed = _open_checkpoints(plan, definition, assembly, folder)
         all_recorders += checkpoints
         if plan.stored is not None:
-            find_common_signals(recorded, plan.stored)
+            find_common_signals(plan.recorded, plan.stored)
             if not any(isinstance(recorder, Table) for recorder in all_recorders):
                 raise CommandError(
                     "the option 'reference' needs a recorder that keeps a table, such as TimeSeries."
                 )
         coupling = CouplingSummary.of(stepping.algorithm, stepping, sampling, options.estimate_coupling)
-        outline = _make_outline(plan, system, assembly, stepping, recorded)
+        outline = _make_outline(plan, system, assembly, stepping)
+        plan = replace(plan, requirements=_resolve_requirements(plan, outline, coupling, system.main_name))
         position = {name: i for i, name in enumerate(outline.names)}
         run = ActiveRun(
             plan,
-            origin,
             definition,
-            _resolve_requirements(plan, outline, coupling, system.main_name),
             [
                 StopCondition(c, 1 + (i := position[c.figure]), assembly.shown.get(i, IDENTITY))
-                for c in conditions
+                for c in plan.conditions
             ],
             fallback,
             stepping,
@@ -144,9 +138,7 @@ def _open_checkpoints(
     return [Checkpoints(options.checkpoint, identity, path, options.overwrite)], resumed
 
 
-def _make_outline(
-    plan: RunPlan, system: System, assembly: Assembly, stepping: Stepping, recorded: Sequence[str]
-) -> Outline:
+def _make_outline(plan: RunPlan, system: System, assembly: Assembly, stepping: Stepping) -> Outline:
     options, network, algorithm = plan.options, assembly.network, stepping.algorithm
     names = [*network.names, *network.observer.names]
     position = {name: i for i, name in enumerate(names)}
@@ -157,7 +149,7 @@ def _make_outline(
         names,
         [signal.unit for signal in signals],
         plan.times,
-        [position[name] for name in recorded],
+        [position[name] for name in plan.recorded],
         plan.every,
         assembly.parameters(),
         options.roles,
