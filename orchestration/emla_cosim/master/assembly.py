@@ -25,6 +25,7 @@ from ..system.names import NamedVariable, Names
 from ..system.resolution import convert_to_fmu_terms, refuse_driven, resolve_system
 from ..system.signal_faults import MODEL
 from ..system.structure import structure_of
+from .coupling.sampling import Sampling, find_sampling
 from .grouping import arrange, connect, find_groups
 from .instances.described_instance import DescribedInstance
 from .instances.instance_kinds import make_instance
@@ -198,6 +199,11 @@ class Assembly:
             for name, v in self.names.all.items()
             if name not in signals and v.variable.causality != "independent" and v.variable.type != BINARY
         }
+
+    @cached_property
+    def sampling(self) -> Sampling:
+        """Which components sample."""
+        return find_sampling(self.files, [c.name for c in self.system.components if c.samples])
 
     @property
     def violations(self) -> list[str]:

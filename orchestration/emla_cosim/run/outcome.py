@@ -69,7 +69,7 @@ def build_result(
         *describe_idle_clocks(assembly.idle_clocks),
         *(f"{text}." for text in assembly.violations),
         *filter(None, [run.fallback]),
-        *describe_interval(run.plan.options, times),
+        *describe_interval(run.plan),
         *filter(None, spans),
         *metrics.remarks(),
         *run.coupling.remarks(error),

@@ -120,12 +120,11 @@ def steps_per_row(options: Options, times: CommunicationPoints) -> int:
     )
 
 
-def describe_interval(options: Options, times: CommunicationPoints) -> list[str]:
+def describe_interval(plan: RunPlan) -> list[str]:
     """Return a remark on the distance of rows, if the run is too short for the default one."""
-    if not (_is_short(options, times) and options.make_step_size_control().is_regular):
+    if not (_is_short(plan.options, plan.times) and plan.control.is_regular):
         return []
-    every = steps_per_row(options, times)
-    distance = f"every {every * times.step:g} s" if every > 1 else "after each step"
+    distance = f"every {plan.every * plan.times.step:g} s" if plan.every > 1 else "after each step"
     return [f"the run is short: its rows are {distance}, not every 1 ms (--output-interval)."]
 
 

@@ -21,7 +21,6 @@ from ..fmu.variables import convert_start_value
 from ..inputs.loaded_input import DataSpan
 from ..master.assembly import Assembly
 from ..master.coupling.estimate import CouplingError
-from ..master.coupling.sampling import Sampling, find_sampling
 from ..master.instances.integrator_settings import IntegratorSettings
 from ..master.stepping.fixed_steps import FixedSteps
 from ..master.stepping.stepping_base import ROUNDING, Stepping
@@ -174,12 +173,6 @@ class Simulation:
     def _names(self) -> Names:
         return self._assembly.names
 
-    @cached_property
-    def _sampling(self) -> Sampling:
-        """Which components sample."""
-        declared = [c.name for c in self.system.components if c.samples]
-        return find_sampling(self._assembly.files, declared)
-
     def run(
         self,
         *,
@@ -303,7 +296,7 @@ class Simulation:
             is_fresh = fresh or self._needs_new_instances
             self._assembly.start(system, is_fresh, chosen.fmi_tolerance, integrator)
         self._needs_new_instances = False
-        self._run = wire_run(plan, system, self._assembly, self._sampling, recorders, self._working_folder)
+        self._run = wire_run(plan, system, self._assembly, recorders, self._working_folder)
         with self._discard_on_error():
             self._run.begin()
         return self._run

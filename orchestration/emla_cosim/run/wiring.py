@@ -12,7 +12,6 @@ from ..inputs.events import input_events, row_distance
 from ..master.algorithms.algorithm import Algorithm
 from ..master.algorithms.continuous_connections import list_continuous_connections
 from ..master.assembly import Assembly
-from ..master.coupling.sampling import Sampling
 from ..master.stepping.checkpoint import Checkpoint, checkpoint_place
 from ..master.stepping.profiler import Profiler
 from ..master.stepping.step_size_control import StepRequest
@@ -38,7 +37,6 @@ def wire_run(
     plan: RunPlan,
     system: System,
     assembly: Assembly,
-    sampling: Sampling,
     recorders: Sequence[Recorder] | None,
     folder: Path,
 ) -> ActiveRun:
@@ -48,7 +46,6 @@ def wire_run(
         plan: What follows from the options.
         system: The system with its start values.
         assembly: The network of FMUs, which have these start values.
-        sampling: Which components sample.
         recorders: The user's recorders; None for a table in memory.
         folder: The folder that paths of checkpoints are relative to.
 
@@ -81,7 +78,9 @@ def wire_run(
                 raise CommandError(
                     "the option 'reference' needs a recorder that keeps a table, such as TimeSeries."
                 )
-        coupling = CouplingSummary.of(stepping.algorithm, stepping, sampling, options.estimate_coupling)
+        coupling = CouplingSummary.of(
+            stepping.algorithm, stepping, assembly.sampling, options.estimate_coupling
+        )
         outline = _make_outline(plan, system, assembly, stepping)
         plan = replace(plan, requirements=_resolve_requirements(plan, outline, coupling, system.main_name))
         position = {name: i for i, name in enumerate(outline.names)}

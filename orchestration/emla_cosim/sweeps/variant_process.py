@@ -16,12 +16,12 @@ import polars
 
 from ..base.errors import CosimError, RunError
 from ..master.instances.fmu_instance import DiscardedStepError
-from ..recorders.metrics import MetricsRecorder, describe_divergence, explain_verdicts, list_figures
-from ..recorders.recorder import Outline, Recorder
+from ..recorders.metrics import describe_divergence, explain_verdicts, list_figures
 from ..recorders.table import TimeSeries
 from ..run.half_step import halve_step
 from ..run.remarks import describe_lost_values
 from ..run.result import Result
+from ..run.run_setup import steps_per_row
 from ..run.simulation import Simulation
 from ..sandbox.server import serve
 from ..study.loading import register
@@ -168,21 +168,14 @@ class VariantProcess:
 
 
 def _describe(simulation: Simulation) -> SimulationDescription:
-    outline = _OutlineRecorder()
-    with contextlib.suppress(RunError):  # variants may run although the scenario itself fails
-        simulation.start(recorders=[outline])
-    begun = outline.outline
-    if begun is None:
-        simulation.run()
-        raise RunError(f"'{simulation.name}' cannot be started.")
-    recorder = MetricsRecorder()
-    recorder.begin(begun)
-    figures = list_figures(recorder.figures(), recorder.shown)
+    simulation.start(recorders=[])  # variants may run although the scenario itself fails in a step
+    result = simulation.so_far()
+    figures = list_figures(result.metrics, result.shown)
     units, further = (
-        {name: str(unit) if unit is not None else "" for name, unit in found.items()}
-        for found in (simulation.units, simulation.further_units())
+        {name: str(unit) if unit is not None else "" for name, unit in units.items()}
+        for units in (simulation.units, simulation.further_units())
     )
-    rows = 1 + -(-begun.times.steps // begun.every)
+    rows = 1 + -(-result.times.steps // steps_per_row(simulation.options, result.times))
     return SimulationDescription(units, further, figures, rows)
 
 
@@ -208,16 +201,6 @@ def to_parquet(table: polars.DataFrame) -> bytes:
     stream = BytesIO()
     table.write_parquet(stream)
     return stream.getvalue()
-
-
-class _OutlineRecorder(Recorder):
-    """Stores the outline of a run."""
-
-    outline: Outline | None = None
-
-    def begin(self, outline: Outline, memory: Any = None) -> None:
-        """Store the outline."""
-        self.outline = outline
 
 
 if __name__ == "__main__":
