@@ -121,7 +121,7 @@ class Simulation:
 
     def close(self) -> None:
         """Free the FMUs, and end the current run."""
-        with self._lock_use():
+        with self._reserve():
             try:
                 self._discard_run()
             finally:
@@ -206,7 +206,7 @@ class Simulation:
             >>> result["lift.plant.x_L"].shape
             (11,)
         """
-        with self._lock_use():
+        with self._reserve():
             return _require_success(*self._run_to_end(recorders, fresh, options))
 
     def attempt(
@@ -229,7 +229,7 @@ class Simulation:
         Raises:
             CommandError: an option does not fit.
         """
-        with self._lock_use():
+        with self._reserve():
             return self._run_to_end(recorders, fresh, options)[0]
 
     def _run_to_end(
@@ -264,7 +264,7 @@ class Simulation:
             CommandError: an option does not fit.
             RunError: an FMU fails during initialization.
         """
-        with self._lock_use():
+        with self._reserve():
             self._start(recorders, fresh, options)
 
     def _start(
@@ -316,7 +316,7 @@ class Simulation:
             RunError: a step failed.
             KeyboardInterrupt: Ctrl-C was pressed. The run can continue or be finished.
         """
-        with self._lock_use():
+        with self._reserve():
             interrupted = self._advance(time)
         if interrupted:
             raise KeyboardInterrupt
@@ -356,7 +356,7 @@ class Simulation:
             CommandError: there is no current run.
             RunError: as for `run`.
         """
-        with self._lock_use():
+        with self._reserve():
             if self._run is None:
                 raise CommandError("there is no current run; call `run`, or `start` and `advance`.")
             return _require_success(*self._end())
@@ -386,7 +386,7 @@ class Simulation:
         Raises:
             CommandError: the variable does not exist.
         """
-        with self._lock_to_thread():
+        with self._reserve(during_run=True):
             if self._run is None:
                 self.start()
             variable = self._names.find(name)
@@ -406,7 +406,7 @@ class Simulation:
         Raises:
             CommandError: the variable does not exist, is not an unconnected input, or the value does not fit.
         """
-        with self._lock_to_thread():
+        with self._reserve(during_run=True):
             if self._run is None:
                 self.start()
             target = self._names.find(name)
@@ -425,31 +425,31 @@ class Simulation:
             instance.set_value(target.variable, typed)
 
     @contextlib.contextmanager
-    def _lock_use(self) -> Iterator[None]:
-        """Reserve the FMUs. Raise CommandError if another thread or a recorder uses them."""
-        with self._lock_to_thread():
-            if self._is_in_use:
-                raise CommandError("the simulation is running; a recorder cannot run, end or close it.")
-            self._is_in_use = True
-            try:
-                yield
-            finally:
-                self._is_in_use = False
+    def _reserve(self, during_run: bool = False) -> Iterator[None]:
+        """Reserve the FMUs.
 
-    @contextlib.contextmanager
-    def _lock_to_thread(self) -> Iterator[None]:
-        """Exclude other threads. Raise CommandError if one uses the FMUs."""
+        Args:
+            during_run: Whether a recorder may call this during a run.
+
+        Raises:
+            CommandError: Another thread, or a recorder, uses the FMUs.
+        """
         if not self._lock.acquire(blocking=False):
             raise CommandError("another thread uses this simulation; prepare one simulation for each thread.")
+        is_in_use = self._is_in_use
         try:
+            if is_in_use and not during_run:
+                raise CommandError("the simulation is running; a recorder cannot run, end or close it.")
+            self._is_in_use = is_in_use or not during_run
             yield
         finally:
+            self._is_in_use = is_in_use
             self._lock.release()
 
     def _read_options(self, given: Mapping[str, Any]) -> Mapping[str, Any]:
         """Read the options of a run. Raise CommandError for options that only `prepare` accepts."""
-        known = list_options() if given else {}
-        for option in (known[name] for name in given if name in known):
+        options = list_options() if given else {}
+        for option in (options[name] for name in given if name in options):
             if option.is_prepared:
                 raise CommandError(
                     f"the option '{option.name}' cannot change between runs; pass it to `prepare`."
