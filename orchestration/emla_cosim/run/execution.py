@@ -34,19 +34,13 @@ class ActiveRun:
     None and `interrupted` is true.
 
     Attributes:
-        plan: What follows from the options.
-        definition: What determines the result.
         conditions: The conditions of `stop_when`. The first row that meets one ends the run.
         fallback: A remark on the signals that are recorded because no FMU has an output.
         stepping: What does the steps; its algorithm is set up.
-        coupling: What the run says about the exchange between its components.
-        outline: What recorders know.
         shown: Transformations of signals that recorders get in another unit, by position.
-        metrics: The recorder of the metrics.
-        recorders: All recorders.
+        metrics: The recorder of the metrics, which is also among `recorders`.
         resumed: The checkpoint from which the run continues.
         profiler: What measures the run from its first step on.
-        error: Why the run failed.
         interrupted: Whether Ctrl-C ended the last `advance`.
         requested_end: What an FMU answered that ended the run by its own wish, which is no failure.
         over: Whether `end` was called.

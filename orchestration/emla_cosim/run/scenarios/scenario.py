@@ -182,23 +182,23 @@ class Scenario:
             from ...ssp.writer.package_writer import check_package
 
             check_package(Path(file), chosen.overwrite)
-        told = progress or Progress()
+        progress = progress or Progress()
         times = run_times(chosen, self.name)
         with show_paths_relative_to(self.unpacked), accept_faults(chosen.lenient) as faults:
             faults.merge(self.accepted)
             built = chosen
             if kind != SSP and chosen.platform:  # this machine starts the FMUs to read their initial values
                 built = replace(chosen, platform=sorted({*chosen.platform, host_platform()}))
-            prepared = prepare_system(self.system, built, told)
+            prepared = prepare_system(self.system, built, progress)
             system, fmus = prepared.system, prepared.fmus
             system = replace(system, bonds={**system.bonds, **chosen.read_bonds()})
             if kind == FMU:
-                told.advance(1)  # compiling is another task
-                self._write_fmu(Path(file), system, fmus, chosen, told)
+                progress.advance(1)  # compiling is another task
+                self._write_fmu(Path(file), system, fmus, chosen, progress)
             elif kind == C:
                 from ...c_code.writer import write_code
 
-                told.advance(1)
+                progress.advance(1)
                 write_code(
                     Path(file),
                     system,
@@ -215,9 +215,9 @@ class Scenario:
 
                 experiment = SystemTimes(times.start, times.stop, times.step)
                 write_ssp(Path(file), self.name, self.description, system, fmus, experiment, chosen.overwrite)
-                told.advance(1)
+                progress.advance(1)
         for remark in (*describe_disabled_event_mode(system), *faults.remarks(self.unpacked)):
-            told.note(f"Note: {remark}")
+            progress.note(f"Note: {remark}")
         return Path(file)
 
     def _write_fmu(
