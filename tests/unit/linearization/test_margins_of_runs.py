@@ -56,7 +56,10 @@ def test_run_command_reads_margins(folder: Path, tmp_path: Path) -> None:
         (f'{NAMED} "matrices": {{}}}}', "has no margins"),
         (f'{NAMED} "responses": {{"a": {{"margins": null}}}}}}', "has no margins"),
         (f'{NAMED} "responses": {{"a": {{}}}}}}', "has no margins"),
-        ('{"format": "emla-linearization", "responses": {"a": {"margins": {"Ms": 2}}}}', "is not a linearization result"),
+        (
+            '{"format": "emla-linearization", "responses": {"a": {"margins": {"Ms": 2}}}}',
+            "is not a linearization result",
+        ),
         (f'{NAMED} "responses": {{"a": {{"margins": {{"Ms": "x"}}}}}}}}', "is not a linearization result"),
         (f'{NAMED} "responses": {{"a": {{"margins": [1]}}}}}}', "is not a linearization result"),
     ],
