@@ -35,7 +35,8 @@ def swept(
         },
         strict=False,
     )
-    fields: dict[str, Any] = {"name": "made-up", "seed": 0, **others}
+    verdicts = [name for name in figures if name.rpartition(".")[2] == "held"]
+    fields: dict[str, Any] = {"name": "made-up", "seed": 0, "verdicts": verdicts, **others}
     return SweepResult(
         sampling=sampling, factors=list(factors), figures=list(figures), variants=table, **fields
     )

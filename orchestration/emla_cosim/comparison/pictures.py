@@ -8,12 +8,13 @@ import polars
 
 from ..base.arrays import Vector
 from ..base.wording import format_rounded
+from ..recorders.metrics import HELD
 from ..study.paper import PRINTED
 from ..views.plots.style import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, new_figure, tidy_axes
 from .cases import stability_maps
 from .data import PAPER, ROBUSTNESS, STABILITY, CompareData
 from .remarks import describe_inequality
-from .rows import HELD, SHOWN, Row, label_variant
+from .rows import SHOWN, Row, label_variant
 from .statistics import SeedStatistics, format_lost, group_by_variant, rank
 from .tables import group_rows
 

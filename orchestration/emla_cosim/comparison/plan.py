@@ -7,7 +7,7 @@ from typing import Any
 
 from ..base.errors import CommandError
 from ..base.progress import Progress
-from ..run.run_setup import check_run, run_times
+from ..run.run_setup import plan_run, run_times
 from ..study.loading import load
 from ..study.roles import find_joints
 from ..sweeps.data import Variant
@@ -219,7 +219,7 @@ def _parts(
     """Return the subsystems of a scenario that have joints, with this controller."""
     overrides: dict[str, Any] = {**options, "controller": variant.controller, "gains": variant.gains}
     chosen = load(scenario, **overrides)
-    check_run(chosen.options, chosen.name)
+    plan_run(chosen.options, chosen.name)
     found = [part for part in find_independent_subsystems(Preparation.of(chosen, progress)) if _joints(part)]
     if not found:
         raise CommandError(

@@ -6,28 +6,16 @@ from typing import Any
 
 import polars
 
-from ..recorders.metrics import MetricDisplay
+from ..recorders.metrics import HELD, MetricDisplay
 from ..study.metrics import CONVERGENCE_TIME, JointFigures, JointMetrics
 from ..sweeps.data import DIED, VariantOutcome
 from .plan import ComparisonPlan, ComparisonRun
 
-_NO_NUMBERS = (
-    "held",
-    "reason",
-    "judged",
-    "excursions",
-    "trip",
-    "limits_touched",
-    "oscillation",
-    "heat",
-    "idealised",
-)
-
-FIGURES = tuple(f.name for f in fields(JointFigures) if f.name not in _NO_NUMBERS)
+FIGURES = tuple(f.name for f in fields(JointFigures) if f.type is float)
 """Columns with figures of a joint, by their names in metrics.json."""
 
-HELD, LOST_AT, WHY, SEED = "held", "lost_at_s", "why", "seed"
-"""Columns that say whether a joint was held; if not, when and why; and the held-out seed."""
+LOST_AT, WHY, SEED = "lost_at_s", "why", "seed"
+"""Columns that say when and why a joint was not held (`HELD`), and the held-out seed."""
 
 RANDOM, OBSERVER, RESERVES = "random", "observer", "reserves"
 """Columns that say whether random sequences affect the run, and what may differ between controllers."""

@@ -7,8 +7,8 @@ from statistics import fmean, stdev
 from typing import NamedTuple
 
 from ..base.wording import format_rounded
-from ..recorders.metrics import MetricDisplay
-from .rows import HELD, RANDOM, SEED, Row, label_variant
+from ..recorders.metrics import HELD, MetricDisplay
+from .rows import RANDOM, SEED, Row, label_variant
 from .text_table import Cell, resolution
 
 LEVEL = 0.05

@@ -4,11 +4,12 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from ..recorders.metrics import HELD
 from .data import MARGINS, PAPER, ROBUSTNESS, STABILITY, CompareData
 from .margin_tables import build_margin_tables
 from .paper_tables import build_paper_tables
 from .remarks import describe_ranking, name_observers
-from .rows import HELD, LOST_AT, SHOWN, WHY, Row, label_variant
+from .rows import LOST_AT, SHOWN, WHY, Row, label_variant
 from .statistics import SeedStatistics, format_mean, group_by_variant, mark_winner
 from .text_table import Cell, TextTable
 

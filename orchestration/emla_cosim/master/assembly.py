@@ -25,6 +25,7 @@ from ..system.names import NamedVariable, Names
 from ..system.resolution import convert_to_fmu_terms, refuse_driven, resolve_system
 from ..system.signal_faults import MODEL
 from ..system.structure import structure_of
+from .coupling.sampling import Sampling, find_sampling
 from .grouping import arrange, connect, find_groups
 from .instances.described_instance import DescribedInstance
 from .instances.instance_kinds import make_instance
@@ -199,6 +200,11 @@ class Assembly:
             if name not in signals and v.variable.causality != "independent" and v.variable.type != BINARY
         }
 
+    @cached_property
+    def sampling(self) -> Sampling:
+        """Which components sample."""
+        return find_sampling(self.files, [c.name for c in self.system.components if c.samples])
+
     @property
     def violations(self) -> list[str]:
         """What FMUs did in the last run against the standard, and was accepted."""
@@ -214,8 +220,9 @@ class Assembly:
             if is_triggered_input(one.variable) and one.end not in driven
         ]
 
-    def list_outputs(self) -> list[str]:
-        """Return the outputs that are recorded by default: Reals, then other types except Strings."""
+    @cached_property
+    def outputs(self) -> list[str]:
+        """The outputs that are recorded by default: Reals, then other types except Strings."""
         signals = self.network.names
         others = [n for n, v in self.unexchanged.items() if v.variable.causality == "output"]
         return sorted(

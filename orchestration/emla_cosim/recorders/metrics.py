@@ -89,9 +89,61 @@ Each entry has a `name`, a `label` of a few words, a `sentence`, the `option` th
 """
 
 
-def is_verdict(figure: str) -> bool:
-    """Return whether a figure such as `lift.held` is a verdict."""
-    return figure.rpartition(".")[2] == HELD
+@dataclass(frozen=True)
+class Figure:
+    """A number or Boolean that a run has for an object.
+
+    Attributes:
+        subject: the object, such as a joint.
+        metric: name in metrics.json.
+        value: NaN if it does not exist.
+        display: how tables show it; None if they do not.
+    """
+
+    subject: str
+    metric: str
+    value: float | bool
+    display: MetricDisplay | None = None
+
+    @property
+    def is_boolean(self) -> bool:
+        """Whether the value is true or false."""
+        return isinstance(self.value, bool)
+
+    @property
+    def is_verdict(self) -> bool:
+        """Whether it says that the object is held."""
+        return self.metric == HELD and self.is_boolean
+
+
+def list_figures(
+    metrics: Mapping[str, Figures], shown: Mapping[str, Sequence[MetricDisplay]] | None = None
+) -> dict[str, Figure]:
+    """Return the numbers and Booleans among metrics, by their names in requirements and sweeps.
+
+    Args:
+        metrics: metrics by kind, by object and by name.
+        shown: metrics that tables show, by kind.
+    """
+    figures = dict[str, Figure]()
+    for kind, subjects in metrics.items():
+        displays = {display.name: display for display in (shown or {}).get(kind, ())}
+        for subject, values in subjects.items():
+            for metric, value in values.items():
+                if isinstance(value, (bool, int, float)):
+                    figures[f"{subject}.{metric}"] = Figure(subject, metric, value, displays.get(metric))
+    return figures
+
+
+def explain_verdicts(metrics: Mapping[str, Figures]) -> str | None:
+    """Return why objects are not held, one message for each; None if all are."""
+    messages = list[str]()
+    for subjects in metrics.values():
+        for subject, values in subjects.items():
+            if values.get(HELD) is False:
+                reason = str(values.get("reason") or f"{subject} is not held").rstrip(".")
+                messages.append(f"{reason}." if reason.startswith(f"{subject} ") else f"{subject}: {reason}.")
+    return " ".join(messages) or None
 
 
 TRACKED: dict[str, Callable[[Collection[str], Mapping[str, str]], Mapping[str, tuple[str, str]]]] = {}
@@ -172,13 +224,10 @@ class MetricsRecorder(Recorder):
         kinds = {name: metrics.memory() for name, metrics in self.kinds.items()}
         return {"kinds": kinds, SIGNALS: self._signals.memory(), COUPLING: self._bonds.memory()}
 
-    @classmethod
-    def before(cls, outline: Outline) -> dict[str, Figures]:
-        """Return the figures of a run before its first row, which have all names but no values."""
-        recorder = cls()
-        recorder.begin(outline)
-        found: dict[str, Figures] = {**recorder.figures(), SIGNALS: recorder.signals()}
-        return found | ({COUPLING: coupling} if (coupling := recorder.coupling()) else {})
+    @property
+    def shown(self) -> dict[str, Sequence[MetricDisplay]]:
+        """Metrics that tables show, by kind."""
+        return {name: metrics.shown for name, metrics in self.kinds.items()}
 
     def ended_early(self, problem: str) -> None:
         """Pass the error message of a run that ended before its stop time to all metrics."""

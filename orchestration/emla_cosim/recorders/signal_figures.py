@@ -11,12 +11,6 @@ from .recorder import Outline
 MINIMUM, MAXIMUM, RMS, FINAL = NAMES = ("minimum", "maximum", "rms", "final")
 """Names of the figures in metrics.json; each is in the signal's unit."""
 
-_WIDTH = 1000
-"""Row width at which NumPy reaches its full speed: narrower rows are joined side by side."""
-
-_WORTH = 50_000
-"""Number of values above which the pass in C is faster, even if it must be loaded first."""
-
 _SQUARED = 1e150
 """Squares of numbers above this, or below its inverse, can overflow or underflow."""
 
@@ -46,7 +40,7 @@ class SignalFigures:
         if not self._names:  # only texts are recorded
             self._rows += len(rows)
             return
-        taken = rows if self._columns is None else np.ascontiguousarray(rows[:, self._columns])
+        taken = np.ascontiguousarray(rows if self._columns is None else rows[:, self._columns])
         with np.errstate(all="ignore"):
             found = np.stack((*_reduce_rows(taken), taken[-1]))
             if self._columns is None:
@@ -70,8 +64,7 @@ class SignalFigures:
 
 def _reduce_rows(rows: Vector) -> tuple[Vector, Vector, Vector]:
     """Return minimum, maximum and root mean square of every column."""
-    reduced = reduce_rows(rows) if rows.size > _WORTH else None
-    low, high, squares = _reduce_in_numpy(rows) if reduced is None else reduced
+    low, high, squares = reduce_rows(rows)
     rms = np.sqrt(squares / len(rows))
     peak = np.maximum(np.abs(low), np.abs(high))
     unsquared = np.isfinite(peak) & (peak > 0) & ((peak > _SQUARED) | (peak < 1 / _SQUARED))
@@ -79,24 +72,6 @@ def _reduce_rows(rows: Vector) -> tuple[Vector, Vector, Vector]:
         largest = peak[unsquared]
         rms[unsquared] = largest * np.sqrt(np.mean((rows[:, unsquared] / largest) ** 2, axis=0))
     return low, high, rms
-
-
-def _reduce_in_numpy(rows: Vector) -> tuple[Vector, Vector, Vector]:
-    """Return minimum, maximum and sum of squares of every column."""
-    width = rows.shape[1]
-    beside = max(_WIDTH // max(width, 1), 1)
-    count = len(rows) // beside * beside
-    wide, rest = rows[:count].reshape(-1, beside * width), rows[count:]
-    low, high, squares = rest.min(axis=0, initial=np.inf), rest.max(axis=0, initial=-np.inf), _squares(rest)
-    if count:
-        low = np.minimum(low, wide.min(axis=0).reshape(beside, width).min(axis=0))
-        high = np.maximum(high, wide.max(axis=0).reshape(beside, width).max(axis=0))
-        squares = squares + _squares(wide).reshape(beside, width).sum(axis=0)
-    return low, high, squares
-
-
-def _squares(rows: Vector) -> Vector:
-    return np.einsum("ij,ij->j", rows, rows)
 
 
 def _merge_figures(before: Vector, rows: int, after: Vector, more: int) -> Vector:

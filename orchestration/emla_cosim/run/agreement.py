@@ -1,15 +1,13 @@
 """Compare a result with a stored run: which signals stay in the tubes around it."""
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..base.arrays import Vector
 from ..base.errors import CommandError
-from ..base.signal_types import SignalType
-from ..recorders.tubes.signal_check import Comparison, compare_signal, describe_departure, select_outside
-from ..recorders.tubes.tolerance import Tolerance, find_tolerance
+from ..recorders.tubes.signal_check import Comparison, describe_departure, select_outside
 
 if TYPE_CHECKING:  # importing it loads polars
     from ..inputs.stored_runs import StoredRun
@@ -31,49 +29,7 @@ def find_common_signals(names: Sequence[str], stored: "StoredRun") -> list[str]:
     return found
 
 
-def compare_with_stored(
-    kept: Sequence[str],
-    read: Callable[[Sequence[str]], Mapping[str, Vector]],
-    units: Mapping[str, Any],
-    stored: "StoredRun",
-    tolerance: Mapping[str, Tolerance],
-    discrete: Collection[str] = (),
-    types: Mapping[str, SignalType] | None = None,
-) -> tuple[Comparison, ...]:
-    """Compare all common signals over the common time.
-
-    Args:
-        kept: Names of the signals of a result.
-        read: Function that returns columns of the result by name.
-        units: Units of the result's signals by name.
-        stored: Run to compare with.
-        tolerance: Tolerances by name or pattern.
-        discrete: Names of the signals that hold between rows.
-        types: Types of the signals by name; Real without an entry.
-
-    Returns:
-        The comparisons, in the order of `kept`.
-    """
-    names = find_common_signals(kept, stored)
-    found = read(["time", *names])
-    reference = stored.read(["time", *names], units=units, types=types)
-    for table, where in ((found, "the result"), (reference, f"the reference run '{stored.path}'")):
-        if not len(table["time"]):
-            raise CommandError(f"{where} has no rows.")
-    return tuple(
-        compare_signal(
-            name,
-            str(units.get(name) or ""),
-            found["time"],
-            *_comparable(found["time"], found[name], reference["time"], reference[name]),
-            find_tolerance(name, tolerance),
-            name in discrete,
-        )
-        for name in names
-    )
-
-
-def _comparable(
+def align_values(
     time: Vector, values: Any, reference_time: Vector, reference: Any
 ) -> tuple[Vector, Vector, Vector]:
     """Return values, times of the reference and its values as doubles.

@@ -1,83 +1,97 @@
-"""One run: steps, recorders, and how it ends."""
+"""The current run: steps, recorders, and how it ends."""
 
 import contextlib
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import partial
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 from ..base.errors import RunError
-from ..base.units import LinearTransformation
+from ..base.units import LinearTransformation, SiUnit
 from ..master.instances.fmu_instance import EndRequestedError
-from ..master.run_loop import simulate
+from ..master.run_loop import MOST_STEPS, simulate
 from ..master.stepping.checkpoint import Checkpoint
-from ..master.stepping.pacing import Pacing
 from ..master.stepping.profiler import PACING, Profiler
 from ..master.stepping.stepping_base import RowSink, Stepping
+from ..recorders.metrics import MetricsRecorder
 from ..recorders.recorder import Outline, Recorder, RecordingError, recording
 from ..recorders.row_buffer import RowBuffer
 from ..sandbox.interruption import catch_interrupts
+from .coupling_summary import CouplingSummary
 from .requirements import Requirement, StopCondition, StoppingRows, describe_stop
+from .run_record import RunDefinition
+from .run_setup import RunPlan
 
 FLUSH_INTERVAL = 1.0
 """Longest wall time in s between two transfers of rows to the recorders."""
 
 
-class Run:
+@dataclass(eq=False)
+class ActiveRun:
     """A run: `begin`, `advance` once or more, `end`.
 
     A failure does not raise: it ends the run, and `error` has the message. After an interruption `error` is
     None and `interrupted` is true.
+
+    Attributes:
+        conditions: The conditions of `stop_when`. The first row that meets one ends the run.
+        fallback: A remark on the signals that are recorded because no FMU has an output.
+        stepping: What does the steps; its algorithm is set up.
+        shown: Transformations of signals that recorders get in another unit, by position.
+        metrics: The recorder of the metrics, which is also among `recorders`.
+        resumed: The checkpoint from which the run continues.
+        profiler: What measures the run from its first step on.
+        interrupted: Whether Ctrl-C ended the last `advance`.
+        requested_end: What an FMU answered that ended the run by its own wish, which is no failure.
+        over: Whether `end` was called.
+        wall_s: Wall time of the steps in s.
     """
 
-    def __init__(
-        self,
-        stepping: Stepping,
-        outline: Outline,
-        recorders: Sequence[Recorder],
-        shown: Mapping[int, LinearTransformation],
-        pacing: Pacing | None = None,
-        resumed: Checkpoint | None = None,
-        conditions: Sequence[StopCondition] = (),
-        profiler: Profiler | None = None,
-    ) -> None:
-        """Take a stepping whose algorithm is set up; see `RowBuffer` for `shown`.
+    plan: RunPlan
+    definition: RunDefinition
+    conditions: Sequence[StopCondition]
+    fallback: str | None
+    stepping: Stepping
+    coupling: CouplingSummary
+    outline: Outline
+    shown: Mapping[int, LinearTransformation]
+    metrics: MetricsRecorder
+    recorders: Sequence[Recorder]
+    resumed: Checkpoint | None
+    profiler: Profiler | None
+    error: RunError | None = field(default=None, init=False)
+    interrupted: bool = field(default=False, init=False)
+    requested_end: EndRequestedError | None = field(default=None, init=False)
+    over: bool = field(default=False, init=False)
+    wall_s: float = field(default=0.0, init=False)
 
-        The profiler, if there is one, measures the run from its first step on.
-
-        The run ends at the first row that meets one of the `conditions`. With some, it makes single steps.
-        """
-        self.stepping = stepping
-        self.pacing = pacing
-        self.error: RunError | None = None
-        self.interrupted = False
-        self.requested_end: EndRequestedError | None = None
-        """What an FMU answered that ended the run by its own wish, which is no failure."""
-        self.over = False
-        """Whether `end` was called."""
-        self.wall_s = 0.0
-        self.shown = shown
-        self._outline, self._resumed, self._profiler = outline, resumed, profiler
-        self._waiting, self._recorders = list(recorders), list[Recorder]()
+    def __post_init__(self) -> None:
+        self._begun = list[Recorder]()
         self._buffer = RowBuffer(
-            1 + len(outline.names),
-            self._recorders,
-            shown=shown,
-            texts=outline.text_columns,
+            1 + len(self.outline.names),
+            self._begun,
+            shown=self.shown,
+            texts=self.outline.text_columns,
             map_rows=self._map_rows,
         )
-        self._stopping = StoppingRows(self._buffer, conditions) if conditions else None
+        self._stopping = StoppingRows(self._buffer, self.conditions) if self.conditions else None
         self._rows: RowSink = self._buffer if self._stopping is None else self._stopping
         self._flushed = time.monotonic()
-        self._paced = False
-        self._first = (0, stepping.times.start)
+        self._is_paced = False
+        self._first = (0, self.plan.times.start)
         self._has_first_row = False
-        if profiler is not None:
-            for recorder in recorders:
+        self.stepping.watch = self.metrics.watcher(self.shown)
+        if self.profiler is not None:
+            for recorder in self.recorders:
                 name = recorder.key or type(recorder).__name__
-                profiler.watch(name, recorder, "write", "pause", "memory", "end")
-            if pacing is not None:
-                profiler.watch(PACING, pacing, "wait")
+                self.profiler.watch(name, recorder, "write", "pause", "memory", "end")
+            if self.plan.pacing is not None:
+                self.profiler.watch(PACING, self.plan.pacing, "wait")
+
+    @property
+    def units(self) -> dict[str, SiUnit | None]:
+        """Units of the signals by name."""
+        return dict(zip(self.outline.names, self.outline.units, strict=True))
 
     @property
     def steps(self) -> int:
@@ -112,70 +126,67 @@ class Run:
 
     def profile(self) -> dict[str, Any] | None:
         """Return where the time went; None without a profiler, or before the first step."""
-        if self._profiler is None or not self.steps:
+        if self.profiler is None or not self.steps:
             return None
-        return self._profiler.report(self.wall_s)
+        return self.profiler.report(self.wall_s)
 
     def memory(self) -> dict[str, Any]:
         """Pass all rows to the recorders, and return their memories by key."""
         self._buffer.flush()
-        found = {}
-        for recorder in self._recorders:
+        memories = {}
+        for recorder in self._begun:
             if recorder.key:
                 with recording(recorder):
-                    found[recorder.key] = recorder.memory()
-        return found
+                    memories[recorder.key] = recorder.memory()
+        return memories
 
-    def begin(self, stop_time: float | None) -> None:
-        """Initialize and record the first row, or continue from a checkpoint.
-
-        Args:
-            stop_time: Stop time that the FMUs receive, in s; None if a checkpoint may be continued beyond it.
-        """
+    def begin(self) -> None:
+        """Initialize and record the first row, or continue from a checkpoint."""
+        times, options = self.plan.times, self.plan.options
+        # the states in a checkpoint would limit a continued run to the stop time of this run
+        stop_time = times.stop if times.steps and options.checkpoint is None else None
         with self._end_on_failure(), self._report_bad_checkpoint():
-            memories = self._resumed.notes["recorders"] if self._resumed is not None else {}
-            for recorder in self._waiting:
+            memories = self.resumed.notes["recorders"] if self.resumed is not None else {}
+            for recorder in self.recorders:
                 with recording(recorder):
-                    recorder.begin(self._outline, memories.get(recorder.key))
-                self._recorders.append(recorder)
-            self.stepping.algorithm.initialize(self.stepping.times.start, stop_time)
-            if self._resumed is None:
+                    recorder.begin(self.outline, memories.get(recorder.key))
+                self._begun.append(recorder)
+            self.stepping.algorithm.initialize(times.start, stop_time)
+            if self.resumed is None:
                 self.stepping.record(self._rows)
             else:
-                self._resumed.restore(self.stepping)
+                self.resumed.restore(self.stepping)
             self._first = (self.stepping.steps, self.stepping.time)
             self._has_first_row = True
-            if self._profiler is not None:
-                self._profiler.restart(self.stepping.loop)
+            if self.profiler is not None:
+                self.profiler.restart(self.stepping.loop)
 
-    def advance(self, until: float, interrupted: Callable[[], bool] | None = None) -> None:
-        """Step to a time in s, or until a failure.
-
-        Args:
-            until: Time in s.
-            interrupted: Function that says whether to stop. Default: stop after Ctrl-C.
-        """
-        if self.error is not None or self.stopped is not None or self.requested_end is not None:
+    def advance(self, until: float) -> None:
+        """Step to a time in s, or until a failure, an early end or Ctrl-C."""
+        if self.error is not None or self.early_end is not None:
             return
         self.interrupted = False
-        began = time.perf_counter()
-        with self._end_on_failure(), contextlib.ExitStack() as held:
-            asked = interrupted or held.enter_context(catch_interrupts())
+        start, pacing = time.perf_counter(), self.plan.pacing
+        with self._end_on_failure(), catch_interrupts() as is_interrupted:
             self._pause()
-            if self.pacing is not None and not self._paced:
-                self._paced = True
-                self.pacing.begin(self.stepping.time)
-            if self._stopping is None:
-                simulate(self.stepping, self._rows, asked, self.pacing, self._pause, until)
-            else:
-                ends = partial(self._ends, asked)
-                simulate(self.stepping, self._rows, ends, self.pacing, self._pause, until, longest=1)
+            if pacing is not None and not self._is_paced:
+                self._is_paced = True
+                pacing.begin(self.stepping.time)
+            simulate(
+                self.stepping,
+                self._rows,
+                lambda: self.stopped is not None or is_interrupted(),
+                pacing,
+                self._pause,
+                until,
+                MOST_STEPS if self._stopping is None else 1,
+            )
             self.interrupted = self.stopped is None and not self.stepping.reached(until)
-        self.wall_s += time.perf_counter() - began
+        self.wall_s += time.perf_counter() - start
 
     def end(self) -> None:
         """Pass the remaining rows to the recorders, and end them."""
-        began = time.perf_counter()
+        start = time.perf_counter()
         self.over = True
         try:
             if self.error is None:
@@ -184,32 +195,31 @@ class Run:
         finally:
             with self._end_on_failure():
                 self._buffer.end()
-            self._end_profile()
-        self.wall_s += time.perf_counter() - began
-
-    def _end_profile(self) -> None:
-        if self._profiler is not None:
-            self._profiler.close()
+            if self.profiler is not None:
+                self.profiler.close()
+        self.wall_s += time.perf_counter() - start
 
     def abandon(self) -> None:
         """End the recorders after another error. Ignore their own errors."""
-        self._end_profile()
+        if self.profiler is not None:
+            self.profiler.close()
         if not self.over:
             with contextlib.suppress(Exception):
                 self._buffer.end()
 
+    def close(self) -> None:
+        """Free what the run holds of the FMU instances."""
+        close_stepping(self.stepping)
+
     def _map_rows(self, size: int) -> Any:
         """Return memory for rows from the first recorder that has some."""
-        return next((m for recorder in self._waiting if (m := recorder.map_rows(size)) is not None), None)
-
-    def _ends(self, asked: Callable[[], bool]) -> bool:
-        return self.stopped is not None or asked()
+        return next((m for recorder in self.recorders if (m := recorder.map_rows(size)) is not None), None)
 
     def _pause(self) -> None:
         if time.monotonic() - self._flushed >= FLUSH_INTERVAL:
             self._buffer.flush()
             self._flushed = time.monotonic()
-        for recorder in self._recorders:
+        for recorder in self._begun:
             with recording(recorder):
                 recorder.pause(self)
 
@@ -219,7 +229,7 @@ class Run:
         try:
             yield
         except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
-            if self._resumed is None:
+            if self.resumed is None:
                 raise
             raise RunError(f"the checkpoint does not fit this run: {error!r}.") from error
 
@@ -244,6 +254,12 @@ class Run:
         if self.error is None:
             at, stepped = self.stepping.time, isinstance(cause, RunError) and self.stepping.steps > 0
             warning = self.stepping.algorithm.warning() if stepped else None
-            said = str(error) if warning is None else f"{error} {warning}"
-            self.error = RunError(f"the run ended at t = {at:.6g} s: {said}", time=at, **error.fields)
+            text = str(error) if warning is None else f"{error} {warning}"
+            self.error = RunError(f"the run ended at t = {at:.6g} s: {text}", time=at, **error.fields)
             self.error.__cause__ = cause
+
+
+def close_stepping(stepping: Stepping) -> None:
+    """Free what a stepping and its algorithm hold of the FMU instances."""
+    stepping.close()
+    stepping.algorithm.close()

@@ -15,9 +15,9 @@ from ..master.instances.event_mode_instance import EventModeInstance
 from ..master.network import Network
 from ..system.model import System
 from .coupling_summary import find_late_samples
-from .options import Options, read_options
+from .options import read_options
 from .registered import SEEDS
-from .run_setup import run_times, steps_per_row
+from .run_setup import plan_run
 from .simulation import Simulation
 
 _PARTS = tuple(n * 10**k for k in range(3) for n in (2, 5, 10))
@@ -86,10 +86,10 @@ def halve_step(simulation: Simulation, options: Mapping[str, Any]) -> HalfStep:
         CommandError: an option does not fit.
         RunError: an FMU fails during initialization.
     """
-    chosen = simulation.options.merged(read_options(options))
-    if not chosen.make_step_size_control().is_regular:
+    plan = plan_run(simulation.options.merged(read_options(options)), simulation.name)
+    if not plan.control.is_regular:
         raise NotHalvedError("the step size is controlled")
-    if isinstance(chosen.algorithm, Algorithm):
+    if isinstance(plan.options.algorithm, Algorithm):
         raise NotHalvedError("the algorithm is an object; choose one by its name")
     simulation.start(recorders=[], **options)
     algorithm, system = simulation.stepping.algorithm, simulation.system
@@ -100,18 +100,11 @@ def halve_step(simulation: Simulation, options: Mapping[str, Any]) -> HalfStep:
     seeds = (seed for find in SEEDS for seed in find(parameters))
     if random := next((seed for seed in seeds if system.split(seed)[0].name not in samplers), None):
         raise NotHalvedError(f"{system.split(random)[0].name} draws random numbers in each step ({random})")
-    return _describe(chosen, simulation.name, algorithm, samplers)
-
-
-def _describe(chosen: Options, name: str, algorithm: Algorithm, samplers: Mapping[str, int]) -> HalfStep:
-    times = run_times(chosen, name)
-    halved: dict[str, Any] = {
-        "step_size": 0.5 * times.step,
-        "output_interval": steps_per_row(chosen, times) * times.step,
-    }
+    step = plan.times.step
+    halved: dict[str, Any] = {"step_size": 0.5 * step, "output_interval": plan.every * step}
     if samplers:
         halved["step_multiples"] = {sampler: 2 * n for sampler, n in samplers.items()}
-    return HalfStep(halved, times.step, samplers, algorithm.accuracy, algorithm.exchange.holds)
+    return HalfStep(halved, step, samplers, algorithm.accuracy, algorithm.exchange.holds)
 
 
 def _find_samplers(algorithm: Algorithm, system: System) -> dict[str, int]:

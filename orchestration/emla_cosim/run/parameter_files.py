@@ -1,6 +1,6 @@
 """Start values from files: SSP parameter sets, and tables with columns for scalars and arrays."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 from ..base.errors import CommandError
@@ -23,8 +23,16 @@ from ..system.names import NamedVariable, Names
 _ONE = SiUnit("1", (0,) * 8)
 
 
-def file_values(file: Path, system: System, interfaces: Mapping[str, Interface]) -> dict[str, Value]:
+def file_values(
+    file: Path, system: System, interfaces: Mapping[str, Interface], structural_only: bool = False
+) -> dict[str, Value]:
     """Read start values from a table (CSV, Parquet, a registered format) or a parameter set (SSV).
+
+    Args:
+        file: The file.
+        system: The system.
+        interfaces: The model descriptions of its components.
+        structural_only: Whether to read structural parameters only, without checking all others.
 
     Returns:
         Values by full name, in the units of the system's variables.
@@ -32,39 +40,14 @@ def file_values(file: Path, system: System, interfaces: Mapping[str, Interface])
     Raises:
         CommandError: If the file cannot be read, or a value does not fit its variable.
     """
-    if file.name.lower().endswith(table_endings()):
-        return _read_table_values(read_table(file, "the parameter table"), Names(system, interfaces))
-    return _read_parameter_set(file, system, interfaces)
-
-
-def structural_file_values(
-    file: Path, system: System, interfaces: Mapping[str, Interface]
-) -> dict[str, Value]:
-    """Read the values of structural parameters only, by full name; `file_values` checks all others.
-
-    Args:
-        file: The file.
-        system: The system.
-        interfaces: The model descriptions of the components with structural parameters.
-
-    Raises:
-        CommandError: If the file cannot be read, or a value does not fit its variable.
-    """
     names = Names(system, interfaces)
     if not file.name.lower().endswith(table_endings()):
-        content = read_file(file, "the parameter set")
-        parameters = parse_parameter_set(content, str(file)).parameters
-        return {p.name: p.value for p in parameters if names.is_structural(p.name)}
-    return _read_table_values(read_table(file, "the parameter table"), names, names.is_structural)
-
-
-def _read_table_values(
-    data: DataTable, names: Names, is_wanted: Callable[[str], bool] = lambda _: True
-) -> dict[str, Value]:
-    values: dict[str, Value] = {}
+        return _read_parameter_set(file, system, interfaces, names if structural_only else None)
+    data, values = read_table(file, "the parameter table"), dict[str, Value]()
     for position, header in enumerate(data.headers):
-        found = _read_column_values(data, position, names) if is_wanted(header.name) else {}
-        for name, value in found.items():
+        if structural_only and not names.is_structural(header.name):
+            continue
+        for name, value in _read_column_values(data, position, names).items():
             if name in values:
                 raise CommandError(f"{data.label} has a second value for {name}.", name=name)
             values[name] = value
@@ -109,10 +92,15 @@ def _check_value(element: NamedVariable, value: float) -> Value:
     return plain
 
 
-def _read_parameter_set(file: Path, system: System, interfaces: Mapping[str, Interface]) -> dict[str, Value]:
+def _read_parameter_set(
+    file: Path, system: System, interfaces: Mapping[str, Interface], structural: Names | None
+) -> dict[str, Value]:
+    """Read a parameter set; of structural parameters only if their names are passed."""
+    parameters = parse_parameter_set(read_file(file, "the parameter set"), str(file)).parameters
+    if structural is not None:
+        return {p.name: p.value for p in parameters if structural.is_structural(p.name)}
     values: dict[str, Value] = {}
-    content = read_file(file, "the parameter set")
-    for parameter in parse_parameter_set(content, str(file)).parameters:
+    for parameter in parameters:
         component, name = system.split(parameter.name)
         interface = interfaces[component.name]
         array = name.removesuffix(parameter.name.removeprefix(parameter.document_name))

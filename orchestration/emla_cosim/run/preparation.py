@@ -112,10 +112,10 @@ def _structural_values(
     """Return the values among which those of structural parameters are: names depend on them."""
     values: dict[str, Value] = {}
     if options.parameters:
-        from .parameter_files import structural_file_values
+        from .parameter_files import file_values
 
         for file in options.parameters:
-            values |= structural_file_values(file, system, interfaces)
+            values |= file_values(file, system, interfaces, structural_only=True)
     return {**values, **options.set}
 
 

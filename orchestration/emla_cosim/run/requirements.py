@@ -15,6 +15,7 @@ from ..base.errors import CommandError, join_names
 from ..base.patterns import find_name, require_name
 from ..base.quantities import has_unit, read_quantity
 from ..base.units import LinearTransformation, SiUnit
+from ..recorders.metrics import Figure
 from ..recorders.row_buffer import RowBuffer
 
 _COMPARISONS = {
@@ -27,9 +28,6 @@ _COMPARISONS = {
 }
 _SIGN = re.compile(f"({'|'.join(_COMPARISONS)})")
 _WORDS = {"true": True, "false": False}
-
-Figures = Mapping[str, Mapping[str, Mapping[str, Any]]]
-"""The content of metrics.json without the run: by kind, by subject, and by name."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +44,9 @@ class Requirement:
 
     def met_by(self, figure: Any) -> bool:
         """Return whether a value meets the condition. Missing, NaN and values of other types do not."""
-        if isinstance(figure, bool) != isinstance(self.value, bool) or not _is_figure(figure):
+        if isinstance(figure, bool) != isinstance(self.value, bool):
+            return False
+        if not isinstance(figure, (bool, int, float)):
             return False
         return not math.isnan(figure) and bool(_COMPARISONS[self.sign](figure, self.value))
 
@@ -76,56 +76,38 @@ def parse_requirement(text: str) -> Requirement:
 
 
 def resolve_requirements(
-    requirements: Sequence[Requirement], figures: Figures, run: Mapping[str, Any], main: str = ""
+    requirements: Sequence[Requirement], figures: Mapping[str, Figure], is_complete: bool, main: str = ""
 ) -> list[Requirement]:
     """Return the requirements with the full names of their metrics.
 
     Args:
         requirements: The requirements as users write them.
-        figures: The metrics before the first row. If a kind has none yet, all names are accepted.
-        run: The metrics of the run.
+        figures: The metrics before the first row, by name.
+        is_complete: Whether these are all metrics. If not, all names are accepted.
         main: The component whose variables need no component's name; empty without one.
 
     Raises:
         CommandError: If there is no such metric, or its type does not fit the condition.
     """
-    values = flatten_figures(figures, run)
-    is_complete = all(figures.values())
-    return [_resolve(required, values, main, is_complete) for required in requirements]
+    resolved = []
+    for required in requirements:
+        if is_complete or find_name(required.figure, figures, main) is not None:
+            name = require_name(required.figure, figures, main, "metric", "require")
+            if (is_boolean := figures[name].is_boolean) != isinstance(required.value, bool):
+                right = "true or false" if is_boolean else "a number"
+                raise CommandError(
+                    f"the requirement '{required}' does not fit: {name} is {right}.", name=name
+                )
+            required = replace(required, figure=name)
+        resolved.append(required)
+    return resolved
 
 
-def _resolve(required: Requirement, values: Mapping[str, Any], main: str, is_complete: bool) -> Requirement:
-    if not is_complete and find_name(required.figure, values, main) is None:
-        return required
-    name = require_name(required.figure, values, main, "metric", "require")
-    if isinstance(values[name], bool) != isinstance(required.value, bool):
-        right = "true or false" if isinstance(values[name], bool) else "a number"
-        raise CommandError(f"the requirement '{required}' does not fit: {name} is {right}.", name=name)
-    return replace(required, figure=name)
-
-
-def describe_unmet(
-    requirements: Sequence[Requirement], figures: Figures, run: Mapping[str, Any]
-) -> str | None:
-    """Return a message on the requirements that are not met, or None if all are met."""
-    known = flatten_figures(figures, run) if requirements else {}
-    failing = [r for r in requirements if not r.met_by(known.get(r.figure))]
-    if not failing:
-        return None
-    return (
-        "requirements not met: "
-        f"{'; '.join(f'{r}, but {_format_figure(known.get(r.figure), r)}' for r in failing)}."
-    )
-
-
-def flatten_figures(figures: Figures, run: Mapping[str, Any]) -> dict[str, Any]:
-    """Return numbers and Booleans by subject.metric."""
-    all_ = [of for kind in figures.values() for of in kind.items()] + [("run", run)]
-    return {f"{of}.{name}": value for of, found in all_ for name, value in found.items() if _is_figure(value)}
-
-
-def _is_figure(value: Any) -> bool:
-    return isinstance(value, (bool, int, float))
+def describe_unmet(requirements: Sequence[Requirement], figures: Mapping[str, Figure]) -> str | None:
+    """Return a message on the requirements that are not met by figures, or None if all are met."""
+    pairs = [(r, figures[r.figure].value if r.figure in figures else None) for r in requirements]
+    failing = [f"{r}, but {_format_value(value, r)}" for r, value in pairs if not r.met_by(value)]
+    return f"requirements not met: {'; '.join(failing)}." if failing else None
 
 
 def _value(text: str) -> float | bool | None:
@@ -139,35 +121,13 @@ def _value(text: str) -> float | bool | None:
     return number if math.isfinite(number) else None
 
 
-def _format_figure(figure: Any, required: Requirement) -> str:
+def _format_value(figure: Any, required: Requirement) -> str:
     if figure is None or figure != figure:
         return "it is missing"
     if isinstance(figure, bool):
         return f"it is {str(figure).lower()}"
     short = f"{figure:.6g}"
     return f"it is {repr(figure) if short == f'{required.value:.6g}' else short}"
-
-
-def parse_stop_condition(text: str) -> tuple[Requirement, str]:
-    """Parse a condition on a signal; it has the form of a requirement.
-
-    Returns:
-        The condition, and its value as a text if that has a unit.
-
-    Raises:
-        CommandError: It is anything else.
-    """
-    signal, sign, right = split_condition(text)
-    quantity = right if has_unit(right) else ""
-    try:
-        found = parse_requirement(f"{signal} {sign} 0" if quantity else text)
-    except CommandError as error:
-        raise CommandError(
-            f"the condition '{text}' of stop_when is invalid. Write SIGNAL, a comparison such as > or <=, "
-            "and a number, such as 'lift.plant.x_L > 0.3' or 'lift.plant.x_L > 300 mm'.",
-            condition=text,
-        ) from error
-    return found, quantity
 
 
 def check_no_condition(conditions: Sequence[str], command: str) -> None:
@@ -210,11 +170,21 @@ def resolve_stop_conditions(
         CommandError: If a condition is invalid, or its signal does not exist.
     """
     conditions = []
-    for condition, quantity in map(parse_stop_condition, texts):
+    for text in texts:
+        signal, sign, right = split_condition(text)
+        is_quantity = has_unit(right)
+        try:
+            condition = parse_requirement(f"{signal} {sign} 0" if is_quantity else text)
+        except CommandError as error:
+            raise CommandError(
+                f"the condition '{text}' of stop_when is invalid. Write SIGNAL, a comparison such as > or "
+                "<=, and a number, such as 'lift.plant.x_L > 0.3' or 'lift.plant.x_L > 300 mm'.",
+                condition=text,
+            ) from error
         name = require_name(condition.figure, units, main, "signal", "stop at")
         value = condition.value
-        if quantity:
-            value = read_quantity(quantity, f"the condition on {name}", units[name])
+        if is_quantity:
+            value = read_quantity(right, f"the condition on {name}", units[name])
         conditions.append(replace(condition, figure=name, value=value))
     return conditions
 

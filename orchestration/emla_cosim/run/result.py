@@ -15,16 +15,18 @@ from ..base.values import convert_value
 from ..master.stepping.timing import CommunicationPoints
 from ..recorders.metrics import Figures, MetricDisplay
 from ..recorders.table import Table
-from ..recorders.tubes.signal_check import Comparison
-from ..recorders.tubes.tolerance import Tolerance
+from ..recorders.tubes.signal_check import Comparison, compare_signal
+from ..recorders.tubes.tolerance import Tolerance, find_tolerance
 from ..system.model import find_main_component
-from .agreement import compare_with_stored
+from .agreement import align_values, find_common_signals
 from .plot_formats import PLOT_FORMATS
 
 if TYPE_CHECKING:
     import pandas
     import polars
     from matplotlib.figure import Figure
+
+    from ..inputs.stored_runs import StoredRun
 
 
 @dataclass(frozen=True, repr=False)
@@ -199,7 +201,7 @@ class Result:
         return plot_signals(self, names, title, layout)
 
     def compare(
-        self, reference: str | Path, tolerance: Mapping[str, Tolerance | float] | None = None
+        self, reference: "str | Path | StoredRun", tolerance: Mapping[str, Tolerance | float] | None = None
     ) -> tuple[Comparison, ...]:
         """Compare each signal with that of a saved run, in a tube around the saved one.
 
@@ -221,12 +223,28 @@ class Result:
             >>> all(one.left_at is None for one in result.compare("kept"))
             True
         """
-        from ..inputs.stored_runs import open_stored_run  # importing it loads polars
+        from ..inputs.stored_runs import StoredRun, open_stored_run  # importing it loads polars
 
-        given = convert_value(tolerance or {}, Mapping[str, Tolerance], "the tolerance")
-        stored = open_stored_run(convert_value(reference, Path, "the reference"))
-        return compare_with_stored(
-            self.names, self.read, self.units, stored, given, self.discrete, self.types
+        tolerances = convert_value(tolerance or {}, Mapping[str, Tolerance], "the tolerance")
+        stored = reference
+        if not isinstance(stored, StoredRun):
+            stored = open_stored_run(convert_value(reference, Path, "the reference"))
+        names = find_common_signals(self.names, stored)
+        table = self.read(["time", *names])
+        expected = stored.read(["time", *names], units=self.units, types=self.types)
+        for columns, where in ((table, "the result"), (expected, f"the reference run '{stored.path}'")):
+            if not len(columns["time"]):
+                raise CommandError(f"{where} has no rows.")
+        return tuple(
+            compare_signal(
+                name,
+                str(self.units.get(name) or ""),
+                table["time"],
+                *align_values(table["time"], table[name], expected["time"], expected[name]),
+                find_tolerance(name, tolerances),
+                name in self.discrete,
+            )
+            for name in names
         )
 
     def save(

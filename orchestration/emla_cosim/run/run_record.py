@@ -10,13 +10,14 @@ from typing import Any
 
 from ..base.files import hash_if_readable
 from ..base.option import FileOrObject, Option
-from ..base.signal_types import COLUMN_TYPES, SignalType, write_types
+from ..base.signal_types import COLUMN_TYPES, write_types
 from ..master.algorithms.algorithm import Algorithm
 from ..master.assembly import Assembly
-from ..master.stepping.timing import CommunicationPoints
+from ..recorders.recorder import Outline
 from ..system.model import System
 from .options import Options, list_options
 from .origin import RunOrigin
+from .run_setup import RunPlan
 
 PYTHON = "python"
 """Key for an object that only Python can make; the value is the name of its class."""
@@ -81,29 +82,27 @@ class RunDefinition:
 
 def build_run_record(
     scenario: str,
-    origin: RunOrigin,
     definition: RunDefinition,
     assembly: Assembly,
-    times: CommunicationPoints,
-    every: int,
-    units: Mapping[str, Any],
-    types: Mapping[str, SignalType],
+    plan: RunPlan,
+    outline: Outline,
     stepping: Mapping[str, Any],
     problem: str | None,
-    unpacked: Path | None = None,
+    unpacked: Path | None,
 ) -> dict[str, Any]:
     """Return the content of run.json.
 
     `problem` says why the run ended early. FMUs in the folder `unpacked` have their names in the package.
     """
-    system = definition.system
+    system, origin, types = definition.system, plan.origin, outline.types
+    units = zip(outline.names, outline.units, strict=True)
     return {
         "scenario": scenario,
         "source": origin.source,
         "source_sha256": origin.sha256,
         "changed": list_overrides(origin),
         "status": COMPLETED if problem is None else problem,
-        "settings": _settings(definition, times, every),
+        "settings": _settings(definition, plan),
         "stepping": stepping,
         "versions": dict(list_versions()),
         "components": {
@@ -123,18 +122,18 @@ def build_run_record(
         "connections": [
             f"{x} {x.transformation}" if x.transformation is not None else str(x) for x in system.connections
         ],
-        "units": {name: str(unit) for name, unit in units.items() if unit is not None},
+        "units": {name: str(unit) for name, unit in units if unit is not None},
         **({COLUMN_TYPES: write_types(types)} if types else {}),
     }
 
 
-def _settings(definition: RunDefinition, times: CommunicationPoints, every: int) -> dict[str, Any]:
+def _settings(definition: RunDefinition, plan: RunPlan) -> dict[str, Any]:
     """Return the options in effect."""
-    options, found = definition.options, definition.values(lambda o: o.record if o.recorded else "")
-    del found["mapping"]  # it is part of the replacement
-    is_regular = options.make_step_size_control().is_regular
-    interval = every * times.step if is_regular else options.output_interval
-    return found | {
+    options, times = plan.options, plan.times
+    settings = definition.values(lambda o: o.record if o.recorded else "")
+    del settings["mapping"]  # it is part of the replacement
+    interval = plan.every * times.step if plan.control.is_regular else options.output_interval
+    return settings | {
         "start_time_s": times.start,
         "stop_time_s": times.stop,
         "step_size_s": times.step,

@@ -1,15 +1,21 @@
-"""Communication points, rows and recorded signals of a run, from its options."""
+"""The plan of a run: what follows from its options alone, before any FMU is used."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
 
 from ..base.errors import CommandError
 from ..base.patterns import find_names, select_names
-from ..inputs.stored_runs import open_stored_run
+from ..inputs.stored_runs import StoredRun, open_stored_run
+from ..master.algorithms.algorithm import Algorithm
 from ..master.stepping.pacing import Pacing
+from ..master.stepping.step_size_control import StepSizeControl
 from ..master.stepping.timing import MAXIMUM_STEPS, CommunicationPoints, make_communication_points
 from ..system.model import System
 from .options import Options
-from .requirements import parse_requirement
+from .origin import RunOrigin
+from .requirements import Requirement, parse_requirement
+from .stored_margins import read_margins
 
 DEFAULT_INTERVAL = 1e-3
 """Default time between rows of a table in s."""
@@ -18,17 +24,63 @@ FEW_ROWS, MANY_ROWS = 10, 100
 """A run shorter than so many default intervals has about so many rows, or one per step."""
 
 
-def check_run(options: Options, name: str) -> None:
-    """Raise CommandError for errors that can be found before anything is built."""
-    steps_per_row(options, run_times(options, name))
-    options.make_algorithm()
-    options.make_step_size_control()
-    for text in options.require:
-        parse_requirement(text)
+@dataclass(frozen=True)
+class RunPlan:
+    """What follows from the options of a run.
+
+    Attributes:
+        options: Values of all options.
+        times: Communication points.
+        every: Every `every`-th communication point has a row in tables.
+        algorithm: The algorithm, before its `setup`.
+        control: The step-size control.
+        pacing: Limit of the speed; None without one.
+        requirements: Conditions of `require`.
+        stored: The run of the option `reference`.
+        margins: The stability margins of the option `margins`.
+        notes: Notes to read before the run, without full stops.
+        origin: The scenario, and the options set for it.
+        recorded: Signals to keep in the table; without any, the run chooses some.
+        conditions: Conditions of `stop_when`, with full names.
+    """
+
+    options: Options
+    times: CommunicationPoints
+    every: int
+    algorithm: Algorithm
+    control: StepSizeControl
+    pacing: Pacing | None
+    requirements: Sequence[Requirement]
+    stored: StoredRun | None
+    margins: Mapping[str, Any] | None
+    notes: Sequence[str]
+    origin: RunOrigin = field(default_factory=RunOrigin)
+    recorded: Sequence[str] = ()
+    conditions: Sequence[Requirement] = ()
+
+
+def plan_run(options: Options, name: str, notes: Sequence[str] = ()) -> RunPlan:
+    """Return the plan of a run, as far as it needs no names of signals.
+
+    Args:
+        options: Values of all options.
+        name: Name of the scenario.
+        notes: Notes on the scenario.
+
+    Raises:
+        CommandError: An option is wrong, or a file cannot be read.
+    """
+    times = run_times(options, name)
+    stored = None
+    every, algorithm = steps_per_row(options, times), options.make_algorithm()
+    control = options.make_step_size_control()
+    requirements = [parse_requirement(text) for text in options.require]
     if options.reference is not None:
-        open_stored_run(options.reference)
-    if options.real_time is not None:
-        Pacing(options.real_time)
+        stored = open_stored_run(options.reference, start=times.start)
+        notes = [*notes, *stored.notes]
+    margins = read_margins(options.margins) if options.margins is not None else None
+    pacing = Pacing(options.real_time) if options.real_time is not None else None
+    return RunPlan(options, times, every, algorithm, control, pacing, requirements, stored, margins, notes)
 
 
 def run_times(options: Options, name: str) -> CommunicationPoints:
@@ -68,12 +120,11 @@ def steps_per_row(options: Options, times: CommunicationPoints) -> int:
     )
 
 
-def describe_interval(options: Options, times: CommunicationPoints) -> list[str]:
+def describe_interval(plan: RunPlan) -> list[str]:
     """Return a remark on the distance of rows, if the run is too short for the default one."""
-    if not (_is_short(options, times) and options.make_step_size_control().is_regular):
+    if not (_is_short(plan.options, plan.times) and plan.control.is_regular):
         return []
-    every = steps_per_row(options, times)
-    distance = f"every {every * times.step:g} s" if every > 1 else "after each step"
+    distance = f"every {plan.every * plan.times.step:g} s" if plan.every > 1 else "after each step"
     return [f"the run is short: its rows are {distance}, not every 1 ms (--output-interval)."]
 
 

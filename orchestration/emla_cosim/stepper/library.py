@@ -97,15 +97,6 @@ def native_sources() -> dict[str, bytes]:
     return {f.name: f.read_bytes() for f in sorted(folder.iterdir(), key=lambda f: f.name) if f.is_file()}
 
 
-@cache
-def find_stepper() -> StepperLibrary | None:
-    """Return the functions in C; None if they cannot be built or loaded on this machine."""
-    try:
-        return load_stepper()
-    except StepperBuildError:
-        return None
-
-
 def require_stepper() -> StepperLibrary:
     """Return the functions in C.
 

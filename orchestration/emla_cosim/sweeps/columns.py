@@ -7,7 +7,7 @@ import polars
 
 from ..base.arrays import Indices, Vector
 from ..base.errors import CommandError, suggest_names
-from ..recorders.metrics import HELD, MetricDisplay, is_verdict
+from ..recorders.metrics import HELD, MetricDisplay
 from .data import DONE, STATUS, VARIANT, SweepData
 
 LARGEST = 1e150
@@ -105,14 +105,9 @@ def is_done(result: SweepData) -> np.ndarray:
     return _statuses(result) == DONE
 
 
-def find_verdicts(result: SweepData) -> list[str]:
-    """Return the figures that are verdicts: Booleans named `held`, such as `lift.held`."""
-    return [figure for figure in result.figures if is_verdict(figure) and is_truth(result, figure)]
-
-
 def good_outcome(result: SweepData) -> str:
     """Return the name of the good outcome: held, or done if the sweep has no verdict."""
-    return HELD if find_verdicts(result) else DONE
+    return HELD if result.verdicts else DONE
 
 
 def read_outcomes(result: SweepData) -> np.ndarray:
@@ -121,7 +116,7 @@ def read_outcomes(result: SweepData) -> np.ndarray:
     A variant that is done is not held if one of its verdicts is false or missing.
     """
     outcomes = _statuses(result)
-    for figure in find_verdicts(result):
+    for figure in result.verdicts:
         outcomes[is_done(result) & (figure_values(result, figure) != 1.0)] = NOT_HELD
     return outcomes
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import polars
 
-from ..recorders.metrics import MetricDisplay
+from ..recorders.metrics import Figure, MetricDisplay
 from ..run.half_step import HalfStep
 from .targets import Target
 
@@ -37,6 +37,7 @@ class SweepData:
     series: polars.LazyFrame | None = None
     units: Mapping[str, str] = field(default_factory=dict)
     shown: Mapping[str, MetricDisplay] = field(default_factory=dict)
+    verdicts: Sequence[str] = ()
     folder: Path | None = None
     complete: bool = True
     required: Sequence[str] = ()
@@ -90,13 +91,12 @@ class Chunk:
 
 @dataclass(frozen=True)
 class SimulationDescription:
-    """The signals (with units) and figures of a prepared simulation, and how to display figures."""
+    """The signals (with units) and figures of a prepared simulation."""
 
     units: Mapping[str, str]
     further: Mapping[str, str]
     """Other variables that metrics can name, with units."""
-    figures: Mapping[str, bool]
-    """Figures by name, with whether each is Boolean."""
-    shown: Mapping[str, MetricDisplay]
+    figures: Mapping[str, Figure]
+    """Figures by name, before the first step."""
     rows: int
     """Rows of a table with the options of the scenario."""

@@ -13,8 +13,7 @@ from polars.exceptions import PolarsError
 
 from ..base.errors import CommandError
 from ..base.patterns import select_names
-from ..recorders.metrics import HELD, is_verdict
-from ..run.requirements import flatten_figures
+from ..recorders.metrics import HELD, Figure, list_figures
 from ..run.result import Result
 from .data import RESERVED
 
@@ -82,7 +81,7 @@ def _source(function: Callable[..., Any]) -> str:
 def _check_name(name: str, taken: Sequence[str], where: str) -> None:
     if name in taken or name in RESERVED:
         raise CommandError(f"{where} has two columns '{name}'; give the metric another name.", name=name)
-    if is_verdict(name):
+    if name.rpartition(".")[2] == HELD:
         raise CommandError(
             f"{where} has a metric '{name}', but '{HELD}' is the verdict of registered metrics; "
             "give the metric another name.",
@@ -101,6 +100,7 @@ class Measures:
         signals: Signals to record over time.
         read: Signals needed for all of these.
         truths: Names of Boolean figures.
+        verdicts: Names of the figures that say whether an object is held.
     """
 
     figures: Sequence[str] = ()
@@ -109,6 +109,7 @@ class Measures:
     signals: Sequence[str] = ()
     read: Sequence[str] = ()
     truths: Sequence[str] = ()
+    verdicts: Sequence[str] = ()
 
     @property
     def names(self) -> list[str]:
@@ -125,8 +126,9 @@ class Measures:
         Raises:
             MeasureError: An expression or function fails.
         """
-        known = flatten_figures(result.metrics, {})
-        found: dict[str, float | bool | None] = {name: known.get(name) for name in self.figures}
+        figures, found = list_figures(result.metrics), dict[str, float | bool | None]()
+        for name in self.figures:
+            found[name] = figures[name].value if name in figures else None
         if self.expressions:
             found |= _evaluate(self.expressions, polars.DataFrame(result.read([_TIME, *self.read])))
         for name, function in self.functions.items():
@@ -147,7 +149,7 @@ class MeasureError(Exception):
 
 def resolve_measures(
     asked: MetricRequest,
-    figures: Mapping[str, bool],
+    figures: Mapping[str, Figure],
     signals: Sequence[str],
     further: Sequence[str],
     kept: Sequence[str],
@@ -157,7 +159,7 @@ def resolve_measures(
 
     Args:
         asked: The metrics of the plan.
-        figures: All figures of the scenario, each with whether it is Boolean.
+        figures: All figures of the scenario by name.
         signals: All signals of the scenario, which functions can read.
         further: Other variables that expressions can name.
         kept: Signals to keep over time.
@@ -180,28 +182,16 @@ def resolve_measures(
     read = sorted({*kept, *used} if not asked.functions else {*kept, *used, *signals})
     measures = Measures(chosen, quoted, asked.functions, list(kept), read)
     tried = _check_expressions(measures, asked.expressions, known, where)
-    truths = [name for name in chosen if figures[name]]
+    truths = [name for name in chosen if figures[name].is_boolean]
     return replace(measures, truths=[*truths, *(n for n, value in tried.items() if isinstance(value, bool))])
 
 
-def with_verdicts(measures: Measures, figures: Mapping[str, bool]) -> Measures:
-    """Return measures with all verdicts added, since outcomes depend on them.
-
-    `figures` are as in `resolve_measures`.
-    """
-    missing = [n for n, truth in figures.items() if truth and is_verdict(n) and n not in measures.figures]
-    return replace(measures, figures=[*measures.figures, *missing], truths=[*measures.truths, *missing])
-
-
-def reason_not_held(result: Result) -> str | None:
-    """Return why a run is not held, one message for each false verdict; None if none is false."""
-    found = list[str]()
-    for kind in result.metrics.values():
-        for of, figures in kind.items():
-            if figures.get(HELD) is False:
-                reason = str(figures.get("reason") or f"{of} is not held").rstrip(".")
-                found.append(f"{reason}." if reason.startswith(f"{of} ") else f"{of}: {reason}.")
-    return " ".join(found) or None
+def with_verdicts(measures: Measures, figures: Mapping[str, Figure]) -> Measures:
+    """Return measures with all verdicts among the figures, since outcomes depend on them."""
+    verdicts = [name for name, figure in figures.items() if figure.is_verdict]
+    missing = [name for name in verdicts if name not in measures.figures]
+    names, truths = [*measures.figures, *missing], [*measures.truths, *missing]
+    return replace(measures, figures=names, truths=truths, verdicts=verdicts)
 
 
 def _select_figures(patterns: Sequence[str], figures: Sequence[str], where: str) -> list[str]:

@@ -10,7 +10,7 @@ import polars
 
 from ..base.errors import CommandError
 from ..base.values import convert_value
-from ..recorders.metrics import MetricDisplay
+from ..recorders.metrics import HELD, MetricDisplay
 from .data import VARIANT, SweepData
 from .folder import COMPLETED, SERIES, TABLE, SweepFolder, read_unfinished
 from .pictures import draw_picture
@@ -37,6 +37,7 @@ class SweepResult(SweepData):
         series: lazy polars frame with `variant`, `time` in s and the kept signals; None if there are none.
         units: units of factors and signals by name.
         shown: labels and units of the metrics that tables show.
+        verdicts: names of the metrics that say whether an object, such as a joint, is held.
         folder: folder of the sweep; None if it is deleted together with the result.
         complete: whether all variants are done.
         required: conditions of the option `require`.
@@ -132,6 +133,7 @@ def read_sweep(folder: str | Path) -> SweepResult:
         series = None
         if signals:  # each is sorted by variant, but retried chunks come late
             series = polars.scan_parquet(signals).sort(VARIANT, maintain_order=True)
+        former = [name for name in record["figures"] if name.endswith(f".{HELD}")]  # of earlier versions
         return SweepResult(
             name=record["name"],
             sampling=record["sampling"],
@@ -143,6 +145,7 @@ def read_sweep(folder: str | Path) -> SweepResult:
             series=series,
             units=record["units"],
             shown={name: MetricDisplay(**shown) for name, shown in record["shown"].items()},
+            verdicts=record.get("verdicts", former),
             folder=place,
             complete=record["status"] == COMPLETED,
             required=record["required"],

@@ -248,7 +248,12 @@ def _record(
         "expressions": dict(measures.expressions),
         "signals": list(measures.signals),
         "units": units,
-        "shown": {name: asdict(described.shown[name]) for name in measures.names if name in described.shown},
+        "shown": {
+            name: asdict(display)
+            for name in measures.figures
+            if (display := described.figures[name].display) is not None
+        },
+        "verdicts": list(measures.verdicts),
         "notes": list(notes),
         "required": list(design.groups[0].preparation.options.require),
         "base": None if base is None else ["emla", "run", *base],

@@ -18,7 +18,6 @@ from .columns import (
     check_figure,
     display_of,
     figure_values,
-    find_verdicts,
     is_done,
     is_truth,
     main_figure,
@@ -83,8 +82,7 @@ def figures_table(result: SweepResult) -> RenderableType:
     title = f"Figures of the variants that are done ({int(is_done(result).sum())})"
     table = _new_table("least", "median", "95 %", "largest")
     table.add_column("")
-    judged = find_verdicts(result)
-    for figure in [*judged, *(name for name in result.figures if name not in judged)]:
+    for figure in dict.fromkeys([*result.verdicts, *result.figures]):
         shown, values = display_of(result, figure), figure_values(result, figure)
         known = values[~np.isnan(values)]
         if is_truth(result, figure):

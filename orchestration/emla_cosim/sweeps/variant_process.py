@@ -16,19 +16,18 @@ import polars
 
 from ..base.errors import CosimError, RunError
 from ..master.instances.fmu_instance import DiscardedStepError
-from ..recorders.metrics import MetricsRecorder, describe_divergence
-from ..recorders.recorder import Outline, Recorder
+from ..recorders.metrics import describe_divergence, explain_verdicts, list_figures
 from ..recorders.table import TimeSeries
 from ..run.half_step import halve_step
 from ..run.remarks import describe_lost_values
-from ..run.requirements import flatten_figures
 from ..run.result import Result
+from ..run.run_setup import steps_per_row
 from ..run.simulation import Simulation
 from ..sandbox.server import serve
 from ..study.loading import register
 from .data import DIVERGED, DONE, FAILED, REFUSED, VARIANT, SimulationDescription, Variant, VariantOutcome
 from .idle_processes import ANSWER, ERROR, OUTCOME, PAYLOAD, READY
-from .measures import MeasureError, Measures, reason_not_held
+from .measures import MeasureError, Measures
 from .worker_payload import REGISTRIES, PackedPreparation
 
 _PREPARED_AT_MOST = 8
@@ -144,7 +143,7 @@ class VariantProcess:
                 result = simulation.run(
                     recorders=recorders, signals=measures.reading(simulation.names), **options
                 )
-                problem = reason_not_held(result)
+                problem = explain_verdicts(result.metrics)
                 problem = " ".join(filter(None, (result.early_end, problem))) or None
             except RunError as error:
                 if "result" not in error.fields:
@@ -169,29 +168,15 @@ class VariantProcess:
 
 
 def _describe(simulation: Simulation) -> SimulationDescription:
-    outline = _OutlineRecorder()
-    with contextlib.suppress(RunError):  # variants may run although the scenario itself fails
-        simulation.start(recorders=[outline])
-    begun = outline.outline
-    if begun is None:
-        simulation.run()
-        raise RunError(f"'{simulation.name}' cannot be started.")
-    recorder = MetricsRecorder()
-    recorder.begin(begun)
-    shown = {}
-    for name, kind in recorder.kinds.items():
-        seen = {s.name: s for s in kind.shown}
-        for of, figures in recorder.figures()[name].items():
-            shown |= {f"{of}.{figure}": seen[figure] for figure in figures if figure in seen}
+    simulation.start(recorders=[])  # variants may run although the scenario itself fails in a step
+    result = simulation.so_far()
+    figures = list_figures(result.metrics, result.shown)
     units, further = (
-        {name: str(unit) if unit is not None else "" for name, unit in found.items()}
-        for found in (simulation.units, simulation.further_units())
+        {name: str(unit) if unit is not None else "" for name, unit in units.items()}
+        for units in (simulation.units, simulation.further_units())
     )
-    rows = 1 + -(-begun.times.steps // begun.every)
-    figures = {
-        name: isinstance(value, bool) for name, value in flatten_figures(recorder.figures(), {}).items()
-    }
-    return SimulationDescription(units, further, figures, shown, rows)
+    rows = 1 + -(-result.times.steps // steps_per_row(simulation.options, result.times))
+    return SimulationDescription(units, further, figures, rows)
 
 
 def _status(error: RunError) -> str:
@@ -216,16 +201,6 @@ def to_parquet(table: polars.DataFrame) -> bytes:
     stream = BytesIO()
     table.write_parquet(stream)
     return stream.getvalue()
-
-
-class _OutlineRecorder(Recorder):
-    """Stores the outline of a run."""
-
-    outline: Outline | None = None
-
-    def begin(self, outline: Outline, memory: Any = None) -> None:
-        """Store the outline."""
-        self.outline = outline
 
 
 if __name__ == "__main__":

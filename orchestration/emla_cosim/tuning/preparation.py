@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..base.errors import CommandError
-from ..recorders.metrics import HELD
 from ..run.requirements import Requirement, parse_requirement
 from ..run.run_setup import run_times
 from ..run.scenarios.scenario import Scenario
@@ -59,7 +58,15 @@ def prepare_task(
     return TuningTask(
         plan,
         found,
-        Objective(objective, plan.cases, checked, times.start, times.stop, plan.margin),
+        Objective(
+            objective,
+            plan.cases,
+            checked,
+            times.start,
+            times.stop,
+            plan.margin,
+            _tracking_errors(described),
+        ),
         measures,
         cases,
         loops,
@@ -75,9 +82,15 @@ def _conditions(
     """Return the conditions of a case, and that each joint of its objective is held."""
     found = [parse_requirement(text) for text in (plan.require if case.require is None else case.require)]
     named = {one.figure for one in found}
-    of_objective = dict.fromkeys(f"{name.rpartition('.')[0]}.{HELD}" for name in sorted(objective.names))
-    held = [name for name in of_objective if name in described.figures and name not in named]
-    return [*found, *(Requirement(name, "==", True) for name in held)]
+    verdicts = {f.subject: name for name, f in described.figures.items() if f.is_verdict}
+    subjects = dict.fromkeys(_subject(name, described) for name in sorted(objective.names))
+    held = [verdicts[subject] for subject in subjects if subject in verdicts]
+    return [*found, *(Requirement(name, "==", True) for name in held if name not in named)]
+
+
+def _subject(name: str, described: SimulationDescription) -> str:
+    """Return the object of a metric; a metric of the plan belongs to the one that its name begins with."""
+    return described.figures[name].subject if name in described.figures else name.rpartition(".")[0]
 
 
 def _measures(
@@ -91,9 +104,7 @@ def _measures(
     conditions = [r for case in required for r in case]
     needed = dict.fromkeys([*sorted(objective.names), *(r.figure for r in conditions)])
     figures = [name for name in needed if name not in own.expressions and name not in own.functions]
-    figures += [
-        name for name in described.figures if name.endswith(f".{TRACKING_ERROR}") and name not in figures
-    ]
+    figures += [name for name in _tracking_errors(described) if name not in figures]
     asked = MetricRequest(figures, own.expressions, own.functions)
     measures = resolve_measures(
         asked, described.figures, list(described.units), list(described.further), [], plan.where
@@ -107,6 +118,10 @@ def _measures(
                 f"the requirement '{one}' of {plan.where} has the wrong type: {one.figure} is {right}."
             )
     return measures
+
+
+def _tracking_errors(described: SimulationDescription) -> list[str]:
+    return [name for name, figure in described.figures.items() if figure.metric == TRACKING_ERROR]
 
 
 def _options(case: Case, plan: TuningPlan, preparation: Preparation) -> dict[str, Any]:

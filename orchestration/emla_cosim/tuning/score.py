@@ -12,7 +12,6 @@ from ..sweeps.data import VariantOutcome
 from .expressions import Expression
 from .plan import Case
 from .search import Order
-from .tracking import TRACKING_ERROR
 
 LOST = 20.0
 """Violation of a run that ended early or has no objective, larger than that of missed conditions."""
@@ -77,6 +76,7 @@ class Objective:
 
     Attributes:
         margin: By which part figures must be better than their conditions.
+        tracking_errors: Names of the figures that say how far joints are from their references.
     """
 
     objective: Expression
@@ -85,6 +85,7 @@ class Objective:
     start: float
     stop: float
     margin: float = 0.0
+    tracking_errors: Sequence[str] = ()
 
     def score(self, outcomes: Sequence[Sequence[VariantOutcome]]) -> Score:
         """Return the score of gains.
@@ -137,7 +138,12 @@ class Objective:
         found = sum(_excess(r, outcome.figures.get(r.figure), self.margin) for r in required)
         if is_lost:
             found += LOST + LOST * self._missing_part(outcome)
-        return found + _distance(outcome) if found else 0.0
+        return found + self._distance(outcome) if found else 0.0
+
+    def _distance(self, outcome: VariantOutcome) -> float:
+        """Return how far the joints are from their references."""
+        errors = [float(x) for n in self.tracking_errors if (x := outcome.figures.get(n)) is not None]
+        return sum(errors) / len(errors) if errors else 0.0
 
     def _missing_part(self, outcome: VariantOutcome) -> float:
         """Return the part of the run that is missing."""
@@ -160,16 +166,6 @@ def _excess(required: Requirement, figure: Any, margin: float = 0.0) -> float:
     if beyond < 0.0 or (beyond == 0.0 and required.sign[1:]):
         return 0.0
     return min(max(beyond, 1e-9), _MOST)
-
-
-def _distance(outcome: VariantOutcome) -> float:
-    """Return how far the joints are from their references."""
-    misses = [
-        float(x)
-        for name, x in outcome.figures.items()
-        if name.endswith(f".{TRACKING_ERROR}") and x is not None
-    ]
-    return sum(misses) / len(misses) if misses else 0.0
 
 
 def _worst(required: Requirement, outcomes: Sequence[VariantOutcome]) -> dict[str, Any]:

@@ -50,16 +50,18 @@ def test_run_command_reads_margins(folder: Path, tmp_path: Path) -> None:
     ("content", "message"),
     [
         (None, "cannot be read"),
-        ("{", "is no linearization"),
-        ("[]", "is no linearization"),
-        ('{"format": "emla-run"}', "is no linearization"),
-        ('{"format": "emla-linearization", "matrices": {}}', "has no margins"),
-        ('{"format": "emla-linearization", "responses": {"a": {"margins": null}}}', "has no margins"),
-        ('{"format": "emla-linearization", "responses": {"a": {}}}', "has no margins"),
-        ('{"format": "emla-linearization", "responses": [1]}', "has no margins"),
-        ('{"format": "emla-linearization", "responses": {"a": {"margins": {"Ms": 2}}}}', "is damaged"),
-        (f'{NAMED} "responses": {{"a": {{"margins": {{"Ms": "x"}}}}}}}}', "is damaged"),
-        (f'{NAMED} "responses": {{"a": {{"margins": [1]}}}}}}', "is damaged"),
+        ("{", "is not a linearization result"),
+        ("[]", "is not a linearization result"),
+        ('{"format": "emla-run"}', "is not a linearization result"),
+        (f'{NAMED} "matrices": {{}}}}', "has no margins"),
+        (f'{NAMED} "responses": {{"a": {{"margins": null}}}}}}', "has no margins"),
+        (f'{NAMED} "responses": {{"a": {{}}}}}}', "has no margins"),
+        (
+            '{"format": "emla-linearization", "responses": {"a": {"margins": {"Ms": 2}}}}',
+            "is not a linearization result",
+        ),
+        (f'{NAMED} "responses": {{"a": {{"margins": {{"Ms": "x"}}}}}}}}', "is not a linearization result"),
+        (f'{NAMED} "responses": {{"a": {{"margins": [1]}}}}}}', "is not a linearization result"),
     ],
 )
 def test_other_files_get_an_error_message(content: str | None, message: str, tmp_path: Path) -> None:

@@ -39,8 +39,7 @@ def test_stretch_of_steps_is_limited_in_time(way: str, reluctant: Path) -> None:
     with ec.load(_pair(reluctant), **options).prepare() as simulation:
         simulation.start(recorders=[])
         simulation.advance(SLOW_FROM / 2 if way != "error control" else 2e-4)
-        assert simulation._run is not None
-        stepping = simulation._run.run.stepping
+        stepping = simulation.stepping
         rows, reached = RowBuffer(1 + len(simulation.names), []), stepping.time
         began = time.monotonic()
         while stepping.time < SLOW_FROM + 1e-3:  # across the point where steps become slow

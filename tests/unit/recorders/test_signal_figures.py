@@ -1,7 +1,7 @@
 """Minimum, maximum, rms and final value of every signal, against NumPy on all rows."""
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import hypothesis.strategies as st
@@ -11,10 +11,8 @@ from hypothesis import given
 
 import emla_cosim as ec
 from emla_cosim.master.stepping.timing import make_communication_points
-from emla_cosim.recorders import signal_figures
 from emla_cosim.recorders.recorder import Outline
 from emla_cosim.recorders.signal_figures import NAMES, SignalFigures
-from emla_cosim.stepper.library import find_stepper
 from tests.support.axis import axis
 from tests.support.commands import Emla, sentence
 
@@ -47,16 +45,6 @@ def rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(wide * wide)))
 
 
-@pytest.fixture(params=["numpy", "compiled"], scope="module")
-def way(request: pytest.FixtureRequest) -> Iterator[None]:
-    """Both ways to reduce rows, for blocks of any size."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(signal_figures, "_WORTH", 0 if request.param == "compiled" else 10**9)
-        assert find_stepper() is not None
-        yield
-
-
-@pytest.mark.usefixtures("way")
 @given(data=st.data(), signals=st.integers(1, 4), sizes=st.lists(st.integers(1, 40), max_size=4))
 def test_metrics_equal_those_of_numpy(data: st.DataObject, signals: int, sizes: list[int]) -> None:
     numbers = data.draw(st.sampled_from((ANY, st.floats(-1e3, 1e3), st.floats(1e300, 1.7e308))))
@@ -74,7 +62,6 @@ def test_metrics_equal_those_of_numpy(data: st.DataObject, signals: int, sizes: 
             np.testing.assert_allclose(figures["rms"], rms(values[:, i]), rtol=1e-12, atol=0)
 
 
-@pytest.mark.usefixtures("way")
 @pytest.mark.parametrize("signals", [1, 30, 999, 1500])
 def test_rows_of_any_width_count_once(signals: int) -> None:
     rows = np.random.default_rng(signals).normal(size=(217, 1 + signals))

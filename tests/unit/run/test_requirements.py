@@ -12,6 +12,7 @@ from hypothesis import given
 
 import emla_cosim as ec
 from emla_cosim.base.errors import CommandError
+from emla_cosim.recorders.metrics import list_figures
 from emla_cosim.run.requirements import Requirement, describe_unmet, parse_requirement
 from tests.support.commands import Emla, sentence
 
@@ -146,7 +147,7 @@ def test_requirements_compare_like_python(
     required = parse_requirement(f"{blank}{name}{blank}{sign}{blank}{value!r}{blank}")
     assert required == Requirement(name, sign, float(value))
     of, _, what = name.partition(".")
-    sentence_ = describe_unmet([required], {"kind": {of: {what: figure}}}, {})
+    sentence_ = describe_unmet([required], list_figures({"kind": {of: {what: figure}}}))
     met = figure is not None and not math.isnan(figure) and SIGNS[sign](figure, value)
     assert (sentence_ is None) == met
     if not met:

@@ -12,7 +12,7 @@ import pytest
 
 import emla_cosim as ec
 from emla_cosim.fmu.models import fmu_path
-from emla_cosim.run.run_setup import check_run
+from emla_cosim.run.run_setup import plan_run
 from tests.support.commands import Emla, sentence
 from tests.support.paths import ROOT
 
@@ -185,7 +185,7 @@ def test_invalid_record(record: str, words: str, tmp_path: Path) -> None:
     (tmp_path / "run.json").write_text(record)
     with pytest.raises(ec.CommandError) as caught:
         scenario = ec.load(tmp_path / "run.json")
-        check_run(scenario.options, scenario.name)
+        plan_run(scenario.options, scenario.name)
         scenario.prepare()
     assert words in str(caught.value)
 

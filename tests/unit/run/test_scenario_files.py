@@ -12,7 +12,7 @@ import polars
 import pytest
 
 import emla_cosim as ec
-from emla_cosim.run.run_setup import check_run
+from emla_cosim.run.run_setup import plan_run
 from emla_cosim.run.scenarios.built_in import SCENARIOS
 from emla_cosim.study.joints.schema import list_joint_names
 from emla_cosim.study.loading import load
@@ -317,7 +317,7 @@ MISTAKES = [*NO_SYSTEM, *((f'system = "lift"\n{row[0]}', *row[1:]) for row in OF
 def test_mistake_in_a_file(text: str, words: list[str], fmu_folder: Path) -> None:
     def use() -> None:
         scenario = load(write(f"{text}\n"))
-        check_run(scenario.options, scenario.name)
+        plan_run(scenario.options, scenario.name)
         scenario.prepare(fmus=fmu_folder).close()
 
     found = error_of(use)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import emla_cosim as ec
-from emla_cosim.run.requirements import flatten_figures
+from emla_cosim.recorders.metrics import list_figures
 from emla_cosim.study.loads import LoadMetrics
 
 STEP = 1e-3
@@ -113,7 +113,7 @@ def test_short_runs_have_no_verdict() -> None:
 def test_requirements_find_metrics_of_loads() -> None:
     """`--require` and sweeps find both by joint and name."""
     kinds = {"joints": {"j": {"position_error_m": 1.0, "held": True}}, "loads": {"j": judged(0.5e-3)[0]}}
-    flat = flatten_figures(kinds, {})
+    flat = {name: figure.value for name, figure in list_figures(kinds).items()}
     assert flat["j.position_error_m"] == 1.0 and flat["j.held"] is True
     assert flat["j.load_position_error_m"] == pytest.approx(0.5e-3) and flat["j.load_within_window"] is True
 

@@ -9,9 +9,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from emla_cosim.base.errors import CommandError
+from emla_cosim.recorders.metrics import Figure
 from emla_cosim.sweeps.measures import MeasureError, Measures, MetricRequest, resolve_measures
 
-FIGURES = {"lift.error_m": False, "lift.held": True, "tilt.error_m": False}
+FIGURES = {
+    f"{j}.{n}": Figure(j, n, x)
+    for j, n, x in [("lift", "error_m", 0.0), ("lift", "held", True), ("tilt", "error_m", 0.0)]
+}
 SIGNALS = ["lift.plant.x", "lift.plant.x_d", "lift.plant.x[1]", "a'b.x", 'say "x".y', "lift.plant.x.x"]
 TIMES = np.array([0.0, 0.1, 0.2, 0.3])
 VALUES = {name: np.array([1.0, -3.0, 2.0, 0.5]) * (k + 1) for k, name in enumerate(SIGNALS)}

@@ -14,7 +14,6 @@ import pytest
 from distributed import Client
 
 import emla_cosim as ec
-from emla_cosim.recorders.metrics import is_verdict
 from emla_cosim.sweeps.result import read_sweep
 from emla_cosim.sweeps.runner import sweep
 from emla_cosim.system.model import Replacement
@@ -142,7 +141,7 @@ def test_metrics_of_every_kind(scheduler: Client, fmu_folder: Path) -> None:
         last,
     ]
     result = sweep("lift", {R_S: [0.1, 0.2]}, metrics=metrics, scheduler=scheduler, fmus=fmu_folder, **TABLE)
-    named = [figure for figure in result.figures if not is_verdict(figure)]
+    named = [figure for figure in result.figures if figure not in result.verdicts]
     assert named == ["lift.torque_peak_N_m", "largest", "high", "n", "last"]
     with ec.load("lift", fmus=fmu_folder, **TABLE).prepare() as simulation:
         for row in result.variants.to_dicts():

@@ -12,6 +12,7 @@ from distributed import Client
 
 import emla_cosim as ec
 from emla_cosim.base.ownership import MANIFEST
+from emla_cosim.recorders.metrics import Figure
 from emla_cosim.sweeps.folder import SweepFolder
 from emla_cosim.sweeps.measures import MetricRequest, resolve_measures, with_verdicts
 from emla_cosim.sweeps.runner import sweep
@@ -139,7 +140,11 @@ def test_missing_verdict_is_none() -> None:
     assert rows == ["a.held", "b.held", "size"]
 
 
-FIGURES = {"lift.held": True, "lift.error_m": False, "tilt.held": True}
+FIGURES = {
+    "lift.held": Figure("lift", "held", True),
+    "lift.error_m": Figure("lift", "error_m", 0.0),
+    "tilt.held": Figure("tilt", "held", False),
+}
 
 
 def test_verdicts_are_last_columns() -> None:
@@ -150,7 +155,7 @@ def test_verdicts_are_last_columns() -> None:
     ):
         measures = resolve_measures(MetricRequest.of(metrics, "the plan"), FIGURES, [], [], [], "the plan")
         kept = with_verdicts(measures, FIGURES)
-        assert kept.names == names and sorted(kept.truths) == ["lift.held", "tilt.held"]
+        assert kept.names == names and sorted(kept.truths) == kept.verdicts == ["lift.held", "tilt.held"]
 
 
 @pytest.mark.parametrize("name", ["held", "lift.held", "mine.held"])

@@ -421,7 +421,12 @@ def test_invalid_expressions_are_reported(text: str) -> None:
 
 def test_order_of_scores() -> None:
     judge = Objective(
-        parse_expression("j.e", "here"), [ec.Case("usual")], [[parse_requirement("j.e < 1")]], 0.0, 10.0
+        parse_expression("j.e", "here"),
+        [ec.Case("usual")],
+        [[parse_requirement("j.e < 1")]],
+        0.0,
+        10.0,
+        tracking_errors=["j.miss"],
     )
 
     def order(status: str = DONE, end: float = 10.0, **figures: float) -> tuple[bool, float]:

@@ -13,7 +13,7 @@ from ...master.stepping.checkpoint import check_checkpoint
 from ...recorders.recorder import ProgressRecorder
 from ...run.options import Options
 from ...run.result import Result
-from ...run.run_setup import check_run
+from ...run.run_setup import plan_run
 from ...run.scenarios.scenario import Scenario
 from ...sandbox.interruption import catch_interrupts
 from ...study.actuator.actuator import Actuator
@@ -62,7 +62,7 @@ def run_into(
         CosimError: If the run or a requirement fails. The results are written then too.
     """
     options = chosen.options
-    check_run(options, chosen.name)
+    plan_run(options, chosen.name)
     told = _show_actuators(chosen)
     with BarProgress() as progress:
         output = OutputFolder(

@@ -200,11 +200,12 @@ def _load_ssp(
     from ...ssp.reader.flat_document import read_ssp
 
     _refuse_of_built_in(read, given)
-    held = ResourceHolder()
+    resources = contextlib.ExitStack()
     of_file = Options().merged(read.options)
     values = read_options(given)
     with accept_faults(of_file.merged(values).lenient) as faults:
-        document = held.stack.enter_context(read_ssp(path))
+        document = resources.enter_context(read_ssp(path))
+        weakref.finalize(document, resources.close)
         times, notes = _times(document, of_file.merged(values))
     options = Options().updated(times).merged(read.options)
     return Scenario(
@@ -214,7 +215,7 @@ def _load_ssp(
         options.merged(values),
         (*document.notes, *notes),
         document.unpacked,
-        held,
+        document,
         origin.updated(values),
         accepted=faults.by_file,
     )
@@ -236,14 +237,6 @@ def _times(document: "SspDocument", options: Options) -> tuple[dict[str, float],
         times, notes = choose_times(times, options, "package", parts)
     all_times = {"start_time": times.start, "stop_time": times.stop, "step_size": times.step}
     return {name: value for name, value in all_times.items() if value is not None}, notes
-
-
-class ResourceHolder:
-    """Keeps something alive until no object uses it, such as a folder with unpacked FMUs."""
-
-    def __init__(self) -> None:
-        self.stack = contextlib.ExitStack()
-        self._finalizer = weakref.finalize(self, self.stack.close)
 
 
 def is_fmu(path: Path) -> bool:

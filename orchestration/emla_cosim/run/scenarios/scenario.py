@@ -10,7 +10,6 @@ from fmublock.platforms import host_platform
 from ...base.errors import CommandError, show_paths_relative_to
 from ...base.faults import accept_faults
 from ...base.progress import Progress
-from ...master.stepping.timing import CommunicationPoints
 from ...recorders.metrics import TRACKED
 from ...system.model import System
 from ..option_types import RunOptions
@@ -183,58 +182,43 @@ class Scenario:
             from ...ssp.writer.package_writer import check_package
 
             check_package(Path(file), chosen.overwrite)
-        told = progress or Progress()
+        progress = progress or Progress()
         times = run_times(chosen, self.name)
         with show_paths_relative_to(self.unpacked), accept_faults(chosen.lenient) as faults:
             faults.merge(self.accepted)
             built = chosen
             if kind != SSP and chosen.platform:  # this machine starts the FMUs to read their initial values
                 built = replace(chosen, platform=sorted({*chosen.platform, host_platform()}))
-            prepared = prepare_system(self.system, built, told)
+            prepared = prepare_system(self.system, built, progress)
             system, fmus = prepared.system, prepared.fmus
             system = replace(system, bonds={**system.bonds, **chosen.read_bonds()})
             if kind == FMU:
-                told.advance(1)  # compiling is another task
-                self._write_fmu(Path(file), system, fmus, chosen, told)
+                progress.advance(1)  # compiling is another task
+                self._write_fmu(Path(file), system, fmus, chosen, progress)
             elif kind == C:
-                told.advance(1)
-                self._write_code(Path(file), system, fmus, chosen)
+                from ...c_code.writer import write_code
+
+                progress.advance(1)
+                write_code(
+                    Path(file),
+                    system,
+                    fmus,
+                    chosen.components,
+                    chosen.make_algorithm(),
+                    times,
+                    chosen.outputs,
+                    chosen.precision,
+                    chosen.overwrite,
+                )
             else:
-                self._write_ssp(Path(file), system, fmus, times, chosen.overwrite)
-                told.advance(1)
+                from ...ssp.writer.package_writer import SystemTimes, write_ssp
+
+                experiment = SystemTimes(times.start, times.stop, times.step)
+                write_ssp(Path(file), self.name, self.description, system, fmus, experiment, chosen.overwrite)
+                progress.advance(1)
         for remark in (*describe_disabled_event_mode(system), *faults.remarks(self.unpacked)):
-            told.note(f"Note: {remark}")
+            progress.note(f"Note: {remark}")
         return Path(file)
-
-    def _write_ssp(
-        self,
-        file: Path,
-        system: System,
-        fmus: Mapping[str, Path],
-        times: CommunicationPoints,
-        overwrite: bool,
-    ) -> None:
-        """Write the prepared system as an SSP."""
-        from ...ssp.writer.package_writer import SystemTimes, write_ssp
-
-        experiment = SystemTimes(times.start, times.stop, times.step)
-        write_ssp(file, self.name, self.description, system, fmus, experiment, overwrite)
-
-    def _write_code(self, file: Path, system: System, fmus: Mapping[str, Path], options: Options) -> None:
-        """Write components of the prepared system as plain C."""
-        from ...c_code.writer import write_code
-
-        write_code(
-            file,
-            system,
-            fmus,
-            options.components,
-            options.make_algorithm(),
-            run_times(options, self.name),
-            options.outputs,
-            options.precision,
-            options.overwrite,
-        )
 
     def _write_fmu(
         self, file: Path, system: System, fmus: Mapping[str, Path], options: Options, progress: Progress

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from ...recorders.metrics import list_figures
 from ...run.result import Result
 from ..formatting import format_short, list_overrides
 
@@ -40,7 +41,6 @@ def _ending(result: Result) -> tuple[str, list[str]]:
         return "failed", [f"Failed: {result.problem}", *result.remarks]
     if result.remarks:
         return "warning", list(result.remarks)
-    found = [figures for kind in result.metrics.values() for figures in kind.values()]
-    held = [figures["held"] for figures in found if "held" in figures]
-    more = "; all joints held" if held and all(held) else ""
+    verdicts = [figure.value for figure in list_figures(result.metrics).values() if figure.is_verdict]
+    more = "; all joints held" if verdicts and all(verdicts) else ""
     return "passed", [f"Completed{more}."]

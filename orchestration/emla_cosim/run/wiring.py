@@ -1,0 +1,198 @@
+"""Wire a run: connect the plan, the network of FMUs, the recorders and the checkpoints."""
+
+import contextlib
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from ..base.errors import CommandError
+from ..base.units import IDENTITY
+from ..inputs.events import input_events, row_distance
+from ..master.algorithms.algorithm import Algorithm
+from ..master.algorithms.continuous_connections import list_continuous_connections
+from ..master.assembly import Assembly
+from ..master.stepping.checkpoint import Checkpoint, checkpoint_place
+from ..master.stepping.profiler import Profiler
+from ..master.stepping.step_size_control import StepRequest
+from ..master.stepping.stepping_base import Stepping
+from ..recorders.checkpoints import Checkpoints, find_resumable_checkpoint
+from ..recorders.coupling.bond_energy import select_applicable
+from ..recorders.coupling.bonds import COUPLING
+from ..recorders.metrics import SIGNALS, Figures, MetricsRecorder, list_figures
+from ..recorders.recorder import Outline, Recorder
+from ..recorders.table import Table, TimeSeries
+from ..system.model import System
+from .agreement import find_common_signals
+from .coupling_summary import CouplingSummary
+from .execution import ActiveRun, close_stepping
+from .remarks import choose_fallback_signals
+from .requirements import Requirement, StopCondition, resolve_requirements
+from .result import run_figures
+from .run_record import RunDefinition
+from .run_setup import RunPlan
+
+
+def wire_run(
+    plan: RunPlan,
+    system: System,
+    assembly: Assembly,
+    recorders: Sequence[Recorder] | None,
+    folder: Path,
+) -> ActiveRun:
+    """Return a run before its initialization.
+
+    Args:
+        plan: What follows from the options.
+        system: The system with its start values.
+        assembly: The network of FMUs, which have these start values.
+        recorders: The user's recorders; None for a table in memory.
+        folder: The folder that paths of checkpoints are relative to.
+
+    Raises:
+        CommandError: An option does not fit the system.
+    """
+    options, others, fallback = plan.options, assembly.unexchanged, None
+    if not plan.recorded:
+        recorded, fallback = choose_fallback_signals(others.values())
+        plan = replace(plan, recorded=recorded)
+    observed = dict.fromkeys([*assembly.outputs, *plan.recorded, *(c.figure for c in plan.conditions)])
+    assembly.observe([name for name in observed if name in others], plan.every)
+    fmus = {name: file.sha256 for name, file in assembly.files.items()}
+    definition = RunDefinition(system, fmus, options)
+    with contextlib.ExitStack() as on_error:
+        profiler = None
+        if options.profile:
+            profiler = Profiler(assembly.network.instances)
+            on_error.callback(profiler.close)
+        stepping = _make_stepping(plan, system, assembly)
+        on_error.callback(close_stepping, stepping)
+        metrics = MetricsRecorder()
+        all_recorders = [metrics, *([TimeSeries()] if recorders is None else _check_recorders(recorders))]
+        all_recorders += options.make_recorders()
+        checkpoints, resumed = _open_checkpoints(plan, definition, assembly, folder)
+        all_recorders += checkpoints
+        if plan.stored is not None:
+            find_common_signals(plan.recorded, plan.stored)
+            if not any(isinstance(recorder, Table) for recorder in all_recorders):
+                raise CommandError(
+                    "the option 'reference' needs a recorder that keeps a table, such as TimeSeries."
+                )
+        coupling = CouplingSummary.of(
+            stepping.algorithm, stepping, assembly.sampling, options.estimate_coupling
+        )
+        outline = _make_outline(plan, system, assembly, stepping)
+        plan = replace(plan, requirements=_resolve_requirements(plan, outline, coupling, system.main_name))
+        position = {name: i for i, name in enumerate(outline.names)}
+        run = ActiveRun(
+            plan,
+            definition,
+            [
+                StopCondition(c, 1 + (i := position[c.figure]), assembly.shown.get(i, IDENTITY))
+                for c in plan.conditions
+            ],
+            fallback,
+            stepping,
+            coupling,
+            outline,
+            assembly.shown,
+            metrics,
+            all_recorders,
+            resumed,
+            profiler,
+        )
+        on_error.pop_all()
+    return run
+
+
+def _make_stepping(plan: RunPlan, system: System, assembly: Assembly) -> Stepping:
+    """Set up the algorithm, and return what does its steps."""
+    options, times = plan.options, plan.times
+    plan.algorithm.setup(assembly.network)
+    request = StepRequest(
+        times,
+        options.output_interval,
+        any(component.samples for component in system.components),
+        options.threads,
+        lambda: input_events(options.input, options.fault, assembly.parameters(), times.start, times.stop),
+        lambda: row_distance(options.input),
+    )
+    return plan.control.stepping(plan.algorithm, request)
+
+
+def _open_checkpoints(
+    plan: RunPlan, definition: RunDefinition, assembly: Assembly, folder: Path
+) -> tuple[list[Recorder], Checkpoint | None]:
+    """Return the recorder of checkpoints if there is one, and the checkpoint to continue from."""
+    options = plan.options
+    if options.resume is None and options.checkpoint is None:
+        return [], None
+    identity = definition.checkpoint_identity
+    resumed = None
+    if options.resume is not None:
+        resumed = find_resumable_checkpoint(options.resume, identity, plan.times, folder)
+    if options.checkpoint is None:
+        return [], resumed
+    path = checkpoint_place(options.checkpoint, assembly.network, folder, options.overwrite)
+    return [Checkpoints(options.checkpoint, identity, path, options.overwrite)], resumed
+
+
+def _make_outline(plan: RunPlan, system: System, assembly: Assembly, stepping: Stepping) -> Outline:
+    options, network, algorithm = plan.options, assembly.network, stepping.algorithm
+    names = [*network.names, *network.observer.names]
+    position = {name: i for i, name in enumerate(names)}
+    signals = [assembly.names.find(name) for name in names]
+    exchanged = list_continuous_connections(algorithm, [c.name for c in system.components if c.samples])
+    types = {name: signal.column_type for name, signal in zip(names, signals, strict=True)}
+    return Outline(
+        names,
+        [signal.unit for signal in signals],
+        plan.times,
+        [position[name] for name in plan.recorded],
+        plan.every,
+        assembly.parameters(),
+        options.roles,
+        options.criteria,
+        exchanged,
+        {**select_applicable(system.bonds, names, exchanged), **options.read_bonds()},
+        watched=not plan.control.is_regular,
+        halved=plan.control.is_halved,
+        multiples=_list_multiples(algorithm),
+        types={n: t for n, t in types.items() if t.is_discrete and position[n] not in assembly.shown},
+        texts=network.observer.texts,
+        notes=stepping.notes(),
+    )
+
+
+def _list_multiples(algorithm: Algorithm) -> dict[str, int]:
+    """Return the step multiples by component, without those that are 1."""
+    pairs = zip(algorithm.network.instances, algorithm.multiples, strict=True)
+    return {instance.name: int(multiple) for instance, multiple in pairs if multiple > 1}
+
+
+def _resolve_requirements(
+    plan: RunPlan, outline: Outline, coupling: CouplingSummary, main: str
+) -> Sequence[Requirement]:
+    """Return the requirements with full names. Raise CommandError for figures that do not exist."""
+    if not plan.requirements:
+        return ()
+    recorder = MetricsRecorder()
+    recorder.begin(outline)
+    kinds: dict[str, Figures] = {**recorder.figures(), SIGNALS: recorder.signals()}
+    if figures := {**coupling.figures(None), **recorder.coupling()}:
+        kinds[COUPLING] = figures
+    is_complete = all(kinds.values())
+    kinds["run"] = {"run": run_figures()}
+    return resolve_requirements(plan.requirements, list_figures(kinds), is_complete, main)
+
+
+def _check_recorders(recorders: Any) -> list[Recorder]:
+    """Return the recorders as a list. Raise CommandError for other objects and duplicates."""
+    if isinstance(recorders, Recorder) or not isinstance(recorders, Iterable):
+        raise CommandError(f"the recorders are {recorders!r}; they must be a list.")
+    checked = list(recorders)
+    if wrong := [r for r in checked if not isinstance(r, Recorder)]:
+        raise CommandError(f"{wrong[0]!r} is no Recorder.")
+    if len({id(r) for r in checked}) < len(checked):
+        raise CommandError("the list of recorders has a recorder twice.")
+    return checked
