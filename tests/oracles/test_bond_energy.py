@@ -11,30 +11,21 @@ from emla_cosim.base.errors import CommandError
 from emla_cosim.base.units import SiUnit
 from emla_cosim.master.algorithms.continuous_connections import ContinuousConnection
 from emla_cosim.master.algorithms.extrapolation import Mode
-from emla_cosim.master.stepping.timing import make_communication_points
-from emla_cosim.recorders.coupling.bonds import Bonds
-from emla_cosim.recorders.recorder import Outline
+from emla_cosim.recorders.bond_energies import BondEnergies
 from emla_cosim.system.bond import Bond
 from tests.support.coupled_pair import PairRun, rigid_pair, run_pair, spring_pair
 
 EFFORT, FLOW = "b.F", "a.v"
 
 
-def outline(mode: Mode, late: tuple[bool, bool], units: Sequence[SiUnit | None] = (None, None)) -> Outline:
-    """A force and a speed that two components exchange."""
+def rod(mode: Mode, late: tuple[bool, bool], units: Sequence[SiUnit | None] = (None, None)) -> BondEnergies:
+    """The bond of a force and a speed that two components exchange."""
     exchanged = [
         ContinuousConnection("b.F -> a.F", 0, "b", "a", late[0], mode, True),
         ContinuousConnection("a.v -> b.v", 1, "a", "b", late[1], mode, True),
     ]
-    bonds = {"rod": Bond(EFFORT, FLOW)}
-    return Outline(
-        [EFFORT, FLOW],
-        units,
-        make_communication_points(1.0, 0.01),
-        range(2),
-        exchanged=exchanged,
-        bonds=bonds,
-    )
+    signals: dict[str, SiUnit | None] = {EFFORT: units[0], FLOW: units[1]}
+    return BondEnergies({"rod": Bond(EFFORT, FLOW)}, signals, exchanged, dict)
 
 
 def effort(t: float) -> float:
@@ -67,7 +58,7 @@ def used(
 def test_energy_against_integrals(mode: Mode, late: tuple[bool, bool]) -> None:
     h, count = 0.01, 400
     times = 0.5 + h * np.arange(-2, count + 1)
-    coupling = Bonds(outline(mode, late))
+    coupling = rod(mode, late)
     coupling.write(np.array([[t, effort(t), flow(t)] for t in times]))
     created = exchanged = 0.0
     for begin in times[:-1]:
@@ -88,10 +79,10 @@ def test_energy_against_integrals(mode: Mode, late: tuple[bool, bool]) -> None:
 
 def test_energies_are_in_joules_for_all_units() -> None:
     rows = np.array([[t, effort(t), flow(t)] for t in 0.01 * np.arange(50)])
-    plain = Bonds(outline(Mode.HOLD, (True, True)))
+    plain = rod(Mode.HOLD, (True, True))
     plain.write(rows)
     units = (SiUnit("kN", (1, 1, -2, 0, 0, 0, 0, 0), 1e3), SiUnit("mm/s", (0, 1, -1, 0, 0, 0, 0, 0), 1e-3))
-    scaled = Bonds(outline(Mode.HOLD, (True, True), units=units))
+    scaled = rod(Mode.HOLD, (True, True), units)
     scaled.write(rows * [1.0, 1e-3, 1e3])
     assert scaled.figures()["rod"] == pytest.approx(plain.figures()["rod"], rel=1e-12)
 
@@ -144,12 +135,12 @@ def test_figures_do_not_depend_on_the_start_time() -> None:
 
 def test_constant_nan_and_missing_rows() -> None:
     for value in (0.0, 5.0, np.nan):
-        bonds = Bonds(outline(Mode.HOLD, (True, True)))
+        bonds = rod(Mode.HOLD, (True, True))
         rows = np.full((50, 3), value)
         rows[:, 0] = 0.1 * np.arange(50)
         bonds.write(rows)
         assert bonds.figures()["rod"]["energy_error_J"] in (0.0, pytest.approx(np.nan, nan_ok=True))
-    single = Bonds(outline(Mode.HOLD, (True, True)))
+    single = rod(Mode.HOLD, (True, True))
     single.write(np.ones((1, 3)))
     assert single.figures()["rod"]["energy_exchanged_J"] == 0.0
 

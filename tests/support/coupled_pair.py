@@ -3,15 +3,19 @@
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy.linalg import expm
 
-from emla_cosim.master.algorithms.continuous_connections import list_continuous_connections
+from emla_cosim.master.algorithms.continuous_connections import (
+    list_continuous_connections,
+    loop_responses,
+)
 from emla_cosim.master.algorithms.registry import ALGORITHMS
 from emla_cosim.master.stepping.fixed_steps import FixedSteps
 from emla_cosim.master.stepping.timing import make_communication_points
-from emla_cosim.recorders.coupling.bonds import Bonds
+from emla_cosim.recorders.bond_energies import BondEnergies
 from emla_cosim.recorders.recorder import Outline
 from emla_cosim.system.bond import Bond
 from tests.support.linear import LinearSlave, Whole, Wire, connected
@@ -39,29 +43,36 @@ def rigid_pair(ratio: float) -> Parts:
 
 @dataclass(frozen=True)
 class PairRun:
-    """Rows of a run, the time first, the same in closed form, and what takes the rows."""
+    """Rows of a run, the time first, the same in closed form, and the bond of the pair."""
 
     rows: np.ndarray
     exact: np.ndarray
     outline: Outline
     stepping: FixedSteps
+    bonds: dict[str, Bond]
 
     @property
     def error(self) -> float:
         """The largest error of the first mass's position, as a part of its range."""
         return float(np.abs(self.rows[:, 1] - self.exact[:, 1]).max() / np.ptp(self.exact[:, 1]))
 
-    def energies(self, blocks: Sequence[int] = (700,), resumed: bool = False) -> Bonds:
+    def energies(self, blocks: Sequence[int] = (700,), resumed: bool = False) -> BondEnergies:
         """Hand the rows over in blocks of these lengths in turn, maybe with a new object for each."""
-        bonds, place, number = Bonds(self.outline), 0, 0
+        bonds, place, number = self._energies(), 0, 0
         while place < len(self.rows):
             if resumed:
-                bonds = Bonds(self.outline, json.loads(json.dumps(bonds.memory())))
+                memory = json.loads(json.dumps(bonds.memory()))
+                bonds = self._energies()
+                bonds.begin(self.outline, memory)
             length = blocks[number % len(blocks)]
             bonds.write(self.rows[place : place + length])
             place, number = place + length, number + 1
-        bonds.learn(self.stepping.algorithm)
         return bonds
+
+    def _energies(self) -> BondEnergies:
+        units, algorithm = dict.fromkeys(self.outline.names), self.stepping.algorithm
+        connections = list_continuous_connections(algorithm)
+        return BondEnergies(self.bonds, units, connections, partial(loop_responses, algorithm))
 
 
 def run_pair(
@@ -82,14 +93,7 @@ def run_pair(
     stepping = FixedSteps(made, times)
     names = network.names
     bonds = {} if bond is None else {"pair": Bond(names[bond[0]], names[bond[1]])}
-    outline = Outline(
-        names,
-        [None] * len(names),
-        times,
-        range(len(names)),
-        exchanged=list_continuous_connections(made),
-        bonds=bonds,
-    )
+    outline = Outline(names, [None] * len(names), times, range(len(names)))
     made.initialize(start, times.stop)
     rows = [np.array([start, *network.signals])]
     for k in step_by_step(made, times):
@@ -99,4 +103,4 @@ def run_pair(
     for _ in range(times.steps):
         states.append(onward @ states[-1])
     exact = np.array([[row[0], *(whole.N @ x)] for row, x in zip(rows, states, strict=True)])
-    return PairRun(np.array(rows), exact, outline, stepping)
+    return PairRun(np.array(rows), exact, outline, stepping, bonds)

@@ -22,7 +22,6 @@ from ..fmu.variables import convert_start_value
 from ..inputs.events import input_events, row_distance
 from ..inputs.loaded_input import DataSpan
 from ..inputs.stored_runs import StoredRun, open_stored_run
-from ..master.algorithms.continuous_connections import list_continuous_connections
 from ..master.assembly import Assembly
 from ..master.coupling.estimate import ALLOWANCE, SHARE, CouplingError
 from ..master.coupling.sampling import Sampling, find_sampling
@@ -33,9 +32,8 @@ from ..master.stepping.pacing import Pacing
 from ..master.stepping.profiler import Profiler
 from ..master.stepping.step_size_control import StepRequest
 from ..master.stepping.stepping_base import ROUNDING, Stepping
+from ..recorders.bond_energies import COUPLING, BondEnergies, make_bond_energies
 from ..recorders.checkpoints import Checkpoints, find_resumable_checkpoint
-from ..recorders.coupling.bond_energy import select_applicable
-from ..recorders.coupling.bonds import COUPLING
 from ..recorders.metrics import SIGNALS, MetricsRecorder
 from ..recorders.recorder import Outline, Recorder
 from ..recorders.table import Table, TimeSeries
@@ -373,11 +371,21 @@ class Simulation:
         )
         stepping = control.stepping(algorithm, request)
         try:
+            metrics_of = [requirement.figure for requirement in required]
+            energies = make_bond_energies(
+                chosen.bonds, metrics_of, system, units, algorithm, control.is_halved
+            )
+            if energies.bonds and not control.is_regular and chosen.output_interval is not None:
+                raise CommandError(
+                    "the energies of power bonds need each step, but with --error-tolerance, "
+                    "--output-interval leaves out steps; remove --output-interval or --bond."
+                )
+            chosen = replace(chosen, bonds={name: str(bond) for name, bond in energies.bonds.items()})
             fmus = {name: file.sha256 for name, file in assembly.files.items()}
             definition = RunDefinition(system, fmus, chosen)
             metrics, resumed = MetricsRecorder(), None
             taking = [metrics, *([TimeSeries()] if recorders is None else _recorders(recorders))]
-            taking += chosen.make_recorders()
+            taking += [*([energies] if energies.bonds else []), *chosen.make_recorders()]
             if chosen.resume or chosen.checkpoint:
                 identity = definition.checkpoint_identity
                 if chosen.resume is not None:
@@ -390,11 +398,7 @@ class Simulation:
             if stored is not None:
                 _check_comparable(stored, recorded, taking)
             parameters = assembly.parameters()
-            declared = [c.name for c in system.components if c.samples]
-            wanted = chosen.estimate_coupling
-            coupling = CouplingSummary.of(algorithm, stepping, self._sampling, wanted)
-            exchanged = list_continuous_connections(algorithm, declared)
-            bonds = select_applicable(system.bonds, names, exchanged)
+            coupling = CouplingSummary.of(algorithm, stepping, self._sampling, chosen.estimate_coupling)
             place = {name: i for i, name in enumerate(names)}
             outline = Outline(
                 names,
@@ -405,10 +409,6 @@ class Simulation:
                 parameters,
                 chosen.roles,
                 chosen.criteria,
-                exchanged,
-                {**bonds, **chosen.read_bonds()},
-                watched=not control.is_regular,
-                halved=control.is_halved,
                 multiples={
                     instance.name: int(multiple)
                     for instance, multiple in zip(
@@ -422,7 +422,7 @@ class Simulation:
             )
             if required:
                 before = MetricsRecorder.before(outline)
-                if figures := {**coupling.figures(None), **before.get(COUPLING, {})}:
+                if figures := {**coupling.figures(None), **energies.figures()}:
                     before[COUPLING] = figures
                 required = resolve_requirements(required, before, run_figures(), system.main_name)
             stops = [
@@ -430,7 +430,6 @@ class Simulation:
                 for c in conditions
             ]
             run = Run(stepping, outline, taking, assembly.shown, pacing, resumed, stops, self._profiler)
-            stepping.watch = metrics.watcher(assembly.shown)
         except BaseException:
             _close_stepping(stepping)
             raise
@@ -447,6 +446,7 @@ class Simulation:
             units,
             outline.types,
             coupling,
+            energies,
             fallback=fallback,
             margins=margins,
         )
@@ -776,7 +776,7 @@ class Simulation:
             record=record,
             parameters=self._assembly.parameters(),
             signals=going.metrics.signals(),
-            coupling={**figures, **going.metrics.coupling()},
+            coupling={**figures, **going.energies.figures()},
             roles=going.definition.options.roles,
             notes=going.notes,
             profile=profile,
@@ -799,6 +799,7 @@ class _ActiveRun:
     units: Mapping[str, SiUnit | None]
     types: Mapping[str, SignalType]
     coupling: CouplingSummary
+    energies: BondEnergies
     fallback: str | None
     margins: Mapping[str, Any] | None
 
