@@ -6,8 +6,7 @@ from dataclasses import dataclass
 from itertools import groupby
 
 from ..views.pages.text import make_visible
-from .info_parts import Start, VariableInfo
-from .system_info import format_start
+from .system_info import Start, VariableInfo, format_start
 
 _ELEMENT = re.compile(r"(.*)\[([0-9]{1,9})\]", re.DOTALL)
 _MOST_STARTS = 4

@@ -17,8 +17,7 @@ from ...base.option import INFO, OTHERS, option
 from ...base.ownership import check_replaceable
 from ...inspection.collector import info
 from ...inspection.display_rows import DisplayRow, build_display_rows, format_line
-from ...inspection.info_parts import FmuInfo
-from ...inspection.system_info import JSON_FILE, Info, format_start, is_info
+from ...inspection.system_info import JSON_FILE, FmuInfo, Info, format_start, is_info
 from ...study.loading import load
 from ...views.pages.text import shorten_text
 from ...views.progress_bars import BarProgress
