@@ -18,7 +18,7 @@ from ..base.errors import CommandError, join_names, raise_machine_fault
 from ..base.faults import ADVICE, is_lenient, note_fault
 from ..base.signal_types import REAL, SignalType
 from ..base.units import SiUnit
-from ..base.untrusted_xml import parse_xml, write_xml
+from ..base.untrusted_xml import parse_xml
 from .attribute_faults import (
     describe_missing_variability,
     find_attribute_fault,
@@ -320,7 +320,10 @@ def read_with_fmpy(path: Path, validate: bool = True) -> ModelDescription:
             raise ValidationError(faults) from None
         if not _simplify(root) and not faults:
             raise
-        content[DESCRIPTION], copy = write_xml(root), io.BytesIO()
+        from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]  # slow to import
+
+        content[DESCRIPTION] = etree.tostring(root, xml_declaration=True, encoding="UTF-8")
+        copy = io.BytesIO()
         with zipfile.ZipFile(copy, "w") as archive:
             for name, text in content.items():
                 archive.writestr(name, text)

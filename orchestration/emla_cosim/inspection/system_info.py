@@ -1,7 +1,6 @@
 """Information on a system: FMUs, components, connections and variables."""
 
 import json
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -229,30 +228,25 @@ class Info:
         """Return the variables as a polars data frame; start values are text."""
         import polars
 
-        columns: dict[str, Sequence[Any]] = {
-            name: [getattr(v, name) for v in self.variables] for name in VariableInfo.__dataclass_fields__
-        }
+        columns = {n: [getattr(v, n) for v in self.variables] for n in VariableInfo.__dataclass_fields__}
         for name in ("start", "default"):
             columns[name] = [None if x is None else format_start(x) for x in columns[name]]
-        for name in ("choices", "read_by"):
-            columns[name] = [list(x) for x in columns[name]]
-        return polars.DataFrame(columns, schema_overrides=_schema())
+        # the types of columns that may be empty
+        texts = dict.fromkeys(("start", "default", "unit", "driven_by"), polars.String)
+        numbers = dict.fromkeys(("minimum", "maximum"), polars.Float64)
+        lists = dict.fromkeys(("choices", "read_by"), polars.List(polars.String))
+        return polars.DataFrame(columns, schema_overrides={**texts, **numbers, **lists})
 
     def as_dict(self) -> dict[str, Any]:
         """Return everything as plain data; numbers that are not finite become None."""
-        return {**self._head(), "variables": [_plain_row(v) for v in self.variables]}
+        return to_plain({"format": FORMAT, "version": VERSION, **asdict(self)})
 
     def as_json(self) -> str:
         """Return everything as JSON text, with one line for each variable."""
-        head = json.dumps(self._head(), indent=1, allow_nan=False).removesuffix("\n}")
-        rows = (json.dumps(_plain_row(v), allow_nan=False) for v in self.variables)
+        content = self.as_dict()
+        rows = [json.dumps(row, allow_nan=False) for row in content.pop("variables")]
+        head = json.dumps(content, indent=1, allow_nan=False).removesuffix("\n}")
         return f'{head},\n "variables": [\n  ' + ",\n  ".join(rows) + "\n ]\n}\n"
-
-    def _head(self) -> dict[str, Any]:
-        """Return everything except the variables."""
-        told = asdict(replace(self, variables=()))
-        del told["variables"]
-        return to_plain({"format": FORMAT, "version": VERSION, **told})
 
     def save_json(self, path: str | Path, overwrite: bool = False) -> None:
         """Write everything to a JSON file.
@@ -273,25 +267,9 @@ def format_start(value: float | int | bool | str) -> str:
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
-def _plain_row(variable: VariableInfo) -> dict[str, Any]:
-    """Convert a variable for JSON. Only its start values can be infinite or NaN."""
-    start, default = to_plain(variable.start), to_plain(variable.default)
-    lists = {"choices": list(variable.choices), "read_by": list(variable.read_by)}
-    return {**vars(variable), **lists, "start": start, "default": default}
-
-
 def _is_match(variable: VariableInfo, pattern: str) -> bool:
     inside = variable.name.removeprefix(f"{variable.component}.")
     if matches_pattern(variable.name, pattern) or matches_pattern(inside, pattern):
         return True
     word = pattern.casefold()
     return not is_pattern(pattern) and word in f"{variable.name}\n{variable.description}".casefold()
-
-
-def _schema() -> dict[str, Any]:
-    """Return the types of columns that may be empty."""
-    import polars
-
-    numbers = dict.fromkeys(("minimum", "maximum"), polars.Float64)
-    texts = dict.fromkeys(("start", "default", "unit", "driven_by"), polars.String)
-    return {**numbers, **texts, **dict.fromkeys(("choices", "read_by"), polars.List(polars.String))}
