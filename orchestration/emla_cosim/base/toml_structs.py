@@ -1,7 +1,7 @@
 """Files in TOML as structs of msgspec: annotations of their fields, and structs of dataclasses.
 
-A struct is the one description of a file: `convert_value` reads and checks a file with it, `schemas.py` writes
-its JSON Schema.
+A struct is the one description of a file: `convert_value` reads and checks a file with it, `schemas.py`
+writes its JSON Schema.
 """
 
 import inspect
