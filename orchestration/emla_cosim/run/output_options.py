@@ -121,9 +121,8 @@ class OutputOptions:
     )
     bonds: Mapping[str, str] = _output(
         {},
-        help="Report the energy that the coupling creates or destroys in power bonds: those of the system "
-        "with this name or pattern, or a new one between two signals, such as axis='load.F * actuator.v' "
-        "(repeatable).",
+        help="Report the energy that the coupling creates or destroys in a power bond: one of the system, "
+        "such as lift or '*', or one between two signals, such as axis='load.F * actuator.v' (repeatable).",
         flag="--bond",
         metavar="NAME[='EFFORT * FLOW']",
         parse=_read_bonds,
