@@ -382,7 +382,7 @@ def _read_faulty(path: Path, error: ValidationError, structure: Mapping[str, int
         raise
     except Exception as more:  # numbers and references that the schema would have found
         raise_machine_fault(more, f"'{path}'")
-        text = first_problem(error)
+        text = _one_line(error.problems[0]) if error.problems else "it has problems"
         raise CommandError(f"'{path}' is not a valid FMU: {text} (`fmpy validate` shows more).") from more
     if is_version_3(interface.description):
         try:
@@ -530,12 +530,6 @@ def _read_binary_attributes(description: ModelDescription, path: Path) -> None:
         if isinstance(variable, ElementVariable):
             variable.mime_type = element.get("mimeType", "application/octet-stream")
             variable.most_bytes = None if most is None else int(most)
-
-
-def first_problem(error: ValidationError) -> str:
-    """Return the first validation problem in one line, without a full stop."""
-    problems = error.problems
-    return _one_line(problems[0]) if problems else "it has problems"
 
 
 def _one_line(problem: str) -> str:

@@ -14,17 +14,8 @@ from ..base.files import hash_file
 from ..base.option import BUILDING
 from ..base.progress import Progress
 from ..base.units import IDENTITY
-from ..fmu.attribute_faults import find_attribute_fault
 from ..fmu.document import FmuDocument
-from ..fmu.elements import is_version_3
-from ..fmu.interface import (
-    KINDS,
-    MODEL_EXCHANGE,
-    Interface,
-    explain_unsupported,
-    first_problem,
-    read_description,
-)
+from ..fmu.interface import KINDS, MODEL_EXCHANGE, Interface, explain_unsupported, read_description
 from ..fmu.variables import convert_start_values
 from ..master.grouping import find_groups
 from ..run.option_types import RunOptions
@@ -70,15 +61,13 @@ def info(
     """
     try:
         scenario = load(source, **options)
-    except CommandError:
-        of_ours = {n for n, one in list_options().items() if one.stage == BUILDING or not one.repeated}
-        if (
-            set(options) - of_ours - {LENIENT}
-            or not isinstance(source, (str, Path))
-            or not is_fmu(Path(source))
-        ):
+    except CommandError as error:
+        others = {name for name, o in list_options().items() if o.stage == BUILDING or not o.repeated}
+        if not isinstance(source, (str, Path)) or not is_fmu(Path(source)):
             raise
-        return _collect_unsupported_fmu(Path(source))
+        if not set(options) <= others | {LENIENT}:
+            raise
+        return _collect_unsupported_fmu(Path(source), error)
     with (
         show_paths_relative_to(scenario.unpacked),
         accept_faults(scenario.options.lenient) as faults,
@@ -162,9 +151,12 @@ def _describe_kinds(
     return notes + ([f"{join_names(alone)}: Model Exchange, integrated by CVode"] if alone else [])
 
 
-def _collect_unsupported_fmu(path: Path) -> Info:
-    """Return what an FMU that this master cannot run says about itself."""
-    interface, reason = _read_unsupported(path)
+def _collect_unsupported_fmu(path: Path, reason: CommandError) -> Info:
+    """Return the content of an FMU that cannot run here; raise the reason if it cannot be read either."""
+    try:
+        interface = read_description(path, validate=False)  # with whole arrays and Clocks
+    except (CommandError, ValidationError):
+        raise reason from None
     try:
         unread = list[str]()
         fmu = _read_fmu(path, str(path), interface, unread)
@@ -175,48 +167,20 @@ def _collect_unsupported_fmu(path: Path) -> Info:
     except (CommandError, MemoryError):
         raise
     except Exception as error:  # fmpy fails on invalid numbers
-        if (fault := find_attribute_fault(path)) is not None:
-            raise CommandError(f"'{path}' is not a valid FMU: {fault}.") from error
-        raise CommandError(f"'{path}' is not an FMU that can be read: {error}.") from error
+        raise reason from error
+    cause = explain_unsupported(interface) or str(reason).removeprefix(f"'{path}' ").rstrip(".")
     return Info(
         name=name,
         description=fmu.description,
         start_time=fmu.start_time,
         stop_time=fmu.stop_time,
         step_size=fmu.step_size,
-        notes=(f"the FMU cannot be run here: it {reason}", *unread),
+        notes=(f"the FMU cannot be run here: it {cause}", *unread),
         fmus=(fmu,),
         components=(ComponentInfo(name, fmu.model, 0),),
         connections=(),
         variables=tuple(variables),
     )
-
-
-def _read_unsupported(path: Path) -> tuple[Interface, str]:
-    """Return the interface of an FMU, and the reason why this master cannot run it."""
-    fault = "cannot be run"
-    try:
-        interface = read_description(path)
-    except ValidationError as error:
-        fault = f"is not valid: {find_attribute_fault(path, fatal=False) or first_problem(error)}"
-        try:
-            interface = read_description(path, validate=False)
-        except ValidationError as more:
-            text = find_attribute_fault(path) or first_problem(more)
-            raise CommandError(f"'{path}' is not a valid FMU: {text}.") from more
-        except CommandError as more:
-            if find_attribute_fault(path) is not None:
-                raise
-            raise CommandError(f"'{path}' is not a valid FMU: {first_problem(error)}.") from more
-    except CommandError as error:
-        interface = read_description(path, validate=False)
-        if not is_version_3(interface.description):
-            raise
-        fault = str(error).removeprefix(f"'{path}' ").rstrip(".")
-    reason = explain_unsupported(interface)
-    if reason is not None and is_version_3(interface.description):
-        interface = read_description(path, validate=False)  # with whole arrays and Clocks
-    return interface, reason or fault
 
 
 def _display_name(file: Path, unpacked: Path | None) -> str:
