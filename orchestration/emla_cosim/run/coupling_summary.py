@@ -3,7 +3,7 @@
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 from ..base.errors import join_names
 from ..master.algorithms.algorithm import Algorithm
@@ -47,18 +47,11 @@ _USES = {
 """How an input changes during a step, by its mode and whether its source is late."""
 
 
-@dataclass(frozen=True)
-class LateSample:
-    """What a component that samples reads one step late.
+class LateSample(NamedTuple):
+    """What a component that samples reads one step late: names of output, input and component."""
 
-    Attributes:
-        name: Names of output and input.
-        signal: Name of the output.
-        reader: Name of the component.
-    """
-
-    name: str
     signal: str
+    input: str
     reader: str
 
 
@@ -247,7 +240,7 @@ def find_late_samples(algorithm: Algorithm, samplers: Collection[str]) -> Iterat
         is_read = names[link.target] in samplers and names[ways[0].source] not in samplers
         if is_read and any(id(way) in late for way in ways):
             signal = network.names[network.signal(ways[0])]
-            yield LateSample(f"{signal} -> {link.name.partition(' -> ')[2]}", signal, names[link.target])
+            yield LateSample(signal, link.name.partition(" -> ")[2], names[link.target])
 
 
 def _list_delayed(
@@ -262,7 +255,7 @@ def _list_delayed(
     names = [
         *(link.name for link in held if id(link) not in in_order),
         *(x.name for x in connections if x.is_late and x.mode == Mode.HOLD),
-        *(sample.name for sample in find_late_samples(algorithm, readers)),
+        *(f"{late.signal} -> {late.input}" for late in find_late_samples(algorithm, readers)),
     ]
     estimated = {x.name for x in connections if x.is_in_loop}
     return [name for name in dict.fromkeys(names) if name not in estimated]
