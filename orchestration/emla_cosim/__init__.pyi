@@ -16,11 +16,11 @@ from .identification.runner import identify as identify
 from .inputs.input import Column as Column
 from .inputs.input import Input as Input
 from .inspection.collector import info as info
-from .inspection.info_parts import ComponentInfo as ComponentInfo
-from .inspection.info_parts import ConnectionInfo as ConnectionInfo
-from .inspection.info_parts import FmuInfo as FmuInfo
-from .inspection.info_parts import VariableInfo as VariableInfo
+from .inspection.system_info import ComponentInfo as ComponentInfo
+from .inspection.system_info import ConnectionInfo as ConnectionInfo
+from .inspection.system_info import FmuInfo as FmuInfo
 from .inspection.system_info import Info as Info
+from .inspection.system_info import VariableInfo as VariableInfo
 from .linearization.margins import Margins as Margins
 from .linearization.response import FrequencyResponse as FrequencyResponse
 from .linearization.result import LinearizeResult as LinearizeResult

@@ -498,20 +498,17 @@ def test_every_rule_for_errors_is_the_same(
     assert set(plain.made.rules) == {"jump", "chatter", "brief"}
 
 
-def test_events_and_watched_steps_are_the_same(faulty_fmu: Path) -> None:
+def test_events_are_the_same(faulty_fmu: Path) -> None:
     """Steps end at each event, and the history of lines begins anew there."""
 
-    def run(kind: type[ErrorControl]) -> tuple[list[list[float]], list[list[float]], int]:
-        seen: list[list[float]] = []
+    def run(kind: type[ErrorControl], interval: float | None) -> tuple[list[list[float]], int]:
         with open_system(line_with_a_fault(faulty_fmu, Fault.NONE, 0.0)) as assembly:
             times = make_communication_points(1.0, 0.1)
             algorithm = begun(assembly.network, GaussSeidel("fmu"), times)
-            stepping = kind(algorithm, times, 1e-3, 0.25, events=[0.31, 0.5, 0.77])
-            stepping.watch = lambda time, signals: seen.append([time, *signals])
-            rows = recorded(stepping).tolist()
-            return rows, seen, stepping.report()["rejected_steps"]
+            stepping = kind(algorithm, times, 1e-3, interval, events=[0.31, 0.5, 0.77])
+            return recorded(stepping).tolist(), stepping.report()["rejected_steps"]
 
-    rows, seen, rejected = run(ErrorControl)
-    assert (rows, seen, rejected) == run(PlainErrorControl)
-    assert [row[0] for row in rows] == [0.0, 0.25, 0.5, 0.75, 1.0]
-    assert {0.31, 0.5, 0.77} <= {row[0] for row in seen}
+    rows, each = run(ErrorControl, 0.25), run(ErrorControl, None)
+    assert rows == run(PlainErrorControl, 0.25) and each == run(PlainErrorControl, None)
+    assert [row[0] for row in rows[0]] == [0.0, 0.25, 0.5, 0.75, 1.0]
+    assert {0.31, 0.5, 0.77} <= {row[0] for row in each[0]}

@@ -43,8 +43,6 @@ class PlainErrorControl(ErrorControl):
             return 1
         self.algorithm.network.check_finite(end)
         control.time = end
-        if self.watch is not None:
-            self.watch(end, self.algorithm.network.signals)
         if is_met:
             self._points += output
             if is_event:

@@ -12,10 +12,3 @@ def parse_xml(content: bytes) -> Any:
     from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]  # slow to import
 
     return etree.fromstring(content, etree.XMLParser(resolve_entities=False, no_network=True))
-
-
-def write_xml(root: Any) -> bytes:
-    """Return an XML document with this root element."""
-    from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]  # slow to import
-
-    return etree.tostring(root, xml_declaration=True, encoding="UTF-8")

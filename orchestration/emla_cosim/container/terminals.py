@@ -8,11 +8,9 @@ from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 from fmublock.description import format_xml
 
 from ..base.untrusted_xml import parse_xml
+from ..fmu.document import TERMINALS
 from .plan import ContainerPlan, Library
 from .variables import ContainerVariable
-
-TERMINALS = "terminalsAndIcons/terminalsAndIcons.xml"
-"""The file in an FMU."""
 
 
 def container_terminals(plan: ContainerPlan, variables: Sequence[ContainerVariable]) -> bytes | None:

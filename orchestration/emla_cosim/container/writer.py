@@ -15,6 +15,7 @@ from fmublock.platforms import binaries_folder, host_platform, platform_of
 from ..base.errors import CommandError, RunError
 from ..base.ownership import check_replaceable, refuse_others
 from ..base.progress import Progress
+from ..fmu.document import TERMINALS
 from ..master.algorithms.algorithm import Algorithm
 from ..master.stepping.timing import CommunicationPoints
 from ..stepper.library import native_sources
@@ -23,7 +24,7 @@ from .c_tables import SystemTables, part_source
 from .description import describe_container
 from .page import container_page
 from .plan import ContainerPlan, Library, plan_container
-from .terminals import TERMINALS, container_terminals
+from .terminals import container_terminals
 from .variables import ContainerVariable, list_variables
 
 _SHARED = (

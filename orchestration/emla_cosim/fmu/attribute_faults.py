@@ -3,7 +3,6 @@
 fmpy (0.3.32) fails at them with exceptions of Python that name neither element nor attribute.
 """
 
-import zipfile
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -11,8 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..base.units import BASE_UNITS
-from ..base.untrusted_xml import parse_xml
 from ..base.wording import shorten_line
+from .document import FmuDocument
 from .fmi_3_calls import FLOATS, INTEGERS, NUMBER_TYPES
 
 _TYPES_2 = ("Real", "Integer", "Boolean", "String", "Enumeration")
@@ -77,8 +76,7 @@ def find_attribute_fault(path: Path, fatal: bool = True) -> str | None:
         cannot be read at all.
     """
     try:
-        with zipfile.ZipFile(path) as archive:
-            root = parse_xml(archive.read("modelDescription.xml"))
+        root = FmuDocument(path).root
     except MemoryError:
         raise
     except Exception:  # zip and XML readers raise many types

@@ -18,13 +18,14 @@ from ..base.errors import CommandError, join_names, raise_machine_fault
 from ..base.faults import ADVICE, is_lenient, note_fault
 from ..base.signal_types import REAL, SignalType
 from ..base.units import SiUnit
-from ..base.untrusted_xml import parse_xml, write_xml
+from ..base.untrusted_xml import parse_xml
 from .attribute_faults import (
     describe_missing_variability,
     find_attribute_fault,
     list_variables_without_variability,
 )
 from .clocks import CLOCK, explain_unsupported_clock
+from .document import DESCRIPTION, FmuDocument
 from .elements import (
     BINARY,
     WIDE,
@@ -36,7 +37,7 @@ from .elements import (
 )
 from .units import FmuUnits
 
-_DESCRIPTION, _BUILD = "modelDescription.xml", "sources/buildDescription.xml"
+_BUILD = "sources/buildDescription.xml"
 CO_SIMULATION, MODEL_EXCHANGE = "CoSimulation", "ModelExchange"
 """The kinds of an FMU, as the standard calls them."""
 
@@ -311,15 +312,18 @@ def read_with_fmpy(path: Path, validate: bool = True) -> ModelDescription:
         raise
     except Exception:  # fmpy raises many types
         with zipfile.ZipFile(path) as archive:
-            present = [name for name in (_DESCRIPTION, _BUILD) if name in archive.namelist()]
+            present = [name for name in (DESCRIPTION, _BUILD) if name in archive.namelist()]
             content = {name: archive.read(name) for name in present}
-        root = parse_xml(content[_DESCRIPTION])
+        root = parse_xml(content[DESCRIPTION])
         faults = list(_fix_parameters(root))
         if validate and faults:
             raise ValidationError(faults) from None
         if not _simplify(root) and not faults:
             raise
-        content[_DESCRIPTION], copy = write_xml(root), io.BytesIO()
+        from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]  # slow to import
+
+        content[DESCRIPTION] = etree.tostring(root, xml_declaration=True, encoding="UTF-8")
+        copy = io.BytesIO()
         with zipfile.ZipFile(copy, "w") as archive:
             for name, text in content.items():
                 archive.writestr(name, text)
@@ -378,7 +382,7 @@ def _read_faulty(path: Path, error: ValidationError, structure: Mapping[str, int
         raise
     except Exception as more:  # numbers and references that the schema would have found
         raise_machine_fault(more, f"'{path}'")
-        text = first_problem(error)
+        text = _one_line(error.problems[0]) if error.problems else "it has problems"
         raise CommandError(f"'{path}' is not a valid FMU: {text} (`fmpy validate` shows more).") from more
     if is_version_3(interface.description):
         try:
@@ -467,10 +471,10 @@ def _check_size(path: Path) -> None:
     """Raise CommandError if the model description is missing or too large."""
     with zipfile.ZipFile(path) as archive:
         sizes = {entry.filename: entry.file_size for entry in archive.infolist()}
-    if _DESCRIPTION not in sizes:
-        raise CommandError(f"'{path}' is not an FMU that can be read: it has no {_DESCRIPTION}.")
-    if sizes[_DESCRIPTION] > _LARGEST:
-        raise CommandError(f"the {_DESCRIPTION} of '{path}' is larger than {_LARGEST // 2**20} MiB.")
+    if DESCRIPTION not in sizes:
+        raise CommandError(f"'{path}' is not an FMU that can be read: it has no {DESCRIPTION}.")
+    if sizes[DESCRIPTION] > _LARGEST:
+        raise CommandError(f"the {DESCRIPTION} of '{path}' is larger than {_LARGEST // 2**20} MiB.")
 
 
 def _add_what_fmpy_lacks(description: ModelDescription, path: Path) -> frozenset[str]:
@@ -482,8 +486,7 @@ def _add_what_fmpy_lacks(description: ModelDescription, path: Path) -> frozenset
     Returns:
         The names of display units that are inverse, which fmpy does not read.
     """
-    with zipfile.ZipFile(path) as archive:
-        root = parse_xml(archive.read(_DESCRIPTION))
+    root = FmuDocument(path).root
     if description.fmiVersion == "2.0" and root.find("ModelStructure/*/Unknown[@index='0']") is not None:
         # fmpy takes the last variable; `find_attribute_fault` names the place
         raise ValueError("an index is 0")
@@ -522,19 +525,11 @@ def _read_binary_attributes(description: ModelDescription, path: Path) -> None:
     binary = {v.name: v for v in description.modelVariables if v.type == BINARY}
     if not binary:
         return
-    with zipfile.ZipFile(path) as archive:
-        root = parse_xml(archive.read(_DESCRIPTION))
-    for element in root.iterfind("ModelVariables/Binary"):
+    for element in FmuDocument(path).root.iterfind("ModelVariables/Binary"):
         variable, most = binary.get(element.get("name")), element.get("maxSize")
         if isinstance(variable, ElementVariable):
             variable.mime_type = element.get("mimeType", "application/octet-stream")
             variable.most_bytes = None if most is None else int(most)
-
-
-def first_problem(error: ValidationError) -> str:
-    """Return the first validation problem in one line, without a full stop."""
-    problems = error.problems
-    return _one_line(problems[0]) if problems else "it has problems"
 
 
 def _one_line(problem: str) -> str:

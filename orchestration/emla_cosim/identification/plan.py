@@ -7,11 +7,10 @@ from typing import Annotated, Any
 
 import msgspec
 
-from ..base.class_structs import check_fields, struct_of, type_in_file
 from ..base.errors import CommandError, check_choice, join_names
 from ..base.option import SWEEP
 from ..base.table_entries import Location
-from ..base.toml_structs import describe, list_given
+from ..base.toml_structs import check_fields, describe, list_given, struct_of, type_in_file
 from ..base.values import convert_value
 from ..inputs.input import Input
 from ..run.scenarios.option_fields import with_options

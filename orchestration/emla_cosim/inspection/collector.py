@@ -1,27 +1,22 @@
 """Collect information on an FMU, a package or a scenario."""
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Unpack
+from typing import Any, Unpack
 
-from fmpy.model_description import ValidationError
+from fmpy.model_description import ModelVariable, ValidationError
 
 from ..base.errors import CommandError, join_names, show_paths_relative_to
 from ..base.faults import LENIENT, accept_faults
+from ..base.files import hash_file
 from ..base.option import BUILDING
 from ..base.progress import Progress
 from ..base.units import IDENTITY
-from ..fmu.attribute_faults import find_attribute_fault
-from ..fmu.elements import is_version_3
-from ..fmu.interface import (
-    KINDS,
-    MODEL_EXCHANGE,
-    Interface,
-    explain_unsupported,
-    first_problem,
-    read_description,
-)
+from ..fmu.document import FmuDocument
+from ..fmu.interface import KINDS, MODEL_EXCHANGE, Interface, explain_unsupported, read_description
+from ..fmu.variables import convert_start_values
 from ..master.grouping import find_groups
 from ..run.option_types import RunOptions
 from ..run.options import list_options
@@ -30,12 +25,12 @@ from ..run.remarks import describe_disabled_event_mode
 from ..run.scenarios.loading import is_fmu, make_component_name
 from ..run.scenarios.scenario import Scenario
 from ..study.loading import load
-from ..system.model import Component, System
-from ..system.resolution import resolve_system
-from .fmu_header import read_fmu_info
-from .info_parts import ComponentInfo, ConnectionInfo
-from .system_info import Info
-from .variable_rows import ConnectionIndex, End, list_variables
+from ..system.model import Alias, Component, System
+from ..system.resolution import convert_to_fmu_terms, resolve_system
+from .system_info import ComponentInfo, ConnectionInfo, FmuInfo, Info, VariableInfo
+
+_End = tuple[str, str]
+"""Component and the FMU's name of a variable, as in connections."""
 
 
 def info(
@@ -60,21 +55,19 @@ def info(
 
     Examples:
         >>> import emla_cosim as ec
-        >>> found = ec.info("lift")
-        >>> found["lift.plant.x_L"].unit
+        >>> content = ec.info("lift")
+        >>> content["lift.plant.x_L"].unit
         'm'
     """
     try:
         scenario = load(source, **options)
-    except CommandError:
-        of_ours = {n for n, one in list_options().items() if one.stage == BUILDING or not one.repeated}
-        if (
-            set(options) - of_ours - {LENIENT}
-            or not isinstance(source, (str, Path))
-            or not is_fmu(Path(source))
-        ):
+    except CommandError as error:
+        others = {name for name, o in list_options().items() if o.stage == BUILDING or not o.repeated}
+        if not isinstance(source, (str, Path)) or not is_fmu(Path(source)):
             raise
-        return _collect_unsupported_fmu(Path(source))
+        if not set(options) <= others | {LENIENT}:
+            raise
+        return _collect_unsupported_fmu(Path(source), error)
     with (
         show_paths_relative_to(scenario.unpacked),
         accept_faults(scenario.options.lenient) as faults,
@@ -97,26 +90,32 @@ def _collect_system(
         for variable, (name, _) in c.by_fmu_name.items()
     }
     wired = resolve_system(system, interfaces)
-    readers: dict[End, list[End]] = {}
-    for x in wired.connections:
-        readers.setdefault(x.ends[0], []).append(x.ends[1])
-    wires = ConnectionIndex({x.ends[1]: x.ends[0] for x in wired.connections}, readers, names)
-    connections = (
-        ConnectionInfo(wires.name(x.ends[0]), wires.name(x.ends[1]), by.factor, by.offset)
-        for x in wired.connections
-        for by in (x.transformation or IDENTITY,)
-    )
+    connections = list[ConnectionInfo]()
+    drivers, readers = dict[_End, str](), dict[_End, list[str]]()
+    for connection in wired.connections:
+        source, target = connection.ends
+        output, input_ = (names.get(end, ".".join(end)) for end in (source, target))
+        conversion = connection.transformation or IDENTITY
+        connections.append(ConnectionInfo(output, input_, conversion.factor, conversion.offset))
+        drivers[target] = output
+        readers.setdefault(source, []).append(input_)
+    variables = [
+        replace(
+            row,
+            driven_by=drivers.get(end),
+            read_by=tuple(readers.get(end, ())),
+            settable=row.settable and end not in drivers,
+        )
+        for c in system.components
+        for row in _list_variables(c, interfaces[c.name])
+        for end in [(c.name, row.fmu_name)]
+    ]
     used = {file: interfaces[name] for name, file in files.items()}
-    places = {file: place for place, file in enumerate(used)}
+    positions = {file: i for i, file in enumerate(used)}
     unread = list[str]()
     fmus = tuple(
-        read_fmu_info(file, _display_name(file, scenario.unpacked), of, unread.append)
-        for file, of in used.items()
-    )
-    rows = (v for c in system.components for v in list_variables(c, interfaces[c.name], wires))
-    components = (
-        ComponentInfo(c.name, fmus[places[files[c.name]]].model, places[files[c.name]])
-        for c in system.components
+        _read_fmu(file, _display_name(file, scenario.unpacked), interface, unread)
+        for file, interface in used.items()
     )
     return Info(
         name=scenario.name,
@@ -131,9 +130,12 @@ def _collect_system(
             *unread,
         ),
         fmus=fmus,
-        components=tuple(components),
+        components=tuple(
+            ComponentInfo(c.name, fmus[positions[files[c.name]]].model, positions[files[c.name]])
+            for c in system.components
+        ),
         connections=tuple(connections),
-        variables=tuple(rows),
+        variables=tuple(variables),
     )
 
 
@@ -149,60 +151,36 @@ def _describe_kinds(
     return notes + ([f"{join_names(alone)}: Model Exchange, integrated by CVode"] if alone else [])
 
 
-def _collect_unsupported_fmu(path: Path) -> Info:
-    """Return what an FMU that this master cannot run says about itself."""
-    interface, reason = _read(path)
+def _collect_unsupported_fmu(path: Path, reason: CommandError) -> Info:
+    """Return the content of an FMU that cannot run here; raise the reason if it cannot be read either."""
+    try:
+        interface = read_description(path, validate=False)  # with whole arrays and Clocks
+    except (CommandError, ValidationError):
+        raise reason from None
     try:
         unread = list[str]()
-        fmu = read_fmu_info(path, str(path), interface, unread.append)
+        fmu = _read_fmu(path, str(path), interface, unread)
         name = make_component_name(fmu.model)
-        wires = ConnectionIndex({}, {}, {})
-        rows = list_variables(Component(name, fmu=path), interface, wires, runnable=False)
+        variables = [
+            replace(row, settable=False) for row in _list_variables(Component(name, fmu=path), interface)
+        ]
     except (CommandError, MemoryError):
         raise
     except Exception as error:  # fmpy fails on invalid numbers
-        if (fault := find_attribute_fault(path)) is not None:
-            raise CommandError(f"'{path}' is not a valid FMU: {fault}.") from error
-        raise CommandError(f"'{path}' is not an FMU that can be read: {error}.") from error
+        raise reason from error
+    cause = explain_unsupported(interface) or str(reason).removeprefix(f"'{path}' ").rstrip(".")
     return Info(
         name=name,
         description=fmu.description,
         start_time=fmu.start_time,
         stop_time=fmu.stop_time,
         step_size=fmu.step_size,
-        notes=(f"the FMU cannot be run here: it {reason}", *unread),
+        notes=(f"the FMU cannot be run here: it {cause}", *unread),
         fmus=(fmu,),
         components=(ComponentInfo(name, fmu.model, 0),),
         connections=(),
-        variables=tuple(rows),
+        variables=tuple(variables),
     )
-
-
-def _read(path: Path) -> tuple[Interface, str]:
-    """Return the interface of an FMU, and the reason why this master cannot run it."""
-    wrong = "cannot be run"
-    try:
-        interface = read_description(path)
-    except ValidationError as error:
-        wrong = f"is not valid: {find_attribute_fault(path, fatal=False) or first_problem(error)}"
-        try:
-            interface = read_description(path, validate=False)
-        except ValidationError as more:
-            text = find_attribute_fault(path) or first_problem(more)
-            raise CommandError(f"'{path}' is not a valid FMU: {text}.") from more
-        except CommandError as more:
-            if find_attribute_fault(path) is not None:
-                raise
-            raise CommandError(f"'{path}' is not a valid FMU: {first_problem(error)}.") from more
-    except CommandError as error:
-        interface = read_description(path, validate=False)
-        if not is_version_3(interface.description):
-            raise
-        wrong = str(error).removeprefix(f"'{path}' ").rstrip(".")
-    reason = explain_unsupported(interface)
-    if reason is not None and is_version_3(interface.description):
-        interface = read_description(path, validate=False)  # with whole arrays and Clocks
-    return interface, reason or wrong
 
 
 def _display_name(file: Path, unpacked: Path | None) -> str:
@@ -210,3 +188,137 @@ def _display_name(file: Path, unpacked: Path | None) -> str:
     if unpacked is not None and file.is_relative_to(unpacked):
         return str(file.relative_to(unpacked))
     return str(file)
+
+
+def _read_fmu(path: Path, display_path: str, interface: Interface, unread: list[str]) -> FmuInfo:
+    """Return what an FMU says about itself as a whole.
+
+    Args:
+        path: The FMU.
+        display_path: What to call its file.
+        interface: Its model description.
+        unread: Takes notes on what cannot be read.
+
+    Raises:
+        CommandError: The FMU cannot be read.
+    """
+    document, terminals = FmuDocument(path), tuple[str, ...]()
+    try:
+        sha256, size, platforms = hash_file(path), path.stat().st_size, document.platforms
+    except OSError as error:
+        raise CommandError(f"the FMU '{path}' cannot be read: {error.strerror}.") from error
+    try:
+        terminals = document.read_terminals()
+    except ValueError as error:
+        unread.append(str(error))
+    root, experiment = document.root, document.root.find("DefaultExperiment")
+    times = (
+        _finite(None if experiment is None else experiment.get(name))
+        for name in ("startTime", "stopTime", "stepSize", "tolerance")
+    )
+    kinds = document.kinds or interface.kinds  # those of FMI 1.0 are no elements
+    return FmuInfo(
+        display_path,
+        root.get("modelName", ""),
+        root.get("description", ""),
+        root.get("fmiVersion", ""),
+        tuple(kinds),
+        platforms,
+        *times,
+        tool=root.get("generationTool", ""),
+        version=root.get("version", ""),
+        author=root.get("author", ""),
+        license=root.get("license", ""),
+        guid=str(interface.description.guid or ""),
+        sha256=sha256,
+        size=size,
+        capabilities={kind: document.list_flags(kind) for kind in document.kinds},
+        terminals=terminals,
+    )
+
+
+def _list_variables(component: Component, interface: Interface) -> Iterator[VariableInfo]:
+    """Yield the variables of a component, in the order of its FMU, without their connections.
+
+    Raises:
+        CommandError: If a start value cannot be set.
+    """
+    overrides = convert_to_fmu_terms(component).parameters
+    values = {v.name: x for v, x in convert_start_values(component.name, interface, overrides)}
+    aliases = component.by_fmu_name
+    for fmu_name, variable in interface.variables.items():
+        name, alias = aliases.get(fmu_name, (fmu_name, Alias(fmu_name)))
+        yield _describe_variable(component.name, name, variable, interface, alias, values.get(fmu_name))
+
+
+def _describe_variable(
+    component: str, name: str, variable: ModelVariable, interface: Interface, alias: Alias, value: Any
+) -> VariableInfo:
+    """Return a variable in the names and units of the system; `value` is its start value in the FMU."""
+    fmu_name, to_system = str(variable.name), alias.transformation.inverse()
+    unit = alias.unit or interface.unit(fmu_name)
+    limits = (_read_limit(variable, "min"), _read_limit(variable, "max"))
+    minimum, maximum = (None if x is None else to_system(x) for x in limits)
+    if to_system.factor < 0.0:
+        minimum, maximum = maximum, minimum
+    literals = interface.signal_type(fmu_name).items
+    start, default = (
+        literals.get(x, x) if literals else to_system(x) if isinstance(x, float) else x
+        for x in (value, _read_start(variable))
+    )
+    is_enumeration = variable.type == "Enumeration"
+    clocks: Any = variable.clocks or ()  # fmpy replaces value references by variables
+    return VariableInfo(
+        name=f"{component}.{name}",
+        component=component,
+        fmu_name=fmu_name,
+        causality=str(variable.causality),
+        variability=str(variable.variability),
+        type=str(variable.type),
+        unit=None if unit is None else unit.name,
+        start=default if value is None else start,
+        default=default,
+        minimum=minimum,
+        maximum=maximum,
+        choices=tuple(literals.values()),
+        description=" ".join(str(variable.description or "").split()),
+        driven_by=None,
+        read_by=(),
+        settable=interface.is_settable(fmu_name),
+        data_type=str((not is_enumeration and getattr(variable, "data_type", "")) or variable.type),
+        dimensions=tuple(variable.shape or ()),
+        clocks=tuple(str(clock.name) for clock in clocks),
+        interval_variability=str(variable.intervalVariability or ""),
+    )
+
+
+def _read_start(variable: ModelVariable) -> Any:
+    """Return the FMU's own start value as its type, or as text if it is invalid."""
+    text = variable.start
+    if text is None:
+        return None
+    try:
+        if variable.type in ("Real", "Float64", "Float32"):
+            return float(text)
+        if variable.type in ("Integer", "Enumeration") or "Int" in str(variable.type):
+            return int(text)
+    except ValueError:  # for example an array
+        return str(text)
+    return str(text) in ("true", "1") if variable.type == "Boolean" else str(text)
+
+
+def _read_limit(variable: ModelVariable, name: str) -> float | None:
+    """Return the lowest or highest value of a number, or None."""
+    text = getattr(variable, name)
+    if text is None and variable.declaredType is not None:
+        text = getattr(variable.declaredType, name, None)
+    return None if variable.type == "Enumeration" else _finite(text)
+
+
+def _finite(text: Any) -> float | None:
+    """Return a finite number; None for anything else, as invalid descriptions have it."""
+    try:
+        number = math.nan if text is None else float(text)
+    except ValueError:
+        return None
+    return number if math.isfinite(number) else None

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 from itertools import groupby
 
 from ..views.pages.text import make_visible
-from .info_parts import Start, VariableInfo
-from .system_info import format_start
+from .system_info import Start, VariableInfo, format_start
 
 _ELEMENT = re.compile(r"(.*)\[([0-9]{1,9})\]", re.DOTALL)
 _MOST_STARTS = 4
@@ -18,13 +17,23 @@ _USUAL = ("continuous", "fixed", "discrete")
 
 @dataclass(frozen=True)
 class DisplayRow:
-    """A row of the table as texts. `first` is the variable, or the first element of an array."""
+    """A row of the table as texts.
+
+    Attributes:
+        name: The variable, or the elements of an array.
+        kind: Variability, type and causality, without defaults.
+        start: The start value with its unit, and that of the FMU if it differs.
+        is_changed: Whether it differs.
+        range: What the value may be.
+        meaning: The description; with the unit if there is no start value.
+        connected: Connections and Clocks.
+        first: The variable, or the first element.
+    """
 
     name: str
     kind: str
     start: str
-    default: str
-    unit: str
+    is_changed: bool
     range: str
     meaning: str
     connected: tuple[str, ...]
@@ -33,18 +42,17 @@ class DisplayRow:
 
 def build_display_rows(variables: Sequence[VariableInfo]) -> Iterator[DisplayRow]:
     """Yield a row for each variable, and one for adjacent, equal elements of an array."""
-    for _, group in groupby(enumerate(variables), lambda one: _grouping_key(*one)):
+    for _, group in groupby(enumerate(variables), lambda entry: _grouping_key(*entry)):
         yield _row([v for _, v in group])
 
 
-def _grouping_key(place: int, variable: VariableInfo) -> tuple[object, ...]:
+def _grouping_key(position: int, v: VariableInfo) -> tuple[object, ...]:
     """Return what adjacent elements of an array must have in common to share a row."""
-    found = _ELEMENT.fullmatch(variable.name)
-    if found is None or variable.driven_by or variable.read_by:
-        return (variable.name,)
-    v, distance = variable, int(found[2]) - place
+    element = _ELEMENT.fullmatch(v.name)
+    if element is None or v.driven_by or v.read_by:
+        return (v.name,)
     alike = v.causality, v.variability, v.type, v.unit, v.minimum, v.maximum, v.description, v.settable
-    return found[1], distance, *alike
+    return element[1], int(element[2]) - position, *alike
 
 
 def _row(elements: Sequence[VariableInfo]) -> DisplayRow:
@@ -52,18 +60,25 @@ def _row(elements: Sequence[VariableInfo]) -> DisplayRow:
     name = format_line(first.name)
     if len(elements) > 1:
         name = f"{name.removesuffix(']')}..{last.name.rpartition('[')[2]}"
-    starts, defaults = _values([v.start for v in elements]), _values([v.default for v in elements])
+    start, default = _values([v.start for v in elements]), _values([v.default for v in elements])
+    unit, meaning = format_line(first.unit or ""), format_line(first.description)
+    is_changed = default not in ("", start)
+    if unit and not start:
+        meaning = f"[{unit}] {meaning}"
+    elif unit:
+        start = f"{start} {unit}"
+    if is_changed:
+        start = f"{start} (FMU: {default})"
     ends = (f"from {first.driven_by}",) if first.driven_by else ()
     ends += tuple(f"to {reader}" for reader in first.read_by)
     ends += (f"at {' and '.join(first.clocks)}",) if first.clocks else ()
     return DisplayRow(
         name=name,
         kind=_kind(first),
-        start=starts,
-        default="" if defaults == starts else defaults,
-        unit=format_line(first.unit or ""),
+        start=start,
+        is_changed=is_changed,
         range=", ".join(map(format_line, first.choices)) or _range(first.minimum, first.maximum),
-        meaning=format_line(first.description),
+        meaning=meaning,
         connected=tuple(map(format_line, ends)),
         first=first,
     )

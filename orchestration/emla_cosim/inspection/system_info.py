@@ -1,8 +1,7 @@
-"""Information on a system."""
+"""Information on a system: FMUs, components, connections and variables."""
 
 import json
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,7 +11,6 @@ from ..base.ownership import has_format
 from ..base.patterns import is_pattern, matches_pattern
 from ..views.pages.plain import to_plain
 from ..views.pages.text_file import write_text
-from .info_parts import ComponentInfo, ConnectionInfo, FmuInfo, VariableInfo
 
 if TYPE_CHECKING:
     import polars
@@ -26,6 +24,137 @@ JSON_FILE = "the JSON file"
 
 is_info = has_format(FORMAT)
 """Recognizes files that `Info.save_json` wrote."""
+
+Start = float | int | bool | str
+"""A start value: number, Boolean or text; for an enumeration, the name of its literal."""
+
+
+@dataclass(frozen=True)
+class FmuInfo:
+    """Model description of an FMU file.
+
+    Attributes:
+        path: path of the file.
+        model: name of the model.
+        description: one line on its purpose.
+        fmi_version: such as 2.0.
+        kinds: `CoSimulation`, `ModelExchange` and `ScheduledExecution`, as far as supported.
+        platforms: platforms it has binaries for.
+        start_time: of the default experiment, in s, or None.
+        stop_time: of the default experiment, in s, or None.
+        step_size: of the default experiment, in s, or None.
+        tolerance: relative tolerance of the default experiment, or None.
+        tool: generation tool.
+        version: version of the model.
+        author: author of the model.
+        license: license of the model.
+        guid: identifier of the model.
+        sha256: hash of the file.
+        size: size of the file in bytes.
+        capabilities: flags that are set, by kind.
+        terminals: names of terminals; those inside of another one have its name and a dot before theirs.
+    """
+
+    path: str
+    model: str
+    description: str
+    fmi_version: str
+    kinds: tuple[str, ...]
+    platforms: tuple[str, ...]
+    start_time: float | None
+    stop_time: float | None
+    step_size: float | None
+    tolerance: float | None
+    tool: str
+    version: str
+    author: str
+    license: str
+    guid: str
+    sha256: str
+    size: int
+    capabilities: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    terminals: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class ComponentInfo:
+    """Component of a system.
+
+    Attributes:
+        name: path with dots.
+        model: name of the model.
+        fmu: position of its file in `Info.fmus`.
+    """
+
+    name: str
+    model: str
+    fmu: int
+
+
+@dataclass(frozen=True)
+class ConnectionInfo:
+    """Connection from an output to an input: input = factor * output + offset.
+
+    Attributes:
+        output: full name of the output.
+        input: full name of the input.
+        factor: in units of the input per unit of the output, as their FMUs declare them.
+        offset: in the unit of the input.
+    """
+
+    output: str
+    input: str
+    factor: float
+    offset: float
+
+
+@dataclass(frozen=True)
+class VariableInfo:
+    """Variable of a system.
+
+    Attributes:
+        name: full name, `component.variable`.
+        component: name of the component.
+        fmu_name: name in the FMU.
+        causality: as in the FMU, such as input, output or parameter.
+        variability: as in the FMU, such as fixed, tunable or continuous.
+        type: Real, Integer, Boolean, String or Enumeration.
+        unit: unit of all values; None without one.
+        start: start value in the scenario; None if the FMU computes it.
+        default: start value of the FMU; None if the FMU computes it.
+        minimum: smallest value allowed, or None.
+        maximum: largest value allowed, or None.
+        choices: names of the values of an enumeration.
+        description: one line on its meaning.
+        driven_by: full name of the output that is connected to an input, or None.
+        read_by: full names of the inputs that are connected to an output.
+        settable: whether `set` accepts it.
+        data_type: type of FMI 3.0, such as Float32 or Int8; for FMI 2.0, `type`.
+        dimensions: size of the array that it is or belongs to; empty for a scalar.
+        clocks: names of the Clocks that it belongs to.
+        interval_variability: of a Clock, such as constant or triggered.
+    """
+
+    name: str
+    component: str
+    fmu_name: str
+    causality: str
+    variability: str
+    type: str
+    unit: str | None
+    start: Start | None
+    default: Start | None
+    minimum: float | None
+    maximum: float | None
+    choices: tuple[str, ...]
+    description: str
+    driven_by: str | None
+    read_by: tuple[str, ...]
+    settable: bool
+    data_type: str = ""
+    dimensions: tuple[int, ...] = ()
+    clocks: tuple[str, ...] = ()
+    interval_variability: str = ""
 
 
 @dataclass(frozen=True)
@@ -99,30 +228,25 @@ class Info:
         """Return the variables as a polars data frame; start values are text."""
         import polars
 
-        columns: dict[str, Sequence[Any]] = {
-            name: [getattr(v, name) for v in self.variables] for name in VariableInfo.__dataclass_fields__
-        }
+        columns = {n: [getattr(v, n) for v in self.variables] for n in VariableInfo.__dataclass_fields__}
         for name in ("start", "default"):
             columns[name] = [None if x is None else format_start(x) for x in columns[name]]
-        for name in ("choices", "read_by"):
-            columns[name] = [list(x) for x in columns[name]]
-        return polars.DataFrame(columns, schema_overrides=_schema())
+        # the types of columns that may be empty
+        texts = dict.fromkeys(("start", "default", "unit", "driven_by"), polars.String)
+        numbers = dict.fromkeys(("minimum", "maximum"), polars.Float64)
+        lists = dict.fromkeys(("choices", "read_by"), polars.List(polars.String))
+        return polars.DataFrame(columns, schema_overrides={**texts, **numbers, **lists})
 
     def as_dict(self) -> dict[str, Any]:
         """Return everything as plain data; numbers that are not finite become None."""
-        return {**self._head(), "variables": [_plain_row(v) for v in self.variables]}
+        return to_plain({"format": FORMAT, "version": VERSION, **asdict(self)})
 
     def as_json(self) -> str:
         """Return everything as JSON text, with one line for each variable."""
-        head = json.dumps(self._head(), indent=1, allow_nan=False).removesuffix("\n}")
-        rows = (json.dumps(_plain_row(v), allow_nan=False) for v in self.variables)
+        content = self.as_dict()
+        rows = [json.dumps(row, allow_nan=False) for row in content.pop("variables")]
+        head = json.dumps(content, indent=1, allow_nan=False).removesuffix("\n}")
         return f'{head},\n "variables": [\n  ' + ",\n  ".join(rows) + "\n ]\n}\n"
-
-    def _head(self) -> dict[str, Any]:
-        """Return everything except the variables."""
-        told = asdict(replace(self, variables=()))
-        del told["variables"]
-        return to_plain({"format": FORMAT, "version": VERSION, **told})
 
     def save_json(self, path: str | Path, overwrite: bool = False) -> None:
         """Write everything to a JSON file.
@@ -143,25 +267,9 @@ def format_start(value: float | int | bool | str) -> str:
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
-def _plain_row(variable: VariableInfo) -> dict[str, Any]:
-    """Convert a variable for JSON. Only its start values can be infinite or NaN."""
-    start, default = to_plain(variable.start), to_plain(variable.default)
-    lists = {"choices": list(variable.choices), "read_by": list(variable.read_by)}
-    return {**vars(variable), **lists, "start": start, "default": default}
-
-
 def _is_match(variable: VariableInfo, pattern: str) -> bool:
     inside = variable.name.removeprefix(f"{variable.component}.")
     if matches_pattern(variable.name, pattern) or matches_pattern(inside, pattern):
         return True
     word = pattern.casefold()
     return not is_pattern(pattern) and word in f"{variable.name}\n{variable.description}".casefold()
-
-
-def _schema() -> dict[str, Any]:
-    """Return the types of columns that may be empty."""
-    import polars
-
-    numbers = dict.fromkeys(("minimum", "maximum"), polars.Float64)
-    texts = dict.fromkeys(("start", "default", "unit", "driven_by"), polars.String)
-    return {**numbers, **texts, **dict.fromkeys(("choices", "read_by"), polars.List(polars.String))}

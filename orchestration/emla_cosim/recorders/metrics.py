@@ -5,13 +5,9 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from ..base.arrays import Vector
-from ..base.units import LinearTransformation
 from ..base.wording import format_count
-from .coupling.bonds import COUPLING, Bonds
-from .recorder import Outline, Pause, Recorder
+from .recorder import Outline, Recorder
 from .signal_figures import MAXIMUM, MINIMUM, SignalFigures
 
 Figures = Mapping[str, Mapping[str, Any]]
@@ -180,7 +176,6 @@ class MetricsRecorder(Recorder):
     def __init__(self) -> None:
         self.kinds: dict[str, Metrics] = {}
         self._signals: SignalFigures | None = None
-        self._bonds: Bonds | None = None
 
     def begin(self, outline: Outline, memory: Any = None) -> None:
         """Begin all metrics, or continue from a `memory`."""
@@ -190,39 +185,19 @@ class MetricsRecorder(Recorder):
             if memory is not None:
                 metrics.remember(memory["kinds"][name])
         self._signals = SignalFigures(outline, None if memory is None else memory[SIGNALS])
-        self._bonds = Bonds(outline, None if memory is None else memory[COUPLING])
 
     def write(self, rows: Vector) -> None:
         """Take the next rows."""
         for metrics in self.kinds.values():
             metrics.write(rows)
-        assert self._signals is not None and self._bonds is not None
+        assert self._signals is not None
         self._signals.write(rows)
-        self._bonds.write(rows)
-
-    def watcher(self, shown: Mapping[int, LinearTransformation]) -> Callable[[float, Vector], None]:
-        """Return a function for `Stepping.watch`; see `RowBuffer` for `shown`."""
-
-        def watch(time: float, signals: Vector) -> None:
-            row = np.concatenate(([time], signals))
-            for signal, transformation in shown.items():
-                if signal < len(signals):
-                    row[1 + signal] = transformation(row[1 + signal])
-            if self._bonds is not None:
-                self._bonds.see(row)
-
-        return watch
-
-    def pause(self, run: Pause) -> None:
-        """Use what the run has learned about its loops so far."""
-        if self._bonds is not None:
-            self._bonds.learn(run.stepping.algorithm)
 
     def memory(self) -> Any:
         """Return the state of all metrics."""
-        assert self._signals is not None and self._bonds is not None
+        assert self._signals is not None
         kinds = {name: metrics.memory() for name, metrics in self.kinds.items()}
-        return {"kinds": kinds, SIGNALS: self._signals.memory(), COUPLING: self._bonds.memory()}
+        return {"kinds": kinds, SIGNALS: self._signals.memory()}
 
     @property
     def shown(self) -> dict[str, Sequence[MetricDisplay]]:
@@ -248,7 +223,3 @@ class MetricsRecorder(Recorder):
     def signals(self) -> dict[str, dict[str, float]]:
         """Return the figures of every recorded signal, of all rows so far; see `SignalFigures`."""
         return self._signals.figures() if self._signals is not None else {}
-
-    def coupling(self) -> dict[str, dict[str, float]]:
-        """Return the energies of bonds so far; see `Bonds`."""
-        return self._bonds.figures() if self._bonds is not None else {}

@@ -10,10 +10,8 @@ from ..base.errors import RunError
 from ..base.progress import Progress
 from ..base.signal_types import SignalType, Texts
 from ..base.units import LinearTransformation, SiUnit
-from ..master.algorithms.continuous_connections import ContinuousConnection
 from ..master.stepping.stepping_base import Stepping
 from ..master.stepping.timing import CommunicationPoints
-from ..system.bond import Bond
 
 
 @dataclass(frozen=True)
@@ -32,10 +30,6 @@ class Outline:
         parameters: parameters of the components, by full name; Booleans are 0 or 1, Strings are left out.
         roles: signal by joint and role, such as `lift.x_L`.
         criteria: values of the option `criteria`.
-        exchanged: connections that carry continuous signals.
-        bonds: power bonds by name.
-        watched: whether steps have any length and not each of them has a row; `Stepping.watch` gets all.
-        halved: whether each of these steps is done in two halves.
         multiples: step multiples by component, without those that are 1.
         types: types of the signals by name; Real for those without an entry.
         texts: the texts of the run.
@@ -50,10 +44,6 @@ class Outline:
     parameters: Mapping[str, float] = field(default_factory=dict)
     roles: Mapping[str, str] = field(default_factory=dict)
     criteria: Mapping[str, float | str] = field(default_factory=dict)
-    exchanged: Sequence[ContinuousConnection] = ()
-    bonds: Mapping[str, Bond] = field(default_factory=dict)
-    watched: bool = False
-    halved: bool = False
     multiples: Mapping[str, int] = field(default_factory=dict)
     types: Mapping[str, SignalType] = field(default_factory=dict)
     texts: Texts = field(default_factory=Texts)

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 from ..base.errors import join_names
 from ..master.algorithms.algorithm import Algorithm
@@ -47,18 +47,11 @@ _USES = {
 """How an input changes during a step, by its mode and whether its source is late."""
 
 
-@dataclass(frozen=True)
-class LateSample:
-    """What a component that samples reads one step late.
+class LateSample(NamedTuple):
+    """What a component that samples reads one step late: names of output, input and component."""
 
-    Attributes:
-        name: Names of output and input.
-        signal: Name of the output.
-        reader: Name of the component.
-    """
-
-    name: str
     signal: str
+    input: str
     reader: str
 
 
@@ -131,21 +124,18 @@ class CouplingSummary:
 
     def record(self, error: CouplingError) -> dict[str, Any]:
         """Return what run.json has of the exchange."""
-        found: dict[str, Any] = {
+        record: dict[str, Any] = {
             "order": self.algorithm.accuracy,
             "connections": {x.name: _USES[Mode(x.mode), x.is_late] for x in self.connections},
         }
         if self.delayed:
-            found["delay"] = self._describe_delay()
-        remark = self._describe(error) if error.errors else None
-        if (summary := self._summarize(error)) is not None and remark is None:
-            found["summary"] = summary
+            size = f" ({self.step:g} s)" if self.is_fixed else ""
+            record["delay"] = f"One step{size} late: {_name_first(self.delayed)}"
+        record |= self._describe(error)
         if error.not_estimated:
-            return found | {"not_estimated": error.not_estimated}
+            return record | {"not_estimated": error.not_estimated}
         worst = self._find_worst(error)
-        if remark is not None:
-            found["remark"] = remark
-        return found | {
+        return record | {
             "estimated_error": error.errors[worst.signal],
             "worst_connection": worst.name,
             "repeated": error.repeated,
@@ -161,58 +151,56 @@ class CouplingSummary:
 
     def remarks(self, error: CouplingError) -> list[str]:
         """Return remarks for users to read before the figures."""
-        found = []
+        remarks = []
         middle = sorted({x.target for x in self.connections if x.mode == Mode.MIDDLE})
         if self.algorithm.extrapolation == "fmu" and middle:
-            found.append(
+            remarks.append(
                 f"--extrapolation fmu: {join_names(middle)} cannot interpolate inputs, so each step has the "
                 "value in the middle of the line."
             )
         if error.is_fault:
-            found.append(f"The coupling error is not estimated: {error.not_estimated.rstrip('.')}.")
-        elif error.errors and (remark := self._describe(error)) is not None:
-            found.append(remark)
-        return found
+            remarks.append(f"The coupling error is not estimated: {error.not_estimated.rstrip('.')}.")
+        elif (remark := self._describe(error).get("remark")) is not None:
+            remarks.append(remark)
+        return remarks
 
-    def _summarize(self, error: CouplingError) -> str | None:
-        """Return one line for the terminal; None if there is nothing to say."""
-        if error.errors:
-            worst = self._find_worst(error)
-            size, order = _percent(error.errors[worst.signal]), self.algorithm.accuracy
-            if error.repeated == DIFFERENCES:
-                return f"Within a step, inputs miss {self._signal(worst)} by roughly {size} of its range"
-            return f"Estimated coupling error: {size} of the range of {self._signal(worst)} (order {order})"
-        if error.not_estimated in (NO_CONNECTIONS, ERROR_CONTROL, EARLIER_RUN, UNFINISHED):
+    def _describe(self, error: CouplingError) -> dict[str, str]:
+        """Return the `remark` on a large error, or a `summary` for the terminal; empty without any."""
+        if not error.errors:
+            summary = self._explain_missing(error.not_estimated)
+            return {} if summary is None else {"summary": summary}
+        worst, order = self._find_worst(error), self.algorithm.accuracy
+        size, signal = error.errors[worst.signal], self.algorithm.network.names[worst.signal]
+        percent, is_difference = _percent(size), error.repeated == DIFFERENCES
+        if size <= LARGEST_ERROR and is_difference:
+            return {"summary": f"Within a step, inputs miss {signal} by roughly {percent} of its range"}
+        if size <= LARGEST_ERROR:
+            return {
+                "summary": f"Estimated coupling error: {percent} of the range of {signal} (order {order})"
+            }
+        use = f"{worst.name} is {_USES[Mode(worst.mode), worst.is_late]} during each step"
+        if is_difference:
+            text = (
+                f"Coupling error: within a step, inputs miss {signal} by roughly {percent} of its range "
+                f"({use}). Whether such errors add up is not known, because FMUs cannot repeat steps."
+            )
+        else:
+            half, about = _percent(size * (1.0 - 0.5**order)), "about " if size <= LARGEST_SHOWN else ""
+            text = (
+                f"Coupling error: {about}{percent} of the range of {signal}; half the step would change it "
+                f"by {half} ({use}, order {order})."
+            )
+        return {"remark": f"{text} {self._advise(size)}"}
+
+    def _explain_missing(self, reason: str) -> str | None:
+        """Return one line on an error that is not estimated; None if a user expects the reason."""
+        if reason in (NO_CONNECTIONS, ERROR_CONTROL, EARLIER_RUN, UNFINISHED):
             return None
         late = [x.name for x in self.connections if x.is_late and x.mode == Mode.HOLD]
-        if error.not_estimated == SWITCHED_OFF and not late:
+        if reason == SWITCHED_OFF and not late:
             return None
         held = f"; one step late: {_name_first(late)}" if late else ""
-        return f"Coupling error not estimated: {error.not_estimated}{held}"
-
-    def _describe_delay(self) -> str:
-        """Return one line on the connections that delay a value by a step."""
-        size = f" ({self.step:g} s)" if self.is_fixed else ""
-        return f"One step{size} late: {_name_first(self.delayed)}"
-
-    def _describe(self, error: CouplingError) -> str | None:
-        """Return the remark on an estimated error; None if it is small."""
-        worst, order = self._find_worst(error), self.algorithm.accuracy
-        size, signal = error.errors[worst.signal], self._signal(worst)
-        if size <= LARGEST_ERROR:
-            return None
-        use = f"{worst.name} is {_USES[Mode(worst.mode), worst.is_late]} during each step"
-        if error.repeated == DIFFERENCES:
-            return (
-                f"Coupling error: within a step, inputs miss {signal} by roughly {_percent(size)} of its "
-                f"range ({use}). Whether such errors add up is not known, because FMUs cannot repeat "
-                f"steps. {self._advise(size)}"
-            )
-        half, about = size * (1.0 - 0.5**order), "about " if size <= LARGEST_SHOWN else ""
-        return (
-            f"Coupling error: {about}{_percent(size)} of the range of {signal}; half the step would change "
-            f"it by {_percent(half)} ({use}, order {order}). {self._advise(size)}"
-        )
+        return f"Coupling error not estimated: {reason}{held}"
 
     def _advise(self, size: float) -> str:
         """Return what reduces an error of this size."""
@@ -231,9 +219,6 @@ class CouplingSummary:
     def _find_worst(self, error: CouplingError) -> ContinuousConnection:
         """Return a connection of the signal with the largest error, a late one if there is one."""
         return max(self.connections, key=lambda x: (error.errors[x.signal], x.is_late))
-
-    def _signal(self, connection: ContinuousConnection) -> str:
-        return self.algorithm.network.names[connection.signal]
 
 
 def find_late_samples(algorithm: Algorithm, samplers: Collection[str]) -> Iterator[LateSample]:
@@ -255,7 +240,7 @@ def find_late_samples(algorithm: Algorithm, samplers: Collection[str]) -> Iterat
         is_read = names[link.target] in samplers and names[ways[0].source] not in samplers
         if is_read and any(id(way) in late for way in ways):
             signal = network.names[network.signal(ways[0])]
-            yield LateSample(f"{signal} -> {link.name.partition(' -> ')[2]}", signal, names[link.target])
+            yield LateSample(signal, link.name.partition(" -> ")[2], names[link.target])
 
 
 def _list_delayed(
@@ -270,7 +255,7 @@ def _list_delayed(
     names = [
         *(link.name for link in held if id(link) not in in_order),
         *(x.name for x in connections if x.is_late and x.mode == Mode.HOLD),
-        *(sample.name for sample in find_late_samples(algorithm, readers)),
+        *(f"{late.signal} -> {late.input}" for late in find_late_samples(algorithm, readers)),
     ]
     estimated = {x.name for x in connections if x.is_in_loop}
     return [name for name in dict.fromkeys(names) if name not in estimated]

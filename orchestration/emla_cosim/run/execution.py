@@ -13,6 +13,7 @@ from ..master.run_loop import MOST_STEPS, simulate
 from ..master.stepping.checkpoint import Checkpoint
 from ..master.stepping.profiler import PACING, Profiler
 from ..master.stepping.stepping_base import RowSink, Stepping
+from ..recorders.bond_energies import BondEnergies
 from ..recorders.metrics import MetricsRecorder
 from ..recorders.recorder import Outline, Recorder, RecordingError, recording
 from ..recorders.row_buffer import RowBuffer
@@ -39,6 +40,7 @@ class ActiveRun:
         stepping: What does the steps; its algorithm is set up.
         shown: Transformations of signals that recorders get in another unit, by position.
         metrics: The recorder of the metrics, which is also among `recorders`.
+        energies: The energies of the requested bonds, maybe of none.
         resumed: The checkpoint from which the run continues.
         profiler: What measures the run from its first step on.
         interrupted: Whether Ctrl-C ended the last `advance`.
@@ -56,6 +58,7 @@ class ActiveRun:
     outline: Outline
     shown: Mapping[int, LinearTransformation]
     metrics: MetricsRecorder
+    energies: BondEnergies
     recorders: Sequence[Recorder]
     resumed: Checkpoint | None
     profiler: Profiler | None
@@ -80,7 +83,6 @@ class ActiveRun:
         self._is_paced = False
         self._first = (0, self.plan.times.start)
         self._has_first_row = False
-        self.stepping.watch = self.metrics.watcher(self.shown)
         if self.profiler is not None:
             for recorder in self.recorders:
                 name = recorder.key or type(recorder).__name__

@@ -134,8 +134,8 @@ class Options(AnalysisOptions, OutputOptions, SteppingOptions, SystemOptions):
         return paths
 
     def read_bonds(self) -> dict[str, Bond]:
-        """Return the power bonds by name; CommandError for a text that is none."""
-        return {name: Bond.read(name, text) for name, text in self.bonds.items()}
+        """Return the power bonds that have signals, by name; CommandError for a text that is none."""
+        return {name: Bond.read(name, text) for name, text in self.bonds.items() if text}
 
     def make_algorithm(self) -> Algorithm:
         """Return the algorithm with its options.

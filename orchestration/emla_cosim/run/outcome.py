@@ -8,7 +8,7 @@ from ..base.faults import AcceptedFaults
 from ..inputs.loaded_input import DataSpan
 from ..master.assembly import Assembly
 from ..master.coupling.estimate import CouplingError
-from ..recorders.coupling.bonds import COUPLING
+from ..recorders.bond_energies import COUPLING
 from ..recorders.metrics import SIGNALS, Figures, list_figures
 from ..recorders.table import Table
 from .agreement import (
@@ -103,7 +103,7 @@ def build_result(
         record=record,
         parameters=run.outline.parameters,
         signals=metrics.signals(),
-        coupling={**coupling_figures, **metrics.coupling()},
+        coupling={**coupling_figures, **run.energies.figures()},
         roles=run.plan.options.roles,
         notes=run.plan.notes,
         profile=profile,

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+from ..base.errors import CommandError
 from ..base.option import (
     BUILD,
     COMPARE,
@@ -26,6 +27,18 @@ from ..recorders.registry import TABLES
 from ..recorders.tubes.tolerance import Tolerance, read_tolerances
 from .plot_formats import PLOT_FORMATS
 from .system_options import ALL
+
+
+def _read_bonds(texts: Sequence[str]) -> dict[str, str]:
+    """Return signals by the name of a bond, from texts NAME='EFFORT * FLOW'; empty ones for a name alone."""
+    bonds = {}
+    for text in texts:
+        name, _, signals = (part.strip() for part in text.partition("="))
+        if not name:
+            raise CommandError(f"--bond {text or repr(text)} has no name; write --bond NAME='EFFORT * FLOW'.")
+        bonds[name] = signals
+    return bonds
+
 
 _output = partial(option, group=OUTPUT)
 _single = partial(_output, commands=(RUN,), in_file=False)
@@ -108,10 +121,11 @@ class OutputOptions:
     )
     bonds: Mapping[str, str] = _output(
         {},
-        help="Declare a power bond between two signals, such as axis='load.F * actuator.v'. The run "
-        "reports the energy that the coupling creates or destroys there (repeatable).",
+        help="Report the energy that the coupling creates or destroys in a power bond: one of the system, "
+        "such as lift or '*', or one between two signals, such as axis='load.F * actuator.v' (repeatable).",
         flag="--bond",
-        metavar="NAME='EFFORT * FLOW'",
+        metavar="NAME[='EFFORT * FLOW']",
+        parse=_read_bonds,
         commands=(RUN, SWEEP),
         identity="bonds",
     )

@@ -10,15 +10,13 @@ from ..base.errors import CommandError
 from ..base.units import IDENTITY
 from ..inputs.events import input_events, row_distance
 from ..master.algorithms.algorithm import Algorithm
-from ..master.algorithms.continuous_connections import list_continuous_connections
 from ..master.assembly import Assembly
 from ..master.stepping.checkpoint import Checkpoint, checkpoint_place
 from ..master.stepping.profiler import Profiler
 from ..master.stepping.step_size_control import StepRequest
 from ..master.stepping.stepping_base import Stepping
+from ..recorders.bond_energies import COUPLING, BondEnergies, make_bond_energies
 from ..recorders.checkpoints import Checkpoints, find_resumable_checkpoint
-from ..recorders.coupling.bond_energy import select_applicable
-from ..recorders.coupling.bonds import COUPLING
 from ..recorders.metrics import SIGNALS, Figures, MetricsRecorder, list_figures
 from ..recorders.recorder import Outline, Recorder
 from ..recorders.table import Table, TimeSeries
@@ -58,8 +56,6 @@ def wire_run(
         plan = replace(plan, recorded=recorded)
     observed = dict.fromkeys([*assembly.outputs, *plan.recorded, *(c.figure for c in plan.conditions)])
     assembly.observe([name for name in observed if name in others], plan.every)
-    fmus = {name: file.sha256 for name, file in assembly.files.items()}
-    definition = RunDefinition(system, fmus, options)
     with contextlib.ExitStack() as on_error:
         profiler = None
         if options.profile:
@@ -67,9 +63,14 @@ def wire_run(
             on_error.callback(profiler.close)
         stepping = _make_stepping(plan, system, assembly)
         on_error.callback(close_stepping, stepping)
+        energies = _make_energies(plan, system, assembly)
+        options = replace(options, bonds={name: str(bond) for name, bond in energies.bonds.items()})
+        plan = replace(plan, options=options)
+        fmus = {name: file.sha256 for name, file in assembly.files.items()}
+        definition = RunDefinition(system, fmus, options)
         metrics = MetricsRecorder()
         all_recorders = [metrics, *([TimeSeries()] if recorders is None else _check_recorders(recorders))]
-        all_recorders += options.make_recorders()
+        all_recorders += [*([energies] if energies.bonds else []), *options.make_recorders()]
         checkpoints, resumed = _open_checkpoints(plan, definition, assembly, folder)
         all_recorders += checkpoints
         if plan.stored is not None:
@@ -81,8 +82,9 @@ def wire_run(
         coupling = CouplingSummary.of(
             stepping.algorithm, stepping, assembly.sampling, options.estimate_coupling
         )
-        outline = _make_outline(plan, system, assembly, stepping)
-        plan = replace(plan, requirements=_resolve_requirements(plan, outline, coupling, system.main_name))
+        outline = _make_outline(plan, assembly, stepping)
+        requirements = _resolve_requirements(plan, outline, coupling, energies, system.main_name)
+        plan = replace(plan, requirements=requirements)
         position = {name: i for i, name in enumerate(outline.names)}
         run = ActiveRun(
             plan,
@@ -97,6 +99,7 @@ def wire_run(
             outline,
             assembly.shown,
             metrics,
+            energies,
             all_recorders,
             resumed,
             profiler,
@@ -120,6 +123,22 @@ def _make_stepping(plan: RunPlan, system: System, assembly: Assembly) -> Steppin
     return plan.control.stepping(plan.algorithm, request)
 
 
+def _make_energies(plan: RunPlan, system: System, assembly: Assembly) -> BondEnergies:
+    """Return what sums up the energies of the bonds that the run needs, maybe of none."""
+    names = [*assembly.network.names, *assembly.network.observer.names]
+    units = {name: assembly.names.find(name).unit for name in names}
+    required = [requirement.figure for requirement in plan.requirements]
+    energies = make_bond_energies(
+        plan.options.bonds, required, system, units, plan.algorithm, plan.control.is_halved
+    )
+    if energies.bonds and not plan.control.is_regular and plan.options.output_interval is not None:
+        raise CommandError(
+            "the energies of power bonds need each step, but with --error-tolerance, "
+            "--output-interval leaves out steps; remove --output-interval or --bond."
+        )
+    return energies
+
+
 def _open_checkpoints(
     plan: RunPlan, definition: RunDefinition, assembly: Assembly, folder: Path
 ) -> tuple[list[Recorder], Checkpoint | None]:
@@ -137,12 +156,11 @@ def _open_checkpoints(
     return [Checkpoints(options.checkpoint, identity, path, options.overwrite)], resumed
 
 
-def _make_outline(plan: RunPlan, system: System, assembly: Assembly, stepping: Stepping) -> Outline:
+def _make_outline(plan: RunPlan, assembly: Assembly, stepping: Stepping) -> Outline:
     options, network, algorithm = plan.options, assembly.network, stepping.algorithm
     names = [*network.names, *network.observer.names]
     position = {name: i for i, name in enumerate(names)}
     signals = [assembly.names.find(name) for name in names]
-    exchanged = list_continuous_connections(algorithm, [c.name for c in system.components if c.samples])
     types = {name: signal.column_type for name, signal in zip(names, signals, strict=True)}
     return Outline(
         names,
@@ -153,10 +171,6 @@ def _make_outline(plan: RunPlan, system: System, assembly: Assembly, stepping: S
         assembly.parameters(),
         options.roles,
         options.criteria,
-        exchanged,
-        {**select_applicable(system.bonds, names, exchanged), **options.read_bonds()},
-        watched=not plan.control.is_regular,
-        halved=plan.control.is_halved,
         multiples=_list_multiples(algorithm),
         types={n: t for n, t in types.items() if t.is_discrete and position[n] not in assembly.shown},
         texts=network.observer.texts,
@@ -171,7 +185,7 @@ def _list_multiples(algorithm: Algorithm) -> dict[str, int]:
 
 
 def _resolve_requirements(
-    plan: RunPlan, outline: Outline, coupling: CouplingSummary, main: str
+    plan: RunPlan, outline: Outline, coupling: CouplingSummary, energies: BondEnergies, main: str
 ) -> Sequence[Requirement]:
     """Return the requirements with full names. Raise CommandError for figures that do not exist."""
     if not plan.requirements:
@@ -179,7 +193,7 @@ def _resolve_requirements(
     recorder = MetricsRecorder()
     recorder.begin(outline)
     kinds: dict[str, Figures] = {**recorder.figures(), SIGNALS: recorder.signals()}
-    if figures := {**coupling.figures(None), **recorder.coupling()}:
+    if figures := {**coupling.figures(None), **energies.figures()}:
         kinds[COUPLING] = figures
     is_complete = all(kinds.values())
     kinds["run"] = {"run": run_figures()}

@@ -6,9 +6,8 @@ from typing import Annotated, Any
 
 import msgspec
 
-from ..base.class_structs import check_fields, struct_of
 from ..base.errors import CommandError
-from ..base.toml_structs import list_given, quantity
+from ..base.toml_structs import check_fields, list_given, quantity, struct_of
 from ..run.scenarios.built_in import TUNINGS
 from ..sweeps.measures import Metric
 from ..sweeps.plan_files import IN_FILES, NOT_IN_FILES, Source, check_options, merge_fields, read_plan

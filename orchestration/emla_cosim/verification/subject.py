@@ -1,8 +1,6 @@
 """The FMU under examination."""
 
-import re
 import sys
-import zipfile
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -11,9 +9,9 @@ from typing import Any
 import fmpy
 from fmpy.model_description import ModelDescription, ModelVariable
 
-from ..base.untrusted_xml import parse_xml
 from ..fmu.attribute_faults import find_attribute_fault
 from ..fmu.clocks import CLOCK, InputClock, read_input_clocks
+from ..fmu.document import FmuDocument
 from ..fmu.elements import split_arrays
 from ..fmu.interface import Interface, read_with_fmpy
 from ..fmu.shared_library import find_library
@@ -21,10 +19,6 @@ from .declarations import Declarations, read_declarations
 from .declarations_3 import read_declarations_3
 from .messages import shorten_sentence
 from .settings import Settings
-
-DESCRIPTION = "modelDescription.xml"
-_KINDS = ("CoSimulation", "ModelExchange", "ScheduledExecution")
-_VERSION_3 = re.compile(r"3\.0(\.[0-9]+)?")
 
 _FLAGS = {
     "canGetAndSetFMUstate": "canGetAndSetFMUState",
@@ -58,15 +52,19 @@ class Subject:
         return self.folder.parent
 
     @cached_property
+    def document(self) -> FmuDocument:
+        """The description of the FMU as a whole."""
+        return FmuDocument(self.path)
+
+    @cached_property
     def tree(self) -> Any:
         """The root element of the model description."""
-        with zipfile.ZipFile(self.path) as archive:
-            return parse_xml(archive.read(DESCRIPTION))
+        return self.document.root
 
     @property
     def version(self) -> int:
         """The version of FMI: 3 for FMI 3.0, otherwise 2."""
-        return 3 if _VERSION_3.fullmatch(self.tree.get("fmiVersion", "")) else 2
+        return self.document.version
 
     @property
     def known_version(self) -> int:
@@ -139,8 +137,7 @@ class Subject:
     @property
     def kinds(self) -> list[str]:
         """The kinds of the FMU: `CoSimulation`, `ModelExchange`, and that of FMI 3.0, in this order."""
-        names = _KINDS if self.version == 3 else _KINDS[:2]
-        return [name for name in names if self.tree.find(name) is not None]
+        return self.document.kinds
 
     @property
     def run_kinds(self) -> list[str]:
@@ -160,8 +157,7 @@ class Subject:
 
     def has_flag(self, flag: str, kind: str | None = None) -> bool:
         """Return whether the element of a kind, by default the first one, has an attribute that is true."""
-        element = self.tree.find(kind or self.kinds[0])
-        return element is not None and element.get(flag, "false").strip() in ("true", "1")
+        return flag in self.document.list_flags(kind or self.kinds[0])
 
     def library(self, kind: str | None = None) -> Path | None:
         """Return the shared library for this machine, or None."""

@@ -16,7 +16,7 @@ from ..base.files import report_write_errors
 from ..base.ownership import has_entries
 from ..base.progress import Progress
 from ..base.signal_types import Texts
-from ..recorders.coupling.bonds import COUPLING
+from ..recorders.bond_energies import COUPLING
 from ..recorders.metrics import SIGNALS
 from ..recorders.parquet_file import strange_parts
 from ..recorders.recorder import Outline, Recorder, recording

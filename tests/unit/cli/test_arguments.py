@@ -53,6 +53,7 @@ def read(line: str) -> dict[str, Any]:
         ("run lift --output ''", {"output": Path()}),
         ("run lift --threads auto", {"threads": None}),
         ("run lift --threads 2 --threads 3", {"threads": 3}),
+        ("run lift --bond 'l*' --bond 'a = b.F * c.v'", {"bonds": {"l*": "", "a": "b.F * c.v"}}),
         ("run lift --kind me --kind a=cs", {"kind": {"*": "me", "a": "cs"}}),
         ("run lift --order a,b", {"order": ["a", "b"]}),
         ("run lift --signals a --signals b", {"signals": ["a", "b"]}),

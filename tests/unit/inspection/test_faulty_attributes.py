@@ -323,7 +323,7 @@ def test_info_shows_readable_fmus_with_the_fault_as_a_note(emla: Emla, tmp_path:
     for options in ([], ["--lenient"]):
         result = emla("info", str(fmu), *options)
         assert result.exit_code == 0
-        assert "it is not valid: DefaultExperiment (line 13) has stepSize = 'fast'" in " ".join(
+        assert "it is not a valid FMU: DefaultExperiment (line 13) has stepSize = 'fast'" in " ".join(
             result.output.split()
         )
 

@@ -122,8 +122,8 @@ def test_ten_thousand_variables(emla: Emla, tmp_path: Path) -> None:
             description('<Float64 name="a" valueReference="1"/>', version="3.0", kind="ScheduledExecution"),
             "it is neither for co-simulation nor for Model Exchange",
         ),
-        (description(real("a") + real("a")), "it is not valid"),
-        (description(real("a", more='nonsense="1"')), "it is not valid"),
+        (description(real("a") + real("a")), "it is not a valid FMU"),
+        (description(real("a", more='nonsense="1"')), "it is not a valid FMU"),
     ],
 )
 def test_fmu_that_cannot_run_is_described(content: bytes, reason: str, emla: Emla, tmp_path: Path) -> None:

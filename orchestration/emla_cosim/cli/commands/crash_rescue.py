@@ -167,7 +167,7 @@ def _finish_result(
         table=table,
         metrics=metrics.figures(),
         signals=metrics.signals(),
-        coupling=metrics.coupling(),
+        coupling={},
         remarks=remarks,
         steps=crash_page.current_activity().rows - begun.rows,
         simulated_s=end - before.end_s,
@@ -213,6 +213,4 @@ def _outline_of_table(outline: Outline) -> Outline:
         names, units = ([values[i] for i in outline.recorded] for values in (outline.names, outline.units))
         outline = replace(outline, names=names, units=units, recorded=range(len(names)))
         outline = replace(outline, roles={}, criteria={})
-    elif outline.every == 1 and not outline.watched:
-        return outline
-    return replace(outline, exchanged=(), bonds={}, watched=False)  # the coupling is judged in each step
+    return outline

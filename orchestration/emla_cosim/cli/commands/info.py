@@ -17,8 +17,7 @@ from ...base.option import INFO, OTHERS, option
 from ...base.ownership import check_replaceable
 from ...inspection.collector import info
 from ...inspection.display_rows import DisplayRow, build_display_rows, format_line
-from ...inspection.info_parts import FmuInfo
-from ...inspection.system_info import JSON_FILE, Info, format_start, is_info
+from ...inspection.system_info import JSON_FILE, FmuInfo, Info, format_start, is_info
 from ...study.loading import load
 from ...views.pages.text import shorten_text
 from ...views.progress_bars import BarProgress
@@ -172,26 +171,17 @@ def _show_table(rows: Sequence[DisplayRow], title: str, prefix: str) -> None:
     for row in rows:
         style = "cyan" if row.first.settable else ""
         named = Text("+" if style else "", style), Text(row.name.removeprefix(prefix), style)
+        start = Text(row.start, style="bold" if row.is_changed else "")
         if narrow:
-            about = ", ".join(filter(None, (row.kind, row.range)))
-            table.add_row(*named, _start(row), _meaning(row, about))
+            table.add_row(*named, start, _meaning(row, ", ".join(filter(None, (row.kind, row.range)))))
         else:
-            table.add_row(*named, _cell(row.kind), _start(row), _cell(row.range), _meaning(row))
+            table.add_row(*named, _cell(row.kind), start, _cell(row.range), _meaning(row))
     show_table(table)
-
-
-def _start(row: DisplayRow) -> Text:
-    """Return the value in effect with its unit, and the FMU's own if it differs."""
-    start = " ".join(filter(None, (row.start, row.unit if row.start else "")))
-    return Text(
-        start + (f" (FMU: {row.default})" if row.default else ""), style="bold" if row.default else ""
-    )
 
 
 def _meaning(row: DisplayRow, about: str = "") -> Text:
     """Return the description and the connections of a variable."""
-    unit = f"[{row.unit}] " if row.unit and not row.start else ""
-    meaning = _cell(unit + row.meaning)
+    meaning = _cell(row.meaning)
     more = [f"and {len(row.connected) - _MOST_ENDS} more"] if len(row.connected) > _MOST_ENDS else []
     for added in filter(None, (about, *row.connected[:_MOST_ENDS], *more)):
         meaning.append("; " if meaning else "")

@@ -23,9 +23,6 @@ Steps become shorter only if a single one is inaccurate: so many steps are as ma
 jump at an unknown time causes errors in proportion to the step, as is what a step is allowed.
 """
 
-WATCHED = 500
-"""Largest number of steps in a call if `Stepping.watch` gets each of them."""
-
 
 class ControlTables:
     """The tables of error control, and the arrays that they point to.
@@ -42,7 +39,6 @@ class ControlTables:
         signals: The records of the controlled signals.
         total: Absolute errors of all steps so far, per controlled signal: their sum, or the largest if
             they do not add up.
-        watched: Room for time and signals of watched steps.
     """
 
     def __init__(
@@ -53,11 +49,10 @@ class ControlTables:
         longest: float,
         states: SavedStates,
     ) -> None:
-        network, step = algorithm.network, times.step
+        step = times.step
         self.signals, self._read_count = find_controlled_signals(algorithm)
         count = len(self.signals)
         self._states = states
-        self.watched = np.zeros((0, 1 + len(network.signals)))
         size = len(algorithm.restored)
         self._copies = {name: np.zeros(size) for name in ("copy", "coarse", "next_coarse")}
         self._errors = {name: np.zeros(count) for name in ("total", "first_errors")}
@@ -86,12 +81,6 @@ class ControlTables:
         self.control.is_per_unit, self.control.exponent = per_unit, 1.0 / (order + (not per_unit))
         if not per_unit:
             self.control.controlled_count, self.control.short_limit = self._read_count, 0.0
-
-    def watch(self, most: int) -> None:
-        """Keep time and signals of at most so many steps in a call."""
-        if len(self.watched) < most:
-            self.watched = np.zeros((most, self.watched.shape[1]))
-        self.control.watched_rows, self.control.watch_room = self.watched.ctypes.data, most
 
     def memory(self) -> dict[str, Vector]:
         """Return what steps have changed, as arrays by name."""

@@ -12,7 +12,7 @@ from ...base.arrays import Vector
 from ...base.errors import CommandError, RunError
 from ...stepper.layout import Failure
 from ..algorithms.algorithm import Algorithm, require
-from .control_tables import JUST_BEFORE, SHORT, WATCHED, ControlTables
+from .control_tables import JUST_BEFORE, SHORT, ControlTables
 from .stepping_base import LONGEST, ROUNDING, RowSink, Stepping
 from .timing import CommunicationPoints, make_clock
 
@@ -116,8 +116,6 @@ class ErrorControl(Stepping):
 
     def advance(self, rows: RowSink, most: int, until: float = math.inf) -> None:
         """Do at most `most` steps, none beyond `until` in s, and record them."""
-        if self.watch is not None and self.time == self.times.start:
-            self.watch(self.time, self.algorithm.network.signals)
         ends = time.monotonic() + LONGEST
         while most > 0 and not (self.reached(until) or time.monotonic() > ends):
             most -= self._try_steps(rows, most, until)
@@ -131,12 +129,8 @@ class ErrorControl(Stepping):
         records_each = self._output is None
         one_by_one = records_each and bool(observer.strings)  # C cannot read texts
         block = rows.room(most) if records_each and not one_by_one else None
-        self._tables.watch(1 if one_by_one else 0 if self.watch is None else WATCHED)
         accepted = control.accepted
-        ended, failure = self.loop.control(control, most, block)
-        if self.watch is not None:
-            for row in self._tables.watched[: control.watched_count]:
-                self.watch(float(row[0]), row[1:])
+        ended, failure = self.loop.control(control, 1 if one_by_one else most, block)
         if block is not None and (recorded := self.loop.recorded):
             rows.commit(recorded)
         if ended == Failure.TOO_SHORT:

@@ -42,10 +42,7 @@ class StepSizeControl(ABC):
     """
 
     is_regular: ClassVar[bool] = False
-    """Whether all steps have the step size, so that every n-th step has a row.
-
-    Otherwise, call `Stepping.watch` for every step, and `Stepping.record` for each row.
-    """
+    """Whether all steps have the step size, so that every n-th step has a row."""
 
     is_halved: ClassVar[bool] = False
     """Whether each step is done in two halves, if steps are not regular."""

@@ -2,7 +2,7 @@
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any, Protocol
 
 from ...base.arrays import Vector
@@ -47,14 +47,11 @@ class Stepping(ABC):
 
     Attributes:
         loop: stepper in C.
-        watch: function that receives the time in s and the signals of each step, if not all have a row.
     """
 
     def __init__(self, algorithm: Algorithm, times: CommunicationPoints) -> None:
         self.algorithm, self.loop = algorithm, make_loop(algorithm)
         self.times = times
-        self.watch: Callable[[float, Vector], None] | None = None
-        """Called with time in s and signals at every point, if the stepping does not record all points."""
 
     @property
     @abstractmethod

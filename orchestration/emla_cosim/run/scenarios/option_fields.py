@@ -7,10 +7,9 @@ from typing import Annotated, Any, Literal, get_args, get_origin
 
 import msgspec
 
-from ...base.class_structs import type_in_file
 from ...base.option import Option
 from ...base.table_entries import Location
-from ...base.toml_structs import Struct, describe, extend_struct, quantity
+from ...base.toml_structs import Struct, describe, extend_struct, quantity, type_in_file
 from ..options import list_options, read_option
 
 

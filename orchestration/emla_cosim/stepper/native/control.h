@@ -198,21 +198,12 @@ static int32_t try_step(Stepper *s, Control *c, double step, double end, int is_
     return DONE;
 }
 
-/* Keep time and signals of a step for who watches all of them. */
-static void show(const Stepper *s, Control *c) {
-    double *row = c->watched_rows + c->n_watched * (1 + s->n_signals);
-    row[0] = c->time;
-    memcpy(row + 1, s->stores[SIGNALS], (size_t)s->n_signals * sizeof(double));
-    c->n_watched++;
-}
-
 int32_t stepper_control(Stepper *s, Control *c, int64_t most, int64_t room, double *rows) {
     const time_t second = time(NULL);
     s->recorded = 0;
     s->sweeps_done = 0;
     s->status = fmi2OK;
     s->failure = DONE;
-    c->n_watched = 0;
     c->tried = 0;
     c->is_met = 0;
     while (c->tried < most) {
@@ -229,10 +220,8 @@ int32_t stepper_control(Stepper *s, Control *c, int64_t most, int64_t room, doub
             if (!are_finite(s)) return s->failure = NOT_FINITE;
             c->time = end;
             c->is_met = is_met;
-            if (c->watch_room > 0) show(s, c);
             if (rows != NULL && (s->failure = record(s, end, rows)) != DONE) return s->failure;
-            if (is_met || end >= c->point || end >= c->enough || (rows != NULL && s->recorded == room) ||
-                (c->watch_room > 0 && c->n_watched == c->watch_room))
+            if (is_met || end >= c->point || end >= c->enough || (rows != NULL && s->recorded == room))
                 return DONE;
         }
         if (s->stop != NULL && *s->stop) return s->failure = INTERRUPTED;

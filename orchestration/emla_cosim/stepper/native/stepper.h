@@ -275,11 +275,9 @@ typedef struct {
     /* where to go */
     int32_t is_event;     /* at `point` */
     double point, enough; /* times to reach exactly, and at which to return */
-    double *watched_rows; /* time and signals of each step, for who watches them all */
-    int64_t watch_room;
 
     /* what came out */
-    int64_t n_watched, tried;
+    int64_t tried;
     double end; /* of the last trial */
     int32_t is_met; /* whether `point` is reached */
     int32_t worst;  /* signal with the largest error */

@@ -7,10 +7,11 @@ from typing import Any
 
 from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 
+from ...fmu.document import DESCRIPTION
 from ..check import check
 from ..declarations import find_repeated
 from ..messages import Breach, Problem, judge_problems, shorten_sentence
-from ..subject import DESCRIPTION, Subject
+from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, failed, fmi3, passed
 
 _ROOT = "fmiModelDescription"

@@ -6,6 +6,7 @@ from typing import Any
 from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 
 from ...base.untrusted_xml import parse_xml
+from ...fmu.document import TERMINALS
 from ..check import check
 from ..declarations import find_repeated
 from ..messages import Breach, Problem, judge_problems, shorten_sentence
@@ -13,7 +14,6 @@ from ..subject import Subject
 from ..verdict import CheckOutcome, failed, fmi3, skipped
 from .description import find_schema_problems
 
-_FILE = "terminalsAndIcons/terminalsAndIcons.xml"
 _VALID = fmi3(
     "2.4",
     "Additional optional information about the graphical representation and the grouping of FMU variables "
@@ -47,13 +47,13 @@ _MEMBER = fmi3(
 )
 def terminals(subject: Subject) -> CheckOutcome:
     """Check the description of terminals and icons: its schema, version, names and variables."""
-    path = subject.folder / _FILE
+    path = subject.folder / TERMINALS
     if not path.is_file():
         return skipped("It has no description of terminals and icons.")
     try:
         root = parse_xml(path.read_bytes())
     except etree.XMLSyntaxError as error:
-        return failed(shorten_sentence(f"{_FILE} cannot be read: {str(error).rstrip('.')}."))
+        return failed(shorten_sentence(f"{TERMINALS} cannot be read: {str(error).rstrip('.')}."))
     if problems := find_schema_problems(root, "fmi3TerminalsAndIcons.xsd"):
         return judge_problems(problems, "")
     found: list[Problem] = []

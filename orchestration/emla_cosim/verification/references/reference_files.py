@@ -17,10 +17,9 @@ from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 from fmublock.recipe import RELATED, RELATED_LIST
 
 from ...base.arrays import Vector
-from ...base.class_structs import record
 from ...base.errors import CommandError
 from ...base.files import read_text
-from ...base.toml_structs import describe, read_toml
+from ...base.toml_structs import describe, read_toml, record
 from ...base.untrusted_xml import parse_xml
 from ...base.values import convert_value
 from ...fmu.elements import number_range

@@ -1,1 +1,0 @@
-"""The energies of power bonds: what the coupling creates or destroys there."""
