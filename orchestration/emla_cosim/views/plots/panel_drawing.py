@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...base.arrays import Vector
-from ..pages.curve_data import mask_undrawable, thin_points
+from ..pages.curve_data import mask_undrawable
 from ..pages.text import shorten_text
 from ..panels import Limit, Line, Plot
 from .style import (
@@ -17,7 +17,7 @@ from .style import (
     line_style,
     make_line_handle,
     new_figure,
-    with_margins,
+    tidy_axes,
 )
 
 if TYPE_CHECKING:
@@ -27,10 +27,12 @@ if TYPE_CHECKING:
 
     from ...inputs.stored_runs import StoredRun
     from ...run.result import Result
-    from .scales import Scales
 
 _LETTERS = 13
 """Letters per inch in the line below the title."""
+
+_HEADING = 0.5
+"""Height of title and run above the panels in inches."""
 
 _LINE_LETTERS = 24
 """Most letters in a line of an axis label or of a legend."""
@@ -51,37 +53,37 @@ def draw_panels(panels: Sequence[Plot], title: str, run: str, name: str = "") ->
     Rows without changes have no axes: their values are under the column names. Rows of the same part of the
     time share an axis. A single column has no name above it if that is `name`, which `run` has.
     """
-    from .scales import PlainAxes
-
     columns = list(dict.fromkeys(panel.column for panel in panels))
     rows = [panels[i : i + len(columns)] for i in range(0, len(panels), len(columns))]
     shown, still = [row for row in rows if has_changes(row)], [row for row in rows if not has_changes(row)]
     if not shown:
         shown, still = still, []
-    said = {c: [_constant(row[j]) for row in still] for j, c in enumerate(columns)}
-    figure, grid = new_figure(len(shown), len(columns), 3.9, sharex="none", axes_class=PlainAxes)
-    scales = [
-        [_draw_panel(axes, panel) for axes, panel in zip(grid[i], row, strict=True)]
-        for i, row in enumerate(shown)
-    ]
+    figure, grid = new_figure(len(shown), len(columns), 3.9, sharex="none")
     for i, row in enumerate(shown):
+        for axes, panel in zip(grid[i], row, strict=True):
+            _draw_panel(axes, panel)
         grid[i, 0].set_ylabel(fill(row[0].label, _LINE_LETTERS), parse_math=False)
         add_legend(grid[i, -1], _legend_entries(row))
-        if i + 1 < len(shown) and shown[i + 1][0].part == row[0].part:
-            for upper, lower, scale in zip(grid[i], grid[i + 1], scales[i], strict=True):
-                upper.sharex(lower)
-                scale.shows_time = False
-        else:
-            for axes in grid[i]:
+        shares_time = i + 1 < len(shown) and shown[i + 1][0].part == row[0].part
+        for j, axes in enumerate(grid[i]):
+            if shares_time:
+                axes.sharex(grid[i + 1, j])
+                axes.tick_params(labelbottom=False)
+            else:
                 axes.set_xlabel("time / s")
     for j, column in enumerate(columns):
         named = [] if columns == [name] else [column]
-        grid[0, j].set_title("   ".join([*named, *said[column]]), fontsize=11, parse_math=False)
+        title_of_column = "   ".join([*named, *(_constant(row[j]) for row in still)])
+        grid[0, j].set_title(title_of_column, fontsize=11, parse_math=False)
+    figure.align_ylabels(grid[:, 0])
+    legends = [legend for axes in grid[:, -1] if (legend := axes.get_legend()) is not None]
+    beside = max((legend.get_window_extent().width for legend in legends), default=0.0) / figure.dpi
     width, height = figure.get_size_inches()
+    figure.set_size_inches(width + beside, height)
+    figure.set_layout_engine("constrained", rect=(0.0, 0.0, 1.0, 1.0 - _HEADING / height))
     figure.suptitle(title, y=1.0 - 0.08 / height, fontsize=12, fontweight="bold", parse_math=False)
-    said_of_run = shorten_text(run, int(_LETTERS * width))
-    figure.text(0.5, 1.0 - 0.4 / height, said_of_run, ha="center", color=GREY, fontsize=9, parse_math=False)
-    with_margins(figure, grid)
+    headline = shorten_text(run, int(_LETTERS * width))
+    figure.text(0.5, 1.0 - 0.4 / height, headline, ha="center", color=GREY, fontsize=9, parse_math=False)
     return figure
 
 
@@ -112,27 +114,22 @@ def _constant(panel: Plot) -> str:
     return f"{quantity} {value:.4g} {unit.strip('()')}".rstrip()
 
 
-def _draw_panel(axes: "Axes", panel: Plot) -> "Scales":
-    """Draw a panel, and return its scales."""
-    from .scales import Scales
-
+def _draw_panel(axes: "Axes", panel: Plot) -> None:
     for line in panel.lines:
         draw_line(axes, line)
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.margins(x=0.01)
+    tidy_axes(axes)
+    axes.locator_params(nbins=5)
     _shade(axes, panel)
     if not panel.lines:
         axes.text(0.5, 0.5, "no such signal", transform=axes.transAxes, ha="center", color=GREY, fontsize=9)
-    return Scales(axes)
 
 
 def draw_line(axes: "Axes", line: Line) -> None:
-    """Draw the visible points of a line: of many points, the lowest and the highest of each pixel."""
-    values = mask_undrawable(line.values)
-    kept = thin_points(values) if len(values) else slice(None)
+    """Draw a line. Matplotlib leaves out points that are not visible."""
     axes.plot(
-        line.time[kept],
-        values[kept],
+        line.time,
+        mask_undrawable(line.values),
+        drawstyle="steps-post" if line.is_stepped else "default",
         color=line.color,
         linestyle=line_style(line),
         linewidth=1.1,
