@@ -71,12 +71,12 @@ class Page:
 
     def draw(self, plot: str) -> None:
         """Look at a plot until it is drawn."""
-        self.until("return Bokeh.documents.length > 0 && Bokeh.documents.every((part) => part.is_idle)")
         self.run(f"document.getElementById('{plot}').scrollIntoView({{block: 'center'}})")
-        self.until(f"return {figure_of(plot)}")
+        self.until(f"return document.getElementById('{plot}').dataset.drawn === 'yes'")
 
     def canvas(self, plot: str) -> Any:
         """The element of a plot that takes the mouse."""
+        self.until(f"return document.querySelector('#{plot} > div').offsetHeight > 200")
         return self.browser.find_element("css selector", f"#{plot} > div")
 
     def range(self, plot: str, axis: str = "x") -> list[float]:
@@ -113,5 +113,5 @@ class Page:
 
 def figure_of(plot: str) -> str:
     """What a script calls the Bokeh figure of a plot."""
-    root = f"document.querySelector('#{plot} [data-root-id]').dataset.rootId"
-    return f"Bokeh.documents.map((part) => part.get_model_by_id({root})).find(Boolean)"
+    root = f"JSON.parse(document.querySelector('#{plot} script').textContent).root_id"
+    return f"Bokeh.documents.map((drawn) => drawn.get_model_by_id({root})).find(Boolean)"

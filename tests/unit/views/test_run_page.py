@@ -60,11 +60,13 @@ def opened(browser: Any, folder: Path) -> Iterator[Page]:
 
 
 def select(opened: Page, signal: str) -> str:
-    """Select a signal, and return the id of its plot, which is visible then."""
-    opened.draw("plot-1")
+    """Select a signal, or no longer, and return the id of its plot once that is drawn."""
     boxes = "[...document.querySelectorAll('input[data-signal]')]"
     box = f"{boxes}.find((box) => box.closest('label').innerText.trim() === arguments[0])"
-    return opened.run(f"const box = {box}; box.click(); return box.dataset.plot", signal)
+    plot = opened.run(f"const box = {box}; box.click(); return box.dataset.plot", signal)
+    if opened.count(f"#{plot}"):
+        opened.draw(plot)
+    return plot
 
 
 def visible_curves(plot: str) -> str:

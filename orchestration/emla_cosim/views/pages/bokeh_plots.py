@@ -1,7 +1,8 @@
 """Plots as Bokeh figures: zoom, legends that hide lines, values at the pointer."""
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from functools import cache
 from typing import Any, Literal
 
 import numpy as np
@@ -48,17 +49,7 @@ _THEME = {
 """Looks of all figures by model; `style.css` inverts them in the dark theme."""
 
 
-class TimeAxis:
-    """What the plots of one subject share: the range of times, and a line at the pointer."""
-
-    def __init__(self, times: Iterable[Vector]) -> None:
-        from bokeh.models import Range1d, Span
-
-        start, end = pad_range(*find_range(list(times)), 0.01)
-        self.range = Range1d(start=start, end=end)
-        self.pointer = Span(dimension="height", line_color=GREY, line_width=1)
-
-
+@cache
 def make_theme() -> Any:
     """Return the Bokeh theme of all figures."""
     from bokeh.themes import Theme
@@ -66,17 +57,18 @@ def make_theme() -> Any:
     return Theme(json={"attrs": _THEME})
 
 
-def new_figure(label: str, axis: TimeAxis, values: Any) -> Any:
-    """Return a figure without curves over a time axis and a range of values."""
-    from bokeh.models import CrosshairTool, WheelZoomTool
+def new_figure(label: str, times: Sequence[Vector], values: Any) -> Any:
+    """Return a figure without curves over all these times and a range of values."""
+    from bokeh.models import CrosshairTool, Range1d, WheelZoomTool
     from bokeh.plotting import figure
 
+    start, end = pad_range(*find_range(times), 0.01)
     plot = figure(
         height=250,
         sizing_mode="stretch_width",
         tools="pan,box_zoom,zoom_in,zoom_out,reset,save",
         active_drag="box_zoom",
-        x_range=axis.range,
+        x_range=Range1d(start=start, end=end),
         y_range=values,
         x_axis_label="time / s",
         y_axis_label=label,
@@ -86,20 +78,20 @@ def new_figure(label: str, axis: TimeAxis, values: Any) -> Any:
         min_border=8,
     )
     wheel = WheelZoomTool(modifiers={"ctrl": True})  # without Ctrl the wheel scrolls the page
-    plot.add_tools(wheel, CrosshairTool(overlay=axis.pointer, visible=False))
+    plot.add_tools(wheel, CrosshairTool(dimensions="height", line_color=GREY, visible=False))
     plot.toolbar.active_scroll = wheel
     plot.toolbar.logo = None
     plot.xgrid.visible = False
     return plot
 
 
-def build_figure(plot: Plot, most: int, axis: TimeAxis) -> Any:
+def build_figure(plot: Plot, most: int) -> Any:
     """Return the Bokeh figure of a plot with at most about `most` points for each line."""
     from bokeh.models import ColumnDataSource, Range1d, Scatter, VSpan
 
     low, high = _find_value_range(plot)
     unit = describe_unit(plot.label, plot.items)
-    figure = new_figure(unit, axis, Range1d(start=low, end=high))
+    figure = new_figure(unit, [line.time for line in plot.lines], Range1d(start=low, end=high))
     data = ColumnDataSource({name: compact(values) for name, values in _sample(plot, most).items()})
     entries, rows = list[tuple[str, Any]](), [("time / s", "@time")]
     if plot.band is not None:

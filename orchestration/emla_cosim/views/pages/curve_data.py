@@ -21,7 +21,7 @@ def mask_undrawable(values: Vector) -> Vector:
 
 def find_range(curves: Sequence[Vector]) -> tuple[float, float]:
     """Return the lowest and the highest value that can be drawn, or 0 and 1 without any."""
-    values = np.concatenate([mask_undrawable(curve) for curve in curves])
+    values = np.concatenate([np.empty(0), *map(mask_undrawable, curves)])
     values = values[np.isfinite(values)]
     return (float(values.min()), float(values.max())) if values.size else (0.0, 1.0)
 

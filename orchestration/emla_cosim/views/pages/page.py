@@ -1,6 +1,7 @@
 """Self-contained pages: a template with the styles, scripts and plots of all pages."""
 
-from functools import cache, cached_property
+import json
+from functools import cache
 from importlib.resources import files
 from typing import Any
 
@@ -9,7 +10,7 @@ from markupsafe import Markup
 
 from ...base import colors
 from ..panels import Plot
-from .bokeh_plots import TimeAxis, build_figure, make_theme
+from .bokeh_plots import build_figure, make_theme
 from .text import format_number, make_visible, shorten_text
 
 _POINTS = 800
@@ -17,67 +18,43 @@ _POINTS = 800
 
 
 class Plots:
-    """The plots of one page. Plots of one subject and part of the time zoom together."""
+    """The plots of one page. Plots of one subject and part of the time zoom together.
+
+    `figures` are Bokeh figures and `subjects` their subjects, both by the ids of the plots.
+    """
 
     def __init__(self) -> None:
         self.figures: dict[str, Any] = {}
-        """Bokeh figures by their ids."""
-        self._subjects: dict[str, list[str]] = {}
-        self._axes: dict[tuple[str, str], TimeAxis] = {}
+        self.subjects: dict[str, str] = {}
 
     def new_subject(self) -> str:
         """Return a subject that no other plot of the page has."""
-        return f"subject {len(self.figures)}"
+        return f"plot {len(self.figures)}"
 
     def add(self, plot: Plot, most: int = _POINTS) -> str:
-        """Add a plot with at most about `most` points for each line.
+        """Add a plot with at most about `most` points for each line, and return its id."""
+        subject = f"{plot.column}: {plot.part}" if plot.column else self.new_subject()
+        return self.hold(build_figure(plot, most), subject)
 
-        Returns:
-            Its id for the macro `figure(plots, id, label)`.
-        """
-        subject = plot.column or self.new_subject()
-        key = subject, plot.part
-        if key not in self._axes:
-            self._axes[key] = TimeAxis(line.time for line in plot.lines)
-        return self.hold(subject, build_figure(plot, most, self._axes[key]))
-
-    def hold(self, subject: str, figure: Any) -> str:
-        """Add a Bokeh figure, which may share models with others of its subject, and return its id."""
+    def hold(self, figure: Any, subject: str) -> str:
+        """Add a Bokeh figure and return its id."""
         name = f"plot-{len(self.figures) + 1}"
-        self.figures[name] = figure
-        self._subjects.setdefault(subject, []).append(name)
+        self.figures[name], self.subjects[name] = figure, subject
         return name
 
-    def figure(self, name: str) -> Markup:
-        """Return the element of a plot."""
-        return self._rendered[0][name]
+    def content(self, name: str) -> Markup:
+        """Return a figure as JSON for a script element, which no text in it can end."""
+        from bokeh.embed import json_item
 
-    def scripts(self) -> Markup:
-        """Return the scripts that draw all plots, with their library, or nothing without plots."""
-        return self._rendered[1]
+        content = json.dumps(json_item(self.figures[name], theme=make_theme()), separators=(",", ":"))
+        return Markup(content.replace("<", "\\u003c"))
 
-    @cached_property
-    def _rendered(self) -> tuple[dict[str, Markup], Markup]:
-        from bokeh.document import Document
-        from bokeh.embed import components
+    def library(self) -> Markup:
+        """Return the script elements with the library of the plots."""
         from bokeh.resources import Resources
 
-        if not self.figures:
-            return {}, Markup()
-        elements, theme = dict[str, Markup](), make_theme()
-        scripts = [
-            Resources(mode="inline", components=["bokeh"], minified=True, log_level="error").render_js()
-        ]
-        for names in self._subjects.values():
-            figures = {name: self.figures[name] for name in names}
-            document = Document(theme=theme)
-            with document.models.freeze():  # else Bokeh visits all models again for each figure
-                for figure in figures.values():
-                    document.add_root(figure)
-            script, divisions = components(figures)
-            scripts.append(script)
-            elements |= {name: Markup(division) for name, division in divisions.items()}
-        return elements, Markup("\n".join(scripts))
+        inline = Resources(mode="inline", components=["bokeh"], minified=True, log_level="error")
+        return Markup(inline.render_js())
 
 
 def render_template(package: str, name: str, plots: Plots, **context: Any) -> str:

@@ -10,7 +10,6 @@ from ...base.signal_types import REAL, SignalType
 from ...recorders.signal_figures import NAMES
 from ...run.result import Result
 from ..pages.bokeh_plots import (
-    TimeAxis,
     add_legend,
     add_line,
     add_values,
@@ -67,13 +66,13 @@ def _add_plots(
     """Add a plot for each unit, whose curves are hidden at first. Return the id of the plot by signal."""
     from bokeh.models import ColumnDataSource, DataRange1d
 
-    time, axis = data["time"], TimeAxis([data["time"]])
+    time = data["time"]
     points = _find_points(time, [data[name] for name in names])
     retained = dict(zip(names, points, strict=True))
     found = dict[str, str]()
     for group in group_by_unit(names, units, types):
         label = describe_unit(units[group[0]], name_values(types.get(group[0], REAL)))
-        figure = new_figure(label, axis, DataRange1d(only_visible=True))
+        figure = new_figure(label, [time], DataRange1d(only_visible=True))
         entries = []
         for number, name in enumerate(group):
             line = number_line(number, make_visible(name), time, data[name], types.get(name, REAL))
@@ -91,7 +90,7 @@ def _add_plots(
         for name, item in zip(group, add_legend(figure, entries), strict=True):
             item.name, item.visible = f"legend-{names.index(name)}", False
         figure.height = _HEIGHT
-        found |= dict.fromkeys(group, plots.hold("signals", figure))
+        found |= dict.fromkeys(group, plots.hold(figure, "signals"))
     return found
 
 

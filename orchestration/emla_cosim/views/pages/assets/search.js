@@ -60,7 +60,7 @@
   function select() {
     // show the curves of the selected signals and their entries of legends, and the plots that have any
     for (const box of all("input[data-signal]"))
-      for (const item of Bokeh.documents.map((part) => part.get_model_by_name(box.dataset.signal)))
+      for (const item of Bokeh.documents.map((drawn) => drawn.get_model_by_name(box.dataset.signal)))
         for (const model of item ? [item, ...item.renderers] : []) model.visible = box.checked;
     for (const plot of all("[data-signals]"))
       plot.hidden = !document.querySelector(`input[data-plot="${plot.dataset.signals}"]:checked`);
@@ -80,6 +80,7 @@
     } else if (event.key === "Escape") reset();
   });
   document.addEventListener("change", (event) => event.target.matches("[data-signal]") && select());
+  document.addEventListener("drawn", (event) => event.target.closest("[data-signals]") && select());
   addEventListener("hashchange", follow);
   follow();
 })();
