@@ -10,15 +10,7 @@ from ...base.arrays import Vector
 from ..pages.curve_data import mask_undrawable
 from ..pages.text import shorten_text
 from ..panels import Limit, Line, Plot
-from .style import (
-    GREY,
-    RED,
-    add_legend,
-    line_style,
-    make_line_handle,
-    new_figure,
-    tidy_axes,
-)
+from .style import GREY, RED, add_legend, new_figure, tidy_axes
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -60,10 +52,11 @@ def draw_panels(panels: Sequence[Plot], title: str, run: str, name: str = "") ->
         shown, still = still, []
     figure, grid = new_figure(len(shown), len(columns), 3.9, sharex="none")
     for i, row in enumerate(shown):
+        entries = {}
         for axes, panel in zip(grid[i], row, strict=True):
-            _draw_panel(axes, panel)
+            entries |= _draw_panel(axes, panel)
         grid[i, 0].set_ylabel(fill(row[0].label, _LINE_LETTERS), parse_math=False)
-        add_legend(grid[i, -1], _legend_entries(row))
+        add_legend(grid[i, -1], list(entries.items()))
         shares_time = i + 1 < len(shown) and shown[i + 1][0].part == row[0].part
         for j, axes in enumerate(grid[i]):
             if shares_time:
@@ -87,18 +80,6 @@ def draw_panels(panels: Sequence[Plot], title: str, run: str, name: str = "") ->
     return figure
 
 
-def _legend_entries(row: Sequence[Plot]) -> "list[tuple[str, Artist]]":
-    """Return the entries of a row's legend: lines, unless each panel has only one, and shaded areas."""
-    from matplotlib.patches import Patch
-
-    lines = [line for panel in row for line in panel.lines if len(panel.lines) > 1]
-    entries = {line.label: make_line_handle(line) for line in lines}
-    for panel in row:
-        for limit in _near_limits(panel):
-            entries[fill(f"beyond the {limit.label}", _LINE_LETTERS)] = Patch(**_SHADE)
-    return list(entries.items())
-
-
 def has_changes(panels: Sequence[Plot]) -> bool:
     """Return whether any panel shows a change, or has no lines."""
     return any(
@@ -114,40 +95,47 @@ def _constant(panel: Plot) -> str:
     return f"{quantity} {value:.4g} {unit.strip('()')}".rstrip()
 
 
-def _draw_panel(axes: "Axes", panel: Plot) -> None:
-    for line in panel.lines:
-        draw_line(axes, line)
+def _draw_panel(axes: "Axes", panel: Plot) -> "dict[str, Artist]":
+    """Draw a panel, and return the entries of its legend: lines if it has several, and shaded areas."""
+    entries = {line.label: draw_line(axes, line) for line in panel.lines}
+    if len(entries) == 1:
+        entries = {}
     tidy_axes(axes)
     axes.locator_params(nbins=5)
-    _shade(axes, panel)
+    for limit in _near_limits(panel):
+        entries[fill(f"beyond the {limit.label}", _LINE_LETTERS)] = _shade(axes, limit)
     if not panel.lines:
         axes.text(0.5, 0.5, "no such signal", transform=axes.transAxes, ha="center", color=GREY, fontsize=9)
+    return entries
 
 
-def draw_line(axes: "Axes", line: Line) -> None:
-    """Draw a line. Matplotlib leaves out points that are not visible."""
-    axes.plot(
+def draw_line(axes: "Axes", line: Line) -> "Artist":
+    """Draw a line and return it. Matplotlib leaves out points that are not visible."""
+    (artist,) = axes.plot(
         line.time,
         mask_undrawable(line.values),
         drawstyle="steps-post" if line.is_stepped else "default",
         color=line.color,
-        linestyle=line_style(line),
+        linestyle=(0, (4, 2)) if line.dashed else "-",
         linewidth=1.1,
         label=line.label,
     )
+    return artist
 
 
-def _shade(axes: "Axes", panel: Plot) -> None:
-    """Shade the area beyond a limit that curves come near to."""
-    for limit in _near_limits(panel):
-        bottom, top = axes.get_ylim()
-        if limit.high is not None:
-            top = max(top, limit.high + 0.06 * (top - bottom))
-            axes.axhspan(limit.high, top, **_SHADE)
-        if limit.low is not None:
-            bottom = min(bottom, limit.low - 0.06 * (top - bottom))
-            axes.axhspan(bottom, limit.low, **_SHADE)
-        axes.set_ylim(bottom, top)
+def _shade(axes: "Axes", limit: Limit) -> "Artist":
+    """Shade the area beyond a limit, and return it for a legend."""
+    from matplotlib.patches import Patch
+
+    bottom, top = axes.get_ylim()
+    if limit.high is not None:
+        top = max(top, limit.high + 0.06 * (top - bottom))
+        axes.axhspan(limit.high, top, **_SHADE)
+    if limit.low is not None:
+        bottom = min(bottom, limit.low - 0.06 * (top - bottom))
+        axes.axhspan(bottom, limit.low, **_SHADE)
+    axes.set_ylim(bottom, top)
+    return Patch(**_SHADE)
 
 
 def _near_limits(panel: Plot) -> list[Limit]:

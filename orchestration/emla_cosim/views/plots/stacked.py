@@ -8,7 +8,7 @@ from ...base.arrays import Vector
 from ...base.signal_types import REAL, SignalType
 from ..panels import Line, Plot
 from .panel_drawing import draw_line
-from .style import COLORS, add_legend, count_legend_columns, make_line_handle, new_figure, tidy_axes
+from .style import COLORS, add_legend, count_legend_columns, new_figure, tidy_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -168,8 +168,7 @@ def _measure_legend(panel: Plot, layout: Layout, is_titled: bool) -> float:
 
 
 def _draw(axes: "Axes", panel: Plot, titled: bool, layout: Layout) -> None:
-    for line in panel.lines:
-        draw_line(axes, line)
+    entries = [(shorten_name(line.label), draw_line(axes, line)) for line in panel.lines]
     axes.set_ylabel(panel.label, parse_math=False)
     if 0 < len(panel.items) <= _MOST_ITEMS:
         axes.set_yticks(list(panel.items), [shorten_name(name) for name in panel.items.values()])
@@ -179,7 +178,6 @@ def _draw(axes: "Axes", panel: Plot, titled: bool, layout: Layout) -> None:
     if not layout.above:
         axes.set_title(title, fontsize=9, loc="left", parse_math=False)
     tidy_axes(axes)
-    entries = [(shorten_name(line.label), make_line_handle(line)) for line in panel.lines]
     if layout.above:
         add_legend(axes, entries, layout.width - _BESIDE_LEGEND, title)
     else:

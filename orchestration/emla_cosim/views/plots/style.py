@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from ..panels import Line
-
 __all__ = [
     "BLUE",
     "COLORS",
@@ -31,8 +29,6 @@ __all__ = [
     "count_legend_columns",
     "embed",
     "is_picture",
-    "line_style",
-    "make_line_handle",
     "new_figure",
     "save",
     "tidy_axes",
@@ -81,13 +77,6 @@ def new_figure(
     return figure, figure.subplots(rows, columns, squeeze=False, sharex=sharex)
 
 
-def make_line_handle(line: "Line") -> "Artist":
-    """Return what stands for a line in a legend."""
-    from matplotlib.lines import Line2D
-
-    return Line2D([], [], color=line.color, linestyle=line_style(line), linewidth=1.1)
-
-
 def count_legend_columns(labels: Sequence[str], width: float) -> int:
     """Return how many columns of a legend with these labels fit `width` inches, at least 1."""
     return max(int(width / (0.5 + _LETTER * max(map(len, labels)))), 1)
@@ -122,11 +111,6 @@ def add_legend(
         legend.set_alignment("left")
     for text, (label, _) in zip(legend.get_texts(), entries, strict=True):
         text.set(text=label, parse_math=False)
-
-
-def line_style(line: "Line") -> Any:
-    """Return the line style for Matplotlib."""
-    return (0, (4, 2)) if line.dashed else "-"
 
 
 def tidy_axes(axes: "Axes", labels: Sequence[str] = ()) -> None:

@@ -1,4 +1,4 @@
-"""Metrics and settings of a run as rows."""
+"""Ending, metrics and settings of a run as texts."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -49,6 +49,21 @@ class StartValueRow:
     value: str
     unit: str
     default: str
+
+
+def describe_ending(result: Result) -> tuple[str, list[str]]:
+    """Return passed, warning or failed, and sentences with the reasons."""
+    if result.interrupted:
+        reason = result.problem or f"interrupted at t = {result.end_s:.6g} s."
+        return "warning", [f"{reason[:1].upper()}{reason[1:]}", *result.remarks]
+    if result.problem is not None:
+        return "failed", [f"Failed: {result.problem}", *result.remarks]
+    if result.remarks:
+        return "warning", list(result.remarks)
+    kinds = [figures for kind in result.metrics.values() for figures in kind.values()]
+    held = [figures["held"] for figures in kinds if "held" in figures]
+    more = "; all joints held" if held and all(held) else ""
+    return "passed", [f"Completed{more}."]
 
 
 def list_figure_tables(result: Result) -> Iterator[FigureTable]:
