@@ -113,11 +113,11 @@ def build_figure(plot: Plot, most: int) -> Any:
         label, x, y = point
         ring = Scatter(size=9, line_color=RED, line_width=1.75, fill_color=None)
         point_data = ColumnDataSource({"x": [x], "y": [y]})
-        entries.append((f"{label} at {x:.6g} s", figure.add_glyph(point_data, ring)))
+        entries.append((f"{label} at {x:.4g} s", figure.add_glyph(point_data, ring)))
     if plot.since is not None and np.isfinite(plot.since[0]):
         at, label = plot.since
         edge = figure.add_glyph(ColumnDataSource({"x": [at]}), VSpan(line_dash="dashed", line_color=RED))
-        entries.append((f"{label} at {at:.6g} s", edge))
+        entries.append((f"{label} at {at:.4g} s", edge))
     add_legend(figure, entries)
     return figure
 
@@ -222,6 +222,8 @@ def _find_value_range(plot: Plot) -> tuple[float, float]:
         edges = [edge for edge in edges if low - near <= edge <= high + near]
         return pad_range(min([low, *edges]), max([high, *edges]))
     first, last = find_range([plot.band.lower, plot.band.upper])
+    if plot.shows_all:
+        return pad_range(min(first, low), max(last, high))
     room = (last - first) or abs(last) or 1.0  # a diverging line leaves the plot
     return pad_range(max(min(first, low), first - room), min(max(last, high), last + room))
 

@@ -16,9 +16,6 @@ from .page import Plots
 _OPEN_PLOTS = 3
 """Most signals outside their tubes whose plots are open at first."""
 
-_MOST_TUBES = 8.0
-"""Largest deviation that the initial range of its plot shows, relative to the tube."""
-
 
 @dataclass(frozen=True)
 class ComparedSignal:
@@ -82,6 +79,7 @@ def _add_plots(comparison: Comparison, plots: Plots) -> tuple[str, str]:
         Band("tube", time, *deviations[1:]),
         mark,
         since,
+        shows_all=True,
         column=subject,
     )
     return plots.add(values), plots.add(deviation)
