@@ -50,7 +50,7 @@ class Plot:
     time that they show, if it is not the whole; a plot of another part zooms by itself.
 
     The other attributes are for pages. `mark` is a time on the first line, and `since` the time from which
-    conditions differ, both with a text. With `shows_all`, the axes show also values far from the band at first.
+    conditions differ, both with a text. With `shows_all`, the axes show also values far from the band.
     """
 
     label: str
