@@ -71,12 +71,17 @@ class Page:
 
     def draw(self, plot: str) -> None:
         """Look at a plot until it is drawn."""
-        self.run(f"document.querySelector('[data-plot={plot}]').scrollIntoView({{block: 'center'}})")
-        self.until(f"return document.querySelector('[data-plot={plot}]').dataset.drawn")
+        self.run(f"document.getElementById('{plot}').scrollIntoView({{block: 'center'}})")
+        self.until(f"return document.getElementById('{plot}').dataset.drawn === 'yes'")
+
+    def canvas(self, plot: str) -> Any:
+        """The element of a plot that takes the mouse."""
+        self.until(f"return document.querySelector('#{plot} > div').offsetHeight > 200")
+        return self.browser.find_element("css selector", f"#{plot} > div")
 
     def range(self, plot: str, axis: str = "x") -> list[float]:
-        one = f"drawn.get(document.querySelector('[data-plot={plot}]')).plot.{axis}_range"
-        return self.run(f"return [{one}.start, {one}.end]")
+        span = f"{figure_of(plot)}.{axis}_range"
+        return self.run(f"return [{span}.start, {span}.end]")
 
     def pixels(self, plot: str, color: tuple[int, int, int]) -> int:
         """How many points of a plot's picture have about this colour."""
@@ -84,7 +89,7 @@ class Page:
             """
             const found = [], seek = (root) => { for (const e of root.querySelectorAll("*")) {
               if (e.tagName === "CANVAS") found.push(e); if (e.shadowRoot) seek(e.shadowRoot); } };
-            seek(document.querySelector(`[data-plot=${arguments[0]}]`));
+            seek(document.getElementById(arguments[0]));
             let count = 0;
             for (const canvas of found.filter((c) => c.width && c.height)) {
               const copy = document.createElement("canvas"), { width, height } = canvas;
@@ -102,4 +107,11 @@ class Page:
         )
 
     def complaints(self) -> list[str]:
-        return [line["message"] for line in self.browser.get_log("browser")]
+        lines = [line["message"] for line in self.browser.get_log("browser")]
+        return [line for line in lines if "setting log level" not in line]  # Bokeh says so
+
+
+def figure_of(plot: str) -> str:
+    """What a script calls the Bokeh figure of a plot."""
+    root = f"JSON.parse(document.querySelector('#{plot} script').textContent).root_id"
+    return f"Bokeh.documents.map((drawn) => drawn.get_model_by_id({root})).find(Boolean)"

@@ -1,7 +1,4 @@
 """The colors of all figures and pages."""
 
 BLUE, ORANGE, GREEN, RED, PURPLE, GREY = "#2f6db3", "#d9822b", "#3d8f5f", "#b0413e", "#7b5ea7", "#7a7a7a"
-NAMES = {BLUE: "blue", ORANGE: "orange", GREEN: "green", RED: "red", PURPLE: "purple", GREY: "grey"}
-"""Color names; pages use them to choose other colors on dark backgrounds."""
-
-COLORS: tuple[str, ...] = tuple(NAMES)
+COLORS = BLUE, ORANGE, GREEN, RED, PURPLE, GREY

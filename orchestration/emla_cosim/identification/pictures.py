@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..views.pages.curve_data import thin_points
 from ..views.plots.style import BLUE, GREY, ORANGE, RED, new_figure
 from .data import IdentificationData
 
@@ -54,8 +53,7 @@ def draw_certainty(result: IdentificationData) -> "Figure":
 
 
 def _line(axes: "Axes", time: np.ndarray, values: np.ndarray, color: str, label: str, style: str) -> None:
-    kept = thin_points(values) if len(values) else slice(None)
-    axes.plot(time[kept], values[kept], style, color=color, label=label, linewidth=1.0, markersize=2.5)
+    axes.plot(time, values, style, color=color, label=label, linewidth=1.0, markersize=2.5)
     axes.grid(alpha=0.3)
     axes.spines[["top", "right"]].set_visible(False)
     axes.tick_params(labelsize=8)

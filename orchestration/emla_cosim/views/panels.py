@@ -3,27 +3,23 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from ..base.arrays import Vector
 from ..base.colors import BLUE
 
 
 @dataclass(frozen=True)
 class Line:
-    """Values over `time` in s. The label is empty if the axes' label is enough."""
+    """Values over `time` in s. The label is empty if the axes' label is enough.
+
+    With `is_stepped`, each value is drawn until the next one.
+    """
 
     label: str
     time: Vector
     values: Vector
     color: str = BLUE
     dashed: bool = False
-
-
-def make_steps(time: Vector, values: Vector) -> tuple[Vector, Vector]:
-    """Return the corners of a curve that keeps each value until the next one."""
-    jumps = 1 + np.flatnonzero(np.diff(values) != 0.0)
-    return np.insert(time, jumps, time[jumps]), np.insert(values.astype(float), jumps, values[jumps - 1])
+    is_stepped: bool = False
 
 
 @dataclass(frozen=True)
@@ -54,8 +50,7 @@ class Plot:
     time that they show, if it is not the whole; a plot of another part zooms by itself.
 
     The other attributes are for pages. `mark` is a time on the first line, and `since` the time from which
-    conditions differ, both with a text. With `against`, the index of a line, the page can show differences
-    from that line.
+    conditions differ, both with a text. With `shows_all`, the axes show also values far from the band.
     """
 
     label: str
@@ -63,7 +58,7 @@ class Plot:
     band: Band | None = None
     mark: tuple[float, str] | None = None
     since: tuple[float, str] | None = None
-    against: int | None = None
+    shows_all: bool = False
     limits: tuple[Limit, ...] = ()
     column: str = ""
     part: str = ""

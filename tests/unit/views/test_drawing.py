@@ -92,7 +92,7 @@ def test_a_legend_hides_no_curve() -> None:
     legends = [axes.get_legend() for axes in figure.axes]
     assert legends[0] is None
     assert [text.get_text() for text in legends[1].get_texts()] == ["one", "two"]
-    figure.canvas.draw()
+    figure.draw_without_rendering()
     assert legends[1].get_window_extent().x0 >= figure.axes[1].get_window_extent().x1
     assert legends[1].get_window_extent().x1 <= figure.bbox.x1
 
@@ -123,7 +123,7 @@ def test_long_labels_fit_in_the_figure(columns: int) -> None:
         for i in range(columns)
     ]
     figure = draw_panels(panels * 2, "t", "r")
-    figure.canvas.draw()
+    figure.draw_without_rendering()
     widths = {round(axes.get_window_extent().width) for axes in figure.axes}
     assert len(widths) == 1 and widths.pop() > 400
     for axes in figure.axes[::columns]:

@@ -2,7 +2,6 @@
 
 import json
 import math
-import re
 from collections.abc import Iterator
 from dataclasses import asdict, replace
 from itertools import pairwise
@@ -26,11 +25,8 @@ from emla_cosim.views.pages.page import Plots
 from emla_cosim.views.run_page.page import render_page
 from emla_cosim.views.run_page.picture_plots import build_pictures
 from emla_cosim.views.run_page.signals import list_signal_rows
-from tests.support.browser import Page, chromium
+from tests.support.browser import Page, chromium, figure_of
 from tests.support.commands import Emla
-
-CHOSEN = "drawn.get(document.querySelector('.chosen .plot'))"
-"""What a script calls the first plot of chosen signals."""
 
 SCRIPT = "</script><script>document.title = 'taken'</script>"
 
@@ -63,16 +59,19 @@ def opened(browser: Any, folder: Path) -> Iterator[Page]:
     assert shown.complaints() == []
 
 
-def drawn(name: str) -> str:
-    """What a script calls a plot."""
-    return f"drawn.get(document.querySelector('[data-plot={name}]'))"
+def select(opened: Page, signal: str) -> str:
+    """Select a signal, or no longer, and return the id of its plot once that is drawn."""
+    boxes = "[...document.querySelectorAll('input[data-signal]')]"
+    box = f"{boxes}.find((box) => box.closest('label').innerText.trim() === arguments[0])"
+    plot = opened.run(f"const box = {box}; box.click(); return box.dataset.plot", signal)
+    if opened.count(f"#{plot}"):
+        opened.draw(plot)
+    return plot
 
 
-def first(opened: Page, signal: str) -> None:
-    """Choose a signal and look at it until it is drawn."""
-    buttons = "[...document.querySelectorAll('#signals th button')]"
-    opened.run(f"{buttons}.find(b => b.innerText === arguments[0]).click()", signal)
-    opened.until("return document.querySelector('.chosen .plot')?.dataset.drawn")
+def visible_curves(plot: str) -> str:
+    """What a script calls the renderers of a plot that are visible."""
+    return f"{figure_of(plot)}.renderers.filter((curve) => curve.visible)"
 
 
 def rebuilt(result: Result, names: list[str], rows: np.ndarray, **changed: Any) -> Result:
@@ -133,7 +132,7 @@ def test_idealisations_are_those_of_metrics_json(page: ElementTree.Element, fold
 
 
 def test_signal_metrics_match_their_rows(page: ElementTree.Element, result: Result) -> None:
-    rows = {cells(row)[0]: cells(row) for row in page.findall(".//*[@data-signal]")}
+    rows = {cells(row)[0]: cells(row) for row in page.findall(".//*[@data-entry]")}
     assert list(rows) == result.names
     values = result["lift.plant.i_q"]
     expected = [values.min(), values.max(), math.sqrt(np.mean(values**2)), values[-1]]
@@ -178,57 +177,35 @@ def test_options_are_shown_and_files_without_folders(result: Result) -> None:
 
 
 @pytest.mark.slow
-def test_plots_zoom_together(opened: Page) -> None:
+def test_plots_of_a_joint_zoom_together(opened: Page) -> None:
     opened.draw("plot-1")
     before = opened.range("plot-1")
-    canvas = opened.browser.find_element("css selector", "[data-plot=plot-1] .canvas")
-    ActionChains(opened.browser).move_to_element_with_offset(
-        canvas, -80, -50
-    ).click_and_hold().move_by_offset(60, 80).release().perform()
-    opened.until(f"return {drawn('plot-1')}.plot.x_range.end < {0.9 * before[1]}")
+    drag = ActionChains(opened.browser).move_to_element_with_offset(opened.canvas("plot-1"), -80, 0)
+    drag.click_and_hold().move_by_offset(60, 50).release().perform()
+    opened.until(f"return {figure_of('plot-1')}.x_range.end < {0.9 * before[1]}")
     low, high = opened.range("plot-1")
     assert before[0] < low < high < before[1]
-    same = opened.run(
-        "const one = arguments[0]; return [...drawn.values()].filter(o => o?.data.group === 'lift')"
-        ".map(o => [o.plot.x_range.start, o.plot.x_range.end])"
-    )
-    assert len(same) > 1 and all(ends == pytest.approx([low, high]) for ends in same)
-    others = opened.run(
-        "return [...drawn.values()].filter(o => o?.data.group === 'tilt').map(o => o.plot.x_range.end)"
-    )
-    assert others and min(others) > high
-    opened.browser.find_element("css selector", "[data-plot=plot-1]").send_keys("0")
-    assert opened.range("plot-1") == pytest.approx(before)
-
-
-@pytest.mark.slow
-def test_limit_outside_the_view_is_not_drawn(opened: Page) -> None:
-    opened.draw("plot-1")
-    model, top = f"{drawn('plot-1')}.model", opened.range("plot-1", "y")[1]
-    opened.until(f"return {model}('limit-0-high-edge').visible")
-    at = opened.run(f"return {model}('limit-0-high-edge').location")
-    assert at == pytest.approx(0.522, rel=1e-2) and at > top
-    assert opened.run(f"return {model}('limit-0-high').line_color") is None
+    assert opened.range("plot-4") == [low, high]  # of the same joint, two joints later
+    assert opened.range("plot-2")[1] == pytest.approx(before[1])
 
 
 @pytest.mark.slow
 def test_the_wheel_zooms_with_control_and_scrolls_without(opened: Page) -> None:
     opened.draw("plot-1")
     before = opened.range("plot-1")
-    canvas = opened.browser.find_element("css selector", "[data-plot=plot-1] .canvas")
-    origin = ScrollOrigin.from_element(canvas)
+    origin = ScrollOrigin.from_element(opened.canvas("plot-1"))
     ActionChains(opened.browser).scroll_from_origin(origin, 0, -100).perform()
     assert opened.range("plot-1") == before
     zooming = ActionChains(opened.browser).key_down(Keys.CONTROL).scroll_from_origin(origin, 0, -300)
     zooming.key_up(Keys.CONTROL).perform()
-    opened.until(f"return {drawn('plot-1')}.plot.x_range.end < {before[1]}")
+    opened.until(f"return {figure_of('plot-1')}.x_range.end < {before[1]}")
 
 
 @pytest.mark.slow
 def test_transient_keeps_its_shape(opened: Page, result: Result) -> None:
-    first(opened, "lift.plant.i_q")
-    line = f"{CHOSEN}.data.lines[0]"
-    x, y = opened.run(f"return [[...{line}.x], [...{line}.y]]")
+    plot = select(opened, "lift.plant.i_q")
+    data = f"{visible_curves(plot)}[0].data_source.data"
+    x, y = opened.run(f"return [[...{data}.time], [...{data}.value]]")
     early = (result.time < 0.1) & np.isfinite(result["lift.plant.i_q"])
     shown = np.interp(result.time[early], x, y)
     size = np.ptp(result["lift.plant.i_q"])
@@ -256,24 +233,23 @@ def test_constant_picture_is_left_out(result: Result) -> None:
 def test_signals_are_found_and_drawn_by_unit(opened: Page, result: Result) -> None:
     opened.type("LIFT plant i_")
     names = opened.run(
-        "return [...document.querySelectorAll('[data-signal]')].filter(r => r.checkVisibility())"
-        ".map(r => r.querySelector('button').innerText)"
+        "return [...document.querySelectorAll('[data-entry]')].filter((row) => row.checkVisibility())"
+        ".map((row) => row.querySelector('label').innerText.trim())"
     )
     assert "lift.plant.i_q" in names and all("lift" in n and "i_" in n for n in names)
-    assert opened.run("return document.querySelector('#signals .shown').innerText").startswith(
-        f"{len(names)} of "
-    )
-    for name in ("lift.plant.i_q", "lift.plant.i_d"):
-        first(opened, name)
-    opened.until(f"return {CHOSEN}?.data.lines.length === 2")
-    assert opened.count(".chosen .plot") == 1
-    entries = "[...document.querySelectorAll('.chosen .legend button.entry')]"
-    opened.run(f"{entries}[1].click()")
-    assert opened.run(f"return {CHOSEN}.model('line-1').visible") is False
+    assert opened.run("return document.querySelector('.shown').innerText").startswith(f"{len(names)} of ")
+    assert opened.count("[data-signals]") == 0
+    plots = {select(opened, name) for name in ("lift.plant.i_q", "lift.plant.i_d", "lift.plant.v_L")}
+    assert opened.count("[data-signals]") == len(plots) == 2
+    plot = select(opened, "lift.plant.v_L")  # again: it is hidden
+    assert opened.count("[data-signals]") == 1
+    (current,) = plots - {plot}
+    assert opened.run(f"return {visible_curves(current)}.map((curve) => curve.name)") == [
+        "lift.plant.i_q",
+        "lift.plant.i_d",
+    ]
     opened.type("nonsense")
-    assert opened.count("[data-signal]") == 0 and opened.count("#signals .nothing") == 1
-    opened.click("#signals .clear")
-    opened.until("return document.querySelectorAll('.chosen .plot').length === 0")
+    assert opened.count("[data-entry]") == 0 and opened.count(".nothing") == 1
 
 
 @pytest.mark.slow
@@ -283,10 +259,11 @@ def test_reference_is_shown_with_its_tube(browser: Any, result: Result, folder: 
     path = folder / "compared.html"
     path.write_text(render_page(replace(result, comparisons=comparisons, record=record)), encoding="utf-8")
     opened = Page(browser, path)
-    assert opened.count("tr.signal.passed") == 3
-    plot = opened.run("return document.querySelector('tr.signal button').getAttribute('aria-controls')")
+    assert opened.count("details.signal.passed") == 3
+    plot = opened.run("return document.querySelector('details.signal .plot').id")
     opened.draw(plot)
-    assert "tube" in opened.run(f"return document.querySelector('[data-plot={plot}] .legend').innerText")
+    labels = opened.run(f"return {figure_of(plot)}.above[0].items.map((item) => item.label.value)")
+    assert {"tube", "result", "reference"} <= set(labels)
     assert opened.complaints() == []
 
 
@@ -313,7 +290,7 @@ def test_hostile_content_does_nothing(browser: Any, result: Result, tmp_path: Pa
     assert opened.browser.title.startswith("</script>")
     assert opened.run("return document.querySelectorAll('[data-signal]').length") == (3 if rows else 0)
     if rows:
-        first(opened, f"a.{SCRIPT}")
+        select(opened, f"a.{SCRIPT}")
     assert opened.browser.title.startswith("</script>") and opened.complaints() == []
 
 
@@ -332,8 +309,12 @@ def test_system_without_pictures_is_shown_by_unit(result: Result) -> None:
     given = rebuilt(result, names, np.column_stack([time, time, 2 * time, 3 * time, 0 * time]))
     units = {"pump.p": SiUnit("Pa"), "pump.q": SiUnit("m3/s"), "valve.p": SiUnit("Pa"), "valve.still": None}
     given = replace(given, units=units, signals={"valve.still": {"minimum": 0.0, "maximum": 0.0}})
-    data = re.findall(r'id="plot-[0-9]+-data">(.*?)</script>', render_page(given))
-    found = [(plot["unit"], [line["label"] for line in plot["lines"]]) for plot in map(json.loads, data)]
+    plots = Plots()
+    build_pictures(given, given.read(["time", *names]), plots)
+    found = [
+        (plot.yaxis.axis_label, [item.label.value for item in plot.legend[0].items])
+        for plot in plots.figures.values()
+    ]
     assert found == [("Pa", ["pump.p", "valve.p"]), ("m3/s", ["pump.q"])]
 
 

@@ -1,6 +1,6 @@
 """Self-contained pages: a template with the styles, scripts and plots of all pages."""
 
-from collections.abc import Iterable
+import json
 from functools import cache
 from importlib.resources import files
 from typing import Any
@@ -10,39 +10,51 @@ from markupsafe import Markup
 
 from ...base import colors
 from ..panels import Plot
-from .bokeh_plots import library, template
-from .plot_data import Shape, as_json, shape
+from .bokeh_plots import build_figure, make_theme
 from .text import format_number, make_visible, shorten_text
+
+_POINTS = 800
+"""Most points of a line, unless a page sets another number."""
 
 
 class Plots:
-    """The plots of one page. The browser draws each when it becomes visible."""
+    """The plots of one page. Plots of one subject and part of the time zoom together.
+
+    `figures` are Bokeh figures and `subjects` their subjects, both by the ids of the plots.
+    """
 
     def __init__(self) -> None:
-        self._found: list[tuple[Plot, int | None]] = []
-        self._own: dict[str, str] = {}
-        self._shapes: set[Shape] = set()
+        self.figures: dict[str, Any] = {}
+        self.subjects: dict[str, str] = {}
 
-    def add(self, plot: Plot, points: int | None = None) -> str:
-        """Add a plot and return its id for `{{ figure(id, label) }}`; for `points` see `as_json`."""
-        self._found.append((plot, points))
-        return f"plot-{len(self._found)}"
+    def new_subject(self) -> str:
+        """Return a subject that no other plot of the page has."""
+        return f"plot {len(self.figures)}"
 
-    def hold(self, name: str, content: str, shapes: Iterable[Shape]) -> None:
-        """Add JSON for a script of the page, which makes plots of these shapes from it."""
-        self._own[name] = content
-        self._shapes.update(shapes)
+    def add(self, plot: Plot, most: int = _POINTS) -> str:
+        """Add a plot with at most about `most` points for each line, and return its id."""
+        subject = f"{plot.column}: {plot.part}" if plot.column else self.new_subject()
+        return self.hold(build_figure(plot, most), subject)
 
-    def scripts(self) -> Markup:
-        """Return the elements with data, templates and library, or nothing without plots."""
-        shapes = self._shapes.union(shape(plot) for plot, _ in self._found)
-        if not shapes:
-            return Markup()
-        data = [_script(f"plot-{k}-data", as_json(*one)) for k, one in enumerate(self._found, 1)]
-        data += [_script(name, content) for name, content in self._own.items()]
-        figures = [_script(f"figure-{each}", template(each)) for each in sorted(shapes)]
-        bokeh = Markup('<script type="text/plain" id="bokeh">\n{}\n</script>').format(Markup(library()))
-        return Markup("\n").join([*data, *figures, bokeh])
+    def hold(self, figure: Any, subject: str) -> str:
+        """Add a Bokeh figure and return its id."""
+        name = f"plot-{len(self.figures) + 1}"
+        self.figures[name], self.subjects[name] = figure, subject
+        return name
+
+    def content(self, name: str) -> Markup:
+        """Return a figure as JSON for a script element, which no text in it can end."""
+        from bokeh.embed import json_item
+
+        content = json.dumps(json_item(self.figures[name], theme=make_theme()), separators=(",", ":"))
+        return Markup(content.replace("<", "\\u003c"))
+
+    def library(self) -> Markup:
+        """Return the script elements with the library of the plots."""
+        from bokeh.resources import Resources
+
+        inline = Resources(mode="inline", components=["bokeh"], minified=True, log_level="error")
+        return Markup(inline.render_js())
 
 
 def render_template(package: str, name: str, plots: Plots, **context: Any) -> str:
@@ -50,27 +62,25 @@ def render_template(package: str, name: str, plots: Plots, **context: Any) -> st
 
     Texts in `context` may come from untrusted files. They are escaped, and cannot hide or run anything.
     """
-    asked = _environment(package).get_template(name)
-    return asked.render(plots=plots, colors=colors, **context)
+    return _environment(package).get_template(name).render(plots=plots, colors=colors, **context)
 
 
 @cache
 def _environment(package: str) -> Environment:
-    loaders = [PackageLoader(package, "."), PackageLoader(__package__ or "", "assets")]
-    made = Environment(
-        loader=ChoiceLoader(loaders),
+    environment = Environment(
+        loader=ChoiceLoader([PackageLoader(package, "."), PackageLoader(__package__ or "", "assets")]),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
         finalize=_make_visible,
     )
-    made.filters |= {
+    environment.filters |= {
         "number": format_number,
         "brief": lambda text, most=160: shorten_text(make_visible(text), most),
     }
-    made.globals["asset"] = _asset
-    return made
+    environment.globals["asset"] = _asset
+    return environment
 
 
 def _make_visible(value: Any) -> Any:
@@ -81,9 +91,3 @@ def _make_visible(value: Any) -> Any:
 def _asset(name: str) -> Markup:
     """Return a style sheet or script of this package."""
     return Markup((files(__package__ or "") / "assets" / name).read_text(encoding="utf-8"))
-
-
-def _script(name: str, content: str) -> Markup:
-    """Return a script element with JSON; no text in it can end the element."""
-    safe = content.replace("<", "\\u003c")
-    return Markup('<script type="application/json" id="{}">{}</script>').format(name, Markup(safe))

@@ -28,7 +28,7 @@ from .stacked import (
     draw_stacked,
     fit_panels,
     name_values,
-    numbered,
+    number_line,
 )
 
 if TYPE_CHECKING:
@@ -236,7 +236,7 @@ def _overlay_signal(
     found: dict[str, list[Line]] = {}
     for i, (run, columns) in enumerate(zip(runs, data, strict=True)):
         if name in columns:
-            line = numbered(i, run.label, columns["time"], columns[name], types.get(name, REAL))
+            line = number_line(i, run.label, columns["time"], columns[name], types.get(name, REAL))
             found.setdefault(run.units.get(name, units.get(name, "")), []).append(line)
     items = name_values(types.get(name, REAL))
     return [Plot(unit, tuple(lines), column=name, items=items) for unit, lines in found.items()]

@@ -7,18 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...base.arrays import Vector
-from ..pages.curve_data import mask_undrawable, thin_points
+from ..pages.curve_data import mask_undrawable
 from ..pages.text import shorten_text
 from ..panels import Limit, Line, Plot
-from .style import (
-    GREY,
-    RED,
-    add_legend,
-    line_style,
-    make_line_handle,
-    new_figure,
-    with_margins,
-)
+from .style import GREY, RED, add_legend, new_figure, tidy_axes
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -27,10 +19,12 @@ if TYPE_CHECKING:
 
     from ...inputs.stored_runs import StoredRun
     from ...run.result import Result
-    from .scales import Scales
 
 _LETTERS = 13
 """Letters per inch in the line below the title."""
+
+_HEADING = 0.5
+"""Height of title and run above the panels in inches."""
 
 _LINE_LETTERS = 24
 """Most letters in a line of an axis label or of a legend."""
@@ -51,50 +45,39 @@ def draw_panels(panels: Sequence[Plot], title: str, run: str, name: str = "") ->
     Rows without changes have no axes: their values are under the column names. Rows of the same part of the
     time share an axis. A single column has no name above it if that is `name`, which `run` has.
     """
-    from .scales import PlainAxes
-
     columns = list(dict.fromkeys(panel.column for panel in panels))
     rows = [panels[i : i + len(columns)] for i in range(0, len(panels), len(columns))]
     shown, still = [row for row in rows if has_changes(row)], [row for row in rows if not has_changes(row)]
     if not shown:
         shown, still = still, []
-    said = {c: [_constant(row[j]) for row in still] for j, c in enumerate(columns)}
-    figure, grid = new_figure(len(shown), len(columns), 3.9, sharex="none", axes_class=PlainAxes)
-    scales = [
-        [_draw_panel(axes, panel) for axes, panel in zip(grid[i], row, strict=True)]
-        for i, row in enumerate(shown)
-    ]
+    figure, grid = new_figure(len(shown), len(columns), 3.9, sharex="none")
     for i, row in enumerate(shown):
+        entries = {}
+        for axes, panel in zip(grid[i], row, strict=True):
+            entries |= _draw_panel(axes, panel)
         grid[i, 0].set_ylabel(fill(row[0].label, _LINE_LETTERS), parse_math=False)
-        add_legend(grid[i, -1], _legend_entries(row))
-        if i + 1 < len(shown) and shown[i + 1][0].part == row[0].part:
-            for upper, lower, scale in zip(grid[i], grid[i + 1], scales[i], strict=True):
-                upper.sharex(lower)
-                scale.shows_time = False
-        else:
-            for axes in grid[i]:
+        add_legend(grid[i, -1], list(entries.items()))
+        shares_time = i + 1 < len(shown) and shown[i + 1][0].part == row[0].part
+        for j, axes in enumerate(grid[i]):
+            if shares_time:
+                axes.sharex(grid[i + 1, j])
+                axes.tick_params(labelbottom=False)
+            else:
                 axes.set_xlabel("time / s")
     for j, column in enumerate(columns):
         named = [] if columns == [name] else [column]
-        grid[0, j].set_title("   ".join([*named, *said[column]]), fontsize=11, parse_math=False)
+        title_of_column = "   ".join([*named, *(_constant(row[j]) for row in still)])
+        grid[0, j].set_title(title_of_column, fontsize=11, parse_math=False)
+    figure.align_ylabels(grid[:, 0])
+    legends = [legend for axes in grid[:, -1] if (legend := axes.get_legend()) is not None]
+    beside = max((legend.get_window_extent().width for legend in legends), default=0.0) / figure.dpi
     width, height = figure.get_size_inches()
+    figure.set_size_inches(width + beside, height)
+    figure.set_layout_engine("constrained", rect=(0.0, 0.0, 1.0, 1.0 - _HEADING / height))
     figure.suptitle(title, y=1.0 - 0.08 / height, fontsize=12, fontweight="bold", parse_math=False)
-    said_of_run = shorten_text(run, int(_LETTERS * width))
-    figure.text(0.5, 1.0 - 0.4 / height, said_of_run, ha="center", color=GREY, fontsize=9, parse_math=False)
-    with_margins(figure, grid)
+    headline = shorten_text(run, int(_LETTERS * width))
+    figure.text(0.5, 1.0 - 0.4 / height, headline, ha="center", color=GREY, fontsize=9, parse_math=False)
     return figure
-
-
-def _legend_entries(row: Sequence[Plot]) -> "list[tuple[str, Artist]]":
-    """Return the entries of a row's legend: lines, unless each panel has only one, and shaded areas."""
-    from matplotlib.patches import Patch
-
-    lines = [line for panel in row for line in panel.lines if len(panel.lines) > 1]
-    entries = {line.label: make_line_handle(line) for line in lines}
-    for panel in row:
-        for limit in _near_limits(panel):
-            entries[fill(f"beyond the {limit.label}", _LINE_LETTERS)] = Patch(**_SHADE)
-    return list(entries.items())
 
 
 def has_changes(panels: Sequence[Plot]) -> bool:
@@ -112,45 +95,47 @@ def _constant(panel: Plot) -> str:
     return f"{quantity} {value:.4g} {unit.strip('()')}".rstrip()
 
 
-def _draw_panel(axes: "Axes", panel: Plot) -> "Scales":
-    """Draw a panel, and return its scales."""
-    from .scales import Scales
-
-    for line in panel.lines:
-        draw_line(axes, line)
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.margins(x=0.01)
-    _shade(axes, panel)
+def _draw_panel(axes: "Axes", panel: Plot) -> "dict[str, Artist]":
+    """Draw a panel, and return the entries of its legend: lines if it has several, and shaded areas."""
+    entries = {line.label: draw_line(axes, line) for line in panel.lines}
+    if len(entries) == 1:
+        entries = {}
+    tidy_axes(axes)
+    axes.locator_params(nbins=5)
+    for limit in _near_limits(panel):
+        entries[fill(f"beyond the {limit.label}", _LINE_LETTERS)] = _shade(axes, limit)
     if not panel.lines:
         axes.text(0.5, 0.5, "no such signal", transform=axes.transAxes, ha="center", color=GREY, fontsize=9)
-    return Scales(axes)
+    return entries
 
 
-def draw_line(axes: "Axes", line: Line) -> None:
-    """Draw the visible points of a line: of many points, the lowest and the highest of each pixel."""
-    values = mask_undrawable(line.values)
-    kept = thin_points(values) if len(values) else slice(None)
-    axes.plot(
-        line.time[kept],
-        values[kept],
+def draw_line(axes: "Axes", line: Line) -> "Artist":
+    """Draw a line and return it. Matplotlib leaves out points that are not visible."""
+    (artist,) = axes.plot(
+        line.time,
+        mask_undrawable(line.values),
+        drawstyle="steps-post" if line.is_stepped else "default",
         color=line.color,
-        linestyle=line_style(line),
+        linestyle=(0, (4, 2)) if line.dashed else "-",
         linewidth=1.1,
         label=line.label,
     )
+    return artist
 
 
-def _shade(axes: "Axes", panel: Plot) -> None:
-    """Shade the area beyond a limit that curves come near to."""
-    for limit in _near_limits(panel):
-        bottom, top = axes.get_ylim()
-        if limit.high is not None:
-            top = max(top, limit.high + 0.06 * (top - bottom))
-            axes.axhspan(limit.high, top, **_SHADE)
-        if limit.low is not None:
-            bottom = min(bottom, limit.low - 0.06 * (top - bottom))
-            axes.axhspan(bottom, limit.low, **_SHADE)
-        axes.set_ylim(bottom, top)
+def _shade(axes: "Axes", limit: Limit) -> "Artist":
+    """Shade the area beyond a limit, and return it for a legend."""
+    from matplotlib.patches import Patch
+
+    bottom, top = axes.get_ylim()
+    if limit.high is not None:
+        top = max(top, limit.high + 0.06 * (top - bottom))
+        axes.axhspan(limit.high, top, **_SHADE)
+    if limit.low is not None:
+        bottom = min(bottom, limit.low - 0.06 * (top - bottom))
+        axes.axhspan(bottom, limit.low, **_SHADE)
+    axes.set_ylim(bottom, top)
+    return Patch(**_SHADE)
 
 
 def _near_limits(panel: Plot) -> list[Limit]:

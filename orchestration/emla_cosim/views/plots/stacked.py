@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 from ...base.arrays import Vector
 from ...base.signal_types import REAL, SignalType
-from ..panels import Line, Plot, make_steps
+from ..panels import Line, Plot
 from .panel_drawing import draw_line
-from .style import COLORS, add_legend, count_legend_columns, make_line_handle, new_figure, tidy_axes
+from .style import COLORS, add_legend, count_legend_columns, new_figure, tidy_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -81,20 +81,20 @@ def build_unit_panels(
         Plot(
             units.get(group[0], ""),
             tuple(
-                numbered(i, n, data["time"], data[n], types.get(n, REAL))
+                number_line(i, n, data["time"], data[n], types.get(n, REAL))
                 for i, n in enumerate(group[first : first + MOST_LINES])
             ),
             column=column,
             items=name_values(types.get(group[0], REAL)),
         )
-        for group in _group(names, units, types)
+        for group in group_by_unit(names, units, types)
         for first in range(0, len(group), MOST_LINES)
     ]
 
 
 def count_panels(names: Sequence[str], units: Mapping[str, str], types: Mapping[str, SignalType]) -> int:
     """Return the number of panels that `build_unit_panels` makes."""
-    return sum(-(-len(group) // MOST_LINES) for group in _group(names, units, types))
+    return sum(-(-len(group) // MOST_LINES) for group in group_by_unit(names, units, types))
 
 
 def fit_panels(
@@ -108,7 +108,7 @@ def fit_panels(
     return found
 
 
-def _group(
+def group_by_unit(
     names: Sequence[str], units: Mapping[str, str], types: Mapping[str, SignalType]
 ) -> list[list[str]]:
     """Return signals that share an axis: the same unit, and the same names of values."""
@@ -119,12 +119,10 @@ def _group(
     return list(groups.values())
 
 
-def numbered(number: int, label: str, time: Vector, values: Vector, kind: SignalType = REAL) -> Line:
+def number_line(number: int, label: str, time: Vector, values: Vector, kind: SignalType = REAL) -> Line:
     """Return a line with the style for its number: colours first, then dashes. Discrete values make steps."""
     dashed = number // len(COLORS) % 2 == 1
-    if kind.is_discrete:
-        time, values = make_steps(time, values)
-    return Line(label, time, values, COLORS[number % len(COLORS)], dashed)
+    return Line(label, time, values, COLORS[number % len(COLORS)], dashed, kind.is_discrete)
 
 
 def draw_stacked(panels: Sequence[Plot], title: str | None, layout: Layout = LAYOUTS[SCREEN]) -> "Figure":
@@ -170,8 +168,7 @@ def _measure_legend(panel: Plot, layout: Layout, is_titled: bool) -> float:
 
 
 def _draw(axes: "Axes", panel: Plot, titled: bool, layout: Layout) -> None:
-    for line in panel.lines:
-        draw_line(axes, line)
+    entries = [(shorten_name(line.label), draw_line(axes, line)) for line in panel.lines]
     axes.set_ylabel(panel.label, parse_math=False)
     if 0 < len(panel.items) <= _MOST_ITEMS:
         axes.set_yticks(list(panel.items), [shorten_name(name) for name in panel.items.values()])
@@ -181,7 +178,6 @@ def _draw(axes: "Axes", panel: Plot, titled: bool, layout: Layout) -> None:
     if not layout.above:
         axes.set_title(title, fontsize=9, loc="left", parse_math=False)
     tidy_axes(axes)
-    entries = [(shorten_name(line.label), make_line_handle(line)) for line in panel.lines]
     if layout.above:
         add_legend(axes, entries, layout.width - _BESIDE_LEGEND, title)
     else:

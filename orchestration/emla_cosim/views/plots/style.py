@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from ..panels import Line
-
 __all__ = [
     "BLUE",
     "COLORS",
@@ -31,12 +29,9 @@ __all__ = [
     "count_legend_columns",
     "embed",
     "is_picture",
-    "line_style",
-    "make_line_handle",
     "new_figure",
     "save",
     "tidy_axes",
-    "with_margins",
 ]
 
 
@@ -65,13 +60,8 @@ def new_figure(
     width: float,
     height: float = 2.1,
     sharex: Literal["col", "none"] = "col",
-    axes_class: "type[Axes] | None" = None,
 ) -> "tuple[Figure, np.ndarray]":
-    """Return a figure and its grid of axes, each of this width and height in inches.
-
-    The figure measures its labels to make room for them, but not those of another class of axes than
-    Matplotlib's: call `with_margins` then.
-    """
+    """Return a figure and its grid of axes, each of about this width and height in inches."""
     from matplotlib.figure import Figure
 
     class NotebookFigure(Figure):
@@ -83,43 +73,8 @@ def new_figure(
             return content.getvalue()
 
     size = (1.2 + width * columns, 0.8 + height * rows)
-    figure = NotebookFigure(figsize=size, dpi=_DPI, layout="constrained" if axes_class is None else None)
-    kind = {} if axes_class is None else {"axes_class": axes_class}
-    return figure, figure.subplots(rows, columns, squeeze=False, sharex=sharex, subplot_kw=kind)
-
-
-def with_margins(figure: "Figure", grid: np.ndarray) -> None:
-    """Set fixed margins for titles and labels, and widen the figure by the legends right of its panels.
-
-    Legends are measured; measuring every label takes longer than all of the drawing.
-    """
-    rows, columns = grid.shape
-    width, height = figure.get_size_inches()
-    left, bottom, top, between, right = 0.95, 0.55, 0.78, 0.75, 0.15
-    legends = [legend for axes in grid[:, -1] if (legend := axes.get_legend()) is not None]
-    if legends:
-        beside = max(legend.get_window_extent().width for legend in legends) / figure.dpi
-        width, right = width + beside, right + beside
-        figure.set_size_inches(width, height)
-    gaps = [0.65 if row[0].get_xlabel() else 0.25 for row in grid[:-1]]
-    wide = (width - left - right - between * (columns - 1)) / columns
-    high = (height - bottom - top - sum(gaps)) / rows
-    for i, row in enumerate(grid):
-        y = bottom + (rows - 1 - i) * high + sum(gaps[i:])
-        for j, axes in enumerate(row):
-            x = left + j * (wide + between)
-            axes.set_position((x / width, y / height, wide / width, high / height))
-    for axes in grid.flat:
-        axes.set_title(axes.get_title(), y=1.0, fontsize=11, parse_math=False)
-        axes.xaxis.set_label_coords(0.5, -0.28 / high)
-        axes.yaxis.set_label_coords(-0.56 / wide, 0.5)
-
-
-def make_line_handle(line: "Line") -> "Artist":
-    """Return what stands for a line in a legend."""
-    from matplotlib.lines import Line2D
-
-    return Line2D([], [], color=line.color, linestyle=line_style(line), linewidth=1.1)
+    figure = NotebookFigure(figsize=size, dpi=_DPI, layout="constrained")
+    return figure, figure.subplots(rows, columns, squeeze=False, sharex=sharex)
 
 
 def count_legend_columns(labels: Sequence[str], width: float) -> int:
@@ -156,11 +111,6 @@ def add_legend(
         legend.set_alignment("left")
     for text, (label, _) in zip(legend.get_texts(), entries, strict=True):
         text.set(text=label, parse_math=False)
-
-
-def line_style(line: "Line") -> Any:
-    """Return the line style for Matplotlib."""
-    return (0, (4, 2)) if line.dashed else "-"
 
 
 def tidy_axes(axes: "Axes", labels: Sequence[str] = ()) -> None:

@@ -10,12 +10,11 @@ from ...base.signal_types import REAL
 from ...base.wording import format_count
 from ...run.result import Result
 from ...ssp.diagram import build_diagrams, group_connections
-from ..formatting import describe_stepping
+from ..formatting import describe_stepping, format_short, list_overrides
 from ..idealisations import describe_idealisations, list_idealisations
 from ..pages.comparisons import build_comparison_rows
 from ..pages.page import Plots, render_template
 from . import picture_plots, signals, tables
-from .heading import build_heading
 
 _VALUES = 20_000_000
 """Most rows to read; of longer results only every n-th row is drawn."""
@@ -30,12 +29,17 @@ def render_page(result: Result, notes: Sequence[str] = ()) -> str:
     components: Mapping[str, Any] = record.get("components", {})
     connections: Sequence[str] = record.get("connections", ())
     shown, left_out = picture_plots.build_pictures(result, data, plots)
+    verdict, sentences = tables.describe_ending(result)
     first = sorted(result.comparisons, key=lambda one: one.inside)[:_COMPARED]
     return render_template(
         __package__ or "",
         "page.html",
         plots,
-        heading=build_heading(result),
+        title=result.name,
+        verdict=verdict,
+        sentences=sentences,
+        changed=[(name, format_short(value)) for name, value in list_overrides(result)],
+        span=f"{result.times.start:g} s to {result.end_s:g} s",
         record=record,
         notes=notes,
         figures=[

@@ -1,6 +1,5 @@
-"""All signals of a run: their metrics, and curves to select."""
+"""All signals of a run: their metrics, and a plot for each unit that shows the selected ones."""
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -10,29 +9,36 @@ from ...base.arrays import Vector
 from ...base.signal_types import REAL, SignalType
 from ...recorders.signal_figures import NAMES
 from ...run.result import Result
-from ..pages.curve_data import build_small_curve, condense_curve, mask_undrawable
+from ..pages.bokeh_plots import (
+    add_legend,
+    add_line,
+    add_values,
+    describe_line,
+    describe_unit,
+    new_figure,
+)
+from ..pages.curve_data import compact, condense_curves, mask_undrawable
 from ..pages.page import Plots
-from ..pages.plot_data import Shape, describe_items
-from ..pages.text import make_visible, shorten_text
-from ..panels import make_steps
-from ..plots.stacked import name_values
+from ..pages.text import make_visible
+from ..plots.stacked import group_by_unit, name_values, number_line
 
 MOST = 1000
 """Most signals of a page."""
 
+_HEIGHT = 360
+"""Height of a plot in pixels, with the legend of the selected signals."""
+
 _POINTS, _MOST_POINTS = 150_000, 5000
 """Most points of all curves together, of about 11 bytes each, and of one curve."""
-
-_LINES = 6
-"""Most lines in a plot, which is its number of colours."""
 
 
 @dataclass(frozen=True)
 class SignalRow:
-    """A signal with its metrics; missing ones are None."""
+    """A signal with its metrics; missing ones are None. `plot` is the id of its plot, empty without rows."""
 
     name: str
     unit: str
+    plot: str
     minimum: float | None
     maximum: float | None
     rms: float | None
@@ -40,39 +46,66 @@ class SignalRow:
 
 
 def list_signal_rows(result: Result, data: Mapping[str, Vector], plots: Plots) -> list[SignalRow]:
-    """Return the first signals in `data`, and add their curves to the page."""
+    """Return the first signals in `data`, and add their plots to the page."""
     names = [name for name in data if name != "time"][:MOST]
     units = {name: str(result.units.get(name) or "") for name in names}
-    plots.hold("signals-data", _curves(data, units, result.types), [Shape(n) for n in range(1, _LINES + 1)])
-    return [SignalRow(name, units[name], **_figures(result.signals.get(name, {}))) for name in names]
+    shown = _add_plots(names, units, data, result.types, plots) if len(data["time"]) else {}
+    return [
+        SignalRow(name, units[name], shown.get(name, ""), **_read_figures(result.signals.get(name, {})))
+        for name in names
+    ]
 
 
-def _curves(data: Mapping[str, Vector], units: Mapping[str, str], types: Mapping[str, SignalType]) -> str:
-    time, kinds = data["time"], {name: types.get(name, REAL) for name in units}
-    lines = [make_steps(time, data[n]) if kinds[n].is_discrete else (time, data[n]) for n in units]
-    curves = _small([(at, mask_undrawable(values)) for at, values in lines]) if len(time) else []
-    units = {name: unit or describe_items(name_values(kinds[name])) for name, unit in units.items()}
-    return json.dumps(
-        [
-            {"label": make_visible(name), "unit": shorten_text(make_visible(unit), 40), **curve}
-            for (name, unit), curve in zip(units.items(), curves, strict=bool(curves))
-        ],
-        separators=(",", ":"),
-        allow_nan=False,
-    )
+def _add_plots(
+    names: Sequence[str],
+    units: Mapping[str, str],
+    data: Mapping[str, Vector],
+    types: Mapping[str, SignalType],
+    plots: Plots,
+) -> dict[str, str]:
+    """Add a plot for each unit, whose curves are hidden at first. Return the id of the plot by signal."""
+    from bokeh.models import ColumnDataSource, DataRange1d
+
+    time = data["time"]
+    points = _find_points(time, [data[name] for name in names])
+    retained = dict(zip(names, points, strict=True))
+    found = dict[str, str]()
+    for group in group_by_unit(names, units, types):
+        label = describe_unit(units[group[0]], name_values(types.get(group[0], REAL)))
+        figure = new_figure(label, [time], DataRange1d(only_visible=True))
+        entries = []
+        for number, name in enumerate(group):
+            line = number_line(number, make_visible(name), time, data[name], types.get(name, REAL))
+            columns = {"time": time, "value": mask_undrawable(data[name])}
+            source = ColumnDataSource({n: compact(values[retained[name]]) for n, values in columns.items()})
+            curve = add_line(figure, source, "time", "value", line, name=line.label, visible=False)
+            entries.append((describe_line(line, ""), curve))
+        curves = [curve for _, curve in entries]
+        add_values(
+            figure,
+            curves,
+            [("signal", "$name"), ("time / s", "@time"), (label or "value", "@value")],
+            "mouse",
+        )
+        for name, item in zip(group, add_legend(figure, entries), strict=True):
+            item.name, item.visible = f"legend-{names.index(name)}", False
+        figure.height = _HEIGHT
+        found |= dict.fromkeys(group, plots.hold(figure, "signals"))
+    return found
 
 
-def _small(curves: Sequence[tuple[Vector, Vector]]) -> list[dict[str, Any]]:
-    """Reduce curves to the points that there is room for. Smooth curves leave room for the others."""
+def _find_points(time: Vector, curves: Sequence[Vector]) -> list[Any]:
+    """Return the points of each curve that there is room for. Smooth curves leave room for the others."""
     fair = _POINTS // (2 * len(curves))
-    kept = [condense_curve(time, curve, fair) for time, curve in curves]
-    used = sum(map(len, kept))
-    rough = [k for k, found in enumerate(kept) if len(found) >= fair]
+    curves = [mask_undrawable(curve) for curve in curves]
+    points = [condense_curves(time, [curve], fair) for curve in curves]
+    rough = [k for k, retained in enumerate(points) if len(retained) >= fair]
+    room = _POINTS - sum(map(len, points))
     for k in rough:
-        kept[k] = condense_curve(*curves[k], min(fair + (_POINTS - used) // len(rough), _MOST_POINTS))
-    return [build_small_curve(*curve, found) for curve, found in zip(curves, kept, strict=True)]
+        points[k] = condense_curves(time, [curves[k]], min(fair + room // len(rough), _MOST_POINTS))
+    return points
 
 
-def _figures(figures: Mapping[str, float]) -> dict[str, float | None]:
+def _read_figures(figures: Mapping[str, float]) -> dict[str, float | None]:
     """Return the metrics of a signal; those that are no numbers are None."""
     return {name: value if math.isfinite(value := figures.get(name, math.nan)) else None for name in NAMES}

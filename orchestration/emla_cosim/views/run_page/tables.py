@@ -1,11 +1,11 @@
-"""Metrics and settings of a run as rows."""
+"""Ending, metrics and settings of a run as texts."""
 
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from ...recorders.metrics import MetricDisplay
+from ...recorders.metrics import MetricDisplay, list_figures
 from ...run.result import Result
 from ..formatting import PROFILE_COLUMNS, format_figure, format_value, list_profile_rows
 
@@ -49,6 +49,20 @@ class StartValueRow:
     value: str
     unit: str
     default: str
+
+
+def describe_ending(result: Result) -> tuple[str, list[str]]:
+    """Return passed, warning or failed, and sentences with the reasons."""
+    if result.interrupted:
+        reason = result.problem or f"interrupted at t = {result.end_s:.6g} s."
+        return "warning", [f"{reason[:1].upper()}{reason[1:]}", *result.remarks]
+    if result.problem is not None:
+        return "failed", [f"Failed: {result.problem}", *result.remarks]
+    if result.remarks:
+        return "warning", list(result.remarks)
+    verdicts = [figure.value for figure in list_figures(result.metrics).values() if figure.is_verdict]
+    more = "; all joints held" if verdicts and all(verdicts) else ""
+    return "passed", [f"Completed{more}."]
 
 
 def list_figure_tables(result: Result) -> Iterator[FigureTable]:

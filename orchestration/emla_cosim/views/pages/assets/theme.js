@@ -3,51 +3,28 @@
 (() => {
   const root = document.documentElement,
     system = matchMedia("(prefers-color-scheme: dark)");
-  const kept = {
-    get: () => {
-      try {
-        return localStorage.getItem("theme");
-      } catch {
-        return null;
-      }
-    },
-    set: (name) => {
-      try {
-        localStorage.setItem("theme", name);
-      } catch {
-        /* not stored */
-      }
-    },
-  };
-  const dark = () => (root.dataset.theme ? root.dataset.theme === "dark" : system.matches);
-  const told = () => {
-    const button = document.querySelector(".theme");
-    if (button) {
-      button.hidden = false;
-      button.textContent = dark() ? "Light" : "Dark";
-      button.title = `Show the page ${dark() ? "light" : "dark"}`;
-    }
-    document.dispatchEvent(new Event("theme"));
-  };
-  const chosen = (name) => {
-    if (name) root.dataset.theme = name;
-    else delete root.dataset.theme;
-    told();
-  };
-  if (["light", "dark"].includes(kept.get())) root.dataset.theme = kept.get();
-  system.addEventListener("change", told);
+  const isDark = () => (root.dataset.theme ? root.dataset.theme === "dark" : system.matches);
+  try {
+    const stored = localStorage.getItem("theme");
+    if (["light", "dark"].includes(stored)) root.dataset.theme = stored;
+  } catch {
+    /* not allowed */
+  }
   document.addEventListener("DOMContentLoaded", () => {
-    told();
-    document.querySelector(".theme").addEventListener("click", () => {
-      const name = dark() ? "light" : "dark";
-      kept.set(name);
-      chosen(name);
+    const button = document.querySelector(".theme");
+    const label = () => (button.textContent = isDark() ? "Light" : "Dark");
+    button.hidden = false;
+    button.title = "Show the page in the other theme";
+    button.addEventListener("click", () => {
+      root.dataset.theme = isDark() ? "light" : "dark";
+      label();
+      try {
+        localStorage.setItem("theme", root.dataset.theme);
+      } catch {
+        /* not allowed */
+      }
     });
+    system.addEventListener("change", label);
+    label();
   });
-  let before;
-  addEventListener("beforeprint", () => {
-    before = root.dataset.theme;
-    chosen("light");
-  }); // print in the light theme
-  addEventListener("afterprint", () => chosen(before));
 })();
