@@ -7,6 +7,7 @@ from functools import partial
 from typing import Any
 
 from ..base.errors import RunError
+from ..base.interruption import catch_interrupts
 from ..base.units import LinearTransformation
 from ..master.instances.fmu_instance import EndRequestedError
 from ..master.run_loop import simulate
@@ -16,7 +17,6 @@ from ..master.stepping.profiler import PACING, Profiler
 from ..master.stepping.stepping_base import RowSink, Stepping
 from ..recorders.recorder import Outline, Recorder, RecordingError, recording
 from ..recorders.row_buffer import RowBuffer
-from ..sandbox.interruption import catch_interrupts
 from .requirements import Requirement, StopCondition, StoppingRows, describe_stop
 
 FLUSH_INTERVAL = 1.0

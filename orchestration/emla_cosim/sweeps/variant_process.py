@@ -14,6 +14,7 @@ from typing import Any
 import cloudpickle
 import polars
 
+from ..base.channel import Channel
 from ..base.errors import CosimError, RunError
 from ..master.instances.fmu_instance import DiscardedStepError
 from ..recorders.metrics import MetricsRecorder, describe_divergence
@@ -24,7 +25,6 @@ from ..run.remarks import describe_lost_values
 from ..run.requirements import flatten_figures
 from ..run.result import Result
 from ..run.simulation import Simulation
-from ..sandbox.server import serve
 from ..study.loading import register
 from .data import DIVERGED, DONE, FAILED, REFUSED, VARIANT, SimulationDescription, Variant, VariantOutcome
 from .idle_processes import ANSWER, ERROR, OUTCOME, PAYLOAD, READY
@@ -228,6 +228,10 @@ class _OutlineRecorder(Recorder):
         self.outline = outline
 
 
-if __name__ == "__main__":
+def run_variants(channel: Channel) -> None:
+    """Answer the requests of a worker. If it was killed, remove the files of its sweep."""
     process = VariantProcess()
-    serve(process.answer, process.remove_files)
+    channel.at_end_of_parent = process.remove_files
+    for request in channel.requests():
+        channel.send(process.answer(request, channel.send))
+    process.remove_files()

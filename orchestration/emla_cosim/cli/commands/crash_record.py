@@ -10,6 +10,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from ...base import crash_page
+from ...base.crash_page import Stage
 from ...base.units import LinearTransformation
 from ...recorders.file_table import FileTable
 from ...recorders.recorder import Outline, Pause, Recorder
@@ -18,8 +20,6 @@ from ...recorders.table import Table
 from ...run.result import Result
 from ...run.scenarios.scenario import Scenario
 from ...run.simulation import Simulation
-from ...sandbox import crash_page
-from ...sandbox.crash_page import Stage
 from ...views.output_folder import OutputFolder
 from ...views.terminal import Verbosity, get_verbosity
 

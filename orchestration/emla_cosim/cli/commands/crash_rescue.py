@@ -10,8 +10,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...base import crash_page
 from ...base.arrays import Vector
+from ...base.crash_page import Stage
 from ...base.errors import CosimError, join_names
+from ...base.interruption import POLITE
 from ...base.progress import Progress
 from ...master.instances.call_codes import decode_call
 from ...recorders.file_table import FileTable
@@ -21,9 +24,6 @@ from ...recorders.row_buffer import read_rows, show_rows
 from ...run.remarks import describe_lost_values
 from ...run.result import Result
 from ...run.run_record import COMPLETED
-from ...sandbox import crash_page
-from ...sandbox.crash_page import Stage
-from ...sandbox.interruption import POLITE
 from ...views.output_folder import OutputFolder
 from ...views.progress_bars import BarProgress
 from ...views.terminal import show_error, show_interrupted, show_result, show_warning, use_verbosity

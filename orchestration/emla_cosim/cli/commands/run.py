@@ -8,6 +8,7 @@ from typing import Any
 
 from ...base.errors import CosimError
 from ...base.files import check_output_files
+from ...base.interruption import catch_interrupts
 from ...base.option import RUN
 from ...master.stepping.checkpoint import check_checkpoint
 from ...recorders.recorder import ProgressRecorder
@@ -15,7 +16,6 @@ from ...run.options import Options
 from ...run.result import Result
 from ...run.run_setup import check_run
 from ...run.scenarios.scenario import Scenario
-from ...sandbox.interruption import catch_interrupts
 from ...study.actuator.actuator import Actuator
 from ...study.loading import load
 from ...views.animation import check_animated
