@@ -65,19 +65,19 @@ def run_into(
     check_run(options, chosen.name)
     told = _show_actuators(chosen)
     with BarProgress() as progress:
-        output = OutputFolder(
-            folder,
-            options.output_format,
-            plots=options.plots,
-            plot_format=options.plot_format,
-            animated=options.animate,
-            report=options.report,
-            overwrite=options.overwrite,
-        )
+        described = {
+            "form": options.output_format,
+            "plots": options.plots,
+            "plot_format": options.plot_format,
+            "animated": options.animate,
+            "report": options.report,
+            "overwrite": options.overwrite,
+        }
+        output = OutputFolder(folder, **described)
         _check_places(file, options, output)
         with (
             output.alone(),
-            contextlib.closing(CrashRecorder(chosen, output)) as remembered,
+            contextlib.closing(CrashRecorder(chosen, folder, described)) as remembered,
             chosen.prepare(progress) as simulation,
         ):
             if options.animate:
