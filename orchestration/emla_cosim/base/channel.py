@@ -1,13 +1,18 @@
 """Messages between two processes."""
 
+import ctypes
+import os
 import pickle
-import socket
+import select
 import struct
 import sys
 import time
 from collections.abc import Callable, Iterator
 from typing import Any
 from weakref import WeakSet
+
+if sys.platform == "win32":
+    import msvcrt
 
 LOOK = 0.1
 """Seconds between two checks that the other process is alive."""
@@ -25,29 +30,33 @@ class GarbledError(EOFError):
 
 
 class Channel:
-    """One end of a connection between two processes; an FMU can write to the other one."""
+    """One end of a connection between two processes, through a pipe for each direction.
 
-    def __init__(self, end: socket.socket, is_alive: Callable[[], bool] | None = None) -> None:
-        """Use a socket.
+    An FMU can write to the pipes.
+    """
+
+    def __init__(self, incoming: int, outgoing: int, is_alive: Callable[[], bool] | None = None) -> None:
+        """Use open files.
 
         Args:
-            end: The socket.
+            incoming: The number of the file to read from.
+            outgoing: The number of the file to write to.
             is_alive: Returns whether the other process is alive. Needed because processes that the other one
-                started can hold its end open.
+                started can hold its end open. Without it, `receive` has no time limit.
         """
-        self._socket, self._is_alive = end, is_alive
+        self._incoming, self._outgoing, self._is_alive = incoming, outgoing, is_alive
         self._received, self._has_ended = bytearray(), False
+        self._poll = select.poll() if is_alive is not None and hasattr(select, "poll") else None
+        if self._poll is not None:
+            self._poll.register(incoming, select.POLLIN)
         self.at_end_of_parent: Callable[[], None] = lambda: None
         """Called in a child whose parent was killed, from a thread."""
-        if is_alive is not None:
-            end.settimeout(LOOK)
         _open_channels.add(self)
 
     def send(self, content: Any) -> None:
         """Send an object.
 
         Raises:
-            EOFError: The other process has ended.
             OSError: The other end is closed.
         """
         self.send_bytes(pickle.dumps(content, protocol=pickle.HIGHEST_PROTOCOL))
@@ -56,10 +65,7 @@ class Channel:
         """Send bytes; see `send`."""
         left = memoryview(_HEAD.pack(_MARK, len(content)) + content)
         while left:
-            try:
-                left = left[self._socket.send(left) :]
-            except TimeoutError:
-                self._look()
+            left = left[os.write(self._outgoing, left) :]
 
     def receive(self, timeout: float | None = None) -> Any:
         """Wait for an object.
@@ -90,8 +96,10 @@ class Channel:
 
     def close(self) -> None:
         """Close this end, so that the other process gets EOFError."""
-        self._socket.close()
-        _open_channels.discard(self)
+        if self in _open_channels:
+            _open_channels.discard(self)
+            os.close(self._incoming)
+            os.close(self._outgoing)
 
     def _receive(self, timeout: float | None, most: int = sys.maxsize) -> bytes:
         until = None if timeout is None else time.monotonic() + timeout
@@ -108,22 +116,29 @@ class Channel:
     def _fill(self, count: int, until: float | None) -> None:
         """Read until so many bytes are there."""
         while len(self._received) < count:
-            try:
-                block = self._socket.recv(max(count - len(self._received), _BLOCK))
-            except TimeoutError:
+            if not self._has_input():
                 if until is not None and time.monotonic() >= until:
-                    raise
-                self._look()
-                continue
-            if not block:
+                    raise TimeoutError
+                if self._has_ended:  # at the look before: nothing more comes
+                    raise EOFError
+                self._has_ended = self._is_alive is not None and not self._is_alive()
+            elif block := os.read(self._incoming, max(count - len(self._received), _BLOCK)):
+                self._received += block
+            else:
                 raise EOFError
-            self._received += block
 
-    def _look(self) -> None:
-        """Raise EOFError if the other process had ended at the look before: nothing more comes from it."""
-        if self._has_ended:
-            raise EOFError
-        self._has_ended = self._is_alive is not None and not self._is_alive()
+    def _has_input(self) -> bool:
+        """Return whether there is something to read, or the other end is closed; wait for it a short time."""
+        if self._poll is not None:
+            return bool(self._poll.poll(1e3 * LOOK))
+        if sys.platform != "win32" or self._is_alive is None:
+            return True
+        pipe, until, count = msvcrt.get_osfhandle(self._incoming), time.monotonic() + LOOK, ctypes.c_ulong()
+        while ctypes.windll.kernel32.PeekNamedPipe(pipe, None, 0, None, ctypes.byref(count), None):
+            if count.value or time.monotonic() > until:
+                return count.value > 0
+            time.sleep(0.001)
+        return True
 
 
 _open_channels: WeakSet[Channel] = WeakSet()

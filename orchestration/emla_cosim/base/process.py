@@ -7,7 +7,6 @@ does not reach it, and all that it started ends with it. It ends when its parent
 import importlib
 import os
 import signal
-import socket
 import subprocess
 import sys
 import threading
@@ -50,21 +49,25 @@ class Child:
     """
 
     def __init__(self, do: Callable[..., None] | str, *arguments: Any, fork: bool = False) -> None:
-        ours, theirs = socket.socketpair()
+        (request, outgoing), (incoming, answer) = os.pipe(), os.pipe()
         self._code: int | None = None
-        self._channel = Channel(ours, self.is_alive)
+        self._channel = Channel(incoming, outgoing, self.is_alive)
+        self._process: _Fork | subprocess.Popen[bytes]
         try:
-            with theirs:
-                if fork and not isinstance(do, str) and hasattr(os, "fork"):
-                    self._process: _Fork | subprocess.Popen[bytes] = _Fork(do, arguments, theirs)
-                    return
+            if fork and not isinstance(do, str) and hasattr(os, "fork"):
+                self._process = _Fork(do, arguments, (request, answer))
+            else:
                 name = do if isinstance(do, str) else f"{do.__module__}:{do.__qualname__}"
-                self._process = _start_interpreter(name, theirs)
-            with suppress(ChildEndedError):  # `receive` reports it
-                self.send(arguments)
+                self._process = _start_interpreter(name, (request, answer))
         except BaseException:
             self._channel.close()
             raise
+        finally:
+            os.close(request)
+            os.close(answer)
+        if not isinstance(self._process, _Fork):
+            with suppress(ChildEndedError):  # `receive` reports it
+                self.send(arguments)
 
     def send(self, content: Any) -> None:
         """Send an object."""
@@ -136,7 +139,7 @@ class Child:
 class _Fork:
     """A copy of this process."""
 
-    def __init__(self, do: Callable[..., None], arguments: tuple[Any, ...], end: socket.socket) -> None:
+    def __init__(self, do: Callable[..., None], arguments: tuple[Any, ...], pipes: tuple[int, int]) -> None:
         parent = os.getpid()
         self.pid = os.fork()
         if self.pid == 0:
@@ -147,7 +150,7 @@ class _Fork:
                     signal.signal(number, signal.SIG_DFL)
                 _redirect(os.O_RDONLY, 0)
             finally:
-                _call(do, Channel(end), arguments, parent)
+                _call(do, Channel(*pipes), arguments, parent)
 
     def poll(self) -> int | None:
         """Return how the process ended, or None."""
@@ -158,36 +161,25 @@ class _Fork:
         return os.waitstatus_to_exitcode(status) if pid else None
 
 
-def _start_interpreter(name: str, end: socket.socket) -> subprocess.Popen[bytes]:
+def _start_interpreter(name: str, pipes: tuple[int, int]) -> subprocess.Popen[bytes]:
     """Start an interpreter that calls a function; its first message has the arguments."""
-    is_windows = sys.platform == "win32"
-    process = subprocess.Popen(
-        [
-            *(sys.executable, "-P", "-c", f"from {__name__} import main; main()"),
-            *(name, str(os.getpid()), str(end.fileno())),
-        ],
-        stdin=subprocess.PIPE if is_windows else subprocess.DEVNULL,
-        pass_fds=() if is_windows else (end.fileno(),),
-        env=_make_environment(),
-        start_new_session=True,
+    command = [sys.executable, "-P", "-c", f"from {__name__} import main; main()", name, str(os.getpid())]
+    incoming, outgoing = pipes
+    return subprocess.Popen(
+        command, stdin=incoming, stdout=outgoing, env=_make_environment(), start_new_session=True
     )
-    if sys.platform == "win32":  # which passes no numbers of files to a process
-        process.communicate(end.share(process.pid))
-    return process
 
 
 def main() -> None:
-    """Call the function of a `Child` in its interpreter. The arguments name function, parent and socket."""
+    """Call the function of a `Child` in its interpreter. The arguments are the function and the parent."""
     ignore_interrupts()
     module, _, function = sys.argv[1].partition(":")
-    if sys.platform == "win32":
-        end = socket.fromshare(sys.stdin.buffer.read())
-    else:
-        end = socket.socket(fileno=int(sys.argv[3]))
-        end.set_inheritable(False)
-    with suppress(OSError):
+    channel = Channel(os.dup(0), os.dup(1))
+    _redirect(os.O_RDONLY, 0)
+    try:
         os.dup2(2, 1)  # standard output is the parent's
-    channel = Channel(end)
+    except OSError:  # there is no standard error
+        _redirect(os.O_WRONLY, 1)
     with suppress(EOFError):
         arguments = channel.receive()
         _call(getattr(importlib.import_module(module), function), channel, arguments, int(sys.argv[2]))

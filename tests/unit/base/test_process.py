@@ -2,13 +2,13 @@
 
 import os
 import signal
-import socket
+import stat
 import struct
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import closing
+from contextlib import closing, suppress
 from pathlib import Path
 
 import psutil
@@ -72,12 +72,15 @@ def test_copy_with_an_open_channel_hides_no_end(fork: bool) -> None:
         child.receive(60.0)
 
 
-def _write(channel: Channel, content: bytes) -> None:
-    for number in [int(path.name) for path in Path("/dev/fd").iterdir()]:
-        try:
-            socket.socket(fileno=os.dup(number)).send(content)
-        except OSError:
-            continue
+def _list_files() -> set[int]:
+    return {int(path.name) for path in Path("/dev/fd").iterdir()}
+
+
+def _write(channel: Channel, others: set[int], content: bytes) -> None:
+    for number in _list_files() - others:
+        with suppress(OSError):
+            if stat.S_ISFIFO(os.fstat(number).st_mode):
+                os.write(number, content)
     time.sleep(1000.0)
 
 
@@ -90,23 +93,23 @@ BEGUN = struct.pack("=8sQ", b"\x93emla\r\n\x1a", 1000)
     [(b"x", TimeoutError), (BEGUN + b"x", TimeoutError), (b"a log message of an FMU", ChildEndedError)],
 )
 def test_what_an_fmu_writes_blocks_nobody(content: bytes, error: type[Exception]) -> None:
-    with closing(Child(_write, content, fork=True)) as child:
+    with closing(Child(_write, _list_files(), content, fork=True)) as child:
         began = time.monotonic()
         with pytest.raises(error):
             child.receive_bytes(0.5)
         assert time.monotonic() - began < 60.0
 
 
-def _list_sockets(channel: Channel) -> None:
-    channel.send(sum(path.is_socket() for path in Path("/dev/fd").iterdir()))
+def _count_pipes(channel: Channel) -> None:
+    channel.send(sum(path.is_fifo() for path in Path("/dev/fd").iterdir()))
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="Open files are not listed there.")
 def test_child_has_no_other_channel(tmp_path: Path) -> None:
     """An FMU in a copy of this process cannot write to the channels of this process."""
-    with closing(Child(_list_sockets, fork=True)) as child:
+    with closing(Child(_count_pipes, fork=True)) as child:
         count = child.receive()
-    with closing(Child(_echo, 2)), closing(Child(_list_sockets, fork=True)) as child:
+    with closing(Child(_echo, 2)), closing(Child(_count_pipes, fork=True)) as child:
         assert child.receive() == count
 
 

@@ -60,7 +60,7 @@ def _write_to_examiner(others: set[int], text: bytes) -> None:
     """Write into everything that leads to the examiner, as an FMU could."""
     for number in _open_files() - others:
         with contextlib.suppress(OSError):
-            if stat.S_ISSOCK(os.fstat(number).st_mode):
+            if stat.S_ISFIFO(os.fstat(number).st_mode):
                 os.write(number, text)
 
 
@@ -80,7 +80,7 @@ def _send_a_program(others: set[int], path: Path) -> CheckOutcome:
     return passed("It did no harm.")
 
 
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="Sockets have no number there.")
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="Pipes have no number there.")
 def test_answer_of_a_process_is_not_executed(tmp_path: Path) -> None:
     found = run_in_subprocess(_send_a_program, (_open_files(), tmp_path / "here"), 20.0, 2**31)
     assert not (tmp_path / "here").exists()
@@ -94,7 +94,7 @@ def _begin_an_answer(others: set[int]) -> CheckOutcome:
     return passed("It came to an end.")
 
 
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="Sockets have no number there.")
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="Pipes have no number there.")
 def test_unfinished_answer_times_out() -> None:
     began = time.monotonic()
     found = run_in_subprocess(_begin_an_answer, (_open_files(),), 1.0, 2**31)
