@@ -4,6 +4,7 @@ import contextlib
 import pickle
 import shutil
 import tempfile
+import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -42,6 +43,7 @@ class VariantProcess:
 
     def __init__(self) -> None:
         self._folder: Path | None = None
+        self._removal = threading.Lock()
         self._packed: Sequence[PackedPreparation] = ()
         self._files: Mapping[str, Path] = {}
         self._new: Mapping[str, set[str]] = {}
@@ -57,8 +59,9 @@ class VariantProcess:
 
     def remove_files(self) -> None:
         """Remove the folder of the open sweep: the worker, which would do it, was killed."""
-        if self._folder is not None:
-            shutil.rmtree(self._folder, ignore_errors=True)
+        with self._removal:  # another thread that removes them would end this process too early
+            if self._folder is not None:
+                shutil.rmtree(self._folder, ignore_errors=True)
 
     def _open(self, send: Send, folder: str, files: Mapping[str, str]) -> None:
         """Open the sweep in a folder, with its FMU files by hash."""
@@ -232,6 +235,8 @@ def run_variants(channel: Channel) -> None:
     """Answer the requests of a worker. If it was killed, remove the files of its sweep."""
     process = VariantProcess()
     channel.at_end_of_parent = process.remove_files
-    for request in channel.requests():
-        channel.send(process.answer(request, channel.send))
-    process.remove_files()
+    try:
+        for request in channel.requests():
+            channel.send(process.answer(request, channel.send))
+    finally:
+        process.remove_files()
