@@ -317,7 +317,7 @@ def count_lost_processes() -> int:
     found = 0
     for child in psutil.Process().children():
         with suppress(psutil.Error):  # it has just ended
-            found += "emla_cosim.sweeps.variant_process" in child.cmdline()
+            found += "emla_cosim.sweeps.variant_process:run_variants" in child.cmdline()
     return found - len(idle_processes.IDLE)
 
 

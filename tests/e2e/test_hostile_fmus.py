@@ -14,8 +14,8 @@ from typing import Any
 import pytest
 
 import emla_cosim as ec
-from emla_cosim.sandbox import confinement
-from emla_cosim.sandbox.confinement import can_confine, confine, list_gaps
+from emla_cosim.verification import confinement
+from emla_cosim.verification.confinement import can_confine, confine, list_gaps
 from emla_cosim.verification.host.fresh_process import in_fresh_process
 from emla_cosim.verification.unexamined import list_unexamined
 from emla_cosim.verification.verdict import Verdict

@@ -240,7 +240,7 @@ def test_ended_verification_leaves_nothing(name: str, fmu_folder: Path, tmp_path
 
 SUPERVISED = """
 import os, sys
-from emla_cosim.sandbox.guard import run_supervised
+from emla_cosim.cli.supervisor import run_supervised
 def rescue(how):
     {}
 run_supervised(os.abort, rescue)

@@ -31,7 +31,6 @@ from tests.support.broken.dynamic import build_good_fmu
 from tests.support.broken.editing import setting, with_files
 from tests.support.broken.static import LIBRARY
 from tests.support.commands import Emla, sentence
-from tests.support.waiting import wait_for
 
 
 @pytest.fixture
@@ -276,16 +275,14 @@ def test_end_of_the_program_ends_an_fmu_that_hangs(number: signal.Signals, tmp_p
         env={**os.environ, "TMPDIR": str(temporary)},
     )
 
-    def examiners() -> list[psutil.Process]:
-        with_folder = psutil.process_iter(["cmdline"])
-        return [p for p in with_folder if any(str(temporary) in word for word in p.info["cmdline"] or ())]
-
-    while len(examiners()) < 2 or not _busy(examiners()):
+    everyone = list[psutil.Process]()
+    while not _busy(everyone):
         assert process.poll() is None
         time.sleep(0.1)
+        everyone = psutil.Process(process.pid).children(recursive=True)
     process.send_signal(number)
     _, errors = process.communicate(timeout=30)
-    wait_for(lambda: not examiners(), 20.0)
+    assert not psutil.wait_procs(everyone, timeout=20.0)[1]
     assert process.returncode != 0
     if number == signal.SIGINT:
         assert errors.strip().endswith("KeyboardInterrupt")

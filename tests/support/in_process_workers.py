@@ -26,21 +26,21 @@ class InProcessWorker(WorkerProcess):
     """The process of a worker, without a process: a request runs when it is sent."""
 
     def __init__(self) -> None:
-        self._process = VariantProcess()  # type: ignore[assignment]
+        self._variants = VariantProcess()
         self._answers = deque[tuple[str, Any]]()
 
     def send(self, request: Any) -> None:
         """Run the request, and restore what the process of a worker changes for itself."""
         folder, registries = tempfile.tempdir, {kind: dict(known) for kind, known in REGISTRIES.items()}
         try:
-            self._answers.append(self._process.answer(request, self._answers.append))  # type: ignore[attr-defined]
+            self._answers.append(self._variants.answer(request, self._answers.append))
         finally:
             tempfile.tempdir = folder
             for kind, known in REGISTRIES.items():
                 known.clear()
                 known.update(registries[kind])
 
-    def receive(self, patience: float | None = None) -> Any:
+    def receive(self, timeout: float | None = None) -> Any:
         return self._answers.popleft()
 
     def is_alive(self) -> bool:
@@ -49,7 +49,7 @@ class InProcessWorker(WorkerProcess):
     def kill(self) -> None:
         raise AssertionError("a variant that takes too long needs a process that can be killed")
 
-    def close(self, patience: float = 0.0) -> None:
+    def close(self, timeout: float = 0.0) -> None:
         self.send(("close",))
 
 

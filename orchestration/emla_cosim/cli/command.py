@@ -9,9 +9,9 @@ import click
 
 from ..base.errors import CosimError, find_exit_code
 from ..base.files import get_working_folder
+from ..base.interruption import on_interrupt, raise_interrupt
 from ..base.option import OUTPUT, options_of, switch
 from ..run.options import list_options
-from ..sandbox.interruption import raise_on_interrupt
 from ..views.terminal import Verbosity, show_error, show_interrupted, use_verbosity
 from .help_text import format_help
 from .parameters import make_parameters, read_values
@@ -54,7 +54,7 @@ class Command(click.Command):
     def _call(self, quiet: bool, **texts: Any) -> None:
         """Run the command; if it fails, exit with an error message and its exit code."""
         try:
-            with raise_on_interrupt():
+            with on_interrupt(raise_interrupt):
                 get_working_folder()
                 self._run(quiet, texts)
         except CosimError as error:

@@ -15,7 +15,7 @@ from typing import TextIO
 
 from fmublock.leftovers import remove_leftovers
 
-from ..sandbox.interruption import POLITE, exit_on_interrupt, ignore_interrupts
+from ..base.interruption import POLITE, ignore_interrupts, on_interrupt
 
 try:
     import resource  # import it now: later there may not be enough memory
@@ -42,7 +42,7 @@ def main() -> None:
     if _command(sys.argv[1:]) in UNSUPERVISED or "_EMLA_COMPLETE" in os.environ:
         _run()
     else:  # compiled code of FMUs and libraries can end the process
-        from ..sandbox.guard import run_supervised
+        from .supervisor import run_supervised
 
         run_supervised(_run, _rescue, _report)
 
@@ -57,7 +57,7 @@ def _run() -> None:
         if _memory_limit() is not None:
             os.environ.setdefault("POLARS_MAX_THREADS", "1")  # it waits for threads that get no memory
             _silence_libraries()
-        with exit_on_interrupt(_exit_interrupted):
+        with on_interrupt(_exit_interrupted):
             from .app import app
 
             if "_EMLA_COMPLETE" in os.environ:  # a shell asks for completions
@@ -169,14 +169,14 @@ def _exit_interrupted() -> None:
     """Exit before a command has begun, when there is nothing to clean up."""
     with suppress(OSError):
         os.write(2, b"Interrupted.\n")
-    from ..sandbox import crash_page
+    from ..base import crash_page
 
     crash_page.current_activity().ended = 1
     os._exit(1)
 
 
 def _exit_with_error(sentence: str) -> None:
-    from ..sandbox import crash_page
+    from ..base import crash_page
 
     sys.stderr.write(f"{sentence}\n")
     crash_page.current_activity().ended = 1  # even if the shutdown of Python fails later

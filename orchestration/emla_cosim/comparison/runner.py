@@ -11,13 +11,13 @@ from typing import Any, Unpack
 import polars
 
 from ..base.errors import CommandError, RunError, check_choice, join_names
+from ..base.interruption import catch_interrupts
 from ..base.option import COMPARE, SHOWING
 from ..base.progress import Progress
 from ..base.values import convert_value
 from ..run.option_types import CompareOptions
 from ..run.options import list_options as options_table
 from ..run.scenarios.built_in import SCENARIOS
-from ..sandbox.interruption import catch_interrupts
 from ..study.controllers import ROBUSTNESS_SETS
 from ..study.paper import PRINTED
 from ..sweeps.data import REFUSED, VARIANT, Chunk, VariantOutcome

@@ -15,6 +15,7 @@ import polars
 
 from ..base.arrays import Vector
 from ..base.errors import CommandError, RunError
+from ..base.interruption import catch_interrupts
 from ..base.progress import Progress
 from ..base.quantities import read_quantity
 from ..base.units import SiUnit
@@ -22,7 +23,6 @@ from ..base.values import convert_value
 from ..base.wording import format_count
 from ..inputs.input import Input
 from ..run.option_types import SweepOptions
-from ..sandbox.interruption import catch_interrupts
 from ..sweeps.executor import ClusterExecutor, Scheduler, open_executor
 from ..sweeps.folder import hash_plain_data
 from ..sweeps.plan_files import Source, load_planned

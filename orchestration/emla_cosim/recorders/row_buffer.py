@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from ..base import crash_page
 from ..base.arrays import Vector
 from ..base.files import UNFINISHED, mark_of_process
 from ..base.units import LinearTransformation
-from ..sandbox import crash_page
 from .recorder import Recorder, recording
 
 BLOCK_ROWS, BLOCK_SIZE = 4000, 2**22

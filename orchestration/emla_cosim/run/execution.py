@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ..base.errors import RunError
+from ..base.interruption import catch_interrupts
 from ..base.units import LinearTransformation, SiUnit
 from ..master.instances.fmu_instance import EndRequestedError
 from ..master.run_loop import MOST_STEPS, simulate
@@ -17,7 +18,6 @@ from ..recorders.bond_energies import BondEnergies
 from ..recorders.metrics import MetricsRecorder
 from ..recorders.recorder import Outline, Recorder, RecordingError, recording
 from ..recorders.row_buffer import RowBuffer
-from ..sandbox.interruption import catch_interrupts
 from .coupling_summary import CouplingSummary
 from .requirements import Requirement, StopCondition, StoppingRows, describe_stop
 from .run_record import RunDefinition

@@ -19,7 +19,7 @@ from distributed import Client, Future, KilledWorker
 from distributed.comm.core import CommClosedError
 
 from ..base.errors import CosimError, RunError, join_names
-from ..sandbox.interruption import catch_interrupts
+from ..base.interruption import catch_interrupts
 from .data import DIED, TIMED_OUT, Chunk, SimulationDescription, Variant, VariantOutcome
 from .local_cluster import local_cluster
 from .measures import Measures

@@ -7,7 +7,7 @@ import pickle
 import threading
 from typing import Any
 
-from ..sandbox.server import Server
+from ..base.process import Child
 
 ANSWER, ERROR, READY, OUTCOME = "answer", "error", "ready", "outcome"
 """Kinds of messages: the answer, an exception, the simulation is prepared, and the outcome of a variant."""
@@ -16,19 +16,19 @@ PAYLOAD = "payload.pickle"
 """The file with prepared systems and registered objects, beside the FMUs of a sweep."""
 
 
-class WorkerProcess(Server):
+class WorkerProcess(Child):
     """A process that runs variants."""
 
     key: str | None = None
     """The sweep that it has open."""
 
     def __init__(self) -> None:
-        super().__init__(f"{__package__}.variant_process")
+        super().__init__(f"{__package__}.variant_process:run_variants")  # loads more than a worker needs
 
-    def call(self, name: str, *arguments: Any, patience: float | None = None) -> Any:
-        """Return the answer to a request. Raise what the process raised, or ServerEndedError."""
+    def call(self, name: str, *arguments: Any, timeout: float | None = None) -> Any:
+        """Return the answer to a request. Raise what the process raised, or ChildEndedError."""
         self.send((name, *arguments))
-        kind, content = self.receive(patience)
+        kind, content = self.receive(timeout)
         if kind != ANSWER:
             raise pickle.loads(content)
         return content

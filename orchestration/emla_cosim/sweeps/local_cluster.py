@@ -5,24 +5,25 @@ a process of its own, the cluster also ends with the program, even if that is ki
 machine cannot connect: connections are encrypted with temporary keys.
 """
 
-import atexit
 import contextlib
 import os
-import pickle
 import shutil
-import subprocess
-import sys
 import tempfile
 from collections.abc import Iterator
+from functools import partial
 from typing import Any, NamedTuple, cast
 
 import psutil
 
 from fmublock.leftovers import make_temporary_folder
 
+from ..base.channel import Channel
 from ..base.errors import RunError
-from ..sandbox.processes import count_cores, make_environment, watch_parent
+from ..base.process import Child, ChildEndedError, count_cores, silence
 from .idle_processes import start_processes
+
+_CLOSE_S = 10.0
+"""Seconds that the cluster may take to end and to remove its files."""
 
 
 class ClusterAddress(NamedTuple):
@@ -54,47 +55,42 @@ def local_cluster(workers: int | None = None) -> Iterator[ClusterAddress]:
     Raises:
         RunError: The cluster does not start.
     """
-    command = [sys.executable, "-m", __spec__.name, str(workers or 0)]
-    with tempfile.TemporaryFile() as said:
-        process = subprocess.Popen(
-            command,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=said,
-            env=make_environment(),
-            start_new_session=True,  # Ctrl-C is for the caller only
-        )
-        assert process.stdin is not None and process.stdout is not None
+    child = Child(_serve, workers or count_cores())
+    try:
         try:
-            try:
-                place = ClusterAddress(*pickle.load(process.stdout))
-            except Exception as error:
-                said.seek(0)
-                last = said.read().decode(errors="replace").strip().splitlines()[-1:] or ["it said nothing"]
-                raise RunError(f"no cluster could be started on this machine: {last[0]}.") from error
-            yield place
-        finally:
-            with contextlib.suppress(OSError):
-                process.stdin.close()  # makes it end
-            try:
-                process.wait(10.0)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
-            process.stdout.close()
+            answer = child.receive()
+        except ChildEndedError as error:
+            answer = f"its process ended ({error})"
+        if not isinstance(answer, ClusterAddress):
+            raise RunError(f"no cluster could be started on this machine: {answer}.")
+        yield answer
+    finally:
+        child.close(_CLOSE_S)
 
 
-def main() -> None:
-    """Serve until standard input ends or the parent process is gone."""
+def _serve(channel: Channel, threads: int) -> None:
+    """Run a cluster until the parent closes the channel. Send its address, or why there is none."""
+    silence()
     folder = str(make_temporary_folder("cluster"))
-    watch_parent(os.getppid(), lambda: _remove_after_parent(folder))
-    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    channel.at_end_of_parent = partial(_remove, folder)
     os.environ["TMPDIR"] = tempfile.tempdir = folder  # also for the workers, which may be killed
     os.environ.setdefault("POLARS_MAX_THREADS", "1")  # a worker has one core
-    answer, sys.stdout = sys.stdout.buffer, sys.stderr  # nothing else may write to standard output
-    threads = int(sys.argv[1]) or count_cores()
     with contextlib.suppress(OSError):  # the worker tries again, and reports it
         start_processes(threads)
+    try:
+        with _start(threads, folder) as (address, security):
+            channel.send(ClusterAddress(address, security))
+            for _ in channel.requests():
+                pass
+    except Exception as error:
+        channel.send(f"{type(error).__name__}: {error}")
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+@contextlib.contextmanager
+def _start(threads: int, folder: str) -> Iterator[tuple[str, Any]]:
+    """Start scheduler and worker, and yield address and security."""
     from dask.config import set as configure
     from distributed import LocalCluster, Security
 
@@ -113,21 +109,12 @@ def main() -> None:
         silence_logs=50,
         local_directory=folder,
     ) as made:
-        cluster = cast(Any, made)
-        pickle.dump((cluster.scheduler_address, security), answer)
-        answer.flush()
-        sys.stdin.buffer.read()
-    sys.stderr.flush()
+        yield cast(Any, made).scheduler_address, security
 
 
-def _remove_after_parent(folder: str) -> None:
-    """Kill the workers, remove their files and exit, after the parent was killed."""
+def _remove(folder: str) -> None:
+    """Kill the workers and remove their files, after the parent was killed."""
     for worker in psutil.Process().children(recursive=True):
         with contextlib.suppress(psutil.Error):
             worker.kill()
     shutil.rmtree(folder, ignore_errors=True)
-    os._exit(1)
-
-
-if __name__ == "__main__":
-    main()

@@ -14,11 +14,11 @@ from distributed import Client
 
 from ..base.errors import CommandError
 from ..base.files import temporary_folder
+from ..base.interruption import catch_interrupts
 from ..base.progress import Progress
 from ..base.values import convert_value
 from ..run.option_types import SweepOptions
 from ..run.run_setup import select_signals
-from ..sandbox.interruption import catch_interrupts
 from .data import Chunk, SimulationDescription
 from .design import Design, VariantGroup, design_variants
 from .executor import ClusterExecutor, Scheduler, open_executor

@@ -4,6 +4,7 @@ import contextlib
 import pickle
 import shutil
 import tempfile
+import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -14,6 +15,7 @@ from typing import Any
 import cloudpickle
 import polars
 
+from ..base.channel import Channel
 from ..base.errors import CosimError, RunError
 from ..master.instances.fmu_instance import DiscardedStepError
 from ..recorders.metrics import describe_divergence, explain_verdicts, list_figures
@@ -23,7 +25,6 @@ from ..run.remarks import describe_lost_values
 from ..run.result import Result
 from ..run.run_setup import steps_per_row
 from ..run.simulation import Simulation
-from ..sandbox.server import serve
 from ..study.loading import register
 from .data import DIVERGED, DONE, FAILED, REFUSED, VARIANT, SimulationDescription, Variant, VariantOutcome
 from .idle_processes import ANSWER, ERROR, OUTCOME, PAYLOAD, READY
@@ -41,6 +42,7 @@ class VariantProcess:
 
     def __init__(self) -> None:
         self._folder: Path | None = None
+        self._removal = threading.Lock()
         self._packed: Sequence[PackedPreparation] = ()
         self._files: Mapping[str, Path] = {}
         self._new: Mapping[str, set[str]] = {}
@@ -56,8 +58,9 @@ class VariantProcess:
 
     def remove_files(self) -> None:
         """Remove the folder of the open sweep: the worker, which would do it, was killed."""
-        if self._folder is not None:
-            shutil.rmtree(self._folder, ignore_errors=True)
+        with self._removal:  # another thread that removes them would end this process too early
+            if self._folder is not None:
+                shutil.rmtree(self._folder, ignore_errors=True)
 
     def _open(self, send: Send, folder: str, files: Mapping[str, str]) -> None:
         """Open the sweep in a folder, with its FMU files by hash."""
@@ -203,6 +206,12 @@ def to_parquet(table: polars.DataFrame) -> bytes:
     return stream.getvalue()
 
 
-if __name__ == "__main__":
+def run_variants(channel: Channel) -> None:
+    """Answer the requests of a worker. If it was killed, remove the files of its sweep."""
     process = VariantProcess()
-    serve(process.answer, process.remove_files)
+    channel.at_end_of_parent = process.remove_files
+    try:
+        for request in channel.requests():
+            channel.send(process.answer(request, channel.send))
+    finally:
+        process.remove_files()

@@ -20,7 +20,7 @@ from typing import Any
 from distributed import WorkerPlugin, get_worker
 
 from ..base.errors import CommandError, RunError
-from ..sandbox.server import ServerEndedError
+from ..base.process import ChildEndedError
 from .idle_processes import (
     ANSWER,
     IDLE,
@@ -220,7 +220,7 @@ class SweepProcesses:
         with self._process() as process:
             try:
                 return process.call("describe", group)
-            except ServerEndedError as error:
+            except ChildEndedError as error:
                 raise RunError(
                     f"the process that prepares the scenario ended ({error}): an FMU crashed it, or it ran "
                     "out of memory."
@@ -248,7 +248,7 @@ class SweepProcesses:
             found = None
         try:
             found = self._open(found or WorkerProcess())
-        except ServerEndedError:  # it was idle and did not survive; a new one tells why
+        except ChildEndedError:  # it was idle and did not survive; a new one tells why
             found = self._open(WorkerProcess())
         with TURN:
             self._used.add(found)
@@ -287,7 +287,7 @@ class SweepProcesses:
                     return ChunkAnswer(running.outcomes, wall_s, series)
                 else:
                     raise pickle.loads(content)
-        except ServerEndedError as error:
+        except ChildEndedError as error:
             if self._closed.is_set():
                 raise RunError("the sweep was ended.") from error
             return self._answer_of_ended(running, request, str(error))
@@ -320,7 +320,7 @@ class SweepProcesses:
                 process.kill()
             for process in [p for p in IDLE if p.key == self._key]:
                 try:
-                    process.call("close", patience=_CLOSE_S)
+                    process.call("close", timeout=_CLOSE_S)
                     process.key = None
                 except Exception:  # an FMU does not end
                     IDLE.remove(process)

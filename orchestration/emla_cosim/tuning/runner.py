@@ -11,13 +11,13 @@ from typing import Any, Unpack
 import polars
 
 from ..base.errors import RunError
+from ..base.interruption import catch_interrupts
 from ..base.progress import Progress
 from ..base.values import convert_value
 from ..run.option_types import TuneOptions
 from ..run.options import select_repeatable
 from ..run.requirements import check_no_condition
 from ..run.scenarios.scenario import Scenario
-from ..sandbox.interruption import catch_interrupts
 from ..sweeps.executor import Scheduler, open_executor
 from ..sweeps.folder import hash_plain_data
 from ..sweeps.measures import Metric

@@ -1,17 +1,17 @@
-"""The examiner process: reads jobs, sends progress and findings.
+"""The process that examines files: it gets jobs, and sends findings.
 
 Checks fork from it. It has no threads and few modules loaded, whatever the caller has.
 """
 
 import gc
-import sys
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
+from ..base.channel import Channel
 from ..base.errors import RunError, find_machine_fault
-from ..sandbox.server import serve
+from .confinement import confine_signals
 from .examination import examine_fmu
 from .findings import Examined, Finding
 from .settings import Settings
@@ -33,13 +33,20 @@ class ExaminerJob(NamedTuple):
     done: tuple[Finding, ...] = ()
 
 
-def main() -> None:
-    """Serve the parent over standard input and output. The argument is the folder for temporary files."""
+def examine_jobs(channel: Channel, folder: str) -> None:
+    """Examine the files of the jobs that arrive.
+
+    Args:
+        channel: Gets each finding as soon as its check is done, and then the report or an error.
+        folder: The folder for temporary files.
+    """
     import lief  # noqa: F401  # slow to load: once, before forks
 
+    confine_signals()
     gc.freeze()  # forks then share memory that they only read
-    tempfile.tempdir = sys.argv[1]
-    serve(_examine)
+    tempfile.tempdir = folder
+    for job in channel.requests():
+        channel.send(_examine(job, channel.send))
 
 
 def _examine(job: ExaminerJob, tell: Callable[[Finding], None]) -> Examined | RunError:
@@ -57,7 +64,3 @@ def _examine_file(job: ExaminerJob, tell: Callable[[Finding], None]) -> Examined
             return examine_system(job.path, job.settings, Path(folder).resolve(), tell)
         subject = Subject(job.path, Path(folder).resolve() / "fmu", job.settings)
         return examine_fmu(subject, tell, job.done)
-
-
-if __name__ == "__main__":
-    main()

@@ -1,7 +1,5 @@
 """Verify files with one examiner process per core."""
 
-import os
-import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
@@ -11,19 +9,19 @@ from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 
+from ..base.channel import LOOK
 from ..base.errors import CommandError, RunError, check_choice
 from ..base.files import temporary_folder
+from ..base.process import Child, ChildEndedError, ChildPool, count_cores
 from ..base.progress import Progress
 from ..base.values import convert_value
 from ..recorders.tubes.tolerance import Tolerance
-from ..sandbox.processes import LOOK
-from ..sandbox.server import Server, ServerEndedError
 from ..ssp.reader.flat_document import read_ssp
 from .catalogue import SYSTEM
 from .check import Check
 from .check_runner import make_finding
 from .examination import check_names, select_checks, select_needed_checks
-from .examiner import ExaminerJob
+from .examiner import ExaminerJob, examine_jobs
 from .findings import Examined, Finding
 from .gate import Strictness, find_objections, list_unselected
 from .references.recording import check_recording
@@ -33,7 +31,6 @@ from .settings import Recording, Settings
 from .verdict import RETURNS, CheckOutcome, Verdict, failed
 
 _SYSTEMS = (".ssp", ".ssd")
-_EXAMINER = f"{__package__}.examiner"
 
 
 def verify(
@@ -87,10 +84,9 @@ def verify(
         count = sum(1 if job.system else len(select_needed_checks(job.settings)) for job in jobs)
         progress.begin("verifying", count, "checks")
         folder = held.enter_context(temporary_folder("verify"))
-        pool = _ExaminerPool(folder, lambda: progress.advance(1))
-        found = pool.examined(jobs) if interrupted is None else pool.examined_until(interrupted, jobs)
+        examined, is_complete = examine_all(jobs, folder, lambda: progress.advance(1), interrupted)
     started = datetime.now(UTC).isoformat(timespec="seconds")
-    return Report(found, version("emla-cosim"), started, complete=not pool.was_interrupted)
+    return Report(examined, version("emla-cosim"), started, complete=is_complete)
 
 
 def _name_paths(paths: str | Path | Sequence[str | Path] | Mapping[str, str | Path]) -> dict[str, Path]:
@@ -190,87 +186,64 @@ def _jobs(name: str, path: Path, settings: Settings, held: ExitStack) -> list[Ex
     return [*inside, ExaminerJob(path.absolute(), settings, name, path, system=True)]
 
 
-class _ExaminerPool:
-    """Examiner processes, one for each core. One that ends is replaced."""
+def examine_all(
+    jobs: Sequence[ExaminerJob],
+    folder: Path,
+    advance: Callable[[], None] = lambda: None,
+    interrupted: Callable[[], bool] | None = None,
+) -> tuple[tuple[Examined, ...], bool]:
+    """Examine files with one process for each core.
 
-    def __init__(self, folder: Path, advance: Callable[[], None]) -> None:
-        """Store the folder for temporary files, and the function to call after each check."""
-        self._folder, self._advance = folder, advance
-        self._own = threading.local()
-        self._servers: list[Server] = []
-        self._ended = False
-        self.was_interrupted = False
+    Args:
+        jobs: The files.
+        folder: The folder for temporary files.
+        advance: Called after each check.
+        interrupted: Called often; once it returns true, no further check runs.
 
-    def examined_until(
-        self, interrupted: Callable[[], bool], jobs: Sequence[ExaminerJob]
-    ) -> tuple[Examined, ...]:
-        """Return the findings like `examined`; those until then, once `interrupted` returns true."""
-        with ThreadPoolExecutor(1) as own:
-            found = own.submit(self.examined, jobs)
-            try:
-                while not wait([found], timeout=LOOK).done:
-                    if interrupted() and not self.was_interrupted:
-                        self.was_interrupted = True
-                        self._end()
-            except BaseException:  # a second Ctrl-C
-                self._end()
-                raise
-            return found.result()
-
-    def examined(self, jobs: Sequence[ExaminerJob]) -> tuple[Examined, ...]:
-        """Return the findings in the order of the jobs. Any exception ends all processes."""
+    Returns:
+        The findings in the order of the jobs, and whether all checks ran.
+    """
+    pool = ChildPool(lambda: Child(examine_jobs, str(folder)))
+    with ThreadPoolExecutor(min(count_cores(), len(jobs))) as threads:
+        examined = [threads.submit(_examine, job, pool, advance) for job in jobs]
+        left = set(examined)
         try:
-            with ThreadPoolExecutor(min(os.cpu_count() or 1, len(jobs))) as pool:
-                try:
-                    return tuple(pool.map(self._examined, jobs))
-                except BaseException:
-                    self._end()
-                    # checks notice it and stop writing before their folder is removed
-                    time.sleep(2.0 * LOOK)
-                    raise
+            while left:
+                done, left = wait(left, LOOK)
+                for job in done:
+                    job.result()
+                if left and not pool.is_closed and interrupted is not None and interrupted():
+                    pool.close()
+            is_complete = not pool.is_closed
         finally:
-            self._end()
-            for server in self._servers:
-                server.close()  # closes its streams, which no thread reads any more
+            pool.close()
+            if left:  # an error or a second Ctrl-C; checks notice it before their folder is removed
+                time.sleep(2.0 * LOOK)
+    return tuple(job.result() for job in examined), is_complete
 
-    def _end(self) -> None:
-        """End all processes and start no more."""
-        self._ended = True
-        for server in self._servers:
-            server.kill()
 
-    def _examined(self, job: ExaminerJob) -> Examined:
-        done: list[Finding] = []
-        if self._ended:
-            return _report_interrupted(job, done)
-        while True:
-            server = self._server()
-            try:
-                server.send(job._replace(done=tuple(done)))
-                while isinstance(answer := server.receive(), Finding):
+def _examine(job: ExaminerJob, pool: ChildPool, advance: Callable[[], None]) -> Examined:
+    """Return the findings of a job. If an FMU ends the examiner, a new one continues after the lost check."""
+    done: list[Finding] = []
+    while not pool.is_closed:
+        try:
+            with pool.member() as examiner:
+                examiner.send(job._replace(done=tuple(done)))
+                while isinstance(answer := examiner.receive(), Finding):
                     done.append(answer)
-                    self._advance()
+                    advance()
                 if isinstance(answer, RunError):
                     raise answer
                 return replace(answer, path=job.given, name=job.name, options=list_options(job.settings))
-            except ServerEndedError as error:
-                del self._own.server
-                if self._ended:
-                    return _report_interrupted(job, done)
-                lost = _find_lost_check(job, done)
-                if lost is None:
-                    return _report_without_examiner(job, done)
-                done.append(make_finding(lost, _describe_loss(str(error))))
-                self._advance()
-
-    def _server(self) -> Server:
-        """Return the process of this thread."""
-        if not hasattr(self._own, "server"):
-            self._own.server = Server(_EXAMINER, str(self._folder))
-            self._servers.append(self._own.server)
-            if self._ended:
-                self._own.server.kill()
-        return self._own.server
+        except ChildEndedError as error:
+            if pool.is_closed:
+                break
+            lost = _find_lost_check(job, done)
+            if lost is None:
+                return _report_without_examiner(job, done)
+            done.append(make_finding(lost, _describe_loss(str(error))))
+            advance()
+    return _report_interrupted(job, done)
 
 
 def _report_interrupted(job: ExaminerJob, done: Sequence[Finding]) -> Examined:

@@ -7,8 +7,8 @@ from contextlib import suppress
 from pathlib import Path
 
 from ..base.files import CacheError, cache_folder
-from ..sandbox.confinement import can_confine
 from .checks.systems import WholeSystem
+from .confinement import can_confine
 from .subject import Subject
 
 _CODE = "code"

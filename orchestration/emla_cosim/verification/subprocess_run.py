@@ -2,15 +2,17 @@
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, closing
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
+from ..base import crash_page
+from ..base.channel import LOOK, Channel, GarbledError
+from ..base.crash_page import CrashPageFile
 from ..base.errors import find_machine_fault
+from ..base.process import Child, ChildEndedError, describe_exit, limit_memory, silence
 from ..fmu.python_exceptions import REMEDY, find_left_exception
-from ..sandbox import crash_page
-from ..sandbox.child import Child, limit_memory, silence
-from ..sandbox.crash_page import CrashPageFile
+from .confinement import confine
 from .plain_outcome import read_outcome, write_outcome
 from .verdict import (
     LEAVES_EXCEPTION,
@@ -29,12 +31,6 @@ _OWN = own_rule("emla verify", "A check stays within its limits of time and memo
 
 ERROR_OF_CHECK = "The check itself has an error:"
 """How the message begins if a check raises an exception."""
-
-_POLL = 0.05
-"""Seconds between two looks at the progress."""
-
-_TIMEOUT = 5.0
-"""Seconds that a process may take to end after its last sign of life."""
 
 _TIMEOUT_AT_END = 1.0
 """Seconds that a process may take to end after its answer."""
@@ -84,39 +80,37 @@ def run_each_in_subprocess(
     """
     left = list(items)
     while left:
-        with closing(CrashPageFile()) as notes, ExitStack() as held:
-            places = None if writable is None else [*writable, notes.path]
-            child = Child(_answer, do, left, notes.path, memory, apart=True, writable=places, lines=True)
-            held.callback(child.close)
-            whole = True
-            while left and whole:
-                outcome, whole = _outcome(child, notes, seconds)
+        with (
+            closing(CrashPageFile()) as notes,
+            closing(Child(_answer, do, left, notes.path, memory, writable, fork=True)) as child,
+        ):
+            can_continue = True
+            while left and can_continue:
+                outcome, can_continue = _receive_outcome(child, notes, seconds)
                 del left[0]
-                if whole and not left and (how := child.signal_at_end(_TIMEOUT_AT_END)):
-                    outcome = failed(f"It ended the process in {_read(notes)} ({how}).")
+                if can_continue and not left and (code := child.wait(_TIMEOUT_AT_END) or 0) < 0:
+                    outcome = failed(f"It ended the process in {_read(notes)} ({describe_exit(code)}).")
                 yield outcome
 
 
-def _outcome(child: Child, notes: CrashPageFile, seconds: float) -> tuple[CheckOutcome, bool]:
+def _receive_outcome(child: Child, notes: CrashPageFile, seconds: float) -> tuple[CheckOutcome, bool]:
     """Return the next outcome, and whether the process can continue."""
-    began = moved = time.monotonic()
+    began = moved = now = time.monotonic()
     doing = _read(notes)
-    try:
-        while (line := child.receive_line(min(_POLL, max(0.0, began + seconds - time.monotonic())))) is None:
+    while True:
+        try:
+            return read_outcome(child.receive_bytes(min(LOOK, began + seconds - now))), True
+        except TimeoutError:
             now = time.monotonic()
-            if doing != (doing := _read(notes, doing)):
-                moved = now
-            if now > began + seconds:
-                return _describe_timeout(doing, seconds, now - moved), False
-            if not child.is_alive() and not child.answers.poll(0):
-                raise EOFError
-        return read_outcome(line), True
-    except (EOFError, OSError):
-        how = child.wait(_TIMEOUT)
-        said = f"It ended the process in {_read(notes, doing)} ({how})."
-        return failed(said, clause=RETURNS), False
-    except ValueError:
-        return failed(f"It wrote into a file of this program, in {_read(notes, doing)}."), False
+        except (ChildEndedError, ValueError) as error:
+            if isinstance(error, ValueError) or isinstance(error.__cause__, GarbledError):
+                return failed(f"It wrote into a file of this program, in {_read(notes, doing)}."), False
+            said = f"It ended the process in {_read(notes, doing)} ({error})."
+            return failed(said, clause=RETURNS), False
+        if doing != (doing := _read(notes, doing)):
+            moved = now
+        if now > began + seconds:
+            return _describe_timeout(doing, seconds, now - moved), False
 
 
 _FAULT = "The machine has too little space or memory, or a limit is too low (`ulimit -a`)."
@@ -135,19 +129,22 @@ def _describe_timeout(doing: str, seconds: float, still: float) -> CheckOutcome:
 
 
 def _answer(
-    send: Callable[[bytes], None],
+    channel: Channel,
     do: Callable[..., CheckOutcome],
     items: Sequence[tuple[Any, ...]],
     notes: Path,
     memory: int,
+    writable: Sequence[Path] | None,
 ) -> None:
     """Call `do` in the child process and send the outcomes."""
     silence()  # discard what an FMU prints
     crash_page.share_file(notes)
+    if writable is not None:
+        confine(writable)
     limit_memory(memory)
     for arguments in items:
         note(_FIRST)
-        send(write_outcome(_call_limited(do, arguments, memory)))
+        channel.send_bytes(write_outcome(_call_limited(do, arguments, memory)))
 
 
 def _call_limited(do: Callable[..., CheckOutcome], arguments: tuple[Any, ...], memory: int) -> CheckOutcome:

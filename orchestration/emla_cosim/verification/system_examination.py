@@ -4,10 +4,10 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from ..sandbox.confinement import list_gaps
 from .catalogue import SYSTEM
 from .check_runner import run_check
 from .checks.systems import WholeSystem
+from .confinement import list_gaps
 from .findings import Examined, Finding
 from .gate import find_objections
 from .settings import Settings

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import fmpy
 
-from ..sandbox.confinement import list_gaps
+from .confinement import list_gaps
 from .findings import Finding
 from .libraries import list_platforms
 from .messages import join_few_names

@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ..base.errors import CommandError, RunError, join_names
+from ..base.interruption import catch_interrupts
 from ..base.progress import Progress
-from ..sandbox.interruption import catch_interrupts
 
 if TYPE_CHECKING:
     from PIL import Image

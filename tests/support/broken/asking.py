@@ -3,9 +3,9 @@
 from collections.abc import Iterable
 from pathlib import Path
 
-from emla_cosim.verification import runner
 from emla_cosim.verification.examiner import ExaminerJob
 from emla_cosim.verification.findings import Examined
+from emla_cosim.verification.runner import examine_all
 from emla_cosim.verification.settings import Settings
 from tests.support.broken.broken import Broken
 
@@ -17,5 +17,5 @@ def examined_all(broken: Iterable[tuple[Broken, Settings]], folder: Path) -> dic
         (folder / one.name).mkdir()
         path = one.build(folder / one.name)
         jobs.append(ExaminerJob(path, settings, one.name, path))
-    found = runner._ExaminerPool(folder, lambda: None).examined(jobs) if jobs else ()
+    found = examine_all(jobs, folder)[0] if jobs else ()
     return {one.name: one for one in found}

@@ -21,6 +21,7 @@ import emla_cosim.recorders.checkpoints
 import emla_cosim.run.execution
 import emla_cosim.run.simulation
 from emla_cosim.base.errors import CommandError
+from emla_cosim.base.interruption import ONE_REQUEST
 from emla_cosim.cli.app import app
 from emla_cosim.master.assembly import Assembly
 from emla_cosim.master.stepping.checkpoint import save_checkpoint
@@ -28,7 +29,6 @@ from emla_cosim.master.stepping.stepping_base import RowSink, Stepping
 from emla_cosim.recorders.csv_file import CsvFile
 from emla_cosim.recorders.recorder import Recorder
 from emla_cosim.run.result import Result
-from emla_cosim.sandbox.interruption import ONE_REQUEST
 from emla_cosim.study.loading import load
 from emla_cosim.system.model import System
 from tests.support.faulty_systems import (

@@ -58,7 +58,7 @@ def test_step_that_never_ends_is_reported(reluctant: Path, isolate: bool, tmp_pa
     arguments = ["run", str(reluctant), "--set", "Reluctant.slow_from=0.5", "--set", "Reluctant.pause=1000"]
     arguments += ["--no-plots", "--output", str(tmp_path / "out"), *(["--isolate"] if isolate else [])]
     soon = (
-        "import emla_cosim.sandbox.guard as g; g._PATIENCE = 2, 4\n"
+        "import emla_cosim.cli.supervisor as s; s._PATIENCE = 4.0, 2.0\n"
         "from emla_cosim.cli.program import main; main()"
     )
     output = tmp_path / "output"

@@ -6,12 +6,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from emla_cosim.base import crash_page
 from emla_cosim.base.files import UNFINISHED, remove_unfinished
 from emla_cosim.base.units import LinearTransformation
 from emla_cosim.recorders import row_buffer
 from emla_cosim.recorders.recorder import Recorder
 from emla_cosim.recorders.row_buffer import RowBuffer, RowFile, read_rows
-from emla_cosim.sandbox import crash_page
 from tests.support.full_disk import files_of_at_most
 
 WIDTH, BLOCK = 2, 4

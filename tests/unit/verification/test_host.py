@@ -1,7 +1,6 @@
 """The host of examined FMUs: runs beside exact solutions, and processes that end."""
 
 import ctypes
-import multiprocessing
 import os
 import signal
 import sys
@@ -17,7 +16,6 @@ from fmpy.model_description import ModelVariable, SimpleType
 from scipy.linalg import expm
 
 from emla_cosim.fmu.elements import ElementVariable
-from emla_cosim.sandbox import child
 from emla_cosim.verification.checks._sameness import compare_runs
 from emla_cosim.verification.examination import examine_fmu
 from emla_cosim.verification.host.experiment import Experiment, make_experiment
@@ -188,7 +186,7 @@ def test_run_can_be_cut() -> None:
 @pytest.mark.slow
 def test_checks_run_in_processes_that_share_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """As on Windows, where processes cannot divide."""
-    monkeypatch.setattr(child, "_CONTEXT", multiprocessing.get_context("spawn"))
+    monkeypatch.delattr(os, "fork", raising=False)
     settings = Settings(only=("run.finite", "run.ranges", "calls.phases"))
     found = examine_fmu(Subject(build_good_fmu(tmp_path), tmp_path / "fmu", settings))
     assert {f.check: f.verdict for f in found.findings} == dict.fromkeys(settings.only, Verdict.PASSED)

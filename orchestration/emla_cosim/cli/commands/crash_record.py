@@ -10,6 +10,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from ...base import crash_page
+from ...base.crash_page import Stage
 from ...base.units import LinearTransformation
 from ...recorders.file_table import FileTable
 from ...recorders.recorder import Outline, Pause, Recorder
@@ -18,9 +20,6 @@ from ...recorders.table import Table
 from ...run.result import Result
 from ...run.scenarios.scenario import Scenario
 from ...run.simulation import Simulation
-from ...sandbox import crash_page
-from ...sandbox.crash_page import Stage
-from ...views.output_folder import OutputFolder
 from ...views.terminal import Verbosity, get_verbosity
 
 
@@ -53,20 +52,26 @@ class StartedRun:
 
 @dataclass(frozen=True)
 class CrashPlan:
-    """Scenario and output folder of a run, and the run itself when its first step begins."""
+    """Scenario and output folder of a run, and the run itself when its first step begins.
+
+    Attributes:
+        name: Name of the scenario.
+        components: Names of its components.
+        folder: The output folder.
+        output: Other arguments of `OutputFolder`.
+        notes: Remarks on the scenario.
+        process: Id of the process of the run.
+        verbosity: What the command shows.
+        begun: The run.
+    """
 
     name: str
     components: Sequence[str]
     folder: Path
-    form: str
-    plots: bool
-    plot_format: str
-    animate: bool
-    report: bool
+    output: Mapping[str, Any]
     notes: Sequence[str]
-    overwrite: bool
     process: int
-    wanted: Verbosity
+    verbosity: Verbosity
     begun: StartedRun | None = None
 
 
@@ -82,27 +87,16 @@ class CrashRecorder(Recorder):
     It does nothing without a supervising process.
     """
 
-    def __init__(self, scenario: Scenario, output: OutputFolder) -> None:
-        """Write that a run of the scenario begins, with its output folder."""
+    def __init__(self, scenario: Scenario, folder: Path, output: Mapping[str, Any]) -> None:
+        """Write that a run of the scenario begins, with the arguments of its `OutputFolder`."""
         names = [c.name for c in scenario.system.components]
         self._plan = CrashPlan(
-            scenario.name,
-            names,
-            output.path,
-            output.form,
-            scenario.options.plots,
-            output.plot_format,
-            scenario.options.animate,
-            scenario.options.report,
-            scenario.notes,
-            output.overwrite,
-            os.getpid(),
-            get_verbosity(),
+            scenario.name, names, folder, output, scenario.notes, os.getpid(), get_verbosity()
         )
-        self._folder = output.path.resolve()  # an FMU may change the working folder
+        self._folder = folder.resolve()  # an FMU may change the working folder
         self._rows: RowFile | None = None
         self._why_no_file = ""
-        self._is_planned = not crash_page.is_shared()
+        self._is_needed = crash_page.is_shared()
         self._write_plan()
 
     def __str__(self) -> str:
@@ -114,15 +108,12 @@ class CrashRecorder(Recorder):
 
     def map_rows(self, size: int) -> Any:
         """Return the memory of a file in the output folder; None if there cannot be one."""
-        if not crash_page.is_shared():
-            return None
-        self.close()
-        try:
-            self._rows = RowFile(self._folder, size)
-        except OSError as error:
-            self._why_no_file = error.strerror or str(error)
-            return None
-        return self._rows.memory
+        if self._is_needed:
+            try:
+                self._rows = RowFile(self._folder, size)
+            except OSError as error:
+                self._why_no_file = error.strerror or str(error)
+        return None if self._rows is None else self._rows.memory
 
     def begin(self, outline: Outline, memory: Any = None) -> None:
         """Keep the outline of the run."""
@@ -130,27 +121,23 @@ class CrashRecorder(Recorder):
 
     def pause(self, run: Pause) -> None:
         """Write the plan before the first step."""
-        if self._is_planned:
+        if not self._is_needed or self._plan.begun is not None:
             return
-        self._is_planned = True
         if isinstance(self._table, FileTable):  # a registered format can only be written by its own process
-            self._plan = replace(self._plan, begun=self._describe_start(run, self._table))
+            begun = StartedRun(
+                replace(self._simulation.so_far(), table=None),
+                self._outline,
+                run.shown,
+                None if self._rows is None else self._rows.path,
+                self._why_no_file,
+                crash_page.current_activity().rows,
+                run.memory()[Table.key]["rows"],
+                self._table.count_stored(),
+                time.monotonic(),
+            )
+            self._plan = replace(self._plan, begun=begun)
             self._write_plan()
         crash_page.current_activity().stage = Stage.STEPPING
-
-    def _describe_start(self, run: Pause, table: FileTable) -> StartedRun:
-        received = run.memory()[Table.key]["rows"]
-        return StartedRun(
-            replace(self._simulation.so_far(), table=None),
-            self._outline,
-            run.shown,
-            None if self._rows is None else self._rows.path,
-            self._why_no_file,
-            crash_page.current_activity().rows,
-            received,
-            table.count_stored(),
-            time.monotonic(),
-        )
 
     def end(self) -> None:
         """Note that all rows are recorded, and remove their file."""
@@ -169,10 +156,9 @@ class CrashRecorder(Recorder):
             self._rows = None
 
     def _write_plan(self) -> None:
-        """Write the plan, and its place on the crash page. May raise OSError."""
-        if not crash_page.is_shared():
-            return
-        descriptor, name = tempfile.mkstemp(prefix="emla-plan-")
-        with os.fdopen(descriptor, "wb") as stream:
-            pickle.dump(self._plan, stream)
-        crash_page.write_note(name)
+        """Write the plan, and its path on the crash page. May raise OSError."""
+        if self._is_needed:
+            descriptor, name = tempfile.mkstemp(prefix="emla-plan-")
+            with os.fdopen(descriptor, "wb") as stream:
+                pickle.dump(self._plan, stream)
+            crash_page.write_note(name)

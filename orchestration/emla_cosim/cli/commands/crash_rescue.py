@@ -4,15 +4,16 @@ The parent process completes the results as for an FMU that returns an error: al
 and an error message with the component, call and time. Metrics are computed from the rows in the table.
 """
 
-import contextlib
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from ...base import crash_page
 from ...base.arrays import Vector
+from ...base.crash_page import Stage
 from ...base.errors import CosimError, join_names
-from ...base.progress import Progress
+from ...base.interruption import POLITE
 from ...master.instances.call_codes import decode_call
 from ...recorders.file_table import FileTable
 from ...recorders.metrics import MetricsRecorder
@@ -21,9 +22,6 @@ from ...recorders.row_buffer import read_rows, show_rows
 from ...run.remarks import describe_lost_values
 from ...run.result import Result
 from ...run.run_record import COMPLETED
-from ...sandbox import crash_page
-from ...sandbox.crash_page import Stage
-from ...sandbox.interruption import POLITE
 from ...views.output_folder import OutputFolder
 from ...views.progress_bars import BarProgress
 from ...views.terminal import show_error, show_interrupted, show_result, show_warning, use_verbosity
@@ -39,51 +37,51 @@ def rescue_results(how: str, ended: float) -> None:
     """
     try:
         plan = read_plan()
-        busy = [decode_call(activity) for activity in crash_page.list_busy_activities()]
-        names = [] if plan is None else plan.components
-        cause = _cause(how, [(names[i], call) for i, call in busy if i is not None and plan is not None])
+        cause = _cause(how, _list_calls(plan))
     except Exception:  # an FMU overwrote memory
         show_error(f"the process of the run ended ({how}), and the data it left are not readable.")
         return
     if plan is None:
         if how in {number.name for number in POLITE}:  # it ended before its own handler was set
             show_interrupted()
-            return
-        show_error(f"the process of the run ended ({how}) before it began.")
+        else:
+            show_error(f"the process of the run ended ({how}) before it began.")
         return
     try:
-        output = OutputFolder(
-            plan.folder,
-            plan.form,
-            plots=plan.plots,
-            plot_format=plan.plot_format,
-            animated=plan.animate,
-            report=plan.report,
-            overwrite=plan.overwrite,
-        )
+        output = OutputFolder(plan.folder, **plan.output)
         rows = None if plan.begun is None else _read_rows(plan.begun)  # `alone` removes their file
-        with output.alone(heir_of=plan.process), use_verbosity(plan.wanted):
+        with output.alone(heir_of=plan.process), use_verbosity(plan.verbosity):
             problem = _save_results(plan, output, cause, ended, rows)
         show_error(f"{problem} The results so far are in {output.path}.")
     except (CosimError, OSError) as error:
         show_error(f"{cause}; {error}")
 
 
-def report_late_call(seconds: int, asked: bool) -> None:
+def report_late_call(seconds: int, is_requested: bool) -> None:
     """Show which component does not return from a call.
 
     Args:
         seconds: Time since the call began.
-        asked: Whether the run was asked to end.
+        is_requested: Whether the run was asked to end.
     """
     plan = read_plan()
-    busy = [decode_call(activity) for activity in crash_page.list_busy_activities()]
-    calls = [f"{plan.components[i]} in {call}" for i, call in busy if i is not None] if plan else []
-    if plan is None or not calls or (plan.wanted.quiet and not asked):
+    calls = _list_calls(plan)
+    if plan is None or not calls or (plan.verbosity.quiet and not is_requested):
         return
-    what = f"no answer from {join_names(calls)} for {seconds} s."
-    ends = "Press Ctrl-C again to end the run now" if asked else "The run waits. Press Ctrl-C twice to end it"
-    show_warning(f"{what} {ends}; the results so far are kept.")
+    ends = "Press Ctrl-C again to end the run now"
+    if not is_requested:
+        ends = "The run waits. Press Ctrl-C twice to end it"
+    show_warning(f"no answer from {_join(calls)} for {seconds} s. {ends}; the results so far are kept.")
+
+
+def _list_calls(plan: CrashPlan | None) -> list[tuple[str, str]]:
+    """Return the components that are called, each with its call."""
+    calls = [decode_call(activity) for activity in crash_page.list_busy_activities()]
+    return [(plan.components[i], call) for i, call in calls if plan is not None and i is not None]
+
+
+def _join(calls: Sequence[tuple[str, str]]) -> str:
+    return join_names([f"{component} in {call}" for component, call in calls])
 
 
 def _cause(how: str, calls: Sequence[tuple[str, str]]) -> str:
@@ -91,14 +89,11 @@ def _cause(how: str, calls: Sequence[tuple[str, str]]) -> str:
 
     With several threads the component that ended it is not known.
     """
-    where = [f"{component} in {call}" for component, call in calls]
     if how == "SIGKILL":  # no process sends it to itself
-        return (
-            "the process was killed, "
-            f"{f'with {join_names(where)}' if where else 'perhaps because memory ran out'}"
-        )
+        where = f"with {_join(calls)}" if calls else "perhaps because memory ran out"
+        return f"the process was killed, {where}"
     if len(calls) > 1:
-        return f"one of {join_names(where)} ended the process ({how})"
+        return f"one of {_join(calls)} ended the process ({how})"
     for component, call in calls:
         return f"{component} ended the process in {call} ({how})"
     return f"the process ended ({how})"
@@ -128,9 +123,9 @@ def _save_results(
         output.change_record(scenario=plan.name, status=problem)
         return problem
     result = _finish_result(plan.begun, output, cause, ended, newest)
-    drawing = plan.plots or plan.animate or plan.report
-    with BarProgress() if drawing else contextlib.nullcontext(Progress()) as progress:
-        result, pictures = output.keep(result, plan.plots, progress, plan.animate, plan.report, plan.notes)
+    plots, animated, report = (plan.output[name] for name in ("plots", "animated", "report"))
+    with BarProgress() as progress:
+        result, pictures = output.keep(result, plots, progress, animated, report, plan.notes)
     show_result(result, plan.notes, output, pictures)
     return str(result.problem)
 

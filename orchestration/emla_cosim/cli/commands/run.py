@@ -8,6 +8,7 @@ from typing import Any
 
 from ...base.errors import CosimError
 from ...base.files import check_output_files
+from ...base.interruption import catch_interrupts
 from ...base.option import RUN
 from ...master.stepping.checkpoint import check_checkpoint
 from ...recorders.recorder import ProgressRecorder
@@ -15,7 +16,6 @@ from ...run.options import Options
 from ...run.result import Result
 from ...run.run_setup import plan_run
 from ...run.scenarios.scenario import Scenario
-from ...sandbox.interruption import catch_interrupts
 from ...study.actuator.actuator import Actuator
 from ...study.loading import load
 from ...views.animation import check_animated
@@ -65,19 +65,19 @@ def run_into(
     plan_run(options, chosen.name)
     told = _show_actuators(chosen)
     with BarProgress() as progress:
-        output = OutputFolder(
-            folder,
-            options.output_format,
-            plots=options.plots,
-            plot_format=options.plot_format,
-            animated=options.animate,
-            report=options.report,
-            overwrite=options.overwrite,
-        )
+        described = {
+            "form": options.output_format,
+            "plots": options.plots,
+            "plot_format": options.plot_format,
+            "animated": options.animate,
+            "report": options.report,
+            "overwrite": options.overwrite,
+        }
+        output = OutputFolder(folder, **described)
         _check_places(file, options, output)
         with (
             output.alone(),
-            contextlib.closing(CrashRecorder(chosen, output)) as remembered,
+            contextlib.closing(CrashRecorder(chosen, folder, described)) as remembered,
             chosen.prepare(progress) as simulation,
         ):
             if options.animate:

@@ -11,13 +11,13 @@ from rich.table import Column, Table
 
 from ...base.errors import CommandError, CosimError, check_choice
 from ...base.files import check_output_files
+from ...base.interruption import catch_interrupts
 from ...base.option import OUTPUT, VERIFY, argument, option, switch
 from ...base.ownership import IsOurs, check_replaceable
 from ...base.progress import Progress
 from ...base.wording import format_count
 from ...fmu.models import FLAVOURS, MODELS, build, documents_root
 from ...recorders.tubes.tolerance import Tolerance, read_tolerances
-from ...sandbox.interruption import catch_interrupts
 from ...verification.catalogue import CHECKS
 from ...verification.findings import Examined
 from ...verification.marks import is_json, is_junit, is_page

@@ -1,7 +1,7 @@
 """Number the calls of instances, so that `crash_page` can record the present one."""
 
+from ...base.crash_page import Activity
 from ...fmu.fmi_3_calls import NUMBER_TYPES
-from ...sandbox.crash_page import Activity
 
 CALLS = (
     "",

@@ -14,6 +14,7 @@ from fmpy.fmi3 import fmi3Binary
 from fmpy.model_description import ModelVariable
 from numpy.typing import NDArray
 
+from ...base import crash_page
 from ...base.arrays import Vector
 from ...base.errors import CommandError, RunError
 from ...fmu.elements import BINARY, ElementVariable, place_in_array
@@ -30,7 +31,6 @@ from ...fmu.python_exceptions import (
 )
 from ...fmu.variables import TypedValue
 from ...fmu.version_3 import rename, short_functions
-from ...sandbox import crash_page
 from ...stepper.layout import OUT_OF_RANGE
 from .call_codes import CALLS, code_of
 from .described_instance import DescribedInstance

@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 from fmpy.model_description import ModelVariable
 
+from ...base import crash_page
 from ...base.arrays import Vector
+from ...base.crash_page import CrashPageFile
 from ...base.errors import CommandError, RunError
+from ...base.process import Child, ChildEndedError
 from ...fmu.file import FmuFile
 from ...fmu.interface import MODEL_EXCHANGE
 from ...fmu.variables import TypedValue
-from ...sandbox import crash_page
-from ...sandbox.crash_page import CrashPageFile
-from ...sandbox.server import Server, ServerEndedError
 from .call_codes import code_of, decode_call
 from .described_instance import DescribedInstance
 from .fmu_instance import InstanceError
@@ -69,7 +69,7 @@ class IsolatedInstance(DescribedInstance):
         try:
             with contextlib.ExitStack() as resources:
                 self._calls = resources.enter_context(contextlib.closing(CrashPageFile()))
-                self._server = Server(f"{__package__}.isolated_process", str(self._calls.path))
+                self._process = Child(f"{__package__}.isolated_process:serve", self._calls.path)
                 resources.pop_all()
         except OSError as error:
             raise CommandError(f"the process of {name} cannot start: {error.strerror}.") from error
@@ -209,7 +209,7 @@ class IsolatedInstance(DescribedInstance):
             return
         with contextlib.suppress(Exception):
             self._ask("close", timeout=_TIMEOUT)
-        self._server.close(_TIMEOUT)
+        self._process.close(_TIMEOUT)
         self._calls.close()
 
     def _ask(self, call: str, *arguments: Any, timeout: float | None = None) -> Any:
@@ -232,8 +232,8 @@ class IsolatedInstance(DescribedInstance):
         if self._end is not None:
             raise self._end
         try:
-            self._server.send(request)
-        except ServerEndedError as error:
+            self._process.send(request)
+        except ChildEndedError as error:
             raise self._ended_error(str(error)) from error
 
     def _receive(self, timeout: float | None = None, call: str = "") -> Any:
@@ -241,10 +241,14 @@ class IsolatedInstance(DescribedInstance):
         if call:
             self._present.code = code_of(self._number, call)
         try:
-            answer = self._server.receive(timeout)
-        except ServerEndedError as error:
+            answer = self._process.receive(timeout)
+        except ChildEndedError as error:
             raise self._ended_error(str(error)) from error
-        except BaseException:
+        except KeyboardInterrupt as error:  # a second Ctrl-C ends a call that never returns
+            self._process.kill()
+            raise self._ended_error("interrupted") from error
+        except BaseException:  # a late answer must not be taken for that of the next request
+            self._process.kill()
             self._ended_error("left")
             raise
         finally:

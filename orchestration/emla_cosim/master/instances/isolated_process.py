@@ -1,17 +1,14 @@
 """The process of one isolated FMU. It answers requests until its parent ends."""
 
-import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ...base import crash_page
+from ...base.channel import Channel
 from ...base.errors import CosimError, RunError
-from ...fmu.file import FmuFile
 from ...fmu.log import FmuLog
-from ...sandbox import crash_page
-from ...sandbox.server import serve
 from .in_process_instance import InProcessInstance
 from .instance_kinds import make_instance, make_stepped
 from .integrator_settings import IntegratorSettings
@@ -126,28 +123,20 @@ class IsolatedProcess:
         self._stepped.forget(self._states.pop(number))
 
 
-def main() -> None:
-    """Serve the parent process through standard input and output."""
+def serve(channel: Channel, page: Path) -> None:
+    """Answer the requests of an `IsolatedInstance`, and share the crash page with its process."""
+    crash_page.share_file(page)
     worker: IsolatedProcess | None = None
-
-    def answer(request: Request, tell: Callable[[Any], None]) -> Any:
-        nonlocal worker
+    for request in channel.requests():
         try:
             if worker is not None:
-                return worker.do(request)
-            worker = _start_instance(*request.arguments)
+                answer = worker.do(request)
+            else:
+                answer: Any = None
+                name, file, inputs, outputs = request.arguments
+                worker = IsolatedProcess(make_instance(name, file, inputs, outputs, FmuLog()))
         except CosimError as error:
-            return error
+            answer = error
         except Exception as error:
-            return RunError(f"the process of an isolated FMU failed: {error!r}.")
-
-    crash_page.share_file(Path(sys.argv[1]))
-    serve(answer)
-
-
-def _start_instance(name: str, file: FmuFile, inputs: list[str], outputs: list[str]) -> IsolatedProcess:
-    return IsolatedProcess(make_instance(name, file, inputs, outputs, FmuLog()))
-
-
-if __name__ == "__main__":
-    main()
+            answer = RunError(f"the process of an isolated FMU failed: {error!r}.")
+        channel.send(answer)

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...base.arrays import Vector
+from ...base.crash_page import THREADS
 from ...base.errors import CommandError
-from ...sandbox.crash_page import THREADS
 from ..algorithms.algorithm import Algorithm
 from ..instances.fmu_instance import DiscardedStepError
 from .lanes import LaneChoice

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from ...base import crash_page
 from ...base.errors import RunError
-from ...sandbox import crash_page
 from ...stepper.layout import LANE, TASK, WAIT, Stepper
 from ...stepper.library import StepperLibrary
 from ..algorithms.tasks import StepTask

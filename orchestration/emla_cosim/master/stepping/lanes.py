@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...base.crash_page import THREADS
 from ...base.errors import RunError
-from ...sandbox.crash_page import THREADS
-from ...sandbox.processes import count_cores
+from ...base.process import count_cores
 from ..algorithms.algorithm import Algorithm
 from .schedule import ThreadSchedule, schedule_tasks
 

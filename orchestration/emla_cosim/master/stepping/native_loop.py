@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from ...base import crash_page
 from ...base.arrays import Vector
 from ...base.errors import RunError
-from ...sandbox import crash_page
 from ...stepper.layout import DIVISION, Control, Failure, Halves, Stepper
 from ...stepper.layout import Call as StepperCall
 from ...stepper.library import StepperLibrary, address_of_clock

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...base import crash_page
 from ...fmu.tables import SPANS
-from ...sandbox import crash_page
 from ...stepper.layout import (
     CALL,
     COMBINATION,

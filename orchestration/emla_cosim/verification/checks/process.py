@@ -10,7 +10,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from ...sandbox.shield import adopt_orphans, end_children
 from ..check import check
 from ..host.experiment import make_experiment
 from ..host.fresh_process import EndedError, in_fresh_process, is_single_instance
@@ -18,8 +17,10 @@ from ..host.hosted_instance import CallError, HostedInstance
 from ..host.instance_runs import run_instance
 from ..host.log import format_message
 from ..host.process_state import (
+    adopt_orphans,
     can_list_resources,
     count_resources,
+    end_children,
     read_settings,
     settle,
 )

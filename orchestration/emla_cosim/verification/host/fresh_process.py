@@ -1,16 +1,13 @@
 """Run a part of a check in a process that has not loaded the FMU yet."""
 
-import math
-import time
 from collections.abc import Callable
+from contextlib import closing
 from typing import Any
 
-from ...sandbox.child import Child
+from ...base.channel import Channel
+from ...base.process import Child, ChildEndedError, describe_exit
 from ..subject import Subject
 from ..subprocess_run import last_note
-
-_POLL = 0.05
-"""Seconds between two looks whether the process runs."""
 
 
 class EndedError(Exception):
@@ -24,35 +21,28 @@ class EndedError(Exception):
         return f"It ended the process in {self.call} ({self.how})."
 
 
-def in_fresh_process(do: Callable[..., Any], *arguments: Any, patience: float | None = None) -> Any:
+def in_fresh_process(do: Callable[..., Any], *arguments: Any, timeout: float | None = None) -> Any:
     """Call `do` in a new process that belongs to the same check. Return its result or raise its exception.
 
     Args:
         do: The function.
         *arguments: Its arguments.
-        patience: Seconds after which the process is ended. Default: wait until the check is ended.
+        timeout: Seconds after which the process is ended. Default: wait until the check is ended.
 
     Raises:
         EndedError: The process ended during the call.
     """
-    child = Child(_answer, do, arguments)
-    try:
-        until = math.inf if patience is None else time.monotonic() + patience
-        while not child.answers.poll(_POLL):  # a process that the FMU started may keep the pipe open
-            if time.monotonic() > until:
-                child.kill()
-            if not child.is_alive() and not child.answers.poll(0):
-                raise EOFError
-        done, found = child.answers.recv()
-    except (EOFError, OSError):
-        how = child.wait()
-        raise EndedError(last_note(), how) from None
-    finally:
-        child.answers.close()
-    child.wait()
-    if not done:
-        raise found
-    return found
+    with closing(Child(_answer, do, arguments, fork=True)) as child:
+        try:
+            is_done, answer = child.receive(timeout)
+        except TimeoutError:
+            child.kill()
+            raise EndedError(last_note(), describe_exit(child.wait())) from None
+        except ChildEndedError as error:
+            raise EndedError(last_note(), str(error)) from None
+    if not is_done:
+        raise answer
+    return answer
 
 
 def in_separate_process(do: Callable[..., Any], subject: Subject, *arguments: Any) -> Any:
@@ -67,9 +57,9 @@ def is_single_instance(subject: Subject) -> bool:
     return subject.has_capability("canBeInstantiatedOnlyOncePerProcess")
 
 
-def _answer(send: Callable[[Any], None], do: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
+def _answer(channel: Channel, do: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
     try:
         answer: Any = (True, do(*arguments))
     except Exception as error:
         answer = (False, error)
-    send(answer)
+    channel.send(answer)

@@ -126,7 +126,7 @@ def where_accepted(do: Callable[[Subject, Values], Any], subject: Subject, chang
         found = []
         for part in parts:
             try:
-                found.append(in_fresh_process(do, subject, part, patience=patience))
+                found.append(in_fresh_process(do, subject, part, timeout=patience))
             except (CallError, EndedError):
                 continue
         if found:

@@ -11,14 +11,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from ...sandbox.shield import list_children
+import psutil
 
 _PROC = Path("/proc/self")
 _SETTLE = 1.0
 """Longest time in s for threads and children to end after their instance is freed."""
 
 _MASKS = {"SigBlk": "blocked signals", "SigIgn": "ignored signals", "SigCgt": "handled signals"}
-_LC_ALL = 6
+_LC_ALL, _SET_CHILD_SUBREAPER = 6, 36
 
 
 def can_list_resources() -> bool:
@@ -31,9 +31,22 @@ def count_resources() -> dict[str, int]:
     return {
         "open files": sum(1 for _ in (_PROC / "fd").iterdir()),
         "threads": sum(1 for _ in (_PROC / "task").iterdir()),
-        "processes": len(list_children()),
+        "processes": len(psutil.Process().children()),
         "temporary files": sum(1 for _ in Path(tempfile.gettempdir()).iterdir()),
     }
+
+
+def adopt_orphans() -> None:
+    """Become the parent of processes that an FMU leaves behind, if the system supports it."""
+    with contextlib.suppress(AttributeError, OSError):
+        ctypes.CDLL(None).prctl(_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
+
+
+def end_children() -> None:
+    """End all processes that this one and an FMU started."""
+    for child in psutil.Process().children(recursive=True):
+        with contextlib.suppress(psutil.Error):
+            child.kill()
 
 
 def settle(wanted: Callable[[], bool]) -> None:

@@ -14,7 +14,7 @@ from ...base.arrays import Vector
 from ...base.errors import CommandError
 from ...base.files import resolve_output_path, write_atomically
 from ...base.ownership import refuse_others
-from ...sandbox.confinement import confine
+from ..confinement import confine
 from ..host.experiment import span
 from ..host.fresh_process import in_fresh_process
 from ..host.instance_runs import OutputTrajectory, outputs

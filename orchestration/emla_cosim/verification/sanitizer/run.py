@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from ...base.process import describe_exit
 from ...fmu.instance import ERROR, FATAL, STATUS
-from ...sandbox.processes import describe_exit
 from ..compute_once import compute_once
 from ..messages import join_few_names, shorten_sentence
 from ..subject import Subject

@@ -7,7 +7,7 @@ import ctypes
 import os
 import platform
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -69,10 +69,21 @@ def can_confine() -> bool:
     return _version() >= _TRUNCATE_SINCE
 
 
+@cache
+def confine_signals() -> None:
+    """Keep this process from sending signals to others but those that it starts, if the system can.
+
+    An FMU in a copy of this process can still send some to this process: that is noticed.
+    """
+    if _version() >= _SIGNALS_SINCE:
+        _restrict(_Ruleset(0, 0, _SCOPE_SIGNALS), {})
+
+
 def confine(writable: Iterable[Path]) -> bool:
     """Confine this thread, and the threads and processes that it starts from now on, for ever.
 
-    Reading is not restricted. A second call restricts further.
+    Reading is not restricted. A second call restricts further. Signals reach only this process and those
+    that it starts, or what `confine_signals` allows.
 
     Args:
         writable: Folders and files that may be changed. Those that do not exist are left out.
@@ -85,18 +96,24 @@ def confine(writable: Iterable[Path]) -> bool:
         return False
     of_files = _WRITE_FILE | (_TRUNCATE if version >= _TRUNCATE_SINCE else 0)
     every = of_files | _CHANGE_FOLDER | (_REFER if version >= _REFER_SINCE else 0)
-    rules = _Ruleset(every, 0, _SCOPE_SIGNALS if version >= _SIGNALS_SINCE else 0)
-    size = ctypes.sizeof(rules) if version >= _SIGNALS_SINCE else ctypes.sizeof(ctypes.c_uint64)
+    rules = _Ruleset(every, 0, 0 if confine_signals.cache_info().currsize else _SCOPE_SIGNALS)
+    allowed = {path: every if path.is_dir() else of_files for path in (*writable, *DEVICES)}
+    _restrict(rules, allowed)
+    return True
+
+
+def _restrict(rules: _Ruleset, allowed: Mapping[Path, int]) -> None:
+    """Restrict this thread to what rules leave, and what is allowed on and beneath paths that exist."""
+    size = ctypes.sizeof(rules) if _version() >= _SIGNALS_SINCE else ctypes.sizeof(ctypes.c_uint64)
     ruleset = _call(_CREATE_RULESET, ctypes.byref(rules), ctypes.c_size_t(size), ctypes.c_uint32(0))
     try:
-        for path in (*writable, *DEVICES):
+        for path, access in allowed.items():
             with suppress(FileNotFoundError):
-                _allow(ruleset, path, every if path.is_dir() else of_files)
+                _allow(ruleset, path, access)
         ctypes.CDLL(None).prctl(_NO_NEW_PRIVILEGES, 1, 0, 0, 0)
         _call(_RESTRICT_SELF, ctypes.c_int(ruleset), ctypes.c_uint32(0))
     finally:
         os.close(ruleset)
-    return True
 
 
 def _allow(ruleset: int, path: Path, access: int) -> None:

@@ -90,15 +90,11 @@ def list_busy_activities() -> list[Activity]:
     return [activity for activity in _Page.activities if activity.code]
 
 
-def use_shared_memory(memory: Any) -> None:
-    """Use this memory, all zeros, from now on; objects from `current_activity` still use the previous one."""
-    _Page.memory, _Page.activities, _Page.is_shared = memory, _map_activities(memory), True
-
-
 def share_file(path: Path) -> None:
-    """Use the memory of a `CrashPageFile` from now on."""
+    """Use a `CrashPageFile` from now on; objects from `current_activity` still use the previous page."""
     with path.open("r+b") as stream:
-        use_shared_memory(mmap(stream.fileno(), 0))
+        _Page.memory = mmap(stream.fileno(), 0)
+    _Page.activities, _Page.is_shared = _map_activities(_Page.memory), True
 
 
 def is_shared() -> bool:
@@ -128,7 +124,7 @@ class CrashPageFile:
     """A file that another process uses as its page, see `share_file`, and this process reads."""
 
     def __init__(self) -> None:
-        descriptor, name = tempfile.mkstemp(prefix="emla-call-")
+        descriptor, name = tempfile.mkstemp(prefix=".emla-call-")
         self.path = Path(name)
         with os.fdopen(descriptor, "wb") as stream:
             stream.write(bytes(SIZE))
