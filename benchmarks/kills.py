@@ -107,7 +107,7 @@ class Place:
             for place in (self.folder, self.folder / "out", self.folder / "out/parts", self.folder / "built")
             if place.is_dir()
             for p in place.iterdir()
-            if p.name.startswith(".") and p.name != ".emla.json"
+            if p.name.startswith(".")
         ]
 
     def temporary(self) -> list[str]:

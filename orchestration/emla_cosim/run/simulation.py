@@ -27,7 +27,7 @@ from ..master.assembly import Assembly
 from ..master.coupling.estimate import ALLOWANCE, SHARE, CouplingError
 from ..master.coupling.sampling import Sampling, find_sampling
 from ..master.instances.integrator_settings import IntegratorSettings
-from ..master.stepping.checkpoint import checkpoint_place
+from ..master.stepping.checkpoint import prepare_checkpoint
 from ..master.stepping.fixed_steps import FixedSteps
 from ..master.stepping.pacing import Pacing
 from ..master.stepping.profiler import Profiler
@@ -383,10 +383,10 @@ class Simulation:
                 if chosen.resume is not None:
                     resumed = find_resumable_checkpoint(chosen.resume, identity, times, self._here)
                 if chosen.checkpoint is not None:
-                    place = checkpoint_place(
+                    file = prepare_checkpoint(
                         chosen.checkpoint, assembly.network, self._here, chosen.overwrite
                     )
-                    taking.append(Checkpoints(chosen.checkpoint, identity, place, chosen.overwrite))
+                    taking.append(Checkpoints(file, identity))
             if stored is not None:
                 _check_comparable(stored, recorded, taking)
             parameters = assembly.parameters()
