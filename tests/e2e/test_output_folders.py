@@ -147,31 +147,6 @@ def test_every_option_that_names_an_output_is_in_the_table() -> None:
 # ---- files of the user -------------------------------------------------------------------------
 
 
-def a_file(place: Path, outside: Path) -> None:
-    place.write_text(MINE)
-
-
-def a_link(place: Path, outside: Path) -> None:
-    place.symlink_to(outside)
-
-
-def a_broken_link(place: Path, outside: Path) -> None:
-    place.symlink_to(outside.with_name("gone"))
-
-
-def a_pipe(place: Path, outside: Path) -> None:
-    os.mkfifo(place)
-
-
-def a_folder(place: Path, outside: Path) -> None:
-    place.mkdir()
-    (place / "thesis.txt").write_text(MINE)
-
-
-Make = Callable[[Path, Path], None]
-KINDS: list[Make] = [a_file, a_link, a_broken_link, a_pipe, a_folder]
-
-
 def state(folder: Path) -> dict[Path, tuple[int, bytes]]:
     """What everything in a folder is, and its content."""
     states = {}
@@ -204,47 +179,22 @@ def prepare(attempt: Attempt, emla: Emla, folder: Path, toy_file: bytes) -> Path
     return folder / f"place{attempt.suffix}"
 
 
-CASES = [(name, file) for name, attempt in ATTEMPTS.items() for file in (attempt.files or [""])]
-FEW_CASES = [
-    *(("run output", file) for file in ("results.csv", "run.json")),
-    *(("run checkpoint", ""), ("build output", "Reference/Reference.fmu"), ("verify json", "")),
-    *(("export file", ""), ("sweep output", "sweep.json"), ("trajectory output", "")),
-]
+FEW = ["run output", "run checkpoint", "build output", "verify json", "export file", "sweep output"]
 
 
-@pytest.mark.parametrize(("name", "file"), mostly_slow(CASES, FEW_CASES))
+@pytest.mark.parametrize("name", mostly_slow(ATTEMPTS, FEW))
 def test_user_file_is_neither_replaced_nor_removed(
-    name: str, file: str, emla: Emla, tmp_path: Path, toy_file: bytes
+    name: str, emla: Emla, tmp_path: Path, toy_file: bytes
 ) -> None:
     attempt = ATTEMPTS[name]
     place = prepare(attempt, emla, tmp_path, toy_file)
-    target = place / file if file else place
+    target = place / attempt.files[0] if attempt.files else place
     target.parent.mkdir(parents=True, exist_ok=True)
     target.write_text(MINE)
     before = state(tmp_path)
     message = sentence(emla(*attempt.named(place)), 2)
     assert "--overwrite" in message and len(message) < 600
     assert_unchanged(tmp_path, before)
-
-
-@pytest.mark.parametrize(
-    ("name", "file"), [("run output", "metrics.json"), ("run checkpoint", ""), ("export file", "")]
-)
-def test_links_pipes_and_folders_are_never_replaced(
-    name: str, file: str, emla: Emla, tmp_path: Path, toy_file: bytes
-) -> None:
-    attempt = ATTEMPTS[name]
-    for make in KINDS[1:]:
-        folder = tmp_path / make.__name__
-        place = folder / f"place{attempt.suffix}"
-        target = place / file if file else place
-        target.parent.mkdir(parents=True)
-        (folder / "outside").write_text(MINE)
-        make(target, folder / "outside")
-        before = state(folder)
-        for more in ((), ("--overwrite",)):
-            sentence(emla(*attempt.named(place), *more), 2)
-            assert_unchanged(folder, before)
 
 
 REPLACED = [n for n, a in ATTEMPTS.items() if a.option != "--fmus"]
@@ -318,17 +268,6 @@ def test_folder_without_a_record_is_refused(emla: Emla, tmp_path: Path) -> None:
     assert emla(*QUICK, "--overwrite").exit_code == 0
     assert emla(*LINEARIZE, "--output", "out").exit_code == 0, "other results of emla"
     assert {"run.json", "linearize.json"} < names(tmp_path / "out")
-
-
-@pytest.mark.parametrize("name", [".running", ".running.json"])
-@pytest.mark.parametrize("make", KINDS)
-def test_hidden_files_of_the_user_are_refused(name: str, make: Make, emla: Emla, tmp_path: Path) -> None:
-    (tmp_path / "out").mkdir()
-    (tmp_path / "outside").write_text(MINE)
-    make(tmp_path / "out" / name, tmp_path / "outside")
-    before = state(tmp_path)
-    assert name in sentence(emla(*QUICK), 2)
-    assert state(tmp_path) == before
 
 
 def test_result_of_python_replaces_its_own_files_only(fmu_folder: Path, tmp_path: Path) -> None:
@@ -582,15 +521,6 @@ def test_one_name_has_one_use(emla: Emla, tmp_path: Path, faulty_fmu: Path) -> N
         assert words in sentence(emla(*command), 2)
         shutil.rmtree(tmp_path / "out", ignore_errors=True)
     assert_unchanged(tmp_path, before)
-
-
-@pytest.mark.parametrize("suffix", [".ssp", ".c"])
-def test_names_of_the_greatest_length(suffix: str, emla: Emla, tmp_path: Path) -> None:
-    name = "n" * (255 - len(suffix)) + suffix
-    command = ("export", "lift", name) if suffix == ".ssp" else (*QUICK, "--checkpoint", name)
-    for _ in range(2):
-        assert emla(*command).exit_code == 0
-    assert not [p.name for p in tmp_path.iterdir() if p.name.startswith(UNFINISHED)]
 
 
 def test_links_to_folders_are_followed_and_links_to_files_are_not(emla: Emla, tmp_path: Path) -> None:

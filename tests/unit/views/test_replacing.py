@@ -209,6 +209,16 @@ def test_names_of_folders(name: str, place: Path) -> None:
     assert [p.name for p in place.rglob("*")] == [name, "run.json"]
 
 
+@pytest.mark.parametrize("name", [".running", ".running.json"])
+@pytest.mark.parametrize("what", [*NEVER, "file of the user"])
+def test_lock_replaces_no_file(what: str, name: str, place: Path) -> None:
+    (NEVER | FILES)[what](place / name)
+    before = states(place.parent)
+    with pytest.raises(CommandError, match=name), RunFolder(place, overwrite=True).alone():
+        pass
+    assert states(place.parent) == before
+
+
 def test_files_that_appear_later_stay(place: Path) -> None:
     folder, file = RunFolder(place), OutputFile(place / "single", "the file", lambda _: False)
     for name in ("run.json", "single"):
