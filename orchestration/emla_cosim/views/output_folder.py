@@ -101,18 +101,17 @@ class OutputFolder(Folder):
         return TABLES[self.form](self._place / self.results.name)
 
     def begin(self, scenario: str, keep_results: bool = False) -> None:
-        """Write run.json for a run that begins, and remove the files of an earlier run.
+        """Remove the files of an earlier run, and write run.json for the one that begins.
 
         Raises:
             CommandError: If a file that emla did not write has appeared.
             RunError: If writing fails.
         """
         self.check_files((*self.files, *self.pictures))
-        is_used = self.has_own_record()
-        self.write_json(RECORD, {"scenario": scenario, "status": UNFINISHED_STATUS})
         kept = [RECORD, *(table_names() if keep_results else ())]
-        if is_used:
-            self.remove(name for name in (*self.files, *self.pictures) if name not in kept)
+        # the record is replaced, so that the folder has one at any time; a full disk has room for it now
+        self.remove(name for name in (*self.files, *self.pictures) if name not in kept)
+        self.write_json(RECORD, {"scenario": scenario, "status": UNFINISHED_STATUS})
 
     def write_table(self, result: Result) -> None:
         """Write the table of a result that has it in memory. Raises RunError."""
