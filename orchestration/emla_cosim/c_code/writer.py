@@ -72,5 +72,6 @@ def write_code(
     """
     source, header = _open_files(path, overwrite)
     plan = plan_code(path.stem, system, fmus, components, algorithm, times, outputs)
-    header.write(header_text(plan, precision).encode())
-    source.write(source_text(plan, precision).encode())
+    texts = header_text(plan, precision), source_text(plan, precision)
+    for file, text in zip((header, source), texts, strict=True):
+        file.write(text.encode())
