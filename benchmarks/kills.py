@@ -74,7 +74,7 @@ class Place:
         """Create the folder with the user's files."""
         for name in ("temporary", "out", "cache"):
             (self.folder / name).mkdir(parents=True)
-        (self.folder / "out/mine.txt").write_text("years of work")
+        (self.folder / "out/.mine.txt").write_text("years of work")
         shutil.copy(self.fmus / "Reference/Reference.fmu", self.folder)
 
     def start(self, command: Sequence[str]) -> subprocess.Popen[bytes]:
@@ -107,7 +107,7 @@ class Place:
             for place in (self.folder, self.folder / "out", self.folder / "out/parts", self.folder / "built")
             if place.is_dir()
             for p in place.iterdir()
-            if p.name.startswith(".") and p.name != ".emla.json"
+            if p.name.startswith(".") and p.name != ".mine.txt"
         ]
 
     def temporary(self) -> list[str]:
@@ -148,7 +148,7 @@ def kill_once(name: str, place: Place, moment: float, repeat: bool) -> list[str]
         wrong.append(f"temporary {place.temporary()}")
     if repeat and place.hidden():
         wrong.append(f"hidden {place.hidden()}")
-    if (place.folder / "out/mine.txt").read_text() != "years of work":
+    if (place.folder / "out/.mine.txt").read_text() != "years of work":
         wrong.append("the user's file")
     if new := list_shared() - shared:
         wrong.append(f"shared memory {sorted(new)}")
@@ -167,7 +167,7 @@ def check_files(folder: Path) -> None:
             copy = folder / "copy"
             shutil.rmtree(copy, ignore_errors=True)
             shutil.copytree(folder / name, copy)
-            (copy / "mine.txt").unlink(missing_ok=True)
+            (copy / ".mine.txt").unlink(missing_ok=True)
             for table in copy.rglob("results.csv"):
                 assert_whole_rows(table)
             assert_whole(copy, killed=True)

@@ -87,27 +87,13 @@ def write_atomically(path: Path, check: Callable[[Path], object] = accept) -> It
             stream.flush()
             os.fsync(stream.fileno())
         unfinished.chmod(_mode(place))
-        _move(unfinished, place, check)
+        if os.path.lexists(place):
+            real_place(place)
+            check(place)
+        unfinished.replace(place)
     except BaseException:
         unfinished.unlink(missing_ok=True)
         raise
-
-
-def _move(unfinished: Path, place: Path, check: Callable[[Path], object]) -> None:
-    """Give a complete file its name. One that appears there at the same time is not replaced unchecked."""
-    if check is not accept and not os.path.lexists(place):
-        try:
-            place.hardlink_to(unfinished)
-        except OSError:  # a file appeared, or the file system has no hard links
-            pass
-        else:
-            with suppress(OSError):  # the file is complete; its other name goes with the next command
-                unfinished.unlink()
-            return
-    if os.path.lexists(place):
-        real_place(place)
-        check(place)
-    unfinished.replace(place)
 
 
 @cache

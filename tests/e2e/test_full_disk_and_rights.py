@@ -17,7 +17,7 @@ import pytest
 import fmublock.cache as cache
 import fmublock.files
 from emla_cosim.base.errors import CommandError, find_exit_code
-from emla_cosim.sandbox.locking import exclusive_lock
+from emla_cosim.base.folder_lock import exclusive_lock
 from fmublock.files import write_atomically
 from fmublock.platforms import host_platform
 from tests.support.commands import Emla, sentence
@@ -207,7 +207,7 @@ def test_unreadable_file_is_not_replaced(emla: Emla, tmp_path: Path) -> None:
     os.chown(file, ANOTHER, ANOTHER)
     file.chmod(0o600)
     code, message = emla_without_rights(*RUN, folder=tmp_path)
-    assert code == 2 and "'out/run.json' was" in message
+    assert code == 2 and "the output folder 'out' cannot be read: Permission denied" in message
     assert file.read_bytes() == before
 
 

@@ -12,6 +12,7 @@ import psutil
 import pytest
 
 import emla_cosim as ec
+from tests.support.commands import Emla, sentence
 from tests.support.processes import start
 from tests.support.waiting import wait_for
 from tests.support.whole_files import assert_whole, names
@@ -65,3 +66,25 @@ def test_every_completed_row_survives(
         assert np.array_equal(rows.to_numpy(), undisturbed[due])
         assert f"the run ended at t = {rows['time'][-1]:.6g} s: the process was killed" in errors
     assert found
+
+
+@pytest.mark.parametrize("form", ["csv", "parquet"])
+def test_folder_of_a_run_whose_processes_were_all_killed(
+    form: str, emla: Emla, fmu_folder: Path, tmp_path: Path
+) -> None:
+    command = ("run", "lift", "--no-plots", "--output-format", form, "--output", "out")
+    table = "results.csv" if form == "csv" else "results.parquet.parts/*.parquet"
+    for pattern in ("run.json", table):
+        process = start(tmp_path, *command, "--stop-time", STOP, "--fmus", fmu_folder)
+        out = tmp_path / "out"
+        wait_for(lambda p=pattern, o=out: any(file.stat().st_size > 40 for file in o.glob(p)), 300.0)
+        parent = psutil.Process(process.pid)
+        for one in (parent, *parent.children(recursive=True)):
+            one.kill()
+        process.communicate(timeout=300.0)
+    assert json.loads((tmp_path / "out/run.json").read_text()) == {"scenario": "lift", "status": "unfinished"}
+    assert "the run of 'out/run.json' has not finished" in sentence(emla("rerun", "out"), 2)
+    if form == "csv":
+        assert "rows so far of a run that has not finished" in emla("plot", "out").output
+    assert emla(*command, "--stop-time", "0.01").exit_code == 0
+    assert names(tmp_path / "out") == {f"results.{form}", "metrics.json", "run.json"}

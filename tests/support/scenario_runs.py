@@ -15,5 +15,6 @@ def run_scenario(scenario: Scenario, folder: Path, **options: Any) -> Result:
     output = OutputFolder(folder, chosen.output_format)
     with output.alone():
         with scenario.prepare(**options) as simulation:
-            result = simulation.attempt(recorders=output.recorders(continued=chosen.resume is not None))
+            recorders = output.recorders(scenario.name, continued=chosen.resume is not None)
+            result = simulation.attempt(recorders=recorders)
         return output.keep(result, chosen.plots, Progress())[0]

@@ -9,14 +9,12 @@ from pathlib import Path
 
 import polars
 
-from emla_cosim.base.ownership import MANIFEST
-
 _PICTURE = b"\x89PNG\r\n\x1a\n", b"IEND\xaeB`\x82"
 
 
 def names(folder: Path) -> set[str]:
-    """The names of everything in an output folder but its manifest."""
-    return {path.name for path in folder.iterdir()} - {MANIFEST}
+    """The names of everything in an output folder."""
+    return {path.name for path in folder.iterdir()}
 
 
 def assert_whole(folder: Path, killed: bool = False) -> int:
@@ -25,7 +23,7 @@ def assert_whole(folder: Path, killed: bool = False) -> int:
     Files that were not ready are gone, unless nobody was left to remove them.
     """
     files = [p for p in folder.rglob("*") if p.is_file() and not p.is_symlink()]
-    left = [p for p in files if p.name.startswith(".") and p.name != MANIFEST]
+    left = [p for p in files if p.name.startswith(".")]
     assert killed or not left, left
     for path in set(files) - set(left):
         _assert_whole(path)

@@ -4,9 +4,8 @@ import re
 from collections.abc import Collection, Mapping
 from pathlib import Path
 
-from ..base.errors import CommandError, RunError
-from ..base.files import write_atomically
-from ..base.ownership import check_replaceable, refuse_others
+from ..base.errors import CommandError
+from ..base.output_files import OutputFile
 from ..master.algorithms.algorithm import Algorithm
 from ..master.stepping.timing import CommunicationPoints
 from ..system.model import System
@@ -28,22 +27,19 @@ def list_files(path: Path) -> tuple[Path, Path]:
 
 
 def check_code(path: Path, overwrite: bool = False) -> None:
-    """Check that the files may be written; see `check_replaceable`.
+    """Check that the files may be written. Raises CommandError if one must not be written."""
+    _open_files(path, overwrite)
 
-    Raises:
-        CommandError: If one must not be written.
-    """
-    for file in list_files(path):
-        if file.parent.is_dir():  # otherwise it is created later
-            check_replaceable(file, "the C file", _is_ours, overwrite)
+
+def _open_files(path: Path, overwrite: bool) -> list[OutputFile]:
+    return [
+        OutputFile(file, "the C file", _is_ours, overwrite, creates_folder=True) for file in list_files(path)
+    ]
 
 
 def _is_ours(path: Path) -> bool:
-    try:
-        with path.open("rb") as stream:
-            return stream.read(len(MARK)) == MARK.encode()
-    except OSError:
-        return False
+    with path.open("rb") as stream:
+        return stream.read(len(MARK)) == MARK.encode()
 
 
 def write_code(
@@ -74,13 +70,8 @@ def write_code(
         CommandError: The components cannot be plain C, or a file must not be replaced.
         RunError: They cannot be initialized, or a file cannot be written.
     """
-    source, header = list_files(path)
-    plan = plan_code(source.stem, system, fmus, components, algorithm, times, outputs)
-    texts = {header: header_text(plan, precision), source: source_text(plan, precision)}
-    check = refuse_others(_is_ours, overwrite)
-    for file, text in texts.items():
-        try:
-            with write_atomically(file, check) as stream:
-                stream.write(text.encode())
-        except OSError as error:
-            raise RunError(f"the C file '{file}' cannot be written: {error.strerror or error}.") from error
+    source, header = _open_files(path, overwrite)
+    plan = plan_code(path.stem, system, fmus, components, algorithm, times, outputs)
+    texts = header_text(plan, precision), source_text(plan, precision)
+    for file, text in zip((header, source), texts, strict=True):
+        file.write(text.encode())

@@ -7,8 +7,6 @@ from typing import Any
 import polars
 
 from ..base.errors import CommandError, RunError
-from ..base.files import report_write_errors
-from ..base.ownership import has_mark
 from ..base.progress import Progress
 from ..study.joint_certificates import JointCertificate, build_certificate_rows, certify
 from ..study.loading import load
@@ -87,11 +85,9 @@ class CertificateFolder(Folder):
 
     what = "certificates"
     files = (CSV, MARKDOWN)
-    record_file, is_record = CSV, has_mark(b"gains,figure,unit")
+    record_file = CSV
 
     def keep(self, found: Sequence[SetCertificate]) -> None:
         """Write figures and tables, each file atomically. Raises RunError."""
-        with report_write_errors(self.path):
-            self.write(CSV, build_frame(found).write_csv().encode())
-            self.write(MARKDOWN, markdown(found).encode())
-        self.settle()
+        self.write(CSV, build_frame(found).write_csv().encode())
+        self.write(MARKDOWN, markdown(found).encode())

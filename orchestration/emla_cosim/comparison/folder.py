@@ -5,8 +5,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ..base.files import report_write_errors
-from ..base.ownership import has_entries
 from ..run.options import select_repeatable
 from ..run.run_record import list_versions, to_plain
 from ..views.folder import Folder
@@ -23,7 +21,7 @@ class CompareFolder(Folder):
     what = "comparison"
     files = (CSV, MARKDOWN, RECORD)
     pictures = tuple(f"{picture}.png" for picture in NAMES)
-    record_file, is_record = RECORD, has_entries("entrants", "runs")
+    record_file = RECORD
 
     def keep(self, result: CompareResult, record: Mapping[str, Any]) -> None:
         """Write all files but the pictures, each atomically, and remove pictures of an earlier comparison.
@@ -31,19 +29,15 @@ class CompareFolder(Folder):
         Raises:
             RunError: A file cannot be written.
         """
-        with report_write_errors(self.path):
-            self._files.remove(self.pictures)
-            self.write(CSV, result.rows.write_csv().encode())
-            self.write(MARKDOWN, result.markdown().encode())
-            self.write_json(RECORD, record)
-        self.settle()
+        self.remove(self.pictures)
+        self.write_json(RECORD, record)
+        self.write(CSV, result.rows.write_csv().encode())
+        self.write(MARKDOWN, result.markdown().encode())
 
     def draw_result(self, result: CompareResult) -> list[Path]:
         """Draw all pictures of a result, and return their files. Raises RunError."""
-        with self.alone(), report_write_errors(self.path):
-            found = [self.draw(f"{name}.png", figure) for name, figure in result.figures().items()]
-        self.settle()
-        return found
+        with self.alone():
+            return [self.draw(f"{name}.png", figure) for name, figure in result.figures().items()]
 
 
 def build_record(plan: ComparisonPlan, result: CompareResult) -> dict[str, Any]:

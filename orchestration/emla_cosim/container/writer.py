@@ -13,7 +13,7 @@ from fmublock.fmi3_description import build_description
 from fmublock.platforms import binaries_folder, host_platform, platform_of
 
 from ..base.errors import CommandError, RunError
-from ..base.ownership import check_replaceable, refuse_others
+from ..base.output_files import OutputFile
 from ..base.progress import Progress
 from ..fmu.document import TERMINALS
 from ..master.algorithms.algorithm import Algorithm
@@ -34,14 +34,9 @@ _SHARED = (
 """C files of fmublock's FMUs that this one has, too, as far as they are for its version of FMI."""
 
 
-def check_container(path: Path, overwrite: bool = False) -> None:
-    """Check that an FMU may be written; see `check_replaceable`.
-
-    Raises:
-        CommandError: If it must not be written.
-    """
-    if path.parent.is_dir():  # otherwise it is created later
-        check_replaceable(path, "the FMU", _is_ours, overwrite)
+def check_container(path: Path, overwrite: bool = False) -> OutputFile:
+    """Return the file of an FMU, which may be written. Raises CommandError if it must not be written."""
+    return OutputFile(path, "the FMU", _is_ours, overwrite, creates_folder=True)
 
 
 def _is_ours(path: Path) -> bool:
@@ -126,11 +121,9 @@ def write_container(
         binaries = rename_folders(binaries, fmi)
     except BuildError as error:
         raise RunError(f"{name} could not be built: {error}") from error
-    try:
-        check = refuse_others(_is_ours, overwrite)
-        write_archive(path, {**content, **binaries}, key_comment(guid.strip("{}")), check=check)
-    except OSError as error:
-        raise RunError(f"the FMU '{path}' cannot be written: {error.strerror or error}.") from error
+    file = check_container(path, overwrite)
+    with file.report_errors():
+        write_archive(path, {**content, **binaries}, key_comment(guid.strip("{}")), check=file.check_again)
     return plan.lost
 
 

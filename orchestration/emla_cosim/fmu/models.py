@@ -25,7 +25,7 @@ from fmublock.platforms import TARGETS, host_platform
 from fmublock.recipe import FLAVOURS, Documents, Producer, Recipe, RelatedFile
 
 from ..base.errors import CommandError, RunError, check_choice
-from ..base.ownership import check_replaceable, refuse_others
+from ..base.output_files import OutputFile
 
 MODELS: dict[str, type[Block]] = {
     b.__name__: b for b in (*emla_fmu.BLOCKS, *rsba_fmu.BLOCKS, *hdrm_fmu.BLOCKS)
@@ -164,7 +164,7 @@ def check_build_path(
         return  # an up-to-date FMU is not written
     is_there = os.path.isfile if folder is None else os.path.lexists
     if is_there(path):
-        check_replaceable(path, "the FMU", _is_ours, overwrite)
+        OutputFile(path, "the FMU", _is_ours, overwrite)
 
 
 def _is_ours(path: Path) -> bool:
@@ -191,11 +191,10 @@ def _build(
         built = read_built(path)  # another process may have built it meanwhile
         if not _is_current(built, recipe, key, platforms):
             in_cache = folder is None and path.is_absolute()
-            if os.path.lexists(path) and not in_cache:
-                check_replaceable(path, "the FMU", _is_ours, overwrite)
+            file = None if in_cache else OutputFile(path, "the FMU", _is_ours, overwrite, creates_folder=True)
             from fmublock.building import draft_of, write_fmu
 
-            check = accept if in_cache else refuse_others(_is_ours, overwrite)
+            check = accept if file is None else file.check_again
             wanted = platforms or sorted({host_platform(), *(built.platforms & set(PLATFORMS))})
             write_fmu(draft or draft_of(recipe), key, recipe.flavour, wanted, path, advance, check)
     return path

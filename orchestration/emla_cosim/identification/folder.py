@@ -6,8 +6,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ..base.files import report_write_errors
-from ..base.ownership import has_format
 from ..sweeps.scenario_text import format_scenario
 from ..views.folder import Folder
 from ..views.pages.plain import to_plain
@@ -31,12 +29,11 @@ class IdentificationFolder(Folder):
     what = "identification"
     files = (SCENARIO, RECORD, SAMPLES, HISTORY)
     pictures = (FIT, CERTAINTY, PAGE)
-    record_file, is_record = RECORD, has_format("emla-identification")
+    record_file = RECORD
 
     def __init__(self, path: Path, overwrite: bool, plots: bool, report: bool) -> None:
         super().__init__(path, overwrite)
         self._plots, self._report = plots, report
-        self.check_files([*((FIT, CERTAINTY) if plots else ()), *((PAGE,) if report else ())])
 
     def keep(
         self,
@@ -51,32 +48,30 @@ class IdentificationFolder(Folder):
             record: The record.
             scenario: Content of the scenario with the estimates, without its description.
         """
-        with report_write_errors(self.path):
-            if result.estimates:
-                described = f"Estimates of the identification {result.name}"
-                self.write(SCENARIO, format_scenario(described, scenario, {}).encode())
-                self.write(SAMPLES, result.samples.write_csv().encode())
-                self.write(HISTORY, result.history.write_csv().encode())
-            self.write_json(RECORD, to_plain(record))
-            if self._plots and result.fits:
-                self.draw(FIT, draw_fit(result))
-                self.draw(CERTAINTY, draw_certainty(result))
-            if self._report and result.fits:
-                from .page import render_page  # importing it loads jinja2
+        self.write_json(RECORD, to_plain(record))
+        if result.estimates:
+            described = f"Estimates of the identification {result.name}"
+            self.write(SCENARIO, format_scenario(described, scenario, {}).encode())
+            self.write(SAMPLES, result.samples.write_csv().encode())
+            self.write(HISTORY, result.history.write_csv().encode())
+        if self._plots and result.fits:
+            self.draw(FIT, draw_fit(result))
+            self.draw(CERTAINTY, draw_certainty(result))
+        if self._report and result.fits:
+            from .page import render_page  # importing it loads jinja2
 
-                self.write(PAGE, render_page(result).encode())
+            self.write(PAGE, render_page(result).encode())
 
     def keep_unfinished(self, values: Mapping[str, float]) -> None:
         """Write the best values so far. Raises RunError."""
-        with report_write_errors(self.path):
-            self.write_json(
-                RECORD,
-                {
-                    "format": "emla-identification",
-                    "status": "unfinished",
-                    "estimates": [{"name": name, "value": value} for name, value in values.items()],
-                },
-            )
+        self.write_json(
+            RECORD,
+            {
+                "format": "emla-identification",
+                "status": "unfinished",
+                "estimates": [{"name": name, "value": value} for name, value in values.items()],
+            },
+        )
 
 
 def read_unfinished(place: Path, names: Sequence[str]) -> dict[str, float] | None:

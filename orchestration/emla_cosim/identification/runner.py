@@ -498,7 +498,6 @@ class _Identification:
             content = scenario_content(plan.scenario, plan.options) or {}
             estimates = self.task.parameters.options(point)
             self.folder.keep(result, _record(self.task, result), merge_options([content, estimates]))
-            self.folder.settle()
         return result
 
     def _fits(self, problem: Problem, point: Vector) -> tuple[list[Fit], polars.DataFrame]:
@@ -575,7 +574,6 @@ class _Identification:
         )
         if self.folder is not None:
             self.folder.keep(result, _record(self.task, result), {})
-            self.folder.settle()
         return result
 
 

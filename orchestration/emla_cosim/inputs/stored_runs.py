@@ -1,5 +1,6 @@
 """Tables of earlier runs and references."""
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -7,6 +8,7 @@ from typing import Any
 
 from ..base.arrays import Vector
 from ..base.errors import CommandError
+from ..base.output_files import UNFINISHED_STATUS
 from ..base.signal_types import REAL, SignalType
 from ..base.units import SiUnit
 from ..recorders.registry import table_names
@@ -127,6 +129,17 @@ def open_stored_run(place: Path, what: str = _REFERENCE, start: float = 0.0) -> 
         raise CommandError(f"{what}, '{path}', cannot be read: it is not a file.")
     is_result = path.name in table_names()
     data = read_table(path, what, is_result=is_result)
+    if is_result and _is_unfinished(path.parent):
+        data.notes.append("has only the rows so far of a run that has not finished")
     if len(data.headers) < 2:
         raise CommandError(f"{what}, '{path}', must have a column of times, and signals.")
     return StoredRun(path, data, *read_times(data, start=start, is_raw=is_result, least=0))
+
+
+def _is_unfinished(folder: Path) -> bool:
+    """Return whether run.json says so."""
+    try:
+        record = json.loads((folder / "run.json").read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return False
+    return isinstance(record, dict) and record.get("status") == UNFINISHED_STATUS

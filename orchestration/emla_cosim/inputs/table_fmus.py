@@ -16,7 +16,7 @@ from fmublock.table import TableColumn, TableContent, TableOutput
 from ..base.arrays import Vector
 from ..base.errors import CommandError, RunError, join_names
 from ..base.files import CacheError, temporary_folder
-from ..base.ownership import check_replaceable
+from ..base.output_files import OutputFile
 from ..base.signal_types import REAL
 from ..base.units import IDENTITY
 from ..fmu.models import fmu_path, license_text, producer
@@ -102,7 +102,7 @@ def build_data_fmu(
             f"data has outputs of one type; name them, as in '{table.source.file}:{booleans[0]}'."
         )
     if path.exists():
-        check_replaceable(path, "the FMU", _is_table_fmu, overwrite)
+        OutputFile(path, "the FMU", _is_table_fmu, overwrite)
     notes = [f"{table.source.label} {note}." for note in table.data.notes]
     if texts:
         names = join_names(texts[:8])

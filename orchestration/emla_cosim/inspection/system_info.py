@@ -7,10 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..base.errors import CommandError, suggest_names
-from ..base.ownership import has_format
+from ..base.output_files import OutputFile, has_format
 from ..base.patterns import is_pattern, matches_pattern
 from ..views.pages.plain import to_plain
-from ..views.pages.text_file import write_text
 
 if TYPE_CHECKING:
     import polars
@@ -259,7 +258,8 @@ class Info:
             CommandError: the file must not be written.
             RunError: writing fails.
         """
-        write_text(self.as_json(), Path(path), JSON_FILE, is_info, overwrite)
+        file = OutputFile(Path(path), JSON_FILE, is_info, overwrite)
+        file.write(self.as_json().encode("utf-8", "replace"))
 
 
 def format_start(value: float | int | bool | str) -> str:

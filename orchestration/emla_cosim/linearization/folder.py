@@ -1,7 +1,5 @@
 """The output folder of a linearization."""
 
-from ..base.files import report_write_errors
-from ..base.ownership import has_format
 from ..views.folder import Folder
 from ..views.pages.plain import to_plain
 from .pictures import draw_bode, draw_nyquist
@@ -16,17 +14,17 @@ class LinearizeFolder(Folder):
     what = "linearization"
     files = (RECORD, TABLE)
     pictures = (BODE, NYQUIST)
-    record_file, is_record = RECORD, has_format("emla-linearization")
+    record_file = RECORD
 
     def keep(self, result: LinearizeResult, plots: bool) -> None:
         """Write all files. Raises RunError."""
-        with report_write_errors(self.path):
-            self.write_json(RECORD, to_plain(result.record))
-            if not result.responses:
-                self._files.remove((TABLE, *self.pictures))
-                return
-            self.write(TABLE, result.table.write_csv().encode())
-            if plots:
-                self.draw(BODE, draw_bode(result))
-            if plots and result.margins:
-                self.draw(NYQUIST, draw_nyquist(result))
+        if not result.responses:
+            self.remove((TABLE, *self.pictures))
+        self.write_json(RECORD, to_plain(result.record))
+        if not result.responses:
+            return
+        self.write(TABLE, result.table.write_csv().encode())
+        if plots:
+            self.draw(BODE, draw_bode(result))
+        if plots and result.margins:
+            self.draw(NYQUIST, draw_nyquist(result))

@@ -111,8 +111,6 @@ def linearize(
     folder = None
     if output is not None:
         folder = LinearizeFolder(convert_value(output, Path, "the output folder"), scenario.options.overwrite)
-        if plots:
-            folder.check_files(folder.pictures)
         folder.check_unread([scenario.options.files_read()])
     with nullcontext() if folder is None else folder.alone():
         values = ideal_sensors(scenario.system) | dict(scenario.options.set)
@@ -141,7 +139,6 @@ def linearize(
         result = replace(result, remarks=(*remarks, *result.remarks))
         if folder is not None:
             folder.keep(result, plots)
-            folder.settle()
     return result
 
 

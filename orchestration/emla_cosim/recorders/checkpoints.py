@@ -5,7 +5,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ..base.errors import CommandError, RunError
+from ..base.errors import CommandError
+from ..base.output_files import OutputFile
 from ..master.stepping.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
 from ..master.stepping.timing import CommunicationPoints
 from .recorder import Pause, Recorder
@@ -18,16 +19,12 @@ class Checkpoints(Recorder):
     """Write checkpoints of a run to one file: at intervals, and at the end.
 
     Args:
-        path: The file, as messages name it.
+        file: The file.
         identity: What must be the same to continue a run, by its names in messages.
-        place: Absolute path of the file, which stays valid if an FMU changes the working directory.
-        overwrite: Whether to replace a file that is no checkpoint.
     """
 
-    def __init__(self, path: Path, identity: Mapping[str, Any], place: Path, overwrite: bool = False) -> None:
-        self.path, self._overwrite = path, overwrite
-        self._place = place
-        self.identity = identity
+    def __init__(self, file: OutputFile, identity: Mapping[str, Any]) -> None:
+        self.file, self.identity = file, identity
         self._last = time.monotonic()
 
     def pause(self, run: Pause) -> None:
@@ -35,12 +32,7 @@ class Checkpoints(Recorder):
         if not run.over and time.monotonic() - self._last < INTERVAL:
             return
         notes = {"identity": self.identity, "time": run.stepping.time, "recorders": run.memory()}
-        try:
-            save_checkpoint(self._place, run.stepping, notes, self._overwrite)
-        except OSError as error:
-            raise RunError(
-                f"the checkpoint '{self.path}' cannot be written: {error.strerror or error}."
-            ) from error
+        save_checkpoint(self.file, run.stepping, notes)
         self._last = time.monotonic()
 
 

@@ -11,7 +11,6 @@ from typing import IO, Any
 import polars
 
 from ..base.arrays import Vector
-from ..base.files import real_place
 from .file_table import FileTable, frame_rows
 from .recorder import Outline
 
@@ -46,11 +45,9 @@ class CsvFile(FileTable):
             CommandError: The existing file was not written by a run.
         """
         super().begin(outline, memory)
-        header = polars.DataFrame(schema=dict.fromkeys(self.names, polars.Float64)).write_csv().encode()
-        real_place(self.path)  # raises for devices and folders
+        self.check_file()
         length, line = (int(memory["bytes"]), str(memory["line"])) if memory is not None else (0, "")
-        continued = memory is not None and _can_continue(self.path, header, length, line.encode())
-        self.claim(continued)
+        continued = memory is not None and _can_continue(self.path, self._head, length, line.encode())
         if continued:
             self._stream = self.path.open("r+b", buffering=0)
             self._stream.truncate(length)
@@ -60,7 +57,16 @@ class CsvFile(FileTable):
             self.path.unlink(missing_ok=True)
             self._stream = self.path.open("xb", buffering=0)  # "x": a file that appears now stays
             self._length, self._line = 0, ""
-            self._write_lines(header)
+            self._write_lines(self._head)
+
+    @property
+    def _head(self) -> bytes:
+        return polars.DataFrame(schema=dict.fromkeys(self.names, polars.Float64)).write_csv().encode()
+
+    def is_ours(self, path: Path) -> bool:
+        """Return whether a file has the columns that this run writes."""
+        with path.open("rb") as stream:
+            return stream.read(len(self._head)) == self._head
 
     def end(self) -> None:
         """Append the last row if it was not due, and close the file.
@@ -68,14 +74,11 @@ class CsvFile(FileTable):
         Raises:
             OSError: The file cannot be written, or was removed or replaced during the run.
         """
-        in_place = False
         try:
             super().end()
         finally:
             in_place = self._in_place()
             self._stream.close()
-            if in_place:
-                self.settle()
         if not in_place:
             raise OSError(0, "it was removed or replaced while the run wrote to it")
 
@@ -86,7 +89,6 @@ class CsvFile(FileTable):
     def reopen(self, outline: Outline, rows: int) -> None:
         """Continue the file that another process left, after its last whole line; see `FileTable.reopen`."""
         super().begin(outline, {"rows": rows})
-        self.claim(continued=True)
         self._stream = self.path.open("r+b", buffering=0)
         self._length = _length_of_lines(self._stream)
         self._stream.seek(self._stream.truncate(self._length))

@@ -1,5 +1,7 @@
-"""Tables in files, which do not replace files of other programs."""
+"""Tables in files, which another thread writes while the steps go on."""
 
+import threading
+import time
 from abc import abstractmethod
 from collections.abc import Iterator
 from pathlib import Path
@@ -9,10 +11,9 @@ import numpy as np
 import polars
 
 from ..base.arrays import Vector
-from ..base.ownership import OutputFiles
+from ..base.output_files import OutputFile, has_record
 from ..base.signal_types import REAL
 from .recorder import Outline
-from .row_queue import RowQueue
 from .table import Table
 
 _POLARS = {
@@ -23,12 +24,15 @@ _POLARS = {
     "String": polars.String,
 }
 
+_MOST_VALUES = 2**20
+"""Number of values that may wait while others are stored."""
+
 
 class FileTable(Table):
-    """A table in one file, which another thread writes while the run goes on.
+    """A table in one file. Rows wait in memory until another thread stores a batch of them.
 
-    An existing file is replaced if it is empty, if it is an unchanged table of an earlier run, or with
-    `overwrite`; see `base.ownership`.
+    An existing file is replaced if it is empty, if it is in the folder of a run, if `is_ours` recognizes it,
+    or with `overwrite`.
 
     Attributes:
         batch_rows: number of rows that are worth a batch for the thread.
@@ -39,10 +43,14 @@ class FileTable(Table):
     batch_seconds: float
 
     def __init__(self, path: str | Path, overwrite: bool = False) -> None:
-        self.path = Path(path)
-        folder = self.path.parent
-        self._files = OutputFiles(folder, folder, "", lambda _: False, (), overwrite)
-        self._queue: RowQueue | None = None
+        self.path, self._overwrite = Path(path), overwrite
+        self._waiting, self._waiting_count = list[Vector](), 0
+        """Rows that wait, and their number."""
+        self._thread: threading.Thread | None = None
+        self._failure: BaseException | None = None
+        self._stored = 0
+        """Value of `_seen` with the last stored row."""
+        self._started_at = time.monotonic()
 
     def __str__(self) -> str:
         return str(self.path)
@@ -50,11 +58,31 @@ class FileTable(Table):
     def begin(self, outline: Outline, memory: Any = None) -> None:
         """Begin a table with the columns of the outline."""
         super().begin(outline, memory)
-        self._queue = None
+        self._waiting, self._waiting_count, self._failure, self._stored = [], 0, None, self._seen
+
+    def check_file(self) -> OutputFile:
+        """Return the file, which may be replaced. Raises CommandError if it may not; see the class."""
+
+        def is_ours(path: Path) -> bool:
+            return has_record(path.parent, "run.json") or self.is_ours(path)
+
+        return OutputFile(self.path, "the table", is_ours, self._overwrite)
+
+    @abstractmethod
+    def is_ours(self, path: Path) -> bool:
+        """Return whether a run wrote this file. Called after `begin` of this class; may raise OSError."""
 
     def append(self, rows: Vector) -> None:
         """Store rows in another thread. Raises OSError, also for earlier rows."""
-        self._open_queue().put(rows, self._seen)
+        self._raise_failure()
+        self._waiting.append(rows.copy())
+        self._waiting_count += len(rows)
+        is_full = self._waiting_count * len(self.names) >= _MOST_VALUES
+        if is_full:
+            self._join()
+        waited_s = time.monotonic() - self._started_at
+        if is_full or self._waiting_count >= self.batch_rows or waited_s >= self.batch_seconds:
+            self._start()
 
     @property
     def schema(self) -> dict[str, type[polars.DataType]]:
@@ -73,7 +101,7 @@ class FileTable(Table):
 
     @abstractmethod
     def store(self, rows: Vector) -> None:
-        """Write rows, which are reused afterwards; may raise OSError. Called in any thread, never in two."""
+        """Write rows; may raise OSError. Called in any thread, never in two."""
 
     @abstractmethod
     def reopen(self, outline: Outline, rows: int) -> None:
@@ -94,13 +122,13 @@ class FileTable(Table):
 
     def release(self, most: int) -> None:
         """Store all rows but those among the last `most` that were received. Raises OSError."""
-        queue = self._open_queue()
-        while (stored := queue.stored()) is not None:
-            if 2 * (self._seen - stored) > most:
-                queue.start()
-            if self._seen - stored <= most:
+        while self._waiting_count or self._is_busy():
+            if 2 * (self._seen - self._stored) > most:
+                self._start()
+            if self._seen - self._stored <= most:
                 return
-            queue.wait()
+            self._join()
+            self._raise_failure()
 
     def end(self) -> None:
         """Append the last row if it was not due, and wait until all rows are stored."""
@@ -114,31 +142,45 @@ class FileTable(Table):
 
     def drain(self) -> None:
         """Wait until all rows are stored. Raises OSError if some cannot be stored."""
-        if self._queue is not None:
-            self._queue.drain()
+        self._join()
+        self._start()
+        self._join()
+        self._raise_failure()
 
-    def _open_queue(self) -> RowQueue:
-        if self._queue is None:
-            self._queue = RowQueue(len(self.names), self.store, self.batch_rows, self.batch_seconds)
-        return self._queue
+    def _start(self) -> None:
+        """Store all rows that wait in another thread, unless it still stores others."""
+        if self._is_busy() or not self._waiting_count:
+            return
+        rows, self._waiting, self._waiting_count = self._waiting, [], 0
+        self._started_at = time.monotonic()
+        thread = threading.Thread(target=self._store, args=(rows, self._seen), daemon=True)
+        try:
+            thread.start()
+        except RuntimeError:  # the system has no thread left
+            self._store(rows, self._seen)
+        else:
+            self._thread = thread
 
-    def claim(self, continued: bool) -> None:
-        """Add the file to the manifest of its folder before it is written.
+    def _store(self, blocks: list[Vector], seen: int) -> None:
+        """Store rows, and keep an error for the thread of the run. After an error nothing is stored."""
+        try:
+            if self._failure is None:
+                self.store(np.concatenate(blocks))
+                self._stored = seen
+        except BaseException as error:
+            self._failure = error
 
-        Args:
-            continued: Whether the run continues an existing file. Otherwise the file is replaced.
+    def _is_busy(self) -> bool:
+        return self._thread is not None and self._thread.is_alive()
 
-        Raises:
-            CommandError: The existing file was not written by a run, or was changed since.
-            OSError: The manifest cannot be written.
-        """
-        if not continued:
-            self._files.check([self.path.name], "the table")
-        self._files.claim([self.path.name])
+    def _join(self) -> None:
+        if self._thread is not None:
+            self._thread.join()
+            self._thread = None
 
-    def settle(self) -> None:
-        """Mark the file as complete in the manifest. May raise OSError."""
-        self._files.settle([self.path.name])
+    def _raise_failure(self) -> None:
+        if self._failure is not None:
+            raise self._failure
 
 
 def frame_rows(frame: polars.DataFrame) -> Vector:

@@ -57,7 +57,7 @@ class ParquetFile(FileTable):
         """
         self._begin_columns(outline, memory)
         earlier = self._earlier(int(memory["kept"])) if memory is not None else None
-        self.claim(earlier is not None)
+        self._file = self.check_file()
         self._remove_parts()
         self._parts.mkdir()
         self._count = self._rows = 0
@@ -77,7 +77,7 @@ class ParquetFile(FileTable):
     def reopen(self, outline: Outline, rows: int) -> None:
         """Continue the parts that another process left; see `FileTable.reopen`."""
         self._begin_columns(outline, {"rows": rows})
-        self.claim(continued=True)
+        self._file = self.check_file()
         if self.path.is_file():  # it has the rows of parts that are already removed
             self._remove_parts()
             self._parts.mkdir()
@@ -107,10 +107,16 @@ class ParquetFile(FileTable):
         parts = self._list_parts()
         empty = polars.LazyFrame(schema=self.schema)
         whole = polars.scan_parquet(parts) if parts else empty
-        with _polars_failures(), self._files.write(self.path.name) as stream:
+        with _polars_failures(), write_atomically(self.path, self._file.check_again) as stream:
             whole.sink_parquet(stream, metadata=self._metadata)
         self._remove_parts()
-        self.settle()
+
+    def is_ours(self, path: Path) -> bool:
+        """Return whether a file is a Parquet file with the units of a run."""
+        try:
+            return '"time": "s"' in polars.read_parquet_metadata(path).get(COLUMN_UNITS, "")
+        except polars.exceptions.PolarsError:
+            return False
 
     def memory(self) -> Any:
         """Return the numbers of rows received and of rows in the parts."""

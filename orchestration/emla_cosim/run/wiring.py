@@ -11,7 +11,7 @@ from ..base.units import IDENTITY
 from ..inputs.events import input_events, row_distance
 from ..master.algorithms.algorithm import Algorithm
 from ..master.assembly import Assembly
-from ..master.stepping.checkpoint import Checkpoint, checkpoint_place
+from ..master.stepping.checkpoint import Checkpoint, prepare_checkpoint
 from ..master.stepping.profiler import Profiler
 from ..master.stepping.step_size_control import StepRequest
 from ..master.stepping.stepping_base import Stepping
@@ -152,8 +152,8 @@ def _open_checkpoints(
         resumed = find_resumable_checkpoint(options.resume, identity, plan.times, folder)
     if options.checkpoint is None:
         return [], resumed
-    path = checkpoint_place(options.checkpoint, assembly.network, folder, options.overwrite)
-    return [Checkpoints(options.checkpoint, identity, path, options.overwrite)], resumed
+    file = prepare_checkpoint(options.checkpoint, assembly.network, folder, options.overwrite)
+    return [Checkpoints(file, identity)], resumed
 
 
 def _make_outline(plan: RunPlan, assembly: Assembly, stepping: Stepping) -> Outline:

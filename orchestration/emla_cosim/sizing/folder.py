@@ -3,8 +3,6 @@
 from collections.abc import Iterable
 from pathlib import Path
 
-from ..base.files import report_write_errors
-from ..base.ownership import has_format
 from ..views.folder import Folder
 from ..views.pages.plain import to_plain
 from .pictures import draw_pictures, name_picture
@@ -26,13 +24,11 @@ class SizeFolder(Folder):
     what = "sizing"
     files = (RECORD, TABLE, CYCLES)
     pictures = (PAGE,)
-    record_file, is_record = RECORD, has_format("emla-sizing")
+    record_file = RECORD
 
     def __init__(self, path: Path, overwrite: bool, plots: bool, report: bool) -> None:
         super().__init__(path, overwrite)
         self._plots, self._report = plots, report
-        if report:
-            self.check_files([PAGE])
 
     def check_pictures(self, joints: Iterable[str]) -> None:
         """Raise CommandError if plots of these joints would replace files that emla did not write."""
@@ -40,14 +36,13 @@ class SizeFolder(Folder):
 
     def keep(self, result: SizeResult) -> None:
         """Write all files. Raises RunError."""
-        with report_write_errors(self.path):
-            self.write_json(RECORD, to_plain(result.record))
-            self.write(TABLE, result.table.write_csv().encode())
-            self.write(CYCLES, result.cycles.write_csv().encode())
-            if self._plots:
-                for name, figure in draw_pictures(result):
-                    self.draw(name, figure)
-            if self._report:
-                from .page import render_page  # importing it loads jinja2
+        self.write_json(RECORD, to_plain(result.record))
+        self.write(TABLE, result.table.write_csv().encode())
+        self.write(CYCLES, result.cycles.write_csv().encode())
+        if self._plots:
+            for name, figure in draw_pictures(result):
+                self.draw(name, figure)
+        if self._report:
+            from .page import render_page  # importing it loads jinja2
 
-                self.write(PAGE, render_page(result).encode())
+            self.write(PAGE, render_page(result).encode())

@@ -118,7 +118,6 @@ def size(
         result = SizeResult(name, found, list(varied), ambient, life)
         if folder is not None:
             folder.keep(result)
-            folder.settle()
     return result
 
 

@@ -13,7 +13,6 @@ import polars
 
 from ..base.errors import CommandError
 from ..base.files import UNFINISHED, read_text, report_write_errors, write_atomically
-from ..base.ownership import has_entries
 from ..views.folder import Folder
 from .data import PROBLEM, STATUS, VARIANT, Chunk
 from .measures import Measures
@@ -48,7 +47,7 @@ class SweepFolder(Folder):
     files = (TABLE, WORST, RECORD)
     pictures = tuple(f"{kind}.png" for kind in PICTURES)
     inner = (PARTS, SERIES)
-    record_file, is_record = RECORD, has_entries("identity", "status")
+    record_file = RECORD
 
     def check(self, identity: Mapping[str, Any], resume: bool) -> None:
         """Check that a sweep with this identity can start or resume here.
@@ -112,24 +111,21 @@ class SweepFolder(Folder):
         """
         with report_write_errors(self.path):
             if not resume:
-                self.clear()
+                for name in (PARTS, SERIES):
+                    self._remove_parts(name)
+                self.remove((*self.pictures, TABLE, WORST))
+            # the record first: without it, the parts would be files of the user's
+            earlier = self.record() if resume else {}
+            self.write_json(RECORD, {**earlier, **record, "status": UNFINISHED_SWEEP})
             for name in (PARTS, SERIES):
                 (self._place / name).mkdir(exist_ok=True)
-            # the record first: without it, the parts would be files of the user's
-            self.write_record({**record, "status": UNFINISHED_SWEEP})
             with write_atomically(self._place / PARTS / DESIGN) as stream:
                 stream.write(to_parquet(about))
             for file in (self._place / SERIES).glob("*.parquet"):  # of chunks whose part was not written
                 if not (self._place / PARTS / file.name).exists():
                     file.unlink()
 
-    def clear(self) -> None:
-        """Remove the files of an earlier sweep. May raise OSError."""
-        for name in (PARTS, SERIES):
-            self._remove(name)
-        self._files.remove((*self.pictures, *self.files), self.files)
-
-    def _remove(self, name: str) -> None:
+    def _remove_parts(self, name: str) -> None:
         """Remove a folder of parts, but keep other files in it. May raise OSError."""
         files = sorted((self._place / name).glob("*.parquet"), key=lambda file: file.name != DESIGN)
         for file in files:  # the design first: `read_unfinished` then notices
@@ -140,7 +136,7 @@ class SweepFolder(Folder):
 
     def record(self) -> dict[str, Any]:
         """Read sweep.json; return nothing if it does not exist. Raise CommandError if it is not a record."""
-        if not (self._place / RECORD).exists() or (self.overwrite and not self._files.owns(RECORD)):
+        if not (self._place / RECORD).exists() or (self.overwrite and not self.has_own_record()):
             return {}
         return self.record_of(self._place)
 
@@ -157,8 +153,7 @@ class SweepFolder(Folder):
 
     def write_record(self, entries: Mapping[str, Any]) -> None:
         """Add entries to sweep.json. Raise RunError if writing fails."""
-        with report_write_errors(self.path):
-            self.write_json(RECORD, {**self.record(), **entries})
+        self.write_json(RECORD, {**self.record(), **entries})
 
     def keep(self, chunk: Chunk, measures: Measures) -> None:
         """Write the results of a chunk atomically. Raise RunError if writing fails."""
@@ -181,8 +176,7 @@ class SweepFolder(Folder):
         if parts is None:
             parts = _frame(Chunk([], 0.0), measures)
         found = about.join(parts, on=VARIANT, how="inner").sort(VARIANT)
-        with report_write_errors(self.path):
-            self.write(TABLE, to_parquet(found))
+        self.write(TABLE, to_parquet(found))
 
     def close(self, whole: bool, wall_s: float) -> None:
         """Record the duration in s and the status. If all variants are done, remove the parts."""
@@ -191,7 +185,7 @@ class SweepFolder(Folder):
         self.write_record({"wall_s": spent, "status": COMPLETED if whole else UNFINISHED_SWEEP})
         if whole:
             with contextlib.suppress(OSError):
-                self._remove(PARTS)
+                self._remove_parts(PARTS)
             with contextlib.suppress(OSError):
                 (self._place / SERIES).rmdir()  # where there are none
 

@@ -112,7 +112,6 @@ def sweep(
             if result.complete and result.sampling == SALTELLI and SOBOL not in folder.record():
                 indices = {name: found.record() for name, found in all_sobol_indices(result).items()}
                 folder.write_record({SOBOL: indices})
-            folder.settle()
         return replace(result, folder=None, resources=held.pop_all()) if output is None else result
 
 

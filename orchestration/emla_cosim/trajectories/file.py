@@ -9,7 +9,7 @@ from hdrm_fmu.spline import DEFAULT_FILE, Spline, TrajectoryError, spline_of
 
 from ..base.errors import CommandError
 from ..base.files import read_text
-from ..base.ownership import check_replaceable, has_format
+from ..base.output_files import OutputFile, has_format
 
 __all__ = ["DEFAULT_FILE", "read_trajectory"]
 
@@ -49,10 +49,6 @@ def read_motion(path: str | Path) -> tuple[Spline, Mapping[str, Any]]:
         raise CommandError(f"{WHAT} '{path}' is not JSON: {error}.") from error
 
 
-is_trajectory = has_format("emla-cosim trajectory")
-"""Return whether a file is a trajectory."""
-
-
-def check_trajectory(path: Path, overwrite: bool = False) -> Path:
-    """Return where a trajectory file may be written; CommandError where it may not."""
-    return check_replaceable(path, WHAT, is_trajectory, overwrite)
+def check_trajectory(path: Path, overwrite: bool = False) -> OutputFile:
+    """Return a trajectory file, which may be written. Raises CommandError if it must not be written."""
+    return OutputFile(path, WHAT, has_format("emla-cosim trajectory"), overwrite)

@@ -6,10 +6,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from ..base.errors import RunError
-from ..base.files import write_atomically
-from ..base.ownership import refuse_others
-from .file import WHAT, check_trajectory, is_trajectory
+from .file import check_trajectory
 from .motion import OptimisedMotion
 
 _TOOLS = ("casadi", "emla-cosim", "numpy", "scipy")
@@ -22,13 +19,8 @@ def write_trajectory(result: OptimisedMotion, path: Path, overwrite: bool = Fals
         CommandError: If emla did not write the existing file.
         RunError: If writing fails.
     """
-    place = check_trajectory(path, overwrite)
     content = json.dumps(build_document(result), indent=1, allow_nan=False) + "\n"
-    try:
-        with write_atomically(place, refuse_others(is_trajectory, overwrite)) as stream:
-            stream.write(content.encode())
-    except OSError as error:
-        raise RunError(f"{WHAT} '{path}' cannot be written: {error.strerror or error}.") from error
+    check_trajectory(path, overwrite).write(content.encode())
 
 
 def build_document(result: OptimisedMotion) -> dict[str, Any]:

@@ -11,9 +11,9 @@ from hdrm_fmu.optimisation.problem import MotionProblem
 from hdrm_fmu.trajectory import JOINTS
 
 from ..base.arrays import Vector
-from ..base.errors import CommandError, RunError
-from ..base.files import check_output_files, write_atomically
-from ..base.ownership import check_replaceable, refuse_others
+from ..base.errors import CommandError
+from ..base.files import check_output_files
+from ..base.output_files import OutputFile
 from ..views.plots.style import BLUE, RED, is_picture, new_figure, save, tidy_axes
 from .file import check_trajectory
 from .motion import OptimisedMotion
@@ -62,7 +62,7 @@ def picture_places(
     check_output_files({path: "the trajectory"} | dict.fromkeys(places, "the picture"), used)
     check_trajectory(path, overwrite)
     for place in places:
-        check_replaceable(place, "the picture", is_picture, overwrite)
+        OutputFile(place, "the picture", is_picture, overwrite)
     return places
 
 
@@ -75,11 +75,8 @@ def save_pictures(result: OptimisedMotion, path: Path, overwrite: bool = False) 
     """
     places = picture_places(path, overwrite=overwrite)
     for place, figure in zip(places, draw_pictures(result).values(), strict=True):
-        try:
-            with write_atomically(place, refuse_others(is_picture, overwrite)) as stream:
-                save(figure, stream)
-        except OSError as error:
-            raise RunError(f"the picture '{place}' cannot be written: {error.strerror or error}.") from error
+        with OutputFile(place, "the picture", is_picture, overwrite).open() as stream:
+            save(figure, stream)
     return places
 
 

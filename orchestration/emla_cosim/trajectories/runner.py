@@ -20,7 +20,7 @@ from hdrm_fmu.spline_window import COEFFICIENTS
 from ..base.errors import CommandError, RunError, check_choice
 from ..base.progress import Progress
 from ..base.values import convert_value
-from .payload_file import payload_place, save_payload
+from .payload_file import check_payload, save_payload
 from .pictures import picture_places, save_pictures
 from .problem import load_problem
 from .result import TrajectoryResult
@@ -80,7 +80,7 @@ def trajectory(
     place = None if output is None else convert_value(output, Path, "the output file")
     if place is not None:
         picture_places(place, plots, problem, overwrite)
-        payload_place(place, given, overwrite)
+        check_payload(place, given, overwrite)
     read = _resolve_contradictions(given, reading)
     best, figures = _find_best(read, how, _size("starts", starts), reporter)
     spline, contradictions = best.spline(how), given.contradictions()

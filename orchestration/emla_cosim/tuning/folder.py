@@ -4,8 +4,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ..base.files import report_write_errors
-from ..base.ownership import has_entries
 from ..sweeps.scenario_text import format_scenario
 from ..views.folder import Folder
 from ..views.pages.plain import to_plain
@@ -21,7 +19,7 @@ class TuneFolder(Folder):
     what = "tuning"
     files = (BEST, RECORD, HISTORY)
     pictures = (PICTURE,)
-    record_file, is_record = RECORD, has_entries("plan", "best", "runs")
+    record_file = RECORD
 
     def keep(self, result: TuneResult, record: Mapping[str, Any], scenario: Mapping[str, Any] | None) -> None:
         """Write all files but the picture.
@@ -35,13 +33,11 @@ class TuneFolder(Folder):
         Raises:
             RunError: A file cannot be written.
         """
-        with report_write_errors(self.path):
-            described = f"Gains found by the tuning {result.name}"
-            self.write(BEST, format_scenario(described, scenario, result.best.set).encode())
-            self.write_json(RECORD, to_plain(record))
-            self.write(HISTORY, result.history.write_csv().encode())
+        described = f"Gains found by the tuning {result.name}"
+        self.write_json(RECORD, to_plain(record))
+        self.write(BEST, format_scenario(described, scenario, result.best.set).encode())
+        self.write(HISTORY, result.history.write_csv().encode())
 
     def draw_result(self, result: TuneResult) -> Path:
         """Draw the picture, and return its file. Raises RunError."""
-        with report_write_errors(self.path):
-            return self.draw(PICTURE, draw_picture(result))
+        return self.draw(PICTURE, draw_picture(result))

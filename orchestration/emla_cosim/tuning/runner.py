@@ -123,8 +123,6 @@ def tune(
     folder = (
         None if output is None else TuneFolder(convert_value(output, Path, "the output folder"), overwrite)
     )
-    if folder is not None and plots:
-        folder.check_files(folder.pictures)
     reporter = progress or Progress()
     with nullcontext() if folder is None else folder.alone():
         scenario = load_planned(plan)
@@ -191,10 +189,7 @@ class _Tuning:
             whole = self._validate(validation)
         if whole and not self.best.training.lost:
             whole = self._judge_step(training)
-        result = self._save_progress(whole, plots)
-        if self.folder is not None:
-            self.folder.settle()
-        return result
+        return self._save_progress(whole, plots)
 
     def _search(self, seeds: Sequence[int | None]) -> bool:
         """Try what the search asks for while evaluations are left; return False after an interrupt."""

@@ -44,9 +44,9 @@ import json
 from pathlib import Path
 from typing import Any
 
+from ..base.output_files import OutputFile
 from ..recorders.tubes.signal_check import Comparison
 from ..views.pages.plain import to_plain
-from ..views.pages.text_file import write_text
 from .findings import Examined, Finding, Findings, worst
 from .marks import JSON_FORMAT, is_json
 from .repetition import format_command
@@ -73,9 +73,9 @@ def as_dict(report: Findings) -> dict[str, Any]:
 
 
 def save(report: Findings, path: Path, overwrite: bool = False) -> None:
-    """Write the report as JSON. Raise CommandError and RunError like `write_text`."""
+    """Write the report as JSON. Raise CommandError and RunError like `OutputFile`."""
     text = json.dumps(as_dict(report), indent=2, allow_nan=False) + "\n"
-    write_text(text, path, "the JSON report", is_json, overwrite)
+    OutputFile(path, "the JSON report", is_json, overwrite).write(text.encode("utf-8", "replace"))
 
 
 def _examined(one: Examined) -> dict[str, Any]:

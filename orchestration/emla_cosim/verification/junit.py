@@ -6,8 +6,8 @@ from typing import Any
 
 from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 
+from ..base.output_files import OutputFile
 from ..views.pages.text import make_visible
-from ..views.pages.text_file import write_text
 from .findings import Examined, Finding, Findings
 from .marks import is_junit
 from .repetition import format_command
@@ -16,7 +16,7 @@ from .verdict import Verdict
 
 
 def save(report: Findings, path: Path, overwrite: bool = False) -> None:
-    """Write the report as JUnit XML. Raise CommandError and RunError like `write_text`."""
+    """Write the report as JUnit XML. Raise CommandError and RunError like `OutputFile`."""
     names = shorten_names([one.label for one in report.examined])
     suites = [_suite(one, name, report) for one, name in zip(report.examined, names, strict=True)]
     root = _element(
@@ -29,10 +29,8 @@ def save(report: Findings, path: Path, overwrite: bool = False) -> None:
     )
     root.extend(suites)
     etree.indent(root)
-    text = etree.tostring(root, encoding="unicode")
-    write_text(
-        f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n', path, "the JUnit report", is_junit, overwrite
-    )
+    text = f'<?xml version="1.0" encoding="UTF-8"?>\n{etree.tostring(root, encoding="unicode")}\n'
+    OutputFile(path, "the JUnit report", is_junit, overwrite).write(text.encode("utf-8", "replace"))
 
 
 def _suite(one: Examined, name: str, report: Findings) -> Any:

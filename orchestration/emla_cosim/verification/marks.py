@@ -1,6 +1,6 @@
 """Recognize files with a report of `verify`, which may be overwritten."""
 
-from ..base.ownership import has_format, has_mark
+from ..base.output_files import has_format, has_mark
 
 JSON_FORMAT = "emla-verify"
 

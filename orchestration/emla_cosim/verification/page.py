@@ -9,9 +9,9 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from ..base.output_files import OutputFile
 from ..views.pages.comparisons import build_comparison_rows
 from ..views.pages.page import Plots, render_template
-from ..views.pages.text_file import write_text
 from .findings import Examined, Finding, Findings, worst
 from .marks import is_page
 from .repetition import format_command
@@ -20,8 +20,9 @@ from .verdict import Verdict
 
 
 def save(report: Findings, path: Path, overwrite: bool = False) -> None:
-    """Write the report as an HTML page. Raise CommandError and RunError like `write_text`."""
-    write_text(render_page(report), path, "the HTML report", is_page, overwrite)
+    """Write the report as an HTML page. Raise CommandError and RunError like `OutputFile`."""
+    file = OutputFile(path, "the HTML report", is_page, overwrite)
+    file.write(render_page(report).encode("utf-8", "replace"))
 
 
 def render_page(report: Findings) -> str:

@@ -2,25 +2,36 @@
 
 import contextlib
 import json
+import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, ClassVar
+from typing import IO, TYPE_CHECKING, Any
 
 from ..base.errors import CommandError
-from ..base.files import check_output_files, remove_unfinished, report_write_errors
-from ..base.ownership import IsOurs, OutputFiles
-from ..sandbox.locking import exclusive_lock
+from ..base.files import (
+    NotAFileError,
+    check_output_files,
+    remove_unfinished,
+    report_write_errors,
+    resolve_output_path,
+    write_atomically,
+)
+from ..base.folder_lock import exclusive_lock
+from ..base.output_files import RECORDS, has_format, has_record, is_new, is_regular
 from .plots.style import save
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+_OLD_MANIFEST = ".emla.json"
+"""A file that earlier versions wrote to output folders."""
+
 
 class Folder:
     """A folder at `path` for `files` that describe `what`, and for the folders `inner` in it.
 
-    `pictures` are further files, which only some commands write. Folders from versions without a manifest are
-    recognized by `record_file`, which `is_record` checks.
+    `pictures` are further files, which only some commands write. The folder belongs to a command of this kind
+    once it holds `record_file`, a key of `RECORDS`: write that file first.
     """
 
     what: str
@@ -28,7 +39,6 @@ class Folder:
     pictures: Sequence[str] = ()
     inner: Sequence[str] = ()
     record_file: str
-    is_record: ClassVar[IsOurs]
 
     def __init__(self, path: Path, overwrite: bool = False) -> None:
         """Check the folder without creating anything.
@@ -38,8 +48,8 @@ class Folder:
             overwrite: Whether to replace files that emla did not write.
 
         Raises:
-            CommandError: If the path cannot be a folder, one of `files` cannot be written, or emla did not
-                write the existing one.
+            CommandError: If the path cannot be a folder, a file cannot be written, or the folder has files
+                that emla did not write and no record of emla.
         """
         self.path, self.overwrite = path, overwrite
         try:
@@ -49,42 +59,81 @@ class Folder:
             reason = getattr(error, "strerror", None) or error
             raise CommandError(f"the output folder {str(path)!r} cannot be written: {reason}.") from error
         if wrong:
-            raise CommandError(f"the output folder '{path}' cannot be written: it is no folder.")
-        known = (*self.files, *self.pictures)
-        kind = type(self)
-        self._files = OutputFiles(self._place, path, kind.record_file, kind.is_record, known, overwrite)
-        self.check_files(self.files)
+            raise CommandError(f"the output folder '{path}' cannot be written: it is not a folder.")
+        self.check_files((*self.files, *self.pictures))
 
     def check_files(self, names: Iterable[str]) -> None:
-        """Raise CommandError if a file cannot be written, or emla did not write the existing one."""
-        if self._place.is_dir():
-            self._files.check(names, f"the file of the {self.what}")
+        """Raise CommandError if files of these names cannot be written, or the folder is not emla's."""
+        if not self._place.is_dir():
+            return
+        names = [name for name in names if os.path.lexists(self._place / name)]
+        for name in names:
+            resolve_output_path(self.path / name, f"the file of the {self.what}")
+        try:
+            strange = None if self.overwrite or self.has_own_record() else self._find_strange(names)
+        except OSError as error:
+            raise CommandError(
+                f"the output folder '{self.path}' cannot be read: {error.strerror or error}."
+            ) from error
+        if strange is not None:
+            raise CommandError(
+                f"the output folder '{self.path}' has '{strange}', which was not written by emla. Choose "
+                "another output folder, or use --overwrite.",
+                path=str(self.path / strange),
+            )
+
+    def _find_strange(self, names: Iterable[str]) -> str | None:
+        """Return a file that a command of this kind did not write, or None if it may write here."""
+        if (taken := next((name for name in names if not is_new(self._place / name)), None)) is not None:
+            return taken
+        if any(has_record(self._place, record) for record in RECORDS):
+            return None
+        # hidden files, such as those of a killed command, are in nobody's way
+        return next((name for name in sorted(os.listdir(self._place)) if not name.startswith(".")), None)  # noqa: PTH208
+
+    def has_own_record(self) -> bool:
+        """Return whether a command of this kind wrote to the folder. Raises OSError."""
+        return has_record(self._place, self.record_file)
 
     def write(self, name: str, content: bytes) -> Path:
-        """Write a file and return its path. Raises OSError."""
-        with self._written(name) as stream:
+        """Write a file and return its path. Raises RunError."""
+        with self.open(name) as stream:
             stream.write(content)
         return self.path / name
 
     def write_json(self, name: str, content: Any) -> Path:
-        """Write a JSON file and return its path. Raises OSError."""
+        """Write a JSON file and return its path. Raises RunError."""
         return self.write(name, (json.dumps(content, indent=2) + "\n").encode())
 
     def draw(self, name: str, figure: "Figure") -> Path:
-        """Write a plot and return its path. Raises OSError."""
-        with self._written(name) as stream:
+        """Write a plot and return its path. Raises RunError."""
+        with self.open(name) as stream:
             save(figure, stream, Path(name).suffix[1:])
         return self.path / name
 
     @contextlib.contextmanager
-    def _written(self, name: str) -> Iterator[IO[bytes]]:
-        with self._files.write(name) as stream:
+    def open(self, name: str) -> Iterator[IO[bytes]]:
+        """Open a stream for a file, which appears when it is complete. Raises RunError."""
+        with (
+            report_write_errors(self.path),
+            write_atomically(self._place / name, self._check_again) as stream,
+        ):
             yield stream
 
-    def settle(self) -> None:
-        """Note that all files are complete. Raises RunError."""
+    def _check_again(self, place: Path) -> None:
+        """Raise NotAFileError if a file of the user appeared while the command ran."""
+        if not (self.overwrite or is_new(place) or has_record(place.parent, self.record_file)):
+            raise NotAFileError(0, f"'{place.name}' appeared while emla ran, and emla did not write it")
+
+    def remove(self, names: Iterable[str]) -> None:
+        """Remove files that a command of this kind wrote.
+
+        Links, and everything else that is not a regular file, stay. Raises RunError.
+        """
         with report_write_errors(self.path):
-            self._files.settle()
+            for name in names if self.has_own_record() else ():
+                if is_regular(self._place / name):
+                    (self._place / name).unlink()
 
     def check_unread(self, read: Iterable[Mapping[Path, str]]) -> None:
         """Raise CommandError if an output file is also an input. `read` describes the inputs by path."""
@@ -98,13 +147,16 @@ class Folder:
         return {self.path / name: f"a file of the {self.what}" for name in self.files}
 
     @contextlib.contextmanager
-    def alone(self, heir_of: int | None = None) -> Iterator[None]:
+    def alone(self, wait_s: float = 0.0) -> Iterator[None]:
         """Reserve the folder, and remove it at the end if it was created and is still empty.
 
-        Incomplete files of a killed run are removed; for `heir_of` see `locking.exclusive_lock`.
+        Incomplete files of a killed command are removed.
+
+        Args:
+            wait_s: How long to wait for another command, in s.
 
         Raises:
-            CommandError: If another run uses the folder, or it cannot be created.
+            CommandError: If another command uses the folder, or it cannot be created.
         """
         missing = [place for place in (self._place, *self._place.parents) if not place.exists()]
         try:
@@ -114,13 +166,19 @@ class Folder:
                 f"the output folder '{self.path}' cannot be written: {error.strerror}."
             ) from error
         try:
-            with exclusive_lock(self._place, heir_of):
-                remove_unfinished(self._place)
-                for name in self.inner:
-                    if not (self._place / name).is_symlink():
-                        remove_unfinished(self._place / name)
+            with exclusive_lock(self._place, wait_s):
+                self._remove_leftovers()
                 yield
         finally:
             for place in missing:
                 with contextlib.suppress(OSError):  # it is not empty
                     place.rmdir()
+
+    def _remove_leftovers(self) -> None:
+        for place in (self._place, *(self._place / name for name in self.inner)):
+            if not place.is_symlink():
+                remove_unfinished(place)
+        with contextlib.suppress(OSError):
+            manifest = self._place / _OLD_MANIFEST
+            if is_regular(manifest) and has_format("emla-output")(manifest):
+                manifest.unlink()

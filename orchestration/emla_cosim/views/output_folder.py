@@ -13,7 +13,7 @@ import numpy as np
 from ..base.arrays import Vector
 from ..base.errors import CommandError, RunError
 from ..base.files import report_write_errors
-from ..base.ownership import has_entries
+from ..base.output_files import UNFINISHED_STATUS
 from ..base.progress import Progress
 from ..base.signal_types import Texts
 from ..recorders.bond_energies import COUPLING
@@ -37,16 +37,11 @@ def results_folder(name: str) -> Path:
     return Path("results") / (re.sub(r"[^\w.-]+", "_", name).strip("._") or "run")
 
 
-def _is_record(path: Path) -> bool:
-    """Return whether a run wrote this run.json, including runs that ended early."""
-    return has_entries("scenario", "status")(path) or has_entries("settings", "versions")(path)
-
-
 class OutputFolder(Folder):
-    """The folder for the results of one run. Files of an earlier run stay until `clear`."""
+    """The folder for the results of one run. Files of an earlier run stay until `begin`."""
 
     what = "results"
-    record_file, is_record = RECORD, _is_record
+    record_file = RECORD
 
     def __init__(
         self,
@@ -90,30 +85,33 @@ class OutputFolder(Folder):
         super().__init__(path, overwrite)
 
     def check_files(self, names: Iterable[str]) -> None:
-        """Raise CommandError if a file cannot be written, or emla did not write the existing one."""
+        """Check also the folder for parts of the table; see `Folder.check_files`."""
         super().check_files(names)
         with report_write_errors(self.path):
             problem = strange_parts(self._place / self.results.name)
         if problem is not None:
             raise CommandError(f"{problem}, or choose another output folder.")
 
-    def check(self) -> None:
-        """Check all files that a run may write, as `check_files` does."""
-        self.check_files(self.files)
-
-    def recorders(self, continued: bool) -> list[Recorder]:
+    def recorders(self, scenario: str, continued: bool) -> list[Recorder]:
         """Return the recorders for the table of results; `continued` extends the table in this folder."""
-        return [_FolderClearer(self, continued), self.table()]
+        return [_FolderBeginner(self, scenario, continued), self.table()]
 
     def table(self) -> Table:
         """Return the recorder for the table of results."""
         return TABLES[self.form](self._place / self.results.name)
 
-    def clear(self, keep_results: bool = False) -> None:
-        """Remove the files of an earlier run, and list the files of this one. May raise OSError."""
-        kept = table_names() if keep_results else []
-        self._files.remove([n for n in (*self.files, *self.pictures) if n not in kept], self.files)
-        self._files.claim(self.files)
+    def begin(self, scenario: str, keep_results: bool = False) -> None:
+        """Remove the files of an earlier run, and write run.json for the one that begins.
+
+        Raises:
+            CommandError: If a file that emla did not write has appeared.
+            RunError: If writing fails.
+        """
+        self.check_files((*self.files, *self.pictures))
+        kept = [RECORD, *(table_names() if keep_results else ())]
+        # the record is replaced, so that the folder has one at any time; a full disk has room for it now
+        self.remove(name for name in (*self.files, *self.pictures) if name not in kept)
+        self.write_json(RECORD, {"scenario": scenario, "status": UNFINISHED_STATUS})
 
     def write_table(self, result: Result) -> None:
         """Write the table of a result that has it in memory. Raises RunError."""
@@ -124,7 +122,7 @@ class OutputFolder(Folder):
         texts = Texts()
         table = self.table()
         with recording(table):
-            self.clear()
+            self.begin(result.name)
             outline = Outline(columns, units, result.times, range(len(columns)), types=types, texts=texts)
             table.begin(outline)
             try:
@@ -169,24 +167,7 @@ class OutputFolder(Folder):
         Raises:
             RunError: If writing fails, or plots or an animation are interrupted.
         """
-        with report_write_errors(self.path):
-            self._files.claim(self.files)
-            told = progress or Progress()
-            written = self._write(result, plots, told, animated, report, notes, interrupted)
-            self._files.settle()
-            return written
-
-    def _write(
-        self,
-        result: Result,
-        plots: bool,
-        told: Progress,
-        animated: bool,
-        report: bool,
-        notes: Sequence[str],
-        interrupted: Callable[[], bool],
-    ) -> list[Path]:
-        """Write the files as `save` does. Raises OSError or RunError."""
+        told = progress or Progress()
         figures = {**result.metrics, COUPLING: result.coupling, SIGNALS: result.signals}
         self.write_json(METRICS, {**to_plain(figures), "run": _run_metrics(result)})
         self.write_json(RECORD, result.record)
@@ -202,7 +183,7 @@ class OutputFolder(Folder):
         if plots:
             written += self._draw_all(result, told, interrupted)
         if animated:
-            written += [self.path / name for name in animate(result, self._written, told)]
+            written += [self.path / name for name in animate(result, self.open, told)]
         return written
 
     def _draw_all(self, result: Result, told: Progress, interrupted: Callable[[], bool]) -> list[Path]:
@@ -217,17 +198,14 @@ class OutputFolder(Folder):
                 written += [self.draw(f"{name}.{self.plot_format}", figure)] if figure is not None else []
                 told.advance(1)
         except BaseException:
-            self._files.remove([path.name for path in written])
+            self.remove(path.name for path in written)
             raise
-        self._files.remove([path.name for path in written])
-        self._files.settle()
+        self.remove(path.name for path in written)
         raise RunError("the plots were interrupted.")
 
     def change_record(self, **entries: Any) -> None:
         """Add or replace entries of run.json. Raises RunError."""
-        with report_write_errors(self.path):
-            self.write_json(RECORD, self._record() | entries)
-            self._files.settle()
+        self.write_json(RECORD, self._record() | entries)
 
     def status(self) -> str:
         """Return the status in run.json, or nothing without a run.json."""
@@ -244,23 +222,18 @@ class OutputFolder(Folder):
         return found if isinstance(found, dict) else {}
 
 
-class _FolderClearer(Recorder):
-    """Removes the files of an earlier run when a run begins, but not after an invalid command."""
+class _FolderBeginner(Recorder):
+    """Begins the folder when a run begins, but not after an invalid command."""
 
-    def __init__(self, folder: OutputFolder, continued: bool) -> None:
-        self._folder, self._continued = folder, continued
+    def __init__(self, folder: OutputFolder, scenario: str, continued: bool) -> None:
+        self._folder, self._scenario, self._continued = folder, scenario, continued
 
     def __str__(self) -> str:
         return str(self._folder.results)
 
     def begin(self, outline: Outline, memory: Any = None) -> None:
-        """Remove the files, except a table of results that is continued.
-
-        Raises:
-            CommandError: If a file that emla did not write has appeared.
-        """
-        self._folder.check()
-        self._folder.clear(keep_results=self._continued)
+        """Begin the folder, and keep a table of results that is continued; see `OutputFolder.begin`."""
+        self._folder.begin(self._scenario, keep_results=self._continued)
 
 
 def _rows(columns: Mapping[str, Any], texts: Texts) -> Vector:

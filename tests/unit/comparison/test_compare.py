@@ -84,7 +84,7 @@ def test_invalid_options_give_one_message(
 
 def test_output_folder_that_is_a_file_is_reported(emla: Emla, tmp_path: Path) -> None:
     (tmp_path / "file").touch()
-    assert "it is no folder" in sentence(emla("compare", "lift", "--output", str(tmp_path / "file")), 2)
+    assert "it is not a folder" in sentence(emla("compare", "lift", "--output", str(tmp_path / "file")), 2)
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,6 @@ import polars
 import pytest
 
 import fmublock.files
-from emla_cosim.base.ownership import MANIFEST
 from emla_cosim.master.stepping.timing import make_communication_points
 from emla_cosim.recorders.parquet_file import ParquetFile
 from emla_cosim.recorders.recorder import Outline
@@ -29,8 +28,9 @@ def begun(folder: Path) -> ParquetFile:
 
 
 def test_files_of_others_are_not_changed(emla: Emla, tmp_path: Path) -> None:
+    assert emla(*RUN).exit_code == 0
     parts = tmp_path / "o" / "results.parquet.parts"
-    parts.mkdir(parents=True)
+    parts.mkdir()
     (parts / "thesis.txt").write_text("years of work")
     (parts / "000000.parquet").write_text("a part")
     text = sentence(emla(*RUN), 2)
@@ -46,6 +46,7 @@ def test_files_of_others_are_not_changed(emla: Emla, tmp_path: Path) -> None:
 def test_leftovers_of_a_killed_run_are_removed(emla: Emla, tmp_path: Path) -> None:
     parts = tmp_path / "o" / "results.parquet.parts"
     parts.mkdir(parents=True)
+    (tmp_path / "o" / "run.json").write_text('{"scenario": "lift", "status": "unfinished"}')
     for name in ("000000.parquet", "000001.parquet", ".unfinished-12-345-0123abcd-ab_3z"):
         (parts / name).write_text("left")
     assert emla(*RUN).exit_code == 0
@@ -56,7 +57,7 @@ def test_leftovers_of_a_killed_run_are_removed(emla: Emla, tmp_path: Path) -> No
 def test_files_are_synced_before_they_are_renamed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     synced: set[int] = set()
     named: list[str] = []
-    sync, replace, link = os.fsync, Path.replace, Path.hardlink_to
+    sync, replace = os.fsync, Path.replace
 
     def fsync(handle: int) -> None:
         sync(handle)
@@ -68,19 +69,13 @@ def test_files_are_synced_before_they_are_renamed(tmp_path: Path, monkeypatch: p
         named.append(Path(target).name)
         return replace(path, target)
 
-    def linked(target: Path, path: Path) -> None:
-        assert path.stat().st_ino in synced, f"{target} is not on disk"
-        named.append(target.name)
-        link(target, path)
-
     monkeypatch.setattr(fmublock.files.os, "fsync", fsync)
     monkeypatch.setattr(Path, "replace", replaced)
-    monkeypatch.setattr(Path, "hardlink_to", linked)
     file = begun(tmp_path)
     file.end()
-    assert [name for name in named if name != MANIFEST] == ["000000.parquet", "results.parquet"]
+    assert list(named) == ["000000.parquet", "results.parquet"]
     assert len(polars.read_parquet(tmp_path / "results.parquet")) == 20
-    assert {p.name for p in tmp_path.iterdir()} == {MANIFEST, "results.parquet"}
+    assert {p.name for p in tmp_path.iterdir()} == {"results.parquet"}
     assert stat.S_IMODE((tmp_path / "results.parquet").stat().st_mode) & 0o400
 
 
@@ -97,4 +92,4 @@ def test_full_disk_keeps_the_parts(tmp_path: Path) -> None:
             file.memory()
     left = {p.name: p.read_bytes() for p in (tmp_path / "results.parquet.parts").iterdir()}
     assert left == parts
-    assert {p.name for p in tmp_path.iterdir()} == {MANIFEST, "results.parquet.parts"}
+    assert {p.name for p in tmp_path.iterdir()} == {"results.parquet.parts"}

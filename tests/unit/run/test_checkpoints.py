@@ -20,6 +20,7 @@ from hypothesis import HealthCheck, given
 import emla_cosim as ec
 import emla_cosim.recorders.checkpoints
 from emla_cosim.base.errors import CommandError
+from emla_cosim.base.output_files import OutputFile
 from emla_cosim.master.stepping.checkpoint import load_checkpoint, save_checkpoint
 from emla_cosim.master.stepping.stepping_base import Stepping
 from tests.support.commands import Emla, sentence
@@ -293,9 +294,9 @@ def test_unusable_place_is_reported_before_the_run(
 def test_full_disk_leaves_the_earlier_checkpoint(
     made: Path, lift: Lift, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def save(path: Path, stepping: Stepping, notes: dict[str, Any], overwrite: bool) -> None:
+    def save(file: OutputFile, stepping: Stepping, notes: dict[str, Any]) -> None:
         with files_of_at_most(1000):
-            save_checkpoint(path, stepping, notes, overwrite)
+            save_checkpoint(file, stepping, notes)
 
     shutil.copy(made / "c", tmp_path / "c")
     monkeypatch.setattr(emla_cosim.recorders.checkpoints, "save_checkpoint", save)

@@ -16,8 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from emla_cosim.base.errors import CommandError
-from emla_cosim.base.ownership import MANIFEST
-from emla_cosim.sandbox.locking import exclusive_lock
+from emla_cosim.base.folder_lock import exclusive_lock
 from emla_cosim.sweeps.data import Chunk, VariantOutcome
 from emla_cosim.sweeps.folder import SweepFolder
 from emla_cosim.sweeps.measures import Measures
@@ -220,7 +219,6 @@ def test_content_of_a_folder_decides_what_can_be_resumed(sweep_lift: SweepLift, 
 
     record = json.loads((out / "sweep.json").read_text())
     (out / "sweep.json").write_text(json.dumps({**record, "status": "unfinished"}))
-    (out / MANIFEST).unlink()  # which would say that sweep.json was changed
     with pytest.raises(CommandError, match="has an unfinished sweep; --resume continues it"):
         sweep_lift(**plan)
     (out / "parts").mkdir()
@@ -233,7 +231,7 @@ def test_content_of_a_folder_decides_what_can_be_resumed(sweep_lift: SweepLift, 
     with exclusive_lock(out), pytest.raises(CommandError, match="another run writes to"):
         sweep_lift(**plan)
     (out / "sweep.json").write_text("[]")
-    with pytest.raises(CommandError, match=r"sweep.json' was changed since emla wrote it"):
+    with pytest.raises(CommandError, match=r"has 'variants\.parquet', which was not written by emla"):
         sweep_lift(**plan)
     assert sweep_lift(**plan, overwrite=True).complete
 
@@ -255,7 +253,7 @@ def test_files_of_others_are_kept(what: str, sweep_lift: SweepLift, tmp_path: Pa
     elif what == "device":
         (out / "worst.txt").symlink_to("/dev/null")
     before = {path: path.read_text() for path in tmp_path.rglob("*") if path.is_file()}
-    refusal = r"does not belong to a sweep; move it|the file of the sweep .* cannot be written"
+    refusal = r"does not belong to a sweep; move it|not written by emla|the file .* cannot be written"
     with pytest.raises(CommandError, match=refusal):
         sweep_lift(ONE, output=out)
     assert {path: path.read_text() for path in tmp_path.rglob("*") if path.is_file()} == before

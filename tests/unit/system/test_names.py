@@ -57,18 +57,18 @@ def test_tables_records_and_packages(fmu_folder: Path, tmp_path: Path) -> None:
         simulation.run(recorders=[ParquetFile(tmp_path / "r.parquet")], signals=POSITIONS)
     expected = ["time", *result.names]
     assert len(expected) == len(set(expected)) > 30 * len(NAMES)
-    result.save(tmp_path, plots=False)
-    with (tmp_path / "results.csv").open(newline="", encoding="utf-8") as stream:
+    result.save(folder := tmp_path / "out", plots=False)
+    with (folder / "results.csv").open(newline="", encoding="utf-8") as stream:
         header, *rows = csv.reader(stream)
     assert header == expected
     assert {len(row) for row in rows} == {len(expected)}
     for most in (None, 3):
-        assert list(open_stored_run(tmp_path / "results.csv").read(expected, most)) == expected
+        assert list(open_stored_run(folder / "results.csv").read(expected, most)) == expected
     assert polars.read_parquet(tmp_path / "r.parquet").columns == ["time", *POSITIONS]
     units = json.loads(polars.read_parquet_metadata(tmp_path / "r.parquet")["units"])
     assert units == {"time": "s", **dict.fromkeys(POSITIONS, "m")}
-    assert list(json.loads((tmp_path / "metrics.json").read_text())["joints"]) == list(NAMES)
-    record = json.loads((tmp_path / "run.json").read_text())
+    assert list(json.loads((folder / "metrics.json").read_text())["joints"]) == list(NAMES)
+    record = json.loads((folder / "run.json").read_text())
     assert list(record["components"]) == [c.name for c in original.system.components]
     assert record["settings"]["set"] == SET
 

@@ -102,8 +102,6 @@ def command(chosen: Parameters, given: dict[str, Any]) -> None:
         _certify(chosen.scenario, chosen.gains, certificates.CertificateFolder(place, overwrite), given)
         return
     folder = CompareFolder(place, overwrite)
-    if plots:
-        folder.check_files(folder.pictures)
     with BarProgress() as progress:
         result = compare(output=place, progress=progress, **vars(chosen), **given)
         pictures = folder.draw_result(result) if plots else []

@@ -60,7 +60,6 @@ class CrashPlan:
         folder: The output folder.
         output: Other arguments of `OutputFolder`.
         notes: Remarks on the scenario.
-        process: Id of the process of the run.
         verbosity: What the command shows.
         begun: The run.
     """
@@ -70,7 +69,6 @@ class CrashPlan:
     folder: Path
     output: Mapping[str, Any]
     notes: Sequence[str]
-    process: int
     verbosity: Verbosity
     begun: StartedRun | None = None
 
@@ -90,9 +88,7 @@ class CrashRecorder(Recorder):
     def __init__(self, scenario: Scenario, folder: Path, output: Mapping[str, Any]) -> None:
         """Write that a run of the scenario begins, with the arguments of its `OutputFolder`."""
         names = [c.name for c in scenario.system.components]
-        self._plan = CrashPlan(
-            scenario.name, names, folder, output, scenario.notes, os.getpid(), get_verbosity()
-        )
+        self._plan = CrashPlan(scenario.name, names, folder, output, scenario.notes, get_verbosity())
         self._folder = folder.resolve()  # an FMU may change the working folder
         self._rows: RowFile | None = None
         self._why_no_file = ""

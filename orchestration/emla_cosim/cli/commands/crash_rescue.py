@@ -50,7 +50,7 @@ def rescue_results(how: str, ended: float) -> None:
     try:
         output = OutputFolder(plan.folder, **plan.output)
         rows = None if plan.begun is None else _read_rows(plan.begun)  # `alone` removes their file
-        with output.alone(heir_of=plan.process), use_verbosity(plan.verbosity):
+        with output.alone(wait_s=2.0), use_verbosity(plan.verbosity):
             problem = _save_results(plan, output, cause, ended, rows)
         show_error(f"{problem} The results so far are in {output.path}.")
     except (CosimError, OSError) as error:

@@ -14,7 +14,7 @@ from rich.text import Text
 from ...base.errors import CommandError
 from ...base.files import check_output_files
 from ...base.option import INFO, OTHERS, option
-from ...base.ownership import check_replaceable
+from ...base.output_files import OutputFile
 from ...inspection.collector import info
 from ...inspection.display_rows import DisplayRow, build_display_rows, format_line
 from ...inspection.system_info import JSON_FILE, FmuInfo, Info, format_start, is_info
@@ -66,7 +66,7 @@ def command(chosen: Parameters, given: dict[str, Any]) -> None:
         with suppress(CommandError):  # collecting the information reports it
             used |= load(source, **given).options.files_read()
         check_output_files({json: JSON_FILE}, used)
-        check_replaceable(json, JSON_FILE, is_info, overwrite)
+        OutputFile(json, JSON_FILE, is_info, overwrite)
     with BarProgress() as progress:
         found = info(source, progress, **given)
     if chosen.match:

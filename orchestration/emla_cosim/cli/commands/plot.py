@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from ...base.errors import CommandError
-from ...base.files import check_output_files, report_write_errors, write_atomically
+from ...base.files import check_output_files
 from ...base.option import OTHERS, PLOT, argument, option
-from ...base.ownership import check_replaceable, refuse_others
+from ...base.output_files import OutputFile
 from ...recorders.registry import TABLES
 from ...run.plot_formats import PLOT_FORMATS
 from ...study.registration import register
@@ -58,11 +58,9 @@ def command(chosen: Parameters, given: dict[str, Any]) -> None:
         raise CommandError(f"the plot file '{output}' must end in .png, .pdf or .svg.")
     found = read_traces(chosen.runs)
     check_output_files({output: "the plot"}, {file: "read" for run in found for file in run.files})
-    overwrite = given.get("overwrite", False)
-    check_replaceable(output, "the plot", is_picture, overwrite)
+    file = OutputFile(output, "the plot", is_picture, given.get("overwrite", False))
     overlay = overlay_runs(found, chosen.signals, chosen.start, chosen.stop, chosen.title, chosen.layout)
-    check = refuse_others(is_picture, overwrite)
-    with report_write_errors(output.parent), write_atomically(output, check) as stream:
+    with file.open() as stream:
         save(overlay.figure, stream, form)
     for note in overlay.notes:
         print_line(f"Note: {note}")

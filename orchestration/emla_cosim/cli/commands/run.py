@@ -83,7 +83,7 @@ def run_into(
             if options.animate:
                 kept = simulation.select_signals(options.signals)
                 check_animated(chosen.name, simulation.names, kept)
-            writing = output.recorders(continued=options.resume is not None)
+            writing = output.recorders(chosen.name, continued=options.resume is not None)
             remembered.watch(simulation, writing[-1])
             recorders = [*writing, ProgressRecorder(progress), remembered]
             with catch_interrupts() as asked:  # from the first row to the last file

@@ -88,8 +88,6 @@ def command(chosen: Parameters, given: dict[str, Any]) -> None:
     found = load_plan(chosen.plan)
     place, plots = Path(given.get("output") or results_folder(found.name)), given.pop("plots", True)
     folder = SweepFolder(place, given.get("overwrite", False))
-    if plots:
-        folder.check_files(folder.pictures)
     given |= vars(chosen) | {"plan": found, "output": place}
     with BarProgress() as progress:
         result = sweep(given.pop("plan"), metrics=given.pop("metric"), progress=progress, **given)
@@ -121,7 +119,6 @@ def _short(lines: Sequence[str], folder: SweepFolder) -> Sequence[str]:
         return lines
     with folder.alone(), report_write_errors(folder.path):
         written = folder.write(WORST, "\n".join([f"# {lines[0]}", *lines[1:], ""]).encode())
-        folder.settle()
     return [f"Commands to run each of them alone are in {written}."]
 
 
@@ -129,6 +126,5 @@ def _draw_pictures(result: SweepResult, folder: SweepFolder, progress: Progress)
     progress.begin("drawing plots", 1)
     with folder.alone(), report_write_errors(folder.path):
         found = [folder.draw(name, figure) for name, figure in draw_pictures(result)]
-        folder.settle()
     progress.advance(1)
     return found

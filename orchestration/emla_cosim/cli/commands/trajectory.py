@@ -8,7 +8,7 @@ from typing import Any
 
 from ...base.errors import CosimError
 from ...base.option import OUTPUT, TRAJECTORY, argument, option
-from ...trajectories.payload_file import payload_place
+from ...trajectories.payload_file import check_payload
 from ...trajectories.pictures import picture_places
 from ...trajectories.problem import load_problem, override_values
 from ...trajectories.runner import trajectory
@@ -77,7 +77,7 @@ def command(chosen: Parameters, given: dict[str, Any]) -> None:
     overwrite = given.get("overwrite", False)
     place = chosen.output or _default_path()
     pictures = picture_places(place, chosen.plots, chosen.problem, overwrite)
-    payload = payload_place(place, asked, overwrite)
+    payload = check_payload(place, asked, overwrite)
     given |= vars(chosen) | {"output": place, "problem": asked}
     del given["set"]
     with BarProgress() as progress:
@@ -86,7 +86,8 @@ def command(chosen: Parameters, given: dict[str, Any]) -> None:
         print_line(remark)
     show(format_costs(result))
     show(format_peaks(result))
-    files = ", ".join((str(place), *(path.name for path in (payload, *pictures) if path is not None)))
+    beside = [] if payload is None else [payload.path]
+    files = ", ".join((str(place), *(path.name for path in (*beside, *pictures))))
     for line in (*format_clearances(result), *format_lines(result), f"Wrote {files}"):
         print_line(line)
 

@@ -13,7 +13,7 @@ from ...base.errors import CommandError, CosimError, check_choice
 from ...base.files import check_output_files
 from ...base.interruption import catch_interrupts
 from ...base.option import OUTPUT, VERIFY, argument, option, switch
-from ...base.ownership import IsOurs, check_replaceable
+from ...base.output_files import IsOurs, OutputFile
 from ...base.progress import Progress
 from ...base.wording import format_count
 from ...fmu.models import FLAVOURS, MODELS, build, documents_root
@@ -173,7 +173,7 @@ def _check_places(
     for path, what, is_ours in reports:
         if path is not None:
             check_output_files({path: what}, used)
-            check_replaceable(path, what, is_ours, overwrite)
+            OutputFile(path, what, is_ours, overwrite)
             used[path] = what
 
 

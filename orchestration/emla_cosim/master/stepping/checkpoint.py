@@ -12,8 +12,8 @@ import numpy as np
 
 from ...base.arrays import Vector
 from ...base.errors import CommandError
-from ...base.files import HERE, write_atomically
-from ...base.ownership import check_replaceable, refuse_others
+from ...base.files import HERE
+from ...base.output_files import OutputFile
 from ..algorithms.algorithm import require
 from ..network import Network
 from .stepping_base import Stepping
@@ -44,47 +44,44 @@ class Checkpoint:
         stepping.remember(self.memory)
 
 
-def check_checkpoint(path: Path, overwrite: bool, folder: Path = HERE) -> Path:
-    """Return the place of a checkpoint whose path is relative to `folder`.
+def check_checkpoint(path: Path, overwrite: bool, folder: Path = HERE) -> OutputFile:
+    """Return the file of a checkpoint whose path is relative to `folder`.
 
     Raises:
         CommandError: The file cannot be written, or another file is there and `overwrite` is false.
     """
-    return check_replaceable(path, "the checkpoint", _is_checkpoint, overwrite, folder)
+    return OutputFile(path, "the checkpoint", _is_checkpoint, overwrite, folder)
 
 
-def checkpoint_place(path: Path, network: Network, folder: Path, overwrite: bool = False) -> Path:
-    """Return the place of a checkpoint whose path is relative to `folder`.
+def prepare_checkpoint(path: Path, network: Network, folder: Path, overwrite: bool = False) -> OutputFile:
+    """Return the file of a checkpoint whose path is relative to `folder`.
 
     Raises:
         CommandError: An instance cannot serialize its state, or the file cannot be written; see
             `check_checkpoint`.
     """
-    place = check_checkpoint(path, overwrite, folder)
+    file = check_checkpoint(path, overwrite, folder)
     try:
-        with TemporaryFile(dir=place.parent):
+        with TemporaryFile(dir=file.place.parent):
             pass
     except OSError as error:
         raise CommandError(f"the checkpoint '{path}' cannot be written: {error.strerror}.") from error
     require(network.instances, "serializes", "canSerializeFMUstate", "a checkpoint")
     for instance in network.instances:
         instance.prepare_checkpoints()
-    return place
+    return file
 
 
-def save_checkpoint(
-    path: Path, stepping: Stepping, notes: Mapping[str, Any], overwrite: bool = False
-) -> None:
+def save_checkpoint(file: OutputFile, stepping: Stepping, notes: Mapping[str, Any]) -> None:
     """Write a checkpoint. It replaces an earlier file only when it is complete.
 
     Args:
-        path: The file.
+        file: The file.
         stepping: The simulation.
         notes: Plain data of the caller, returned by `load_checkpoint`.
-        overwrite: Whether it may replace a file that is no checkpoint.
 
     Raises:
-        OSError: The file cannot be written.
+        RunError: The file cannot be written.
         InstanceError: An FMU cannot save its state.
     """
     network = stepping.algorithm.network
@@ -94,7 +91,7 @@ def save_checkpoint(
     content |= {_MEMORY + name: value for name, value in stepping.memory().items()}
     header = json.dumps({"format": FORMAT, "notes": notes, "arrays": list(content)})
     content["header"] = np.frombuffer(header.encode(), dtype=np.uint8)
-    with write_atomically(path, refuse_others(_is_checkpoint, overwrite)) as stream:
+    with file.open() as stream:
         np.savez(stream, allow_pickle=False, **content)
 
 
@@ -122,7 +119,7 @@ def _is_checkpoint(path: Path) -> bool:
     try:
         with zipfile.ZipFile(path) as archive:
             return "header.npy" in archive.namelist()
-    except (OSError, zipfile.BadZipFile):
+    except zipfile.BadZipFile:
         return False
 
 

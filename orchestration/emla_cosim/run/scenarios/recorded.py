@@ -8,6 +8,7 @@ from typing import Any, get_origin
 
 from ...base.errors import CommandError
 from ...base.files import read_text
+from ...base.output_files import UNFINISHED_STATUS
 from ..options import list_options, read_options, select_repeatable
 from ..origin import RunOrigin
 from ..run_record import PYTHON
@@ -42,6 +43,10 @@ def load_recorded_run(path: Path, given: Mapping[str, Any]) -> RecordedRun:
         content = json.loads(read_text(path, "the record"))
     except (ValueError, RecursionError) as error:
         raise CommandError(f"{where} is not JSON: {error}.") from error
+    if isinstance(content, dict) and content.get("status") == UNFINISHED_STATUS:
+        raise CommandError(
+            f"the run of '{path}' has not finished. Wait for it; if it was killed, run its scenario again."
+        )
     if not (isinstance(content, dict) and isinstance(content.get("settings"), dict) and "source" in content):
         raise CommandError(
             f"{where} is not the record of a run, or its run ended too early; name another run.json."

@@ -7,8 +7,8 @@ from zipfile import BadZipFile, ZipFile
 
 from fmublock.archive import write_archive
 
-from ...base.errors import CommandError, RunError
-from ...base.ownership import check_replaceable, refuse_others
+from ...base.errors import CommandError
+from ...base.output_files import OutputFile
 from ...fmu.interface import KINDS, MODEL_EXCHANGE
 from ...system.model import System
 from ...system.resolution import resolve_system
@@ -34,8 +34,8 @@ _MARK = b"emla-cosim package"
 """The zip comment of our packages. It is not part of the SSP, and repacking removes it."""
 
 
-def check_package(path: Path, overwrite: bool = False) -> None:
-    """Check that a package may be written; see `check_replaceable`.
+def check_package(path: Path, overwrite: bool = False) -> OutputFile:
+    """Return the file of a package, which may be written.
 
     Args:
         path: The file.
@@ -46,15 +46,14 @@ def check_package(path: Path, overwrite: bool = False) -> None:
     """
     if path.suffix.lower() != ".ssp":
         raise CommandError(f"a scenario is exported to a file that ends in .ssp or .fmu, not to '{path}'.")
-    if path.parent.is_dir():  # otherwise it is created later
-        check_replaceable(path, "the package", _is_ours, overwrite)
+    return OutputFile(path, "the package", _is_ours, overwrite, creates_folder=True)
 
 
 def _is_ours(path: Path) -> bool:
     try:
         with ZipFile(path) as archive:
             return archive.comment == _MARK
-    except (OSError, BadZipFile):
+    except BadZipFile:
         return False
 
 
@@ -85,7 +84,7 @@ def write_ssp(
         CommandError: If the system does not fit an SSP, or the file must not be replaced.
         RunError: If the file cannot be written.
     """
-    check_package(path, overwrite)
+    package = check_package(path, overwrite)
     fmus = {c.name: fmus[c.name] for c in system.components}
     interfaces = read_sized_interfaces(system, fmus)
     plain = resolve_system(system, interfaces)
@@ -115,7 +114,5 @@ def write_ssp(
     )
     contents = {uri: file.read_bytes() for file, uri in uris.items()}
     contents |= parameters.contents | {DEFAULT_SSD: format_structure(structure)}
-    try:
-        write_archive(path, contents, _MARK, check=refuse_others(_is_ours, overwrite))
-    except OSError as error:
-        raise RunError(f"the package '{path}' cannot be written: {error.strerror or error}.") from error
+    with package.report_errors():
+        write_archive(path, contents, _MARK, check=package.check_again)

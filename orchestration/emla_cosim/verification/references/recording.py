@@ -13,7 +13,7 @@ import numpy as np
 from ...base.arrays import Vector
 from ...base.errors import CommandError
 from ...base.files import resolve_output_path, write_atomically
-from ...base.ownership import refuse_others
+from ...base.output_files import OutputFile
 from ..confinement import confine
 from ..host.experiment import span
 from ..host.fresh_process import in_fresh_process
@@ -96,7 +96,8 @@ def record_reference(subject: Subject, recording: Recording) -> list[Path]:
         (recording.folder / f"{subject.path.stem}_in.csv").unlink(missing_ok=True)
     written = {recording.folder / f"{subject.path.stem}_{kind}": text for kind, text in texts.items()}
     for path, text in written.items():
-        with write_atomically(path, refuse_others(lambda _: False, recording.overwrite)) as stream:
+        file = OutputFile(path, "the reference", lambda _: False, recording.overwrite)
+        with write_atomically(file.place, file.check_again) as stream:
             stream.write(text.encode())
     return list(written)
 

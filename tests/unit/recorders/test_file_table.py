@@ -2,6 +2,7 @@
 
 import threading
 import time
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,11 +12,11 @@ import pytest
 
 import emla_cosim as ec
 from emla_cosim.master.stepping.timing import make_communication_points
-from emla_cosim.recorders import row_queue
+from emla_cosim.recorders import file_table
 from emla_cosim.recorders.csv_file import CsvFile
+from emla_cosim.recorders.file_table import FileTable
 from emla_cosim.recorders.parquet_file import ParquetFile
 from emla_cosim.recorders.recorder import Outline
-from emla_cosim.recorders.row_queue import RowQueue
 from tests.support.full_disk import files_of_at_most
 
 WIDTH, BLOCK = 3, 8
@@ -24,31 +25,43 @@ WIDTH, BLOCK = 3, 8
 @pytest.fixture(autouse=True)
 def small_buffers(monkeypatch: pytest.MonkeyPatch) -> None:
     """Room for 16 rows that wait."""
-    monkeypatch.setattr(row_queue, "_MOST_VALUES", 16 * WIDTH)
+    monkeypatch.setattr(file_table, "_MOST_VALUES", 16 * WIDTH)
 
 
-def make_queue(store: Any) -> RowQueue:
-    """Batches have at least 4 rows."""
-    return RowQueue(WIDTH, store, 4, 0.2)
-
-
-class Store:
+class SlowTable(FileTable):
     """Stores rows as a slow disk does, up to a number of calls at which it fails."""
 
-    def __init__(self, fails_at: int | None = None, seconds: float = 0.0005) -> None:
-        self.rows: list[float] = []
-        self.calls = 0
-        self.threads: set[str] = set()
-        self._fails_at, self._seconds = fails_at, seconds
+    batch_rows, batch_seconds = 4, 0.2
 
-    def __call__(self, rows: np.ndarray) -> None:
+    def __init__(self, fails_at: int | None = None) -> None:
+        super().__init__("slow.table")
+        self.rows, self.calls, self.threads = list[float](), 0, set[str]()
+        self._fails_at = fails_at
+        self.begin(make_outline())
+
+    def store(self, rows: np.ndarray) -> None:
         self.calls += 1
         self.threads.add(threading.current_thread().name)
         if self.calls == self._fails_at:
             raise OSError(28, "No space left on device")
-        time.sleep(self._seconds)
+        time.sleep(0.0005)
         assert (rows == rows[:, :1]).all()  # no row is overwritten before it is stored
         self.rows.extend(rows[:, 0])
+
+    def count_stored(self) -> int:
+        return len(self.rows)
+
+    def is_ours(self, path: Path) -> bool:
+        raise NotImplementedError
+
+    def reopen(self, outline: Outline, rows: int) -> None:
+        raise NotImplementedError
+
+    def blocks(self) -> Iterator[np.ndarray]:
+        raise NotImplementedError
+
+    def read(self, names: Sequence[str], most: int | None = None) -> dict[str, np.ndarray]:
+        raise NotImplementedError
 
 
 def numbered(first: int, count: int) -> np.ndarray:
@@ -56,23 +69,18 @@ def numbered(first: int, count: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("fails_at", [1, 5])
-def test_failure_is_raised_once_and_ends_the_table(fails_at: int) -> None:
-    store, count, raised = Store(fails_at), 0, 0
-    queue = make_queue(store)
-    for _ in range(20):
+def test_failure_ends_the_table(fails_at: int) -> None:
+    table, raised = SlowTable(fails_at), list[int]()
+    for n in range(20):
         try:
-            queue.put(numbered(count, 5), count + 5)
+            table.write(numbered(5 * n, 5))
         except OSError:
-            raised += 1
-        count += 5
-    try:
-        queue.drain()
-    except OSError:
-        raised += 1
-    queue.drain()
-    assert raised == 1
-    assert store.calls == fails_at
-    assert store.rows == list(range(len(store.rows)))
+            raised.append(n)
+    assert raised == list(range(20 - len(raised), 20)), "a later call hides the failure"
+    with pytest.raises(OSError, match="No space left on device"):
+        table.end()
+    assert table.calls == fails_at
+    assert table.rows == list(range(len(table.rows)))
 
 
 def test_rows_are_stored_without_threads(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -80,35 +88,31 @@ def test_rows_are_stored_without_threads(monkeypatch: pytest.MonkeyPatch) -> Non
         raise RuntimeError("can't start new thread")
 
     monkeypatch.setattr(threading.Thread, "start", refuse)
-    store = Store()
-    queue = make_queue(store)
+    table = SlowTable()
     for n in range(10):
-        queue.put(numbered(7 * n, 7), 7 * n + 7)
-    queue.drain()
-    assert store.rows == list(range(70))
+        table.write(numbered(7 * n, 7))
+    table.end()
+    assert table.rows == list(range(70))
 
 
 @pytest.mark.parametrize("seed", range(2))
 def test_all_rows_are_stored_in_order(seed: int) -> None:
-    """The number of stored rows is never too large, whatever is still being stored."""
-    random, store, count = np.random.default_rng(seed), Store(), 0
-    queue, waited = make_queue(store), 0
-    sizes = [*random.integers(0, BLOCK + 1, size=80), 2 * BLOCK + 3, 0, 40]  # also more than fits
+    random, table, count = np.random.default_rng(seed), SlowTable(), 0
+    sizes = [*random.integers(1, BLOCK + 1, size=80), 2 * BLOCK + 3, 40]  # also more than fits
     for size in sizes:
         if random.random() < 0.1:
-            queue.drain()
-            assert len(store.rows) == count
+            table.drain()
+            assert len(table.rows) == count
         rows = numbered(count, size)
         count += size
-        queue.put(rows, count)
+        table.write(rows)
         rows[:] = np.nan  # the rows of a run are reused
-        stored = queue.stored()
-        assert stored is None or stored <= len(store.rows)
-        waited += stored is not None
-    queue.drain()
-    assert store.rows == list(range(count))
-    assert queue.stored() is None
-    assert waited and store.threads - {threading.current_thread().name}
+        most = int(random.integers(0, 30))
+        table.release(most)
+        assert len(table.rows) >= count - most, "rows that must be on the disk are not"
+    table.end()
+    assert table.rows == list(range(count))
+    assert table.threads - {threading.current_thread().name}
 
 
 def make_outline(every: int = 1) -> Outline:

@@ -1,0 +1,82 @@
+"""A lock that allows one command at a time to write to a folder."""
+
+import json
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from datetime import datetime
+from pathlib import Path
+
+from filelock import FileLock, Timeout
+
+from .errors import CommandError
+from .files import resolve_output_path
+from .output_files import is_new
+
+_LOCK, _HOLDER = ".running", ".running.json"
+_BEGINS = b'{"process": '
+"""The beginning of the file that names the process with the lock; on a full disk, only a part of it."""
+
+
+@contextmanager
+def exclusive_lock(folder: Path, wait_s: float = 0.0) -> Iterator[None]:
+    """Lock a folder for the block.
+
+    The lock ends with its process, however that ends. If an FMU started another process, that one keeps the
+    lock. Without locks in the file system the folder is not locked.
+
+    Args:
+        folder: The folder.
+        wait_s: How long to wait for a process that has the lock, in s.
+
+    Raises:
+        CommandError: If another process has the lock, or files that emla did not write have the names of the
+            lock's files.
+    """
+    for path in (folder / _LOCK, folder / _HOLDER):
+        place = resolve_output_path(path, "the lock of the output folder")
+        if not (is_new(place) or (path.name == _HOLDER and _BEGINS.startswith(_read_head(place)))):
+            raise CommandError(
+                f"'{path}' was not written by emla. Choose another output folder.", path=str(path)
+            )
+    holder = folder / _HOLDER
+    lock = FileLock(folder / _LOCK, timeout=wait_s)
+    try:
+        lock.acquire()
+    except Timeout as error:
+        raise CommandError(
+            f"another run writes to '{folder}'{_describe_holder(holder)}. "
+            "Wait for it, or choose another folder."
+        ) from error
+    except NotImplementedError:
+        yield
+        return
+    except OSError as error:
+        raise CommandError(f"the output folder '{folder}' cannot be written: {error.strerror}.") from error
+    try:
+        began = datetime.now().astimezone().isoformat(timespec="seconds")
+        with suppress(OSError):  # the lock works without this file
+            holder.unlink(missing_ok=True)
+            with holder.open("x", encoding="utf-8") as stream:  # "x" does not follow links
+                stream.write(json.dumps({"process": os.getpid(), "began": began}))
+        yield
+    finally:
+        for path in (holder, folder / _LOCK):
+            with suppress(OSError):  # the folder may have been removed or replaced
+                path.unlink()
+        lock.release()
+
+
+def _read_head(path: Path) -> bytes:
+    with suppress(FileNotFoundError), path.open("rb") as stream:  # the other run just ends
+        return stream.read(len(_BEGINS))
+    return b""
+
+
+def _describe_holder(path: Path) -> str:
+    """Return which process has the lock since when, or nothing while it begins or ends."""
+    try:
+        holder = json.loads(path.read_text(encoding="utf-8"))
+        return f", process {holder['process']} since {holder['began']}"
+    except (OSError, ValueError, KeyError, TypeError):
+        return ""

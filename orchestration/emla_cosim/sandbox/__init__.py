@@ -1,1 +1,0 @@
-"""Protection of results against crashes, signals and other processes."""
