@@ -83,9 +83,6 @@ static void check_trials(const System *system, const Control *c, const Control *
     occurred[TRIALS_LATE] += s->failure == LATE;
     occurred[TRIALS_INTERRUPTED] += s->failure == INTERRUPTED;
     const int64_t complete = accepted - (s->failure == NOT_FINITE);
-    REQUIRE(c->n_watched == (c->watch_room > 0 ? complete : 0), "the number of watched steps is wrong");
-    REQUIRE(c->n_watched == 0 || c->watched_rows[(c->n_watched - 1) * (1 + s->n_signals)] == c->time,
-            "the time of a watched step is wrong");
     REQUIRE(s->recorded == (rows == NULL ? 0 : complete - (s->failure == OBSERVE_FAILED)), "wrong number of rows");
     const size_t width = width_of(s);
     for (size_t v = (size_t)s->recorded * width; v < (size_t)room * width; v++)
@@ -93,8 +90,7 @@ static void check_trials(const System *system, const Control *c, const Control *
     if (s->recorded > 0 && s->failure != OBSERVE_FAILED)
         REQUIRE(rows[(size_t)(s->recorded - 1) * width] == c->time, "the time of a row is wrong");
     if (s->failure == DONE)
-        REQUIRE(c->is_met || c->tried == most || c->time >= c->enough || (rows != NULL && s->recorded == room) ||
-                    (c->watch_room > 0 && c->n_watched == c->watch_room),
+        REQUIRE(c->is_met || c->tried == most || c->time >= c->enough || (rows != NULL && s->recorded == room),
                 "it ends without a reason");
     if (s->failure == TOO_SHORT)
         REQUIRE(c->step < c->shortest && !system->must_fail, "the step is long enough");
@@ -125,12 +121,9 @@ static void compare_picture(const System *system, const Picture *picture) {
 }
 
 /* Call stepper_control once with room for exactly what it may fill, and add rows to `all`. */
-static int32_t try_part(System *system, Control *c, int64_t most, int64_t room, int64_t watch_room, Outcome *all) {
+static int32_t try_part(System *system, Control *c, int64_t most, int64_t room, Outcome *all) {
     Stepper *s = &system->stepper;
     double *rows = room > 0 ? allocate((size_t)room * width_of(s), sizeof(double)) : NULL;
-    double *watched = allocate((size_t)watch_room * (1 + (size_t)s->n_signals), sizeof(double));
-    c->watched_rows = watched;
-    c->watch_room = watch_room;
     const Control before = *c;
     Picture picture = take_picture(system);
     const int32_t failure = stepper_control(s, c, most, room, rows);
@@ -147,7 +140,6 @@ static int32_t try_part(System *system, Control *c, int64_t most, int64_t room, 
         all->sweeps += s->sweeps_done;
     }
     free(picture.memory);
-    free(watched);
     free(rows);
     return failure;
 }
@@ -193,8 +185,7 @@ static Outcome control_errors(uint64_t seed, int way) {
         const int64_t most = way == SINGLE_TRIALS ? 1 : way == WHOLE ? left : room < left ? room : left;
         set_point(c, &course);
         c->enough = way == WHOLE ? INFINITY : c->time + uniform(&system->ways, 0.0, 2.0) * system->step;
-        const int32_t watch_room = happens(&system->ways, 0.5) ? draw_room(system, way) : 0;
-        const int32_t failure = try_part(system, c, most, course.records ? room : 0, watch_room, &outcome);
+        const int32_t failure = try_part(system, c, most, course.records ? room : 0, &outcome);
         left -= c->tried;
         if (system->stop != NULL) *system->stop = 0;
         if (!can_go_on(failure)) {
@@ -211,7 +202,7 @@ static Outcome control_errors(uint64_t seed, int way) {
         system->is_lost = 1;
         for (int part = 0; part < 3; part++) {
             c->point = c->time + system->step;
-            try_part(system, c, between(&system->ways, 1, 6), between(&system->ways, 0, 3), 2, NULL);
+            try_part(system, c, between(&system->ways, 1, 6), between(&system->ways, 0, 3), NULL);
             if (system->stop != NULL) *system->stop = 0;
         }
     }
