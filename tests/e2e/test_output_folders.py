@@ -298,6 +298,9 @@ def test_table_of_python_replaces_its_own_file_only(
             simulation.run(recorders=[kind(path), kind(second)], stop_time=stop_time)
         assert path.read_bytes() == second.read_bytes()
         other.write_text(MINE)
+        (tmp_path / "run.json").write_text('{"scenario": "lift", "status": "completed"}')
+        with pytest.raises(CommandError, match=r"notes\.txt' was not written by emla"):
+            simulation.run(recorders=[kind(other)])
         path.unlink()
         path.symlink_to(other)
         with pytest.raises(ec.CosimError, match="link"):

@@ -46,6 +46,8 @@ class CsvFile(FileTable):
         """
         super().begin(outline, memory)
         self.check_file()
+        if memory is not None and "bytes" not in memory:  # the earlier table has another format
+            memory = None
         length, line = (int(memory["bytes"]), str(memory["line"])) if memory is not None else (0, "")
         continued = memory is not None and _can_continue(self.path, self._head, length, line.encode())
         if continued:

@@ -31,8 +31,8 @@ _MOST_VALUES = 2**20
 class FileTable(Table):
     """A table in one file. Rows wait in memory until another thread stores a batch of them.
 
-    An existing file is replaced if it is empty, if it is in the folder of a run, if `is_ours` recognizes it,
-    or with `overwrite`.
+    An existing file is replaced if it is empty, if it is `results` in the folder of a run, if `is_ours`
+    recognizes it, or with `overwrite`.
 
     Attributes:
         batch_rows: number of rows that are worth a batch for the thread.
@@ -64,7 +64,7 @@ class FileTable(Table):
         """Return the file, which may be replaced. Raises CommandError if it may not; see the class."""
 
         def is_ours(path: Path) -> bool:
-            return has_record(path.parent, "run.json") or self.is_ours(path)
+            return (path.stem == "results" and has_record(path.parent, "run.json")) or self.is_ours(path)
 
         return OutputFile(self.path, "the table", is_ours, self._overwrite)
 

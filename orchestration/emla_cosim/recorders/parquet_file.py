@@ -56,6 +56,8 @@ class ParquetFile(FileTable):
             CommandError: The existing file was not written by a run.
         """
         self._begin_columns(outline, memory)
+        if memory is not None and "kept" not in memory:  # the earlier table has another format
+            memory = None
         earlier = self._earlier(int(memory["kept"])) if memory is not None else None
         self._file = self.check_file()
         self._remove_parts()

@@ -135,10 +135,8 @@ class SweepFolder(Folder):
             (self._place / name).rmdir()
 
     def record(self) -> dict[str, Any]:
-        """Read sweep.json; return nothing if it does not exist. Raise CommandError if it is not a record."""
-        if not (self._place / RECORD).exists() or (self.overwrite and not self.has_own_record()):
-            return {}
-        return self.record_of(self._place)
+        """Read sweep.json; return nothing if there is no record. Raise CommandError if it cannot be read."""
+        return self.record_of(self._place) if self.has_own_record() else {}
 
     @staticmethod
     def record_of(folder: Path) -> dict[str, Any]:

@@ -82,14 +82,15 @@ class Folder:
                 path=str(self.path / strange),
             )
 
-    def _find_strange(self, names: Iterable[str]) -> str | None:
+    def _find_strange(self, names: Sequence[str]) -> str | None:
         """Return a file that a command of this kind did not write, or None if it may write here."""
         if (taken := next((name for name in names if not is_new(self._place / name)), None)) is not None:
             return taken
         if any(has_record(self._place, record) for record in RECORDS):
             return None
-        # hidden files, such as those of a killed command, are in nobody's way
-        return next((name for name in sorted(os.listdir(self._place)) if not name.startswith(".")), None)  # noqa: PTH208
+        # hidden files, such as those of a killed command, are in nobody's way, nor are empty ones
+        others = sorted(set(os.listdir(self._place)).difference(names))  # noqa: PTH208
+        return next((name for name in others if not name.startswith(".")), None)
 
     def has_own_record(self) -> bool:
         """Return whether a command of this kind wrote to the folder. Raises OSError."""

@@ -75,14 +75,13 @@ class OutputFolder(Folder):
         plotted = [f"{name}.{ending}" for name in FIGURES for ending in PLOT_FORMATS]
         known = [*table_names(), METRICS, RECORD, REPORT, *plotted, *animations]
         self.pictures = [name for name in known if name not in self.files]
+        super().__init__(path, overwrite)
         try:
             path.mkdir(parents=True, exist_ok=True)
             with TemporaryFile(dir=path):
                 pass
-        except (OSError, ValueError) as error:
-            reason = getattr(error, "strerror", None) or error
-            raise CommandError(f"the output folder '{path}' cannot be written: {reason}.") from error
-        super().__init__(path, overwrite)
+        except OSError as error:
+            raise CommandError(f"the output folder '{path}' cannot be written: {error.strerror}.") from error
 
     def check_files(self, names: Iterable[str]) -> None:
         """Check also the folder for parts of the table; see `Folder.check_files`."""

@@ -1,6 +1,7 @@
 """Terminal output of a run: tables of results, messages, files."""
 
 import math
+import re
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -165,12 +166,17 @@ def format_result(result: "Result") -> str:
 def show_error(sentence: str) -> None:
     """Show an error message."""
     ERR.show_cursor()  # a progress bar may have hidden it
-    ERR.print(f"[bold red]Error:[/] {escape(sentence)}", highlight=False, soft_wrap=True)
+    ERR.print(f"[bold red]Error:[/] {_format_message(sentence)}", highlight=False, soft_wrap=True)
 
 
 def show_warning(sentence: str) -> None:
     """Show a warning."""
-    ERR.print(f"\n[bold yellow]Warning:[/] {escape(sentence)}", highlight=False, soft_wrap=True)
+    ERR.print(f"\n[bold yellow]Warning:[/] {_format_message(sentence)}", highlight=False, soft_wrap=True)
+
+
+def _format_message(sentence: str) -> str:
+    """Escape markup, and line breaks of names: lines of a list of problems are indented."""
+    return escape(re.sub(r"[\r\n](?!  )", lambda found: repr(found[0])[1:-1], sentence.strip()))
 
 
 def show_interrupted() -> None:

@@ -43,6 +43,20 @@ def test_control_characters_are_escaped(printed: io.StringIO) -> None:
     assert text.count("\\x9b31mc\\u202ed") == 9
 
 
+def test_message_is_one_line_for_any_name(printed: io.StringIO) -> None:
+    for show in (terminal.show_error, terminal.show_warning):
+        show("'a\nb\r\n c' does not exist.\n  Nor does 'd'.\n")
+    lines = printed.getvalue().split("\n")
+    assert lines == [
+        "Error: 'a\\nb\\r\\n c' does not exist.",
+        "  Nor does 'd'.",
+        "",
+        "Warning: 'a\\nb\\r\\n c' does not exist.",
+        "  Nor does 'd'.",
+        "",
+    ]
+
+
 def test_hostile_table_header_is_escaped(emla: Emla, tmp_path: Path) -> None:
     (tmp_path / "r.csv").write_text("time,a\n0,1\n1,2\n")
     said = sentence(emla("plot", "r.csv", "--signals", HOSTILE), 2)

@@ -119,6 +119,15 @@ def test_another_folder_gets_the_rows_after_the_checkpoint(form: str, lift: Lift
     assert record["settings"]["resumed_from"] == "c" and record["stepping"]["steps"] == 200
 
 
+@pytest.mark.parametrize(("first", "second"), [("csv", "parquet"), ("parquet", "csv")])
+def test_rows_after_the_checkpoint_in_another_format(first: str, second: str, lift: Lift) -> None:
+    done(lift("--stop-time", "0.01", "--output", "out", "--output-format", first, "--checkpoint", "c"))
+    done(lift("--stop-time", "0.02", "--output", "out", "--output-format", second, "--resume", "c"))
+    tables = polars.read_csv("out/results.csv"), polars.read_parquet("out/results.parquet")
+    earlier, later = tables if first == "csv" else tables[::-1]
+    assert earlier["time"][-1] == 0.01 and later["time"].to_list() == pytest.approx(np.arange(11, 21) * 1e-3)
+
+
 def test_results_of_another_run_are_not_continued(lift: Lift, tmp_path: Path) -> None:
     """Another run of the same columns has left its results in the folder."""
     done(lift("--stop-time", "0.02", "--output", "whole"))

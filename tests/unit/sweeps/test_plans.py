@@ -230,6 +230,10 @@ def test_content_of_a_folder_decides_what_can_be_resumed(sweep_lift: SweepLift, 
     assert (out / "variants.parquet").read_bytes() == before
     with exclusive_lock(out), pytest.raises(CommandError, match="another run writes to"):
         sweep_lift(**plan)
+    empty = tmp_path / "empty"
+    empty.mkdir()
+    (empty / "sweep.json").touch()
+    assert sweep_lift(**{**plan, "output": empty}).complete
     (out / "sweep.json").write_text("[]")
     with pytest.raises(CommandError, match=r"has 'variants\.parquet', which was not written by emla"):
         sweep_lift(**plan)

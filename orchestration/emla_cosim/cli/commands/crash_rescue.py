@@ -22,7 +22,7 @@ from ...recorders.row_buffer import read_rows, show_rows
 from ...run.remarks import describe_lost_values
 from ...run.result import Result
 from ...run.run_record import COMPLETED
-from ...views.output_folder import OutputFolder
+from ...views.output_folder import METRICS, OutputFolder
 from ...views.progress_bars import BarProgress
 from ...views.terminal import show_error, show_interrupted, show_result, show_warning, use_verbosity
 from .crash_record import CrashPlan, StartedRun, read_plan
@@ -51,8 +51,8 @@ def rescue_results(how: str, ended: float) -> None:
         output = OutputFolder(plan.folder, **plan.output)
         rows = None if plan.begun is None else _read_rows(plan.begun)  # `alone` removes their file
         with output.alone(wait_s=2.0), use_verbosity(plan.verbosity):
-            problem = _save_results(plan, output, cause, ended, rows)
-        show_error(f"{problem} The results so far are in {output.path}.")
+            message = _save_results(plan, output, cause, ended, rows)
+        show_error(message)
     except (CosimError, OSError) as error:
         show_error(f"{cause}; {error}")
 
@@ -111,23 +111,26 @@ def _save_results(
     plan: CrashPlan, output: OutputFolder, cause: str, ended: float, newest: tuple[int, Vector] | None
 ) -> str:
     """Write the results that can be written, and return the error message."""
+    so_far = f"The results so far are in {output.path}."
     if crash_page.current_activity().stage == Stage.FILES_WRITTEN:
         earlier = output.status()
         whole = f"{cause}, when the results were complete."
         problem = whole if earlier in ("", COMPLETED) else f"{earlier} Then {whole}"
         output.change_record(status=problem)
-        return problem
+        return f"{problem} {so_far}"
     if plan.begun is None:
         is_stepping = crash_page.current_activity().stage == Stage.STEPPING
         problem = f"the run ended{'' if is_stepping else ' before its first step'}: {cause}."
+        if (output.path / METRICS).exists():  # the run had not begun its folder
+            return f"{problem} The earlier results in {output.path} stay."
         output.change_record(scenario=plan.name, status=problem)
-        return problem
+        return f"{problem} {so_far}"
     result = _finish_result(plan.begun, output, cause, ended, newest)
     plots, animated, report = (plan.output[name] for name in ("plots", "animated", "report"))
     with BarProgress() as progress:
         result, pictures = output.keep(result, plots, progress, animated, report, plan.notes)
     show_result(result, plan.notes, output, pictures)
-    return str(result.problem)
+    return f"{result.problem} {so_far}"
 
 
 def _finish_result(
