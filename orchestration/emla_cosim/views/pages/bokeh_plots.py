@@ -21,73 +21,81 @@ _LEGEND_LINE = 20
 """Height of a line of a legend in pixels."""
 
 _PAINT, _LINE = "#737a82", "#c5c9ce"
-_THEME = {
-    "Axis": {
-        "axis_label_text_color": _PAINT,
-        "axis_label_text_font_size": "12px",
-        "axis_label_text_font_style": "normal",
-        "axis_line_color": _LINE,
-        "major_label_text_color": _PAINT,
-        "major_tick_in": 0,
-        "major_tick_line_color": _LINE,
-        "minor_tick_line_color": None,
-    },
-    "Grid": {"grid_line_color": "#e2e4e7"},
-    "Legend": {
-        "background_fill_color": None,
-        "border_line_color": None,
-        "click_policy": "hide",
-        "label_text_color": _PAINT,
-        "label_text_font_size": "12px",
-        "glyph_height": 14,
-        "label_height": 14,
-        "margin": 0,
-        "padding": 2,
-        "spacing": 4,
-    },
+_AXIS: dict[str, Any] = {
+    "axis_label_text_color": _PAINT,
+    "axis_label_text_font_size": "12px",
+    "axis_label_text_font_style": "normal",
+    "axis_line_color": _LINE,
+    "major_label_text_color": _PAINT,
+    "major_tick_in": 0,
+    "major_tick_line_color": _LINE,
+    "minor_tick_line_color": None,
 }
-"""Looks of all figures by model; `style.css` inverts them in the dark theme."""
-
-
-@cache
-def make_theme() -> Any:
-    """Return the Bokeh theme of all figures."""
-    from bokeh.themes import Theme
-
-    return Theme(json={"attrs": _THEME})
+_LEGEND: dict[str, Any] = {
+    "background_fill_color": None,
+    "border_line_color": None,
+    "click_policy": "hide",
+    "label_text_color": _PAINT,
+    "label_text_font_size": "12px",
+    "glyph_height": 14,
+    "label_height": 14,
+    "margin": 0,
+    "padding": 2,
+    "spacing": 4,
+}
+"""Looks of all figures; `style.css` inverts them in the dark theme. A Bokeh theme takes longer."""
 
 
 def new_figure(label: str, times: Sequence[Vector], values: Any) -> Any:
     """Return a figure without curves over all these times and a range of values."""
-    from bokeh.models import CrosshairTool, Range1d, WheelZoomTool
-    from bokeh.plotting import figure
+    from bokeh.models import CrosshairTool, Grid, LinearAxis, Plot, Range1d, Toolbar, WheelZoomTool
 
     start, end = pad_range(*find_range(times), 0.01)
-    plot = figure(
+    wheel = WheelZoomTool(modifiers={"ctrl": True})  # without Ctrl the wheel scrolls the page
+    crosshair = CrosshairTool(dimensions="height", line_color=GREY, visible=False)
+    drag, *buttons = _make_tools()
+    plot = Plot(
         height=250,
         sizing_mode="stretch_width",
-        tools="pan,box_zoom,zoom_in,zoom_out,reset,save",
-        active_drag="box_zoom",
+        toolbar=Toolbar(
+            tools=[drag, *buttons, wheel, crosshair], active_drag=drag, active_scroll=wheel, logo=None
+        ),
+        title=None,
         x_range=Range1d(start=start, end=end),
         y_range=values,
-        x_axis_label="time / s",
-        y_axis_label=label,
         background_fill_color=None,
         border_fill_color=None,
         outline_line_color=None,
         min_border=8,
     )
-    wheel = WheelZoomTool(modifiers={"ctrl": True})  # without Ctrl the wheel scrolls the page
-    plot.add_tools(wheel, CrosshairTool(dimensions="height", line_color=GREY, visible=False))
-    plot.toolbar.active_scroll = wheel
-    plot.toolbar.logo = None
-    plot.xgrid.visible = False
+    vertical = LinearAxis(axis_label=label, **_AXIS)
+    plot.add_layout(LinearAxis(axis_label="time / s", **_AXIS), "below")
+    plot.add_layout(vertical, "left")
+    plot.add_layout(Grid(axis=vertical, dimension=1, grid_line_color="#e2e4e7"))
     return plot
+
+
+@cache
+def _make_tools() -> Sequence[Any]:
+    """Return the tools that figures share, because they have no state; the first one is for dragging."""
+    from bokeh.models import BoxZoomTool, PanTool, ResetTool, SaveTool, ZoomInTool, ZoomOutTool
+
+    return BoxZoomTool(), PanTool(), ZoomInTool(), ZoomOutTool(), ResetTool(), SaveTool()
+
+
+def serialize_figure(figure: Any) -> dict[str, Any]:
+    """Return a figure for `Bokeh.embed.embed_item`, as `bokeh.embed.json_item` does in twice the time."""
+    from bokeh import __version__
+    from bokeh.core.serialization import Serializer
+
+    root = Serializer(deferred=False).encode(figure)
+    document = {"version": __version__, "title": "", "roots": [root]}
+    return {"target_id": None, "root_id": figure.id, "doc": document, "version": __version__}
 
 
 def build_figure(plot: Plot, most: int) -> Any:
     """Return the Bokeh figure of a plot with at most about `most` points for each line."""
-    from bokeh.models import ColumnDataSource, Range1d, Scatter, VSpan
+    from bokeh.models import ColumnDataSource, Range1d, Scatter, VArea, VSpan
 
     low, high = _find_value_range(plot)
     unit = describe_unit(plot.label, plot.items)
@@ -95,8 +103,8 @@ def build_figure(plot: Plot, most: int) -> Any:
     data = ColumnDataSource({name: compact(values) for name, values in _sample(plot, most).items()})
     entries, rows = list[tuple[str, Any]](), [("time / s", "@time")]
     if plot.band is not None:
-        area = figure.varea("time", "lower", "upper", source=data, fill_color=ORANGE, fill_alpha=0.25)
-        entries.append((plot.band.label, area))
+        area = VArea(x="time", y1="lower", y2="upper", fill_color=ORANGE, fill_alpha=0.25)
+        entries.append((plot.band.label, figure.add_glyph(data, area)))
     for number, line in enumerate(plot.lines):
         curve = add_line(figure, data, "time", f"y{number}", line)
         entries.append((describe_line(line, plot.label), curve))
@@ -129,7 +137,15 @@ def add_line(figure: Any, data: Any, x: str, y: str, line: Line, **attributes: A
 
     look = {"line_color": line.color, "line_dash": [5, 3] if line.dashed else [], "line_width": 1.5}
     glyph = Step(x=x, y=y, mode="after", **look) if line.is_stepped else LineGlyph(x=x, y=y, **look)
-    return figure.add_glyph(data, glyph, **attributes)
+    return figure.add_glyph(data, glyph, view=_make_view(), **attributes)
+
+
+@cache
+def _make_view() -> Any:
+    """Return the view of all points, which has no state; each line would make its own."""
+    from bokeh.models import CDSView
+
+    return CDSView()
 
 
 def add_values(
@@ -164,7 +180,7 @@ def add_legend(figure: Any, entries: Sequence[tuple[str, Any]]) -> list[Any]:
         for label, (_, renderer) in zip(labels, entries, strict=True)
     ]
     columns = _count_legend_columns(labels)
-    legend = Legend(items=items, ncols=columns, orientation="horizontal", location="left")
+    legend = Legend(items=items, ncols=columns, orientation="horizontal", location="left", **_LEGEND)
     figure.add_layout(legend, "above")
     figure.height += _LEGEND_LINE * -(-len(items) // columns)
     return items

@@ -10,7 +10,7 @@ from markupsafe import Markup
 
 from ...base import colors
 from ..panels import Plot
-from .bokeh_plots import build_figure, make_theme
+from .bokeh_plots import build_figure, serialize_figure
 from .text import format_number, make_visible, shorten_text
 
 _POINTS = 800
@@ -44,9 +44,7 @@ class Plots:
 
     def content(self, name: str) -> Markup:
         """Return a figure as JSON for a script element, which no text in it can end."""
-        from bokeh.embed import json_item
-
-        content = json.dumps(json_item(self.figures[name], theme=make_theme()), separators=(",", ":"))
+        content = json.dumps(serialize_figure(self.figures[name]), separators=(",", ":"))
         return Markup(content.replace("<", "\\u003c"))
 
     def library(self) -> Markup:

@@ -1,6 +1,7 @@
 """Draw panels as a grid with a column for each subject."""
 
 from collections.abc import Sequence
+from itertools import pairwise
 from textwrap import fill
 from typing import TYPE_CHECKING
 
@@ -10,7 +11,7 @@ from ...base.arrays import Vector
 from ..pages.curve_data import mask_undrawable
 from ..pages.text import shorten_text
 from ..panels import Limit, Line, Plot
-from .style import GREY, RED, add_legend, new_figure, tidy_axes
+from .style import GREY, RED, add_legend, make_figure, tidy_axes
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -23,8 +24,17 @@ if TYPE_CHECKING:
 _LETTERS = 13
 """Letters per inch in the line below the title."""
 
-_HEADING = 0.5
-"""Height of title and run above the panels in inches."""
+_PANEL_WIDTH, _PANEL_HEIGHT = 3.9, 2.1
+"""Width and height of a panel with its labels in inches."""
+
+_LEFT, _RIGHT, _BOTTOM, _TOP = 0.95, 0.15, 0.55, 0.78
+"""Margins around the axes in inches. Measuring all labels takes longer than the drawing."""
+
+_COLUMN_GAP, _ROW_GAP, _TIME_GAP = 0.75, 0.25, 0.65
+"""Distances of axes in inches, the last one below axes with a time label."""
+
+_TIME_LABEL, _VALUE_LABEL = -0.28, -0.56
+"""Positions of labels relative to the lower left corner of axes in inches."""
 
 _LINE_LETTERS = 24
 """Most letters in a line of an axis label or of a legend."""
@@ -50,16 +60,18 @@ def draw_panels(panels: Sequence[Plot], title: str, run: str, name: str = "") ->
     shown, still = [row for row in rows if has_changes(row)], [row for row in rows if not has_changes(row)]
     if not shown:
         shown, still = still, []
-    figure, grid = new_figure(len(shown), len(columns), 3.9, sharex="none")
+    shares_time = [*(upper[0].part == lower[0].part for upper, lower in pairwise(shown)), False]
+    figure, grid = _make_grid(
+        len(columns), [_ROW_GAP if is_shared else _TIME_GAP for is_shared in shares_time]
+    )
     for i, row in enumerate(shown):
         entries = {}
         for axes, panel in zip(grid[i], row, strict=True):
             entries |= _draw_panel(axes, panel)
         grid[i, 0].set_ylabel(fill(row[0].label, _LINE_LETTERS), parse_math=False)
         add_legend(grid[i, -1], list(entries.items()))
-        shares_time = i + 1 < len(shown) and shown[i + 1][0].part == row[0].part
         for j, axes in enumerate(grid[i]):
-            if shares_time:
+            if shares_time[i]:
                 axes.sharex(grid[i + 1, j])
                 axes.tick_params(labelbottom=False)
             else:
@@ -67,17 +79,45 @@ def draw_panels(panels: Sequence[Plot], title: str, run: str, name: str = "") ->
     for j, column in enumerate(columns):
         named = [] if columns == [name] else [column]
         title_of_column = "   ".join([*named, *(_constant(row[j]) for row in still)])
-        grid[0, j].set_title(title_of_column, fontsize=11, parse_math=False)
-    figure.align_ylabels(grid[:, 0])
-    legends = [legend for axes in grid[:, -1] if (legend := axes.get_legend()) is not None]
-    beside = max((legend.get_window_extent().width for legend in legends), default=0.0) / figure.dpi
+        grid[0, j].set_title(title_of_column, y=1.0, fontsize=11, parse_math=False)
     width, height = figure.get_size_inches()
-    figure.set_size_inches(width + beside, height)
-    figure.set_layout_engine("constrained", rect=(0.0, 0.0, 1.0, 1.0 - _HEADING / height))
     figure.suptitle(title, y=1.0 - 0.08 / height, fontsize=12, fontweight="bold", parse_math=False)
     headline = shorten_text(run, int(_LETTERS * width))
     figure.text(0.5, 1.0 - 0.4 / height, headline, ha="center", color=GREY, fontsize=9, parse_math=False)
+    _set_margins(figure, grid)
     return figure
+
+
+def _make_grid(columns: int, gaps: Sequence[float]) -> "tuple[Figure, np.ndarray]":
+    """Return a figure and its axes, with these distances in inches below all rows but the last one."""
+    width, height = 1.2 + _PANEL_WIDTH * columns, 0.8 + _PANEL_HEIGHT * len(gaps)
+    axes_height = (height - _BOTTOM - _TOP - sum(gaps[:-1])) / len(gaps)
+    heights = [part for gap in gaps for part in (axes_height, gap)][:-1]
+    figure = make_figure(width, height)
+    cells = figure.add_gridspec(len(heights), columns, height_ratios=heights)
+    rows = range(0, len(heights), 2)
+    return figure, np.array([[figure.add_subplot(cells[i, j]) for j in range(columns)] for i in rows])
+
+
+def _set_margins(figure: "Figure", grid: np.ndarray) -> None:
+    """Set fixed margins, and widen the figure by the legends right of its panels."""
+    legends = [legend for axes in grid[:, -1] if (legend := axes.get_legend()) is not None]
+    beside = max((legend.get_window_extent().width for legend in legends), default=0.0) / figure.dpi
+    columns, (narrow, height) = grid.shape[1], figure.get_size_inches()
+    width = narrow + beside
+    axes_width = (narrow - _LEFT - _RIGHT - _COLUMN_GAP * (columns - 1)) / columns
+    figure.set_size_inches(width, height)
+    figure.subplots_adjust(
+        left=_LEFT / width,
+        right=1.0 - (_RIGHT + beside) / width,
+        bottom=_BOTTOM / height,
+        top=1.0 - _TOP / height,
+        wspace=_COLUMN_GAP / axes_width,
+        hspace=0.0,  # distances are rows of the grid
+    )
+    for axes in grid.flat:
+        axes.xaxis.set_label_coords(0.5, _TIME_LABEL / (axes.get_position().height * height))
+        axes.yaxis.set_label_coords(_VALUE_LABEL / axes_width, 0.5)
 
 
 def has_changes(panels: Sequence[Plot]) -> bool:
@@ -101,6 +141,7 @@ def _draw_panel(axes: "Axes", panel: Plot) -> "dict[str, Artist]":
     if len(entries) == 1:
         entries = {}
     tidy_axes(axes)
+    axes.tick_params(bottom=False, left=False)  # the grid shows the ticks; drawing them takes a tenth longer
     axes.locator_params(nbins=5)
     for limit in _near_limits(panel):
         entries[fill(f"beyond the {limit.label}", _LINE_LETTERS)] = _shade(axes, limit)

@@ -28,6 +28,7 @@ __all__ = [
     "count_legend_columns",
     "embed",
     "is_picture",
+    "make_figure",
     "new_figure",
     "save",
     "tidy_axes",
@@ -54,6 +55,12 @@ def new_figure(
     sharex: Literal["col", "none"] = "col",
 ) -> "tuple[Figure, np.ndarray]":
     """Return a figure and its grid of axes, each of about this width and height in inches."""
+    figure = make_figure(1.2 + width * columns, 0.8 + height * rows, layout="constrained")
+    return figure, figure.subplots(rows, columns, squeeze=False, sharex=sharex)
+
+
+def make_figure(width: float, height: float, layout: Literal["constrained"] | None = None) -> "Figure":
+    """Return an empty figure of this size in inches."""
     from matplotlib.figure import Figure
 
     class NotebookFigure(Figure):
@@ -64,9 +71,7 @@ def new_figure(
             save(self, content)
             return content.getvalue()
 
-    size = (1.2 + width * columns, 0.8 + height * rows)
-    figure = NotebookFigure(figsize=size, dpi=_DPI, layout="constrained")
-    return figure, figure.subplots(rows, columns, squeeze=False, sharex=sharex)
+    return NotebookFigure(figsize=(width, height), dpi=_DPI, layout=layout)
 
 
 def count_legend_columns(labels: Sequence[str], width: float) -> int:
