@@ -114,6 +114,14 @@ def test_bonds_of_a_system_on_request(fmu_folder: Path, options: dict[str, Any],
     assert result.record["settings"].get("bonds", {}) == {name: signals[name] for name in bonds}
 
 
+@pytest.mark.parametrize("name", ["rod", "r*"])
+def test_a_name_without_signals_requests_a_bond_of_the_scenario(fmu_folder: Path, name: str) -> None:
+    with load(rigid_load(), fmus=fmu_folder, bonds=BOND, **HOW).prepare() as prepared:
+        result = prepared.run(bonds={name: ""}, stop_time=0.01)
+    assert "energy_error" in result.coupling["rod"]
+    assert result.record["settings"]["bonds"] == BOND
+
+
 def test_a_checkpoint_without_energies_is_not_continued_with_some(
     simulation: ec.Simulation, tmp_path: Path
 ) -> None:

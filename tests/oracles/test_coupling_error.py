@@ -10,6 +10,7 @@ from scipy.linalg import expm
 
 import emla_cosim as ec
 from emla_cosim.fmu.file import FmuFile
+from emla_cosim.master.assembly import Assembly
 from emla_cosim.master.coupling import estimate
 from emla_cosim.run.coupling_summary import LARGEST_ERROR
 from emla_cosim.study.loading import load
@@ -164,13 +165,23 @@ def test_estimate_changes_no_bits(fmu_folder: Path) -> None:
     assert not results[1].coupling
 
 
-def test_states_that_are_not_complete(tmp_path: Path) -> None:
-    path = build_forgetful_fmu(tmp_path / "Forgetful.fmu")
+def test_states_that_are_not_complete(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An equal run has the same remark without an estimate, so that it leaves the instances usable."""
+    path, starts, start = build_forgetful_fmu(tmp_path / "Forgetful.fmu"), list[bool](), Assembly.start
+
+    def record(assembly: Assembly, system: ec.System, is_fresh: bool = False, *arguments: Any) -> None:
+        starts.append(is_fresh)
+        start(assembly, system, is_fresh, *arguments)
+
+    monkeypatch.setattr(Assembly, "start", record)
     system = ec.System.of({"a": path, "b": path}, ["a.x -> b.u", "b.x -> a.u"])
-    result = run(system, tmp_path, 0.01, 0.1)
-    assert result.remarks == [
-        "The coupling error is not estimated: a restored state does not lead to the same results."
-    ]
+    with ec.load(system, step_size=0.01, stop_time=0.1).prepare(fmus=tmp_path) as simulation:
+        starts.clear()
+        for _ in range(3):
+            assert simulation.run().remarks == [
+                "The coupling error is not estimated: a restored state does not lead to the same results."
+            ]
+    assert starts == [False, True, False]
 
 
 def test_fmus_that_do_not_show_whether_they_sample(tmp_path: Path) -> None:

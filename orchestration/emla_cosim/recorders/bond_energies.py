@@ -50,7 +50,7 @@ def make_bond_energies(
 
     Args:
         requests: The option `bonds`: two signals by the name of a bond; with an empty text, the name or
-            pattern is that of bonds of the system.
+            pattern is that of other requests or of bonds of the system.
         required: Names of required metrics; an energy selects its bond.
         system: The system with its bonds. Those without exchange in continuous time cannot be selected.
         units: The units of all signals by name.
@@ -68,12 +68,12 @@ def make_bond_energies(
         for name, bond in system.bonds.items()
         if {bond.effort, bond.flow} <= set(signals) and used & {bond.effort, bond.flow}
     }
+    declared = {name: Bond.read(name, text) for name, text in requests.items() if text}
+    available = applicable | declared
     patterns = [name for name, text in requests.items() if not text]
-    selected = select_names(patterns, applicable, "power bond of the system")
+    selected = select_names(patterns, available, "power bond of the system")
     selected += [n for n in applicable if any(metric.startswith(f"{n}.energy_") for metric in required)]
-    bonds = {name: applicable[name] for name in selected} | {
-        name: Bond.read(name, text) for name, text in requests.items() if text
-    }
+    bonds = {name: available[name] for name in [*selected, *declared]}
     return BondEnergies(bonds, units, connections, partial(loop_responses, algorithm), is_halved)
 
 

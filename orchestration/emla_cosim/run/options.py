@@ -67,6 +67,11 @@ class Options(AnalysisOptions, OutputOptions, SteppingOptions, SystemOptions):
         of_classes = {n: v for n, v in values.items() if n not in _FIXED or n in CHOICES}
         resolution = resolve((*self.resolution.layers, of_classes)) if of_classes else self.resolution
         fixed = {n: merge_value(getattr(self, n), v) for n, v in values.items() if n in _FIXED}
+        if "bonds" in fixed:  # a name without signals requests bonds; it does not replace them
+            fixed["bonds"] = {
+                **fixed["bonds"],
+                **{n: text for n, text in self.bonds.items() if not values["bonds"].get(n)},
+            }
         choices = {n: v for n, v in resolution.values.items() if n in CHOICES}
         return dataclasses.replace(self, **(fixed | choices), resolution=resolution)
 

@@ -471,7 +471,7 @@ class Simulation:
         self._run, self._last_run = None, run
         with self._discard_on_error():
             error = self._coupling_estimates.estimate(run)
-        self._needs_new_instances = run.error is not None or error.is_fault
+        self._needs_new_instances = run.error is not None or self._coupling_estimates.has_failed
         return check_result(run, self._build_result(run, error))
 
     def _build_result(self, run: ActiveRun, error: CouplingError | None = None) -> Result:

@@ -242,11 +242,11 @@ def header(content: object) -> bytes:
         (arrays(x=np.zeros(3)), "is not a checkpoint, or is damaged"),
         (arrays(header=np.array([{}], dtype=object)), "is not a checkpoint, or is damaged"),
         (header([1]), "is not a checkpoint, or is damaged"),
-        (header({"format": 7, "notes": {}, "arrays": ["state/x"]}), "damaged: parts of it are missing"),
-        (header({"format": 1, "notes": {}, "arrays": []}), "has the format 1; this version reads 7"),
-        (header({"format": 7, "notes": {}, "arrays": []}), "is not a checkpoint of a run"),
-        (header({"format": 7, "notes": 7, "arrays": []}), "is not a checkpoint of a run"),
-        (header({"format": 7, "notes": {"identity": 1, "time": 0}, "arrays": []}), "is not a checkpoint"),
+        (header({"format": 8, "notes": {}, "arrays": ["state/x"]}), "damaged: parts of it are missing"),
+        (header({"format": 7, "notes": {}, "arrays": []}), "has the format 7; this version reads 8"),
+        (header({"format": 8, "notes": {}, "arrays": []}), "is not a checkpoint of a run"),
+        (header({"format": 8, "notes": 7, "arrays": []}), "is not a checkpoint of a run"),
+        (header({"format": 8, "notes": {"identity": 1, "time": 0}, "arrays": []}), "is not a checkpoint"),
     ],
 )
 def test_invalid_checkpoint_files_are_reported(

@@ -18,7 +18,7 @@ from ..algorithms.algorithm import require
 from ..network import Network
 from .stepping_base import Stepping
 
-FORMAT = 7
+FORMAT = 8
 _STATE, _MEMORY = "state/", "memory/"
 
 
