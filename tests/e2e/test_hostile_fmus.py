@@ -11,6 +11,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import psutil
 import pytest
 
 import emla_cosim as ec
@@ -114,6 +115,18 @@ def test_machine_that_cannot_confine_reports_it(tmp_path: Path, monkeypatch: pyt
     for findings in (ran, {}):
         is_reported = any(line.startswith("Files outside") for line in list_unexamined(subject, findings))
         assert is_reported == bool(findings)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="Only Linux tells who started a process.")
+def test_processes_in_other_sessions_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("EMLA_MARK", str(tmp_path))
+    ec.verify(build_wide_fmu(tmp_path, "step:orphan"), only=["run.completes"])
+    marked = []
+    for process in psutil.process_iter():
+        with suppress(psutil.Error):
+            if process.pid != os.getpid() and process.environ().get("EMLA_MARK") == str(tmp_path):
+                marked.append(process)
+    assert not marked
 
 
 @pytest.mark.slow

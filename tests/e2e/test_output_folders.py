@@ -334,20 +334,27 @@ def test_folder_takes_one_command_at_a_time(command: str, emla: Emla, tmp_path: 
     assert not list((tmp_path / "out").iterdir())
 
 
-def test_lock_of_a_killed_command_is_taken_over(emla: Emla, tmp_path: Path) -> None:
+needs_proc = pytest.mark.skipif(sys.platform != "linux", reason="Only Linux tells when a process started.")
+
+
+@pytest.mark.parametrize("fork", ["", pytest.param("os.fork(); ", marks=needs_proc)])
+def test_lock_of_a_killed_command_is_taken_over(fork: str, emla: Emla, tmp_path: Path) -> None:
+    """Also if a process that its FMU started still has the lock open."""
     out = tmp_path / "out"
     out.mkdir()
     code = (
-        "import sys; from pathlib import Path; from emla_cosim.base.folder_lock import exclusive_lock as e\n"
+        "import os, sys; from pathlib import Path\n"
+        "from emla_cosim.base.folder_lock import exclusive_lock as e\n"
+        f"with e(Path(sys.argv[1])): print('held', flush=True); {fork}sys.stdin.read()"
     )
-    code += "with e(Path(sys.argv[1])): print('held', flush=True); sys.stdin.read()"
     command, pipe = [sys.executable, "-c", code, str(out)], subprocess.PIPE
     with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True) as other:
         assert other.stdout is not None and other.stdout.readline() == "held\n"
         assert f"process {other.pid} since 20" in sentence(emla(*QUICK), 2)
         other.kill()
-    assert (out / ".running").exists()
-    assert emla(*QUICK).exit_code == 0
+        other.wait()
+        assert (out / ".running").exists()
+        assert emla(*QUICK).exit_code == 0
     assert names(out) == {"results.csv", "metrics.json", "run.json"}
 
 

@@ -24,6 +24,8 @@ _BLOCK = 2**16
 _LONGEST = 2**29
 """Bytes of the longest message that is not unpickled."""
 
+_GARBLED = "something else wrote to the stream"
+
 
 class GarbledError(EOFError):
     """Something else wrote to the channel, such as an FMU."""
@@ -79,7 +81,11 @@ class Channel:
             OSError: The same.
             GarbledError: Something else wrote to the channel.
         """
-        return pickle.loads(self._receive(timeout))
+        content = self._receive(timeout)
+        try:
+            return pickle.loads(content)
+        except (pickle.UnpicklingError, EOFError) as error:
+            raise GarbledError(_GARBLED) from error
 
     def receive_bytes(self, timeout: float | None = None) -> bytes:
         """Wait for bytes, which are not unpickled: that could execute code in this process. See `receive`."""
@@ -106,7 +112,7 @@ class Channel:
         self._fill(_HEAD.size, until)
         mark, length = _HEAD.unpack_from(self._received)
         if mark != _MARK or length > most:
-            raise GarbledError("something else wrote to the stream")
+            raise GarbledError(_GARBLED)
         end = _HEAD.size + length
         self._fill(end, until)
         content = bytes(memoryview(self._received)[_HEAD.size : end])
@@ -117,11 +123,11 @@ class Channel:
         """Read until so many bytes are there."""
         while len(self._received) < count:
             if not self._has_input():
-                if until is not None and time.monotonic() >= until:
-                    raise TimeoutError
                 if self._has_ended:  # at the look before: nothing more comes
                     raise EOFError
                 self._has_ended = self._is_alive is not None and not self._is_alive()
+                if until is not None and time.monotonic() >= until and not self._has_ended:
+                    raise TimeoutError
             elif block := os.read(self._incoming, max(count - len(self._received), _BLOCK)):
                 self._received += block
             else:

@@ -117,6 +117,8 @@ def read_note() -> str:
 
 
 def _decode_note(memory: Any, activity: Activity) -> str:
+    if not 0 <= activity.noted <= LONGEST_NOTE:  # an FMU wrote to the page
+        return ""
     return bytes(memory[_ACTIVITIES:][: activity.noted]).decode("utf-8", "replace")
 
 

@@ -2,15 +2,19 @@
 
 import json
 import os
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from datetime import datetime
 from pathlib import Path
+from typing import Any
 
 from filelock import FileLock, Timeout
 
+from fmublock.leftovers import MARK, is_left
+
 from .errors import CommandError
-from .files import resolve_output_path
+from .files import mark_of_process, resolve_output_path
 from .output_files import is_new
 
 _LOCK, _HOLDER = ".running", ".running.json"
@@ -19,15 +23,14 @@ _BEGINS = b'{"process": '
 
 
 @contextmanager
-def exclusive_lock(folder: Path, wait_s: float = 0.0) -> Iterator[None]:
+def exclusive_lock(folder: Path) -> Iterator[None]:
     """Lock a folder for the block.
 
-    The lock ends with its process, however that ends. If an FMU started another process, that one keeps the
-    lock. Without locks in the file system the folder is not locked.
+    The lock ends with its process, however that ends. Without locks in the file system the folder is not
+    locked.
 
     Args:
         folder: The folder.
-        wait_s: How long to wait for a process that has the lock, in s.
 
     Raises:
         CommandError: If another process has the lock, or files that emla did not write have the names of the
@@ -40,9 +43,15 @@ def exclusive_lock(folder: Path, wait_s: float = 0.0) -> Iterator[None]:
                 f"'{path}' was not written by emla. Choose another output folder.", path=str(path)
             )
     holder = folder / _HOLDER
-    lock = FileLock(folder / _LOCK, timeout=wait_s)
+    lock = FileLock(folder / _LOCK, timeout=0)
     try:
-        lock.acquire()
+        try:
+            lock.acquire()
+        except Timeout:
+            if not _has_ended(holder):
+                raise
+            (folder / _LOCK).unlink(missing_ok=True)  # a process that an FMU started has it open
+            lock.acquire()
     except Timeout as error:
         raise CommandError(
             f"another run writes to '{folder}'{_describe_holder(holder)}. "
@@ -58,7 +67,8 @@ def exclusive_lock(folder: Path, wait_s: float = 0.0) -> Iterator[None]:
         with suppress(OSError):  # the lock works without this file
             holder.unlink(missing_ok=True)
             with holder.open("x", encoding="utf-8") as stream:  # "x" does not follow links
-                stream.write(json.dumps({"process": os.getpid(), "began": began}))
+                content = {"process": os.getpid(), "began": began, "mark": mark_of_process()}
+                stream.write(json.dumps(content))
         yield
     finally:
         for path in (holder, folder / _LOCK):
@@ -73,10 +83,23 @@ def _read_head(path: Path) -> bytes:
     return b""
 
 
-def _describe_holder(path: Path) -> str:
-    """Return which process has the lock since when, or nothing while it begins or ends."""
+def _read_holder(path: Path) -> dict[str, Any]:
+    """Return what is noted about the process with the lock; nothing while it begins or ends."""
     try:
         holder = json.loads(path.read_text(encoding="utf-8"))
-        return f", process {holder['process']} since {holder['began']}"
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError):
+        return {}
+    return holder if isinstance(holder, dict) else {}
+
+
+def _has_ended(path: Path) -> bool:
+    """Return whether the process that took the lock has ended, as far as that is known."""
+    mark = re.fullmatch(MARK, str(_read_holder(path).get("mark")))
+    return mark is not None and is_left(*mark.groups())
+
+
+def _describe_holder(path: Path) -> str:
+    holder = _read_holder(path)
+    if not {"process", "began"} <= holder.keys():
         return ""
+    return f", process {holder['process']} since {holder['began']}"

@@ -14,6 +14,7 @@ from ..base.errors import RunError, find_machine_fault
 from .confinement import confine_signals
 from .examination import examine_fmu
 from .findings import Examined, Finding
+from .host.process_state import adopt_orphans, end_children
 from .settings import Settings
 from .subject import Subject
 from .system_examination import examine_system
@@ -43,10 +44,13 @@ def examine_jobs(channel: Channel, folder: str) -> None:
     import lief  # noqa: F401  # slow to load: once, before forks
 
     confine_signals()
+    adopt_orphans()
     gc.freeze()  # forks then share memory that they only read
     tempfile.tempdir = folder
     for job in channel.requests():
-        channel.send(_examine(job, channel.send))
+        answer = _examine(job, channel.send)
+        end_children()  # those of FMUs that lead sessions of their own
+        channel.send(answer)
 
 
 def _examine(job: ExaminerJob, tell: Callable[[Finding], None]) -> Examined | RunError:

@@ -148,13 +148,10 @@ class Folder:
         return {self.path / name: f"a file of the {self.what}" for name in self.files}
 
     @contextlib.contextmanager
-    def alone(self, wait_s: float = 0.0) -> Iterator[None]:
+    def alone(self) -> Iterator[None]:
         """Reserve the folder, and remove it at the end if it was created and is still empty.
 
         Incomplete files of a killed command are removed.
-
-        Args:
-            wait_s: How long to wait for another command, in s.
 
         Raises:
             CommandError: If another command uses the folder, or it cannot be created.
@@ -167,7 +164,7 @@ class Folder:
                 f"the output folder '{self.path}' cannot be written: {error.strerror}."
             ) from error
         try:
-            with exclusive_lock(self._place, wait_s):
+            with exclusive_lock(self._place):
                 self._remove_leftovers()
                 yield
         finally:

@@ -72,6 +72,25 @@ def test_copy_with_an_open_channel_hides_no_end(fork: bool) -> None:
         child.receive(60.0)
 
 
+def test_copy_with_an_open_channel_hides_no_end_from_short_waits() -> None:
+    with closing(Child(_leave_a_copy, fork=True)) as child, pytest.raises(ChildEndedError, match="code 3"):
+        for _ in range(100):
+            with suppress(TimeoutError):
+                child.receive_bytes(0.1)
+
+
+def _write_another_object(channel: Channel) -> None:
+    channel.send_bytes(b"not pickled")
+
+
+def test_object_that_cannot_be_read_is_one_of_something_else() -> None:
+    with (
+        closing(Child(_write_another_object, fork=True)) as child,
+        pytest.raises(ChildEndedError, match="something else wrote"),
+    ):
+        child.receive()
+
+
 def _list_files() -> set[int]:
     return {int(path.name) for path in Path("/dev/fd").iterdir()}
 

@@ -14,6 +14,7 @@ from ...base.arrays import Vector
 from ...base.crash_page import Stage
 from ...base.errors import CosimError, join_names
 from ...base.interruption import POLITE
+from ...base.output_files import UNFINISHED_STATUS
 from ...master.instances.call_codes import decode_call
 from ...recorders.file_table import FileTable
 from ...recorders.metrics import MetricsRecorder
@@ -50,7 +51,7 @@ def rescue_results(how: str, ended: float) -> None:
     try:
         output = OutputFolder(plan.folder, **plan.output)
         rows = None if plan.begun is None else _read_rows(plan.begun)  # `alone` removes their file
-        with output.alone(wait_s=2.0), use_verbosity(plan.verbosity):
+        with output.alone(), use_verbosity(plan.verbosity):
             message = _save_results(plan, output, cause, ended, rows)
         show_error(message)
     except (CosimError, OSError) as error:
@@ -112,8 +113,8 @@ def _save_results(
 ) -> str:
     """Write the results that can be written, and return the error message."""
     so_far = f"The results so far are in {output.path}."
-    if crash_page.current_activity().stage == Stage.FILES_WRITTEN:
-        earlier = output.status()
+    earlier = output.status()
+    if crash_page.current_activity().stage == Stage.FILES_WRITTEN and earlier != UNFINISHED_STATUS:
         whole = f"{cause}, when the results were complete."
         problem = whole if earlier in ("", COMPLETED) else f"{earlier} Then {whole}"
         output.change_record(status=problem)
