@@ -12,12 +12,13 @@ from pathlib import Path
 
 from fmublock.cache import CacheError, cache_folder
 from fmublock.files import UNFINISHED, NotAFileError, real_place, write_atomically
-from fmublock.leftovers import MARK, make_temporary_folder, mark_of_process, remove_folder
+from fmublock.leftovers import MARK, is_left, make_temporary_folder, mark_of_process, remove_folder
 
 from .errors import CommandError, RunError
 
 __all__ = [
     "HERE",
+    "MARK",
     "UNFINISHED",
     "CacheError",
     "NotAFileError",
@@ -26,6 +27,7 @@ __all__ = [
     "get_working_folder",
     "hash_file",
     "hash_if_readable",
+    "is_left",
     "is_same_place",
     "mark_of_process",
     "read_file",

@@ -11,10 +11,8 @@ from typing import Any
 
 from filelock import FileLock, Timeout
 
-from fmublock.leftovers import MARK, is_left
-
 from .errors import CommandError
-from .files import mark_of_process, resolve_output_path
+from .files import MARK, is_left, mark_of_process, resolve_output_path
 from .output_files import is_new
 
 _LOCK, _HOLDER = ".running", ".running.json"
