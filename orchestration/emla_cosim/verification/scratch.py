@@ -6,21 +6,26 @@ import tempfile
 from contextlib import suppress
 from pathlib import Path
 
+from ..base.errors import RunError
 from ..base.files import CacheError, cache_folder
+from ..stepper.library import require_stepper
 from .checks.systems import WholeSystem
 from .confinement import can_confine
 from .subject import Subject
 
-_CODE = "code"
-"""The folder of compiled loops in the cache."""
+_CACHE, _CODE = "cache", "code"
+"""The folder of the cache in the scratch folder, and of the compiled stepper in the cache."""
 
 
 def list_writable(subject: Subject | WholeSystem, records: bool = False) -> list[Path]:
     """Return the folders that a check of an FMU or of a system may change, and make its scratch folder.
 
-    `records` says whether the check writes reference files.
+    `records` says whether the check writes reference files. Call it before the check is confined: then no
+    folder of the user is writable, and the user's cache is not found.
     """
     subject.scratch.mkdir(parents=True, exist_ok=True)
+    if isinstance(subject, WholeSystem):
+        _copy_stepper(subject.scratch / _CACHE)
     recording = subject.settings.recording
     return [subject.scratch, *([recording.folder.absolute()] if recording is not None and records else [])]
 
@@ -33,8 +38,7 @@ def use_scratch(subject: Subject | WholeSystem) -> None:
     """
     home, temporary, working = (subject.scratch / name for name in ("home", "temporary", "working"))
     if os.environ.get("HOME") != str(home):
-        if isinstance(subject, WholeSystem):
-            _copy_cache(subject.scratch / "cache")
+        os.environ["EMLA_COSIM_CACHE"] = str(subject.scratch / _CACHE)
         for folder in (home, temporary, working):
             folder.mkdir(exist_ok=True)
         if can_confine():
@@ -53,11 +57,14 @@ def _link_home(home: Path) -> None:
                 (home / path.name).symlink_to(path)
 
 
-def _copy_cache(place: Path) -> None:
-    """Use a copy of the compiled loops, which runs of whole systems need."""
-    with suppress(OSError, CacheError):
+def _copy_stepper(folder: Path) -> None:
+    """Copy the compiled stepper, which runs of whole systems need, to another cache folder.
+
+    It is built now if necessary: the compiler cannot rename files in a confined process.
+    """
+    folder.mkdir(exist_ok=True)
+    with suppress(OSError, CacheError, RunError):
+        require_stepper()
         source = cache_folder() / _CODE
-        place.mkdir()
         if source.is_dir():
-            shutil.copytree(source, place / _CODE)
-    os.environ["EMLA_COSIM_CACHE"] = str(place)
+            shutil.copytree(source, folder / _CODE, dirs_exist_ok=True)
