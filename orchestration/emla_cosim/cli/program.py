@@ -78,7 +78,9 @@ def _run() -> None:
         if not _can_write(sys.stderr, "\n"):
             sys.exit(2)
         raise
-    except BaseException:  # libraries fail in many ways when memory runs out
+    except BaseException as error:  # libraries fail in many ways when memory runs out
+        if type(error).__name__ == "PanicException":  # polars has written why
+            os._exit(1)  # the supervising process completes the results
         if (limit := _memory_limit()) is None:
             raise
         _exit_with_error(
