@@ -43,10 +43,14 @@ def adopt_orphans() -> None:
 
 
 def end_children() -> None:
-    """End all processes that this one and an FMU started."""
-    for child in psutil.Process().children(recursive=True):
-        with contextlib.suppress(psutil.Error):
-            child.kill()
+    """End all processes that this one and an FMU started, and wait for their end."""
+    until = time.monotonic() + _SETTLE
+    # one that is killed leaves its own children to this process
+    while (children := psutil.Process().children(recursive=True)) and time.monotonic() < until:
+        for child in children:
+            with contextlib.suppress(psutil.Error):
+                child.kill()
+        psutil.wait_procs(children, timeout=0.1)
 
 
 def settle(wanted: Callable[[], bool]) -> None:
