@@ -80,6 +80,7 @@ def _run() -> None:
         raise
     except BaseException as error:  # libraries fail in many ways when memory runs out
         if type(error).__name__ == "PanicException":  # polars has written why
+            _can_write(sys.stdout)
             os._exit(1)  # the supervising process completes the results
         if (limit := _memory_limit()) is None:
             raise

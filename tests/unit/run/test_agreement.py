@@ -102,6 +102,15 @@ def test_command_fails_with_a_table_and_a_message(emla: Emla, tmp_path: Path) ->
     assert emla("run", "lift", *SHORT, *changed, *wide).exit_code == 0
 
 
+def test_reference_of_a_run_that_has_not_finished_is_noted(emla: Emla, tmp_path: Path) -> None:
+    assert emla("run", "lift", *SHORT, "--output", "a").exit_code == 0
+    (tmp_path / "a" / "run.json").write_text('{"scenario": "lift", "status": "unfinished"}')
+    compared = emla("run", "lift", *SHORT, "--reference", "a", "--output", "b")
+    assert compared.exit_code == 0
+    text = " ".join(compared.stdout.split())
+    assert text.count("has only the rows so far of a run that has not finished.") == 1
+
+
 def test_reference_is_not_overwritten(emla: Emla, tmp_path: Path) -> None:
     text = sentence(emla("run", "lift", *SHORT, "--reference", "nowhere"), 2)
     assert text == "Error: the run to compare with, 'nowhere', does not exist."

@@ -88,6 +88,8 @@ def run_into(
             recorders = [*writing, ProgressRecorder(progress), remembered]
             with catch_interrupts() as asked:  # from the first row to the last file
                 result = simulation.attempt(recorders=recorders)
+                # those of a reference are known only now
+                notes = list(dict.fromkeys([*chosen.notes, *(note.rstrip(".") for note in result.notes)]))
                 # the termination of FMUs may still fail
                 result, pictures = output.keep(
                     result,
@@ -95,11 +97,11 @@ def run_into(
                     progress,
                     options.animate and not asked(),
                     options.report,
-                    chosen.notes,
+                    notes,
                     asked,
                 )
                 remembered.keep()
-    show_result(result, [note for note in chosen.notes if note not in told], output, pictures)
+    show_result(result, [note for note in notes if note not in told], output, pictures)
     tell(result)
     if result.problem is not None:
         raise CosimError(f"{result.problem} The results so far are in {output.path}.")
