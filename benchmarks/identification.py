@@ -21,12 +21,12 @@ from unittest.mock import patch
 import numpy as np
 
 import emla_cosim as ec
+from emla_cosim.analyses.execution.worker_payload import PackedPreparation
+from emla_cosim.analyses.identify import runner
+from emla_cosim.analyses.identify.prediction import Prediction, Predictor, Task
+from emla_cosim.analyses.variants.data import DONE, FAILED
 from emla_cosim.base.errors import CosimError
-from emla_cosim.identification import runner
-from emla_cosim.identification.prediction import Prediction, Predictor, Task
 from emla_cosim.run.simulation import Simulation
-from emla_cosim.sweeps.data import DONE, FAILED
-from emla_cosim.sweeps.worker_payload import PackedPreparation
 
 RANGES = {
     "motor.J_m": "0.001:0.1",

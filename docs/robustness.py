@@ -17,11 +17,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 import emla_cosim as ec
+from emla_cosim.analyses.sweep.columns import figure_values, influence, read_factor
+from emla_cosim.analyses.sweep.plan import load_plan
 from emla_cosim.base.arrays import Vector
 from emla_cosim.study.registration import register
 from emla_cosim.study.systems import STUDY
-from emla_cosim.sweeps.columns import figure_values, influence, read_factor
-from emla_cosim.sweeps.plan import load_plan
 from emla_cosim.views.plots.style import BLUE, GREY, ORANGE, RED, save, tidy_axes
 
 HERE = Path(__file__).parent

@@ -28,7 +28,7 @@ from tests.support.toy_fmu import copy_toy
 if TYPE_CHECKING:  # these take a while to load
     from distributed import Client
 
-    from emla_cosim.sweeps.local_cluster import ClusterAddress
+    from emla_cosim.analyses.execution.local_cluster import ClusterAddress
 
 use_memory_disk()
 
@@ -104,7 +104,7 @@ def python_fmu_folder(fmu_folder: Path) -> Path:
 @pytest.fixture(scope="session")
 def machine() -> "Iterator[ClusterAddress]":
     """A local cluster of two workers; one that idles costs a twentieth of a core."""
-    from emla_cosim.sweeps.local_cluster import local_cluster
+    from emla_cosim.analyses.execution.local_cluster import local_cluster
 
     with ExitStack() as stack:
         with chdir(ROOT):  # it outlives the folders of tests
@@ -135,7 +135,7 @@ def on_one_cluster(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let sweeps run their variants in this process instead of on a cluster of this machine."""
     from tests.support.in_process_workers import InProcessClient
 
-    executor = import_module("emla_cosim.sweeps.executor")
+    executor = import_module("emla_cosim.analyses.execution.executor")
     monkeypatch.setattr(executor, "local_cluster", lambda _: nullcontext(("in-process", None)))
     monkeypatch.setattr(executor, "Client", InProcessClient)
 

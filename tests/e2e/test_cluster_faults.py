@@ -21,12 +21,12 @@ import psutil
 import pytest
 from distributed import Client, LocalCluster
 
+from emla_cosim.analyses.sweep import executor, idle_processes, worker, worker_payload
+from emla_cosim.analyses.sweep.result import read_sweep
+from emla_cosim.analyses.sweep.runner import sweep
 from emla_cosim.base.errors import CommandError, RunError
 from emla_cosim.base.progress import Progress
 from emla_cosim.recorders.metrics import METRICS
-from emla_cosim.sweeps import executor, idle_processes, worker, worker_payload
-from emla_cosim.sweeps.result import read_sweep
-from emla_cosim.sweeps.runner import sweep
 from emla_cosim.system.model import System
 from tests.support.clusters import CODE, At, family, outside_cluster
 from tests.support.faulty_systems import line_with_a_fault
@@ -316,7 +316,7 @@ def count_lost_processes() -> int:
     found = 0
     for child in psutil.Process().children():
         with suppress(psutil.Error):  # it has just ended
-            found += "emla_cosim.sweeps.variant_process:run_variants" in child.cmdline()
+            found += "emla_cosim.analyses.execution.variant_process:run_variants" in child.cmdline()
     return found - len(idle_processes.IDLE)
 
 

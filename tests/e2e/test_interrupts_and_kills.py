@@ -16,10 +16,10 @@ import psutil
 import pytest
 from click.testing import CliRunner
 
+from emla_cosim.analyses.sweep import runner
+from emla_cosim.analyses.variants.data import STATUS
 from emla_cosim.cli.app import app
 from emla_cosim.master.stepping.checkpoint import load_checkpoint
-from emla_cosim.sweeps import runner
-from emla_cosim.sweeps.data import STATUS
 from emla_cosim.views.output_folder import OutputFolder
 from tests.support.clusters import family
 from tests.support.commands import Emla, sentence

@@ -17,13 +17,13 @@ import pytest
 
 import emla_cosim as ec
 import fmublock.files
+from emla_cosim.analyses.sweep.folder import SweepFolder
 from emla_cosim.base.errors import CommandError
 from emla_cosim.base.folder_lock import exclusive_lock
 from emla_cosim.cli.app import COMMANDS
 from emla_cosim.fmu.models import FMU_FOLDER, check_build_path
 from emla_cosim.fmu.unpack import UnsafeArchiveError, unpack
 from emla_cosim.run.options import list_options
-from emla_cosim.sweeps.folder import SweepFolder
 from emla_cosim.views.output_folder import OutputFolder
 from emla_cosim.views.plots.pictures import FIGURES
 from fmublock import build

@@ -18,11 +18,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import emla_cosim as ec
+from emla_cosim.analyses.execution.worker_payload import Preparation
+from emla_cosim.analyses.variants.targets import format_arguments
 from emla_cosim.run.run_record import to_plain
 from emla_cosim.run.scenarios.scenario import Scenario
 from emla_cosim.study.actuator.entries import TABLES
-from emla_cosim.sweeps.targets import format_arguments
-from emla_cosim.sweeps.worker_payload import Preparation
 from tests.support.commands import Emla
 from tests.support.paths import ROOT
 from tests.support.scenario_runs import run_scenario

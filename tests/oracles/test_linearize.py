@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import emla_cosim as ec
+from emla_cosim.analyses.linearize.margins import compute_margins
 from emla_cosim.fmu.file import FmuFile
-from emla_cosim.linearization.margins import compute_margins
 from fmublock import DiscreteState
 from tests.support.state_feedback import STEP, WIRES, MatrixCart, MatrixGain
 

@@ -15,13 +15,13 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import emla_cosim as ec
-from emla_cosim.sizing import screw, thermal
-from emla_cosim.sizing.braking import brake_power
-from emla_cosim.sizing.cycle import Cycle
-from emla_cosim.sizing.figures import compute_figures
-from emla_cosim.sizing.limits import Requirements, examine, link_capacity
-from emla_cosim.sizing.motor_curves import continuous_torque, peak_torque
-from emla_cosim.sizing.summary import format_lines, format_tables
+from emla_cosim.analyses.size import screw, thermal
+from emla_cosim.analyses.size.braking import brake_power
+from emla_cosim.analyses.size.cycle import Cycle
+from emla_cosim.analyses.size.figures import compute_figures
+from emla_cosim.analyses.size.limits import Requirements, examine, link_capacity
+from emla_cosim.analyses.size.motor_curves import continuous_torque, peak_torque
+from emla_cosim.analyses.size.summary import format_lines, format_tables
 from emla_cosim.study.actuator.entries import ENDS, TABLES
 from emla_cosim.study.actuator.sheet_values import read_sheet_value
 from tests.support.commands import Emla
@@ -555,7 +555,7 @@ def test_coarse_rows_are_reported(
     fine = sized(stop_time=0.5, lead_in=0.0)
     assert sized(stop_time=0.5, lead_in=0.0, output_interval=0.01).figures == fine.figures
     assert not any("apart" in remark for remark in fine.remarks)
-    monkeypatch.setattr("emla_cosim.sizing.runner.MAX_ROWS", 50)
+    monkeypatch.setattr("emla_cosim.analyses.size.runner.MAX_ROWS", 50)
     coarse = sized(stop_time=0.5, lead_in=0.0)
     assert any("rows 0.01 s apart" in remark for remark in coarse.remarks)
     assert len(coarse.cycle.time) == 51
@@ -578,7 +578,7 @@ def test_invalid_requests_are_refused(size: Callable[..., ec.SizeResult]) -> Non
 
 
 def test_plots_show_the_cycle(press: ec.JointSizing, tmp_path: Path) -> None:
-    from emla_cosim.sizing.pictures import draw_joint
+    from emla_cosim.analyses.size.pictures import draw_joint
 
     figure = draw_joint(press)
     torque, force, temperature, power, *_ = figure.axes

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 import emla_cosim as ec
-from emla_cosim.sizing import thermal
-from emla_cosim.sizing.pictures import draw_joint
-from emla_cosim.sizing.plant import find_plant
-from emla_cosim.sizing.winding import Winding
+from emla_cosim.analyses.size import thermal
+from emla_cosim.analyses.size.pictures import draw_joint
+from emla_cosim.analyses.size.plant import find_plant
+from emla_cosim.analyses.size.winding import Winding
 from emla_cosim.study.joints.schema import load_joint
 from tests.support.commands import Emla
 

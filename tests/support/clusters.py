@@ -14,8 +14,8 @@ from typing import Any
 import psutil
 from distributed import Client
 
+from emla_cosim.analyses.execution.local_cluster import local_cluster
 from emla_cosim.base.progress import Progress
-from emla_cosim.sweeps.local_cluster import local_cluster
 from tests.support.paths import ROOT
 from tests.support.waiting import wait_for
 

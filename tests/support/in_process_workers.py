@@ -16,10 +16,10 @@ from unittest.mock import patch
 
 from distributed import Client
 
-from emla_cosim.sweeps import worker
-from emla_cosim.sweeps.idle_processes import WorkerProcess
-from emla_cosim.sweeps.variant_process import VariantProcess
-from emla_cosim.sweeps.worker_payload import REGISTRIES
+from emla_cosim.analyses.execution import worker
+from emla_cosim.analyses.execution.idle_processes import WorkerProcess
+from emla_cosim.analyses.execution.variant_process import VariantProcess
+from emla_cosim.analyses.execution.worker_payload import REGISTRIES
 
 
 class InProcessWorker(WorkerProcess):

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from emla_cosim.identification.measurement import MeasuredSignal
-from emla_cosim.identification.parameters import Parameter, Parameters
-from emla_cosim.identification.problem import Problem
+from emla_cosim.analyses.identify.measurement import MeasuredSignal
+from emla_cosim.analyses.identify.parameters import Parameter, Parameters
+from emla_cosim.analyses.identify.problem import Problem
 
 Model = Callable[[Mapping[str, float]], Sequence[Mapping[str, np.ndarray] | str]]
 

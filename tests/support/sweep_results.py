@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import polars
 
-from emla_cosim.sweeps.result import SweepResult
+from emla_cosim.analyses.sweep.result import SweepResult
 
 Signal = Callable[[int, np.ndarray], Any]
 """Values of a signal, from the number of a variant and times."""

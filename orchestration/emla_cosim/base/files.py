@@ -2,6 +2,7 @@
 
 import atexit
 import hashlib
+import json
 import os
 import re
 import stat
@@ -159,6 +160,12 @@ def hash_file(path: Path) -> str:
     """
     with path.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def hash_plain_data(content: object) -> str:
+    """Return a short hash of plain data."""
+    text = json.dumps(content, sort_keys=True, default=str)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def hash_if_readable(path: Path) -> str | None:

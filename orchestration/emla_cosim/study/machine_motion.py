@@ -11,9 +11,9 @@ from hdrm_fmu.spline import Spline, TrajectoryError, default_spline, trajectory_
 
 from ..base.errors import CommandError
 from ..system.model import System, Value
-from ..trajectories.file import read_motion
 from .joints.schema import load_joint
 from .roles import JOINTS
+from .trajectory_file import read_motion
 
 _SHOWN = 3
 """The number of differences that a message lists."""

@@ -14,12 +14,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from jsonschema import Draft7Validator
 
+from emla_cosim.analyses.trajectory.problem import load_problem
 from emla_cosim.base.errors import CommandError
 from emla_cosim.base.schemas import make_schema
 from emla_cosim.base.values import convert_value
 from emla_cosim.cli.commands.schema import FILE_KINDS
 from emla_cosim.run.scenarios.built_in import PLANS, SCENARIOS, TUNINGS
-from emla_cosim.trajectories.problem import load_problem
 from tests.support.commands import Emla, sentence
 from tests.support.paths import ROOT
 

@@ -11,6 +11,7 @@ import polars
 import pytest
 
 import emla_cosim as ec
+from emla_cosim.analyses.execution.worker_payload import Preparation
 from emla_cosim.base.errors import CommandError
 from emla_cosim.base.progress import Progress
 from emla_cosim.inputs.loaded_input import LoadedInput, find_data_end
@@ -18,7 +19,6 @@ from emla_cosim.inputs.wired_inputs import wire_inputs
 from emla_cosim.master.assembly import Assembly
 from emla_cosim.recorders.parquet_file import ParquetFile
 from emla_cosim.run.preparation import limit_to_data_end, prepare_system
-from emla_cosim.sweeps.worker_payload import Preparation
 from emla_cosim.system.model import Alias
 from tests.support.commands import Emla
 from tests.support.faulty_systems import faulty

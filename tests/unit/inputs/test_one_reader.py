@@ -9,12 +9,12 @@ import polars
 import pytest
 
 import emla_cosim as ec
+from emla_cosim.analyses.identify.measurement import read_measurements
 from emla_cosim.base.errors import CommandError
 from emla_cosim.base.signal_types import SignalType
 from emla_cosim.base.units import find_unit
 from emla_cosim.fmu.interface import Interface, read_interface
 from emla_cosim.fmu.models import build
-from emla_cosim.identification.measurement import read_measurements
 from emla_cosim.inputs.events import input_events
 from emla_cosim.inputs.input import Input as DataInput
 from emla_cosim.inputs.stored_runs import open_stored_run

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import emla_cosim as ec
+from emla_cosim.analyses.sweep.summary import status_line
 from emla_cosim.base.errors import CommandError, RunError
 from emla_cosim.base.units import LinearTransformation
-from emla_cosim.sweeps.summary import status_line
 from emla_cosim.system.model import Alias, Component, Connection, System
 from tests.support.commands import Emla
 from tests.support.hand_written_fmus import build_reluctant_fmu

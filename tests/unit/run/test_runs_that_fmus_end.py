@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 import pytest
 
 import emla_cosim as ec
+from emla_cosim.analyses.compare.rows import read_verdict
+from emla_cosim.analyses.sweep.summary import status_line
+from emla_cosim.analyses.variants.data import DONE, VariantOutcome
 from emla_cosim.base.errors import CommandError, RunError
-from emla_cosim.comparison.rows import read_verdict
-from emla_cosim.sweeps.data import DONE, VariantOutcome
-from emla_cosim.sweeps.summary import status_line
 from tests.support.faulty_systems import Fault
 
 if TYPE_CHECKING:

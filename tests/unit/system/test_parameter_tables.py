@@ -12,9 +12,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import emla_cosim as ec
+from emla_cosim.analyses.execution.worker_payload import Preparation
 from emla_cosim.base.progress import Progress
 from emla_cosim.run.preparation import prepare_system
-from emla_cosim.sweeps.worker_payload import Preparation
 from tests.support.commands import Emla
 
 LEVEL = "lift.disturbance.load.level"

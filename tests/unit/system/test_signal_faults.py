@@ -13,12 +13,12 @@ import pytest
 from hypothesis import given
 
 import emla_cosim as ec
+from emla_cosim.analyses.variants.targets import format_arguments
 from emla_cosim.base.errors import CommandError
 from emla_cosim.fmu.interface import read_interface
 from emla_cosim.fmu.models import FLAVOURS, build
 from emla_cosim.master.network import Link, order_with_followers, stepping_order
 from emla_cosim.study.loading import load
-from emla_cosim.sweeps.targets import format_arguments
 from emla_cosim.system.fault import Fault, read_faults
 from emla_cosim.system.resolution import find_transformation
 from emla_cosim.system.signal_faults import add_fault_components, wire_faults

@@ -6,15 +6,15 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from ...analyses.compare import certificates
+from ...analyses.compare.data import CERTIFICATE, STABILITY, TABLES
+from ...analyses.compare.folder import CSV, MARKDOWN, RECORD, CompareFolder
+from ...analyses.compare.result import CompareResult
+from ...analyses.compare.runner import RESOLUTION, SEEDS, compare
+from ...analyses.compare.tables import describe_lost_joints
 from ...base.errors import CommandError, CosimError
 from ...base.option import COMPARE, argument, option
 from ...base.wording import format_count
-from ...comparison import certificates
-from ...comparison.data import CERTIFICATE, STABILITY, TABLES
-from ...comparison.folder import CSV, MARKDOWN, RECORD, CompareFolder
-from ...comparison.result import CompareResult
-from ...comparison.runner import RESOLUTION, SEEDS, compare
-from ...comparison.tables import describe_lost_joints
 from ...study.joint_certificates import build_certificate_table
 from ...views.output_folder import results_folder
 from ...views.progress_bars import BarProgress

@@ -6,13 +6,13 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from ...analyses.identify.folder import CERTAINTY, FIT, HISTORY, PAGE, RECORD, SAMPLES, SCENARIO
+from ...analyses.identify.loss import LOSSES
+from ...analyses.identify.plan import load_identification_plan
+from ...analyses.identify.runner import identify
+from ...analyses.identify.summary import format_lines, format_tables
 from ...base.errors import CosimError
 from ...base.option import OUTPUT, SWEEP, argument, option, switch
-from ...identification.folder import CERTAINTY, FIT, HISTORY, PAGE, RECORD, SAMPLES, SCENARIO
-from ...identification.loss import LOSSES
-from ...identification.plan import load_identification_plan
-from ...identification.runner import identify
-from ...identification.summary import format_lines, format_tables
 from ...views.output_folder import results_folder
 from ...views.progress_bars import BarProgress
 from ...views.terminal import print_line, show

@@ -6,10 +6,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from ...analyses.linearize.folder import BODE, NYQUIST, RECORD, TABLE
+from ...analyses.linearize.runner import linearize
+from ...analyses.linearize.summary import format_lines, format_margins, format_point, format_poles
 from ...base.option import LINEARIZE, OUTPUT, option, switch
-from ...linearization.folder import BODE, NYQUIST, RECORD, TABLE
-from ...linearization.runner import linearize
-from ...linearization.summary import format_lines, format_margins, format_point, format_poles
 from ...views.output_folder import results_folder
 from ...views.progress_bars import BarProgress
 from ...views.terminal import print_line, show

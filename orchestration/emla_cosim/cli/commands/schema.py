@@ -8,17 +8,17 @@ from typing import Any, NamedTuple
 import msgspec
 from rich.table import Table
 
+from ...analyses.frame.plan_files import plan_struct
+from ...analyses.identify.plan import identification_struct
+from ...analyses.sweep.plan import SWEEP_PLAN
+from ...analyses.tune.plan import TUNING_PLAN
 from ...base.errors import check_choice
 from ...base.option import argument
 from ...base.schemas import make_schema
-from ...identification.plan import identification_struct
 from ...run.scenarios.scenario_file import scenario_struct
 from ...study.actuator.sheet_values import ACTUATOR
 from ...study.joints.joint_table import joint_struct
 from ...study.registration import register
-from ...sweeps.plan import SWEEP_PLAN
-from ...sweeps.plan_files import plan_struct
-from ...tuning.plan import TUNING_PLAN
 from ...verification.references.reference_files import ReferenceTable
 from ...views.terminal import print_exactly, show
 
@@ -33,7 +33,9 @@ class FileKind(NamedTuple):
 
 
 def _trajectory_struct() -> type[msgspec.Struct]:
-    from ...trajectories.problem import PROBLEM  # loads casadi and scipy, which other kinds do not need
+    from ...analyses.trajectory.problem import (
+        PROBLEM,  # loads casadi and scipy, which other kinds do not need
+    )
 
     return PROBLEM
 

@@ -6,13 +6,13 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from ...analyses.size.folder import CYCLES, PAGE, RECORD, TABLE
+from ...analyses.size.pictures import list_pictures
+from ...analyses.size.runner import AMBIENT, LEAD_IN, size
+from ...analyses.size.summary import format_lines, format_tables
 from ...base.errors import CommandError, RunError, join_names
 from ...base.option import OUTPUT, SIZE, option, switch
 from ...base.quantities import read_quantity
-from ...sizing.folder import CYCLES, PAGE, RECORD, TABLE
-from ...sizing.pictures import list_pictures
-from ...sizing.runner import AMBIENT, LEAD_IN, size
-from ...sizing.summary import format_lines, format_tables
 from ...views.output_folder import results_folder
 from ...views.progress_bars import BarProgress
 from ...views.terminal import print_line, show

@@ -6,19 +6,19 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from ...analyses.sweep.folder import RECORD, SERIES, TABLE, WORST, SweepFolder
+from ...analyses.sweep.pictures import draw_pictures
+from ...analyses.sweep.plan import load_plan
+from ...analyses.sweep.result import SweepResult
+from ...analyses.sweep.runner import sweep
+from ...analyses.sweep.summary import format_summary, list_worst_commands
+from ...analyses.variants.data import DONE, STATUS
+from ...analyses.variants.distributions import FORMS
+from ...analyses.variants.sampling import SAMPLINGS
 from ...base.errors import CommandError, CosimError
 from ...base.files import report_write_errors
 from ...base.option import OUTPUT, RUNS, SWEEP, option, switch
 from ...base.progress import Progress
-from ...sweeps.data import DONE, STATUS
-from ...sweeps.distributions import FORMS
-from ...sweeps.folder import RECORD, SERIES, TABLE, WORST, SweepFolder
-from ...sweeps.pictures import draw_pictures
-from ...sweeps.plan import load_plan
-from ...sweeps.result import SweepResult
-from ...sweeps.runner import sweep
-from ...sweeps.sampling import SAMPLINGS
-from ...sweeps.summary import format_summary, list_worst_commands
 from ...views.output_folder import results_folder
 from ...views.progress_bars import BarProgress
 from ...views.terminal import print_line, show

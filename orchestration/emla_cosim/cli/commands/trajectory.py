@@ -6,13 +6,19 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from ...analyses.trajectory.payload_file import check_payload
+from ...analyses.trajectory.pictures import picture_places
+from ...analyses.trajectory.problem import load_problem, override_values
+from ...analyses.trajectory.runner import trajectory
+from ...analyses.trajectory.summary import (
+    format_clearances,
+    format_costs,
+    format_lines,
+    format_peaks,
+    remarks,
+)
 from ...base.errors import CosimError
 from ...base.option import OUTPUT, TRAJECTORY, argument, option
-from ...trajectories.payload_file import check_payload
-from ...trajectories.pictures import picture_places
-from ...trajectories.problem import load_problem, override_values
-from ...trajectories.runner import trajectory
-from ...trajectories.summary import format_clearances, format_costs, format_lines, format_peaks, remarks
 from ...views.output_folder import results_folder
 from ...views.progress_bars import BarProgress
 from ...views.terminal import print_line, show

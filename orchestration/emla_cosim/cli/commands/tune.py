@@ -6,14 +6,14 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from ...analyses.tune.folder import BEST, HISTORY, PICTURE, RECORD
+from ...analyses.tune.plan import load_tuning_plan
+from ...analyses.tune.result import TuneResult
+from ...analyses.tune.runner import tune
+from ...analyses.tune.summary import format_lines, format_summary
+from ...analyses.variants.distributions import FORMS
 from ...base.errors import CosimError
 from ...base.option import SWEEP, option
-from ...sweeps.distributions import FORMS
-from ...tuning.folder import BEST, HISTORY, PICTURE, RECORD
-from ...tuning.plan import load_tuning_plan
-from ...tuning.result import TuneResult
-from ...tuning.runner import tune
-from ...tuning.summary import format_lines, format_summary
 from ...views.output_folder import results_folder
 from ...views.progress_bars import BarProgress
 from ...views.terminal import print_line, show

@@ -1,0 +1,1 @@
+"""Analyses: questions about a scenario that take many runs, in one frame."""

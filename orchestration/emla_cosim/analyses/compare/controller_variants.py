@@ -1,0 +1,115 @@
+"""The controllers to compare, each with one or more of its sets of gains."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from ...base.errors import CommandError, join_names
+from ...base.values import convert_value
+from ...study.controllers import CONTROLLERS, choose_controller
+
+ALL, RECOMMENDED = "all", "recommended"
+"""Keywords for all sets of gains of a controller, and for its recommended set."""
+
+Choice = str | type
+"""A controller: its name, FILE.fmu, FILE.py:BLOCK, or a block."""
+
+
+@dataclass(frozen=True)
+class ControllerVariant:
+    """A controller and one set of its gains."""
+
+    controller: Choice
+    gains: str
+
+    @property
+    def label(self) -> str:
+        """The name of the controller, or that of its file or block."""
+        return label_controller(self.controller)
+
+    def __str__(self) -> str:
+        return f"{self.label}/{self.gains}"
+
+
+def label_controller(controller: Choice) -> str:
+    """Return the name of a controller for tables."""
+    return controller if isinstance(controller, str) else controller.__name__
+
+
+def select_variants(
+    controllers: Sequence[Choice] | None = None,
+    gains: Sequence[str] | None = None,
+    also: Sequence[str] = (),
+) -> list[ControllerVariant]:
+    """Return the controllers, by default all of `CONTROLLERS`, with the sets of gains to compare.
+
+    Controllers without a named set use their recommended set.
+
+    Args:
+        controllers: Names, FMUs or blocks.
+        gains: SET (of each controller that has it), CONTROLLER/SET, "recommended" or "all".
+        also: Sets to add if `gains` is empty, for controllers of `CONTROLLERS` that have them.
+
+    Raises:
+        CommandError: A controller or a set does not exist, or no compared controller has the set.
+    """
+    names = list(dict.fromkeys(_controllers(controllers)))
+    sets = {one: list(choose_controller(one, None).controller.gains) for one in names}
+    named = _check_sets(convert_value(gains or (), Sequence[str], "the list of gains to compare"), sets)
+    if not gains:
+        for one in (c for c in names if c in CONTROLLERS):
+            named[one] = {sets[one][0], *also}
+    return [
+        ControllerVariant(one, gain_set)
+        for one in names
+        for gain_set in ([s for s in sets[one] if s in named[one]] or sets[one][:1])
+    ]
+
+
+def list_other_variants(compared: Sequence[ControllerVariant]) -> list[str]:
+    """Return sets of gains of the compared controllers that are not compared, as CONTROLLER/SET."""
+    taken = set(map(str, compared))
+    ours = dict.fromkeys(one.label for one in compared if one.controller in CONTROLLERS)
+    return [s for c in ours for s in (f"{c}/{g}" for g in CONTROLLERS[c].gains) if s not in taken]
+
+
+def _controllers(given: Sequence[Choice] | None) -> list[Choice]:
+    if given is None:
+        return list(CONTROLLERS)
+    if isinstance(given, (str, type)) or not isinstance(given, Sequence) or not given:
+        raise CommandError(f"the controllers to compare are {given!r}; they must be a list of one or more.")
+    if wrong := [one for one in given if not isinstance(one, (str, type))]:
+        raise CommandError(f"a controller to compare is {wrong[0]!r}; it must be a name, a file or a block.")
+    return list(given)
+
+
+def _check_sets(gains: Sequence[str], sets: Mapping[Choice, Sequence[str]]) -> dict[Choice, set[str]]:
+    """Return the named sets of each controller."""
+    named: dict[Choice, set[str]] = {one: set() for one in sets}
+    for text in gains:
+        one, slash, gain_set = text.rpartition("/")
+        owners = [c for c in sets if label_controller(c) == one] if slash else list(sets)
+        if slash and not owners:
+            raise CommandError(
+                f"the gains {text} are for the controller '{one}', which is not compared; "
+                f"compared {_join_with_verb([label_controller(c) for c in sets])}.",
+                name=text,
+            )
+        words = {ALL: slice(None), RECOMMENDED: slice(1)}
+        found = {c: sets[c][words[gain_set]] if gain_set in words else [gain_set] for c in owners}
+        having = {c: names for c, names in found.items() if set(names) <= set(sets[c])}
+        if not having:
+            there = dict.fromkeys(s for c in owners for s in sets[c])
+            raise CommandError(
+                f"no controller that is compared has the set of gains '{gain_set}'; there "
+                f"{_join_with_verb(there)}."
+                if not slash
+                else f"the controller {one} has no set of gains '{gain_set}'; it has {join_names(there)}.",
+                name=text,
+            )
+        for c, names in having.items():
+            named[c] |= set(names)
+    return named
+
+
+def _join_with_verb(names: Sequence[str] | Mapping[str, None]) -> str:
+    return f"{'is' if len(names) == 1 else 'are'} {join_names(names)}"

@@ -1,0 +1,290 @@
+"""Pictures of a comparison: figures side by side, errors over time, and maps of points that hold."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import polars
+
+from ...base.arrays import Vector
+from ...base.wording import format_rounded
+from ...recorders.metrics import HELD
+from ...study.paper import PRINTED
+from ...views.plots.style import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, new_figure, tidy_axes
+from .cases import stability_maps
+from .data import PAPER, ROBUSTNESS, STABILITY, CompareData
+from .remarks import describe_inequality
+from .rows import SHOWN, Row, label_variant
+from .statistics import SeedStatistics, format_lost, group_by_variant, rank
+from .tables import group_rows
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+FIGURES, ERRORS = "comparison-figures", "comparison-errors"
+NAMES = (FIGURES, ERRORS, "comparison-robustness", "comparison-stability-1", "comparison-stability-2")
+"""Names of the pictures."""
+
+_BARS = ("position_error_m", "velocity_error_m_s", "torque_effort_N_m")
+_WIDE = {"position_error_m", "velocity_error_m_s"}
+"""Figures on logarithmic axes, drawn as points: bars have no beginning there."""
+_SHADES = ("#12355f", "#2f6db3", "#8fb4d9", "#e4eef8")
+"""Colours of errors, the smallest error first."""
+_HOLDS, _LOST = "#cfe0f1", "#b0413e"
+_SMALLEST = 1e-9
+"""Errors in m below this limit are drawn at the limit, since a logarithm has no zero."""
+_COLORS = (BLUE, ORANGE, GREEN, RED, PURPLE, GREY, "#1d8a99", "#c77cae", "#8c6d31", "#444444")
+
+
+def draw_pictures(result: CompareData) -> "dict[str, Figure]":
+    """Return the pictures that suit the table, by name; none if nothing was run."""
+    if not len(result.rows):
+        return {}
+    if result.table == ROBUSTNESS:
+        return {"comparison-robustness": _robustness(result)}
+    if result.table == STABILITY:
+        return {f"comparison-{name}": figure for name, figure in _maps(result).items()}
+    found = {FIGURES: _bars(result)}
+    if result.errors:
+        found[ERRORS] = _errors(result)
+    return found
+
+
+def _places(result: CompareData) -> dict[tuple[Any, ...], list[Row]]:
+    return group_rows(result.rows.rows(named=True), "scenario", "joint")
+
+
+def _color(result: CompareData, variant: str) -> str:
+    return _COLORS[list(result.entrants).index(variant) % len(_COLORS)]
+
+
+def _bars(result: CompareData) -> "Figure":
+    """Draw a bar for each joint, figure and controller, and a line for the RSBA of the paper.
+
+    Bars are means over seeds, with their standard deviations.
+    """
+    places = _places(result)
+    bars = (*_BARS, "convergence_time_s" if result.table == PAPER else "settling_time_s")
+    height = 0.6 + 0.22 * len(result.entrants)
+    figure, grid = new_figure(len(places), len(bars), 2.6, height, sharex="none")
+    for axes_row, ((scenario, joint), rows) in zip(grid, places.items(), strict=True):
+        for axes, name in zip(axes_row, bars, strict=True):
+            shown = SHOWN[name]
+            found = group_by_variant(rows)
+            names = list(found)
+            values = [
+                shown.factor * (one.mean(name) or 0.0) if one.is_held else 0.0 for one in found.values()
+            ]
+            spreads = [shown.factor * one.spread(name) if one.is_held else 0.0 for one in found.values()]
+            colors = [_color(result, n) for n in names]
+            if name in _WIDE:
+                _draw_points(axes, names, values, spreads, colors)
+            else:
+                axes.barh(names, values, xerr=spreads, color=colors, height=0.7)
+            ranking = rank(found, shown)
+            winner = ranking.best if ranking and ranking.is_winner else None
+            for place, (variant, one) in enumerate(found.items()):
+                if variant == winner:
+                    axes.text(0.98, place, "wins", transform=axes.get_yaxis_transform(), **_WINS)
+                if not one.is_held:
+                    text = format_lost(one, shown)
+                    axes.text(0.02, place, text, transform=axes.get_yaxis_transform(), **_TOLD)
+                elif name in _WIDE and not values[place]:  # a logarithmic axis has no zero
+                    axes.text(0.02, place, "0", transform=axes.get_yaxis_transform(), **_TOLD)
+            said = _printed(scenario, joint, name) if result.table == PAPER else None
+            if said is not None:
+                axes.axvline(shown.factor * said, color="black", lw=1.0, ls=":")
+            known = [*values, *([shown.factor * said] if said is not None else [])]
+            if name not in _WIDE:
+                axes.set_xlim(0.0, 1.15 * max(known) or 1.0)
+            axes.invert_yaxis()
+            tidy_axes(axes)
+            if name in _WIDE and any(values):
+                _label_decades(axes)
+            if axes is not axes_row[0]:
+                axes.set_yticklabels([])
+        axes_row[0].set_ylabel("\n".join(dict.fromkeys([scenario, joint])), fontsize=9)
+    for axes, name in zip(grid[-1], bars, strict=True):
+        axes.set_xlabel(f"{SHOWN[name].label} / {SHOWN[name].unit}", fontsize=9)
+    paper = "; dotted: the paper's RSBA" if result.table == PAPER else ""
+    unequal = describe_inequality(result.rows.rows(named=True))
+    remark = "; terms are not equal: see comparison.md" if unequal else ""
+    figure.suptitle(f"Controllers side by side{paper}{remark}", fontsize=12, fontweight="bold")
+    return figure
+
+
+def _draw_points(
+    axes: "Axes", names: Sequence[str], values: Sequence[float], spreads: Sequence[float], colors: list[str]
+) -> None:
+    """Draw means and standard deviations on a logarithmic axis; zero stands for no value."""
+    axes.set_yticks(range(len(names)), names)
+    axes.set_ylim(-0.6, len(names) - 0.4)
+    for place, (value, spread, color) in enumerate(zip(values, spreads, colors, strict=True)):
+        axes.axhline(place, color="#eeeeee", lw=4.0)
+        if value:
+            axes.plot([max(value - spread, 0.1 * value), value + spread], [place, place], color=color, lw=1.5)
+            axes.plot([value], [place], "o", color=color)
+    if any(values):
+        axes.set_xscale("log")
+
+
+def _label_decades(axes: "Axes") -> None:
+    """Label a logarithmic axis with plain numbers, over at least one decade."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    low, high = axes.get_xlim()
+    room = max(1.3, float(np.sqrt(10.0 * low / high)))
+    low, high = low / room, high * room
+    axes.set_xlim(low, high)
+    axes.xaxis.set_major_locator(LogLocator(subs=(1.0,) if high > 300.0 * low else (1.0, 3.0), numticks=5))
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.xaxis.set_minor_formatter(NullFormatter())
+
+
+_TOLD: dict[str, Any] = {"va": "center", "fontsize": 7, "color": _LOST}
+_WINS: dict[str, Any] = {"va": "center", "ha": "right", "fontsize": 7, "fontweight": "bold"}
+
+
+def _printed(scenario: str, joint: str, figure: str) -> float | None:
+    for table in PRINTED:
+        if (scenario, joint) in table.cells:
+            return getattr(table.cells[scenario, joint]["rsba"], figure)
+    return None
+
+
+def _errors(result: CompareData) -> "Figure":
+    """Draw the position error of each joint over time, for each controller."""
+    places = _places(result)
+    figure, grid = new_figure(len(places), 1, 8.0, 1.9, sharex="none")
+    for axes, ((scenario, joint), rows) in zip(grid[:, 0], places.items(), strict=True):
+        for row in rows:
+            if (errors := result.errors.get(row["run"])) is not None:
+                _draw_error(axes, errors, joint, _color(result, label_variant(row)))
+        axes.set_yscale("log")
+        axes.set_ylim(1e-2, 1e5)
+        axes.set_ylabel(f"{', '.join(dict.fromkeys([scenario, joint]))}\n|error| / µm", fontsize=9)
+        tidy_axes(axes)
+    grid[-1, 0].set_xlabel("time / s", fontsize=9)
+    from matplotlib.lines import Line2D
+
+    handles = [Line2D([], [], color=_color(result, name), label=name) for name in result.entrants]
+    figure.legend(
+        handles=handles, loc="outside lower center", ncols=min(len(handles), 5), fontsize=8, frameon=False
+    )
+    figure.suptitle("Position errors: the largest in each 400th of the time", fontsize=12, fontweight="bold")
+    return figure
+
+
+def _draw_error(axes: "Axes", errors: polars.DataFrame, joint: str, color: str) -> None:
+    time, error = errors["time"].to_numpy(), np.abs(errors[joint].to_numpy())
+    every = max(len(time) // 400, 1)  # the largest error of those that share a dot
+    whole = len(time) // every * every
+    largest = error[:whole].reshape(-1, every).max(axis=1)
+    axes.plot(time[:whole:every], 1e6 * np.fmax(largest, _SMALLEST), color=color, lw=1.0)
+
+
+def _robustness(result: CompareData) -> "Figure":
+    """Draw for each joint a table of cases and controllers, shaded by the position error."""
+    from matplotlib.colors import LinearSegmentedColormap, LogNorm
+
+    places = _places(result)
+    cases = list(dict.fromkeys(result.rows["case"]))
+    wide = 1.2 + 0.62 * len(result.entrants)
+    figure, grid = new_figure(1, len(places), wide, 0.6 + 0.24 * len(cases), sharex="none")
+    shades = LinearSegmentedColormap.from_list("error", _SHADES).with_extremes(bad=_LOST)
+    held = result.rows.filter(polars.col(HELD))["position_error_m"].drop_nulls().to_numpy()
+    norm = LogNorm(*(1e6 * _limits(held)))
+    picture: Any = None
+    for axes, ((_, joint), rows) in zip(grid[0], places.items(), strict=True):
+        found = {
+            (case, variant): one
+            for (case,), own in group_rows(rows, "case").items()
+            for variant, one in group_by_variant(own).items()
+        }
+        values = np.array([[_error(found.get((c, e))) for e in result.entrants] for c in cases])
+        picture = axes.pcolormesh(
+            np.ma.masked_invalid(values), cmap=shades, norm=norm, edgecolors="white", lw=0.5
+        )
+        for y, case in enumerate(cases):
+            for x, variant in enumerate(result.entrants):
+                _write(axes, x, y, found.get((case, variant)), norm)
+        _label(axes, [e.replace("/", "\n") for e in result.entrants], cases if axes is grid[0, 0] else None)
+        axes.set_title(joint, fontsize=10)
+        axes.set_facecolor("#eeeeee")
+    bar = figure.colorbar(picture, ax=grid[0, -1])
+    bar.set_label("position error / µm; red: not held", fontsize=9)
+    bar.ax.tick_params(labelsize=8)
+    return figure
+
+
+def _error(one: SeedStatistics | None) -> float:
+    mean = None if one is None or not one.is_held else one.mean("position_error_m")
+    return np.nan if mean is None else 1e6 * max(mean, _SMALLEST)
+
+
+def _limits(errors: Vector) -> Vector:
+    found = np.fmax(errors[~np.isnan(errors)], _SMALLEST)
+    low, high = (found.min(), found.max()) if len(found) else (_SMALLEST, 1.0)
+    return np.array([low, max(high, 10.0 * low)])
+
+
+def _write(axes: "Axes", x: int, y: int, one: SeedStatistics | None, norm: Any) -> None:
+    if one is None:
+        return
+    error = _error(one)
+    lost = format_lost(one, SHOWN["position_error_m"]).replace(" in ", "\nin ").replace(" (", "\n")
+    text = format_rounded(error) if one.is_held else lost.removesuffix(")")
+    dark = not one.is_held or norm(error) < 0.45
+    axes.text(
+        x + 0.5, y + 0.5, text, ha="center", va="center", fontsize=6, color="white" if dark else "black"
+    )
+
+
+def _label(axes: "Axes", columns: Sequence[str], rows: Sequence[str] | None) -> None:
+    axes.set_xticks(np.arange(len(columns)) + 0.5, columns, fontsize=7, rotation=40, ha="right")
+    axes.set_yticks(
+        [] if rows is None else np.arange(len(rows)) + 0.5, [] if rows is None else rows, fontsize=8
+    )
+    axes.invert_yaxis()
+    axes.tick_params(length=0)
+    axes.spines[:].set_visible(False)
+
+
+def _maps(result: CompareData) -> "dict[str, Figure]":
+    """Draw for each map a panel for each joint and controller that shows which points hold."""
+    found = {}
+    for number, one in enumerate(stability_maps(), start=1):
+        rows = result.rows.filter(polars.col("case").str.starts_with(f"{one.name}:")).rows(named=True)
+        if not rows:
+            continue
+        joints = list(dict.fromkeys(row["joint"] for row in rows))
+        figure, grid = new_figure(len(joints), len(result.entrants), 1.7, 1.7, sharex="none")
+        for axes_row, joint in zip(grid, joints, strict=True):
+            for axes, variant in zip(axes_row, result.entrants, strict=True):
+                _draw_map(axes, [r for r in rows if r["joint"] == joint and label_variant(r) == variant])
+                axes.label_outer()
+                if joint == joints[0]:
+                    axes.set_title(variant.replace("/", "\n"), fontsize=9)
+            axes_row[0].set_ylabel(f"{joint}\n{one.y.label}", fontsize=8)
+        figure.supxlabel(one.x.label, fontsize=9)
+        figure.suptitle(f"{one.name}\nblue: holds, red: not held", fontsize=10)
+        found[f"stability-{number}"] = figure
+    return found
+
+
+def _draw_map(axes: "Axes", rows: Sequence[Row]) -> None:
+    from matplotlib.colors import ListedColormap
+
+    x, y = (sorted({row[name] for row in rows}) for name in ("x", "y"))
+    table = np.full((len(y), len(x)), np.nan)
+    for row in rows:
+        place = y.index(row["y"]), x.index(row["x"])
+        table[place] = np.fmin(table[place], row[HELD])  # the worst of several seeds
+    if len(rows):
+        colors = ListedColormap([_LOST, _HOLDS])
+        axes.pcolormesh(
+            x, y, np.ma.masked_invalid(table), cmap=colors, vmin=0.0, vmax=1.0, edgecolors="white", lw=0.5
+        )
+    axes.tick_params(labelsize=7)
+    axes.spines[:].set_visible(False)

@@ -1,0 +1,232 @@
+"""The plan of a comparison: all runs, and the prepared simulations that they use."""
+
+import shlex
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from ...base.errors import CommandError
+from ...base.progress import Progress
+from ...run.run_setup import plan_run, run_times
+from ...study.loading import load
+from ...study.roles import find_joints
+from ..execution.executor import WorkPackage
+from ..execution.worker_payload import Preparation
+from ..variants.data import Variant
+from ..variants.targets import changed_in_run, format_arguments, merge_options
+from .cases import ComparisonCase, describe_left_out
+from .controller_variants import ControllerVariant
+from .held_out_seeds import HeldOutSeeds, random_seeds
+from .observers import find_equal_gains, list_observers
+from .reserves import CURRENT, VOLTAGE, Reserves, describe_reserves, reserve_values
+from .subsystems import find_independent_subsystems
+
+
+@dataclass(frozen=True)
+class ComparisonRun:
+    """One run: a controller in one case, in an independent subsystem with these joints.
+
+    Attributes:
+        own: The options that make the case.
+        group: The position of the prepared simulation.
+        seed: The held-out seed of the random sequences; None for those of the scenario.
+        is_random: Whether random sequences affect the run.
+        observers: The observer of each joint as text.
+        reserves: The reserves of the controllers as text.
+    """
+
+    scenario: str
+    controller_variant: ControllerVariant
+    case: ComparisonCase
+    joints: Sequence[str]
+    own: Mapping[str, Any]
+    group: int
+    seed: int | None = None
+    is_random: bool = False
+    observers: Mapping[str, str] = field(default_factory=dict)
+    reserves: str = ""
+
+
+@dataclass(frozen=True)
+class ComparisonPlan:
+    """All runs, in the order of the tables.
+
+    Attributes:
+        options: The options of all runs.
+        notes: Remarks for the reader: what is left out, and the reserves of each controller.
+    """
+
+    runs: Sequence[ComparisonRun]
+    groups: Sequence[Preparation]
+    options: Mapping[str, Any]
+    notes: Sequence[str]
+
+    def variant(self, number: int) -> Variant:
+        """Return a run as a variant of a sweep."""
+        return Variant(number, changed_in_run(self.runs[number].own))
+
+    def work(self) -> list[WorkPackage]:
+        """Return all runs by group, the longest first, so that workers end at about the same time."""
+        numbers: list[list[int]] = [[] for _ in self.groups]
+        for number, run in enumerate(self.runs):
+            numbers[run.group].append(number)
+        steps = [run_times(group.options, group.name).steps for group in self.groups]
+        order = sorted(range(len(self.groups)), key=lambda group: -steps[group])
+        return [WorkPackage(group, numbers[group]) for group in order if numbers[group]]
+
+    def command(self, number: int) -> list[str] | None:
+        """Return the command that repeats a run; None if an option is a Python object."""
+        run = self.runs[number]
+        own = {"controller": run.controller_variant.controller, "gains": run.controller_variant.gains}
+        arguments = format_arguments(merge_options([self.options, own, run.own]))
+        return None if arguments is None else ["emla", "run", run.scenario, *arguments]
+
+
+@dataclass(frozen=True)
+class ComparisonTerms:
+    """What all runs have in common.
+
+    Attributes:
+        seeds: The number of held-out seeds for runs with random sequences; 0 for the seeds of the scenario.
+        reserves: The reserves of all controllers; None keeps those of each controller.
+        options: The options of all runs.
+        skips_missing_gains: Whether joints without a set of gains are left out, with a note, as for `all`
+            sets; otherwise they are an error.
+    """
+
+    seeds: int
+    reserves: Reserves | None
+    options: Mapping[str, Any]
+    skips_missing_gains: bool = False
+
+
+def plan_runs(
+    scenarios: Sequence[str],
+    variants: Sequence[ControllerVariant],
+    cases: Sequence[ComparisonCase],
+    terms: ComparisonTerms,
+    progress: Progress,
+) -> ComparisonPlan:
+    """Build missing FMUs, and plan all runs.
+
+    Raises:
+        CommandError: A scenario or an option is wrong, or a scenario has no joints.
+        RunError: An FMU cannot be built.
+    """
+    runs, groups = list[ComparisonRun](), list[Preparation]()
+    run = set[tuple[str, str]]()
+    held_out = HeldOutSeeds(terms.seeds)
+    kept, fixed, lacking = dict[str, dict[str, None]](), dict[str, None](), list[str]()
+    for scenario in scenarios:
+        for variant in variants:
+            try:
+                planned = list(_cases(scenario, variant, cases, terms, progress))
+            except CommandError as error:
+                if not (terms.skips_missing_gains and "gains" in error.fields and "joint" in error.fields):
+                    raise
+                joint = error.fields["joint"]
+                lacking.append(f"{scenario} runs without {variant}: the joint {joint} has no such gains.")
+                continue
+            for part, case, own in planned:
+                if not groups or groups[-1] is not part:
+                    groups.append(part)
+                run.add((scenario, case.name))
+                reserves = describe_reserves(part, own["set"])
+                kept.setdefault(str(variant), {})[reserves] = None
+                if terms.reserves is not None and not reserve_values(part, terms.reserves):
+                    fixed[str(variant)] = None
+                joints, sequences = _joints(part), random_seeds(part, own["set"])
+                observers = list_observers(part, joints, own["set"])
+                for seed, options in _choose_seeds(sequences, own, held_out, terms.options):
+                    position = scenario, variant, case, joints, options, len(groups) - 1, seed
+                    runs.append(ComparisonRun(*position, bool(sequences), observers, reserves))
+    notes = [
+        describe_left_out(missing, scenario)
+        for scenario in scenarios
+        if (missing := [case for case in cases if (scenario, case.name) not in run])
+    ] + lacking
+    if not runs:
+        raise CommandError(" ".join(notes))
+    known = [f"Note: {note}." for group in groups if group.scenario for note in group.scenario.notes]
+    notes += dict.fromkeys(known)
+    shown = "; ".join(f"{name} {', '.join(found)}" for name, found in kept.items())
+    notes.append(f"Reserves of current and voltage: {shown}.")
+    notes += [f"{name} keeps its own reserves: it has no {CURRENT} and {VOLTAGE} to set." for name in fixed]
+    notes += _suggest_equal_observers(runs, terms.options)
+    return ComparisonPlan(runs, groups, terms.options, notes)
+
+
+def _suggest_equal_observers(runs: Sequence[ComparisonRun], options: Mapping[str, Any]) -> Iterator[str]:
+    """Return a remark for each scenario with unequal observers: sets of gains that have equal ones."""
+    for scenario in dict.fromkeys(run.scenario for run in runs):
+        of_scenario = [run for run in runs if run.scenario == scenario]
+        controllers = list(dict.fromkeys(run.controller_variant.controller for run in of_scenario))
+        pairs = {(joint, observer) for run in of_scenario for joint, observer in run.observers.items()}
+        is_equal = len(pairs) == len({joint for joint, _ in pairs})
+        if (
+            len(controllers) > 1
+            and not is_equal
+            and (equal := find_equal_gains(scenario, controllers, options))
+        ):
+            yield f"Equal observers in {scenario}: --gains {shlex.quote(','.join(map(str, equal)))}."
+
+
+def _choose_seeds(
+    sequences: Sequence[str], own: Mapping[str, Any], held_out: HeldOutSeeds, options: Mapping[str, Any]
+) -> Iterator[tuple[int | None, Mapping[str, Any]]]:
+    """Return held-out seeds, each with the options of its run; a single None if there is nothing to draw.
+
+    Seeds that the user sets are not replaced.
+    """
+    names = [name for name in sequences if name not in (options.get("set") or {})]
+    if not (names and held_out.drawn):
+        yield None, own
+    else:
+        for seed in held_out.drawn:
+            yield seed, merge_options([own, {"set": held_out.values(names, seed)}])
+
+
+def _cases(
+    scenario: str,
+    variant: ControllerVariant,
+    cases: Sequence[ComparisonCase],
+    terms: ComparisonTerms,
+    progress: Progress,
+) -> Iterator[tuple[Preparation, ComparisonCase, Mapping[str, Any]]]:
+    """Return the subsystems of a scenario, each with a case that it can run and the options of the case."""
+    options = terms.options
+    usual = _parts(scenario, variant, options, progress)
+    for part in usual:
+        for case in cases:
+            if not case.fault and (values := case.resolve_start_values(part)) is not None:
+                yield part, case, {"set": _on_terms(values, part, terms)}
+    joints = [joint for part in usual for joint in _joints(part)]
+    for case in cases:
+        if case.fault:  # faults become part of the system before it is prepared
+            own = {"fault": [*options.get("fault", ()), *case.faults(joints)]}
+            for part in _parts(scenario, variant, {**options, **own}, progress):
+                if (values := case.resolve_start_values(part)) is not None:
+                    yield part, case, {**own, "set": _on_terms(values, part, terms)}
+
+
+def _on_terms(values: Mapping[str, Any], part: Preparation, terms: ComparisonTerms) -> dict[str, Any]:
+    return {**values, **({} if terms.reserves is None else reserve_values(part, terms.reserves))}
+
+
+def _parts(
+    scenario: str, variant: ControllerVariant, options: Mapping[str, Any], progress: Progress
+) -> list[Preparation]:
+    """Return the subsystems of a scenario that have joints, with this controller."""
+    overrides: dict[str, Any] = {**options, "controller": variant.controller, "gains": variant.gains}
+    chosen = load(scenario, **overrides)
+    plan_run(chosen.options, chosen.name)
+    found = [part for part in find_independent_subsystems(Preparation.of(chosen, progress)) if _joints(part)]
+    if not found:
+        raise CommandError(
+            f"'{scenario}' has no joint, a plant with its reference, to compare controllers on."
+        )
+    return found
+
+
+def _joints(part: Preparation) -> list[str]:
+    return find_joints([c.name for c in part.system.components])

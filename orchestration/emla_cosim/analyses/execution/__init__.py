@@ -1,0 +1,1 @@
+"""Run variants: on this machine, or on a cluster."""

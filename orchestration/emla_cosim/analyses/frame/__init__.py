@@ -1,0 +1,1 @@
+"""What all analyses share: plans, folders, tables and pages."""

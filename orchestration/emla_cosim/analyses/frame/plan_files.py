@@ -1,0 +1,136 @@
+"""What all plans of many runs have in common: their sources, entries of their files, and options."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import Annotated, Any
+
+import msgspec
+
+from ...base.errors import CommandError
+from ...base.files import read_text
+from ...base.option import SWEEP
+from ...base.toml_structs import Struct, describe, dotted, list_given, read_toml
+from ...base.values import convert_value
+from ...run.options import list_options
+from ...run.scenarios.option_fields import with_options
+from ...run.scenarios.scenario import Scenario
+from ...study.loading import load
+from ...system.model import System
+from ..variants.targets import merge_options
+
+Source = str | Path | System | Scenario
+"""A scenario, its name or its file."""
+
+NOT_IN_FILES = ("name", "options", "where")
+"""Fields of a plan that are not entries of its file."""
+
+IN_FILES: Mapping[str, Any] = {
+    "scenario": Annotated[str, describe("name or path of what is run", "study")],
+    "vary": Annotated[
+        dict[str, Any],
+        dotted("what varies, and how, by name", lambda table: isinstance(table.get("distribution"), str)),
+    ],
+    "metrics": list[str] | dict[str, str],
+}
+"""Types of fields in files of plans that differ from those in Python."""
+
+
+def plan_struct(table: type[Struct]) -> type[Struct]:
+    """Return the struct of a plan: its fields, and the options of a sweep."""
+    return with_options(table, table.__name__, SWEEP)
+
+
+def read_plan(
+    source: object,
+    table: type[msgspec.Struct],
+    noun: str,
+    file_noun: str,
+    built_in: Mapping[str, Callable[[], str]],
+) -> tuple[dict[str, Any], Path | None]:
+    """Read a plan by name, from a .toml file with `vary`, or from a scenario, which varies nothing.
+
+    Args:
+        source: The plan or the scenario.
+        table: The fields of the plan, without options.
+        noun: What messages call a plan that is made of a scenario, such as `sweep`.
+        file_noun: What messages call a plan that has a file.
+        built_in: Functions that return the text of a plan, by name.
+
+    Returns:
+        The fields of the plan by name, and the folder of a file with a plan.
+
+    Raises:
+        CommandError: A file cannot be read, or an entry is unknown, missing or wrong.
+    """
+    if isinstance(source, (Scenario, System)):
+        return {"name": source.name if isinstance(source, Scenario) else "system", "scenario": source}, None
+    if not isinstance(source, (str, Path)):
+        raise CommandError(f"the plan is {source!r}; it must be a plan or a scenario, by name or file.")
+    path, label = Path(source), f"the {file_noun} '{source}'"
+    if str(source) in built_in:
+        values = _read_table(read_toml(built_in[str(source)](), label), table, label, None)
+        return {"name": str(source), **values}, None
+    if path.suffix.lower() == ".toml":
+        content = read_toml(read_text(path, "the plan"), f"the plan '{path}'")
+        if "vary" in content:
+            return {"name": path.stem, **_read_table(content, table, label, path.parent)}, path.parent
+    name = path.stem if path.suffix else path.name
+    return {"name": name, "scenario": source, "where": f"the {noun} of '{source}'"}, None
+
+
+def _read_table(
+    content: Mapping[str, Any], table: type[msgspec.Struct], label: str, folder: Path | None
+) -> dict[str, Any]:
+    """Return the fields that a file has by name, `options` and `where`."""
+    values = list_given(convert_value(content, plan_struct(table), label, folder))
+    options = {name: values.pop(name) for name in [*values] if name not in table.__struct_fields__}
+    if folder is not None and (folder / values["scenario"]).exists():
+        values["scenario"] = str(folder / values["scenario"])
+    return {**values, "options": options, "where": label}
+
+
+def merge_fields(plan: Any, given: Mapping[str, Any], *added: str) -> Any:
+    """Return a plan with other values of its fields, checked.
+
+    Args:
+        plan: The plan.
+        given: Values of fields by name. None changes nothing.
+        *added: Fields whose values are added to those of the plan: tables and lists.
+
+    Raises:
+        CommandError: A value has a wrong type, or the plan has a mistake.
+    """
+    found = {name: value for name, value in given.items() if value is not None}
+    for name in (*added, "vary", "options"):
+        if name in found:
+            before, label = getattr(plan, name), f"'{name}' of {plan.where}"
+            if name == "options":
+                found[name] = merge_options([before, convert_value(found[name], Mapping[str, Any], label)])
+            elif isinstance(before, Mapping):
+                found[name] = {**before, **convert_value(found[name], Mapping[str, Any], label)}
+            else:
+                found[name] = [*before, *convert_value(found[name], Sequence[Any], label)]
+    changed = replace(plan, **found)
+    changed.check()
+    return changed
+
+
+def load_planned(plan: Any, options: Mapping[str, Any] = MappingProxyType({})) -> Scenario:
+    """Return the scenario of a plan, with its options and these; raise CommandError if it does not load."""
+    merged = merge_options([plan.options, options])
+    if isinstance(plan.scenario, Scenario):
+        return plan.scenario.with_options(merged)
+    return load(plan.scenario, **merged)
+
+
+def check_options(options: Mapping[str, Any], where: str) -> None:
+    """Raise CommandError for an option of a single run.
+
+    Args:
+        options: Values of options by name.
+        where: What error messages call the plan.
+    """
+    if wrong := [name for name in options if name in list_options() and name not in list_options(SWEEP)]:
+        raise CommandError(f"the option {wrong[0]} is for a single run; remove it from {where}.")

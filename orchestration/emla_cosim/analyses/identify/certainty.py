@@ -1,0 +1,276 @@
+"""How certain estimates are: covariance, intervals, correlations, and what the data do not tell.
+
+Source: covariance of least squares with serially correlated residuals, W. K. Newey and K. D. West, "A Simple,
+Positive Semi-definite, Heteroskedasticity and Autocorrelation Consistent Covariance Matrix", Econometrica 55
+(1987).
+"""
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import t as student
+
+from ...base.arrays import Vector
+from .loss import LINEAR, find_robust_deviation, scale_for_loss
+from .parameters import Parameters
+
+LEVEL = 0.95
+"""Probability of the intervals."""
+
+_AT_END = 1e-6
+"""Distance from the end of a range, as a part of it, within which an estimate is at its end."""
+
+_WIDEST = 0.5
+"""Half width of an interval, as a part of the range, from which a parameter is not identified."""
+
+_SURE = 0.5
+"""Part of the influence of a direction that another step of the differences may change."""
+
+_PART = 0.01
+"""Component of a direction without influence from which a parameter is part of it."""
+
+_CONDITION = 1e6
+"""Condition number from which directions cannot be separated, however certain the derivatives are."""
+
+_SEVERAL = 1.5
+"""Factor by which other parameters widen an interval before they are named."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """An estimated parameter.
+
+    Attributes:
+        name: its name.
+        value: the estimate.
+        unit: its unit.
+        start: the value it started from.
+        low: lower end of its range.
+        high: upper end.
+        error: standard error; None if it is not identified.
+        interval: interval of 95 %; None if it is not identified.
+        problem: why it is not identified; None if it is.
+        profile: interval of the profile likelihood, if asked for; an end is None where the range ends before.
+        step_change: change of the estimate by half the step, in standard errors; None if it was not judged.
+    """
+
+    name: str
+    value: float
+    unit: str
+    start: float
+    low: float
+    high: float
+    error: float | None = None
+    interval: tuple[float, float] | None = None
+    problem: str | None = None
+    profile: tuple[float | None, float | None] | None = None
+    step_change: float | None = None
+
+
+@dataclass(frozen=True)
+class Certainty:
+    """The certainty of all estimates.
+
+    Attributes:
+        estimates: the estimates.
+        correlations: their correlations, shape (p, p); NaN for those that are not identified.
+        condition: condition number of the derivatives, each scaled to length 1.
+        deviation: standard deviation of the residuals, in the standard deviations of the signals.
+    """
+
+    estimates: Sequence[Estimate]
+    correlations: NDArray[np.float64]
+    condition: float
+    deviation: float
+
+
+def judge(
+    parameters: Parameters,
+    point: Vector,
+    residuals: Vector,
+    jacobian: NDArray[np.float64],
+    lengths: Sequence[int],
+    change: NDArray[np.float64] | None = None,
+    loss: str = LINEAR,
+    blocked: Collection[int] = (),
+    unevenness: float = 0.0,
+    moves: Vector | None = None,
+) -> Certainty:
+    """Return the certainty of estimates.
+
+    Args:
+        parameters: the parameters.
+        point: places of the estimates, shape (p,).
+        residuals: residuals in standard deviations, shape (n,).
+        jacobian: their derivatives by the places, shape (n, p).
+        lengths: number of samples of each signal of each experiment, whose residuals may be correlated.
+        change: what another step of the differences changes in the derivatives, shape (n, p). A direction
+            whose influence it changes by half or more has none.
+        loss: the loss function, a name of `LOSSES`.
+        blocked: positions of parameters whose derivatives are not known, because other runs fail.
+        unevenness: by how much the cost at nearby points exceeds that of the tangent, in variances of the
+            residuals. The search may have ended wherever the cost is larger by less than this.
+        moves: by how much the places would move without a shift in time, shape (p,); see `time_shift`.
+    """
+    count, total = len(point), len(residuals)
+    pulls, factors = scale_for_loss(loss, residuals)
+    scores, jacobian = jacobian * pulls[:, None], jacobian * factors[:, None]
+    change = None if change is None else change * factors[:, None]
+    rms = float(np.sqrt(residuals @ residuals / max(total - count, 1)))
+    deviation = rms if loss == LINEAR else find_robust_deviation(residuals)
+    problems: dict[int, str] = {}
+    sizes = np.linalg.norm(jacobian, axis=0)
+    noise = max(deviation, np.finfo(float).tiny)
+    for i in range(count):
+        if i in blocked:
+            problems[i] = "runs with other values of it fail"
+        elif sizes[i] <= np.finfo(float).eps * max(sizes.max(), 1e-300) or noise / sizes[i] > 1.0:
+            problems[i] = "it has no influence on the measured signals"
+        elif point[i] < _AT_END or point[i] > 1.0 - _AT_END:
+            end = "lower" if point[i] < _AT_END else "upper"
+            problems[i] = f"it is at the {end} end of its range"
+    free = [i for i in range(count) if i not in problems]
+    covariance, condition, freedom = np.full((count, count), np.nan), 1.0, 1.0
+    if free:
+        scaled = jacobian[:, free] / sizes[free]
+        _, singular, directions = np.linalg.svd(scaled, full_matrices=False)
+        condition = float(singular[0] / max(singular[-1], 1e-300))
+        limit = np.full(len(free), singular[0] / _CONDITION)
+        if change is not None:
+            changed = np.linalg.norm(change[:, free] / sizes[free] @ directions.T, axis=0)
+            limit = np.maximum(limit, changed / _SURE)
+        for direction, size in zip(directions[singular < limit], singular[singular < limit], strict=True):
+            why = "" if size < singular[0] / _CONDITION else "; runs with almost equal values differ too much"
+            names = [parameters.items[free[k]].name for k in np.flatnonzero(np.abs(direction) > _PART)]
+            for k in np.flatnonzero(np.abs(direction) > _PART):
+                others = ", ".join(n for n in names if n != parameters.items[free[k]].name)
+                problems[free[k]] = f"the data do not tell it from a combination of {others}{why}"
+        free = [i for i in free if i not in problems]
+    if free:
+        certain = find_covariance(jacobian[:, free], scores[:, free], pulls, lengths)
+        if change is not None:
+            wider = _widen(jacobian[:, free] / sizes[free], change[:, free] / sizes[free])
+            wider = wider * sizes[free] / sizes[free][:, None]
+            certain = wider @ certain @ wider.T
+        covariance[np.ix_(free, free)] = certain
+        independent = max(_count_independent(pulls, lengths), len(free) + 1.0)
+        covariance *= (1.0 + 2.0 * unevenness) * independent / (independent - len(free))
+        freedom = independent - len(free)
+        if moves is not None:
+            covariance[np.ix_(free, free)] += np.outer(moves[free], moves[free])
+    errors = np.sqrt(np.diag(covariance))
+    width = float(student.ppf(0.5 + LEVEL / 2.0, freedom))
+    estimates = list[Estimate]()
+    for i, one in enumerate(parameters.items):
+        place, value = float(point[i]), one.value(float(point[i]))
+        if i not in problems and width * errors[i] > _WIDEST:
+            problems[i] = _describe_wide(parameters, i, free, errors[i], noise / sizes[i], jacobian)
+        if i in problems:
+            estimates.append(
+                Estimate(one.name, value, one.unit, one.start, one.low, one.high, problem=problems[i])
+            )
+            continue
+        half = width * float(errors[i])
+        ends = one.extrapolate(place - half), one.extrapolate(place + half)
+        slope = (one.extrapolate(place + 1e-6) - one.extrapolate(place - 1e-6)) / 2e-6
+        error = float(abs(slope) * errors[i])
+        estimates.append(Estimate(one.name, value, one.unit, one.start, one.low, one.high, error, ends))
+    with np.errstate(invalid="ignore"):
+        correlations = covariance / np.outer(errors, errors)
+    return Certainty(estimates, correlations, condition, deviation)
+
+
+def _describe_wide(
+    parameters: Parameters,
+    i: int,
+    free: Sequence[int],
+    error: float,
+    alone: float,
+    jacobian: NDArray[np.float64],
+) -> str:
+    """Return why the interval of a parameter is wider than its range."""
+    if error <= _SEVERAL * alone or len(free) < 2:
+        return "its interval is wider than its range"
+    others = [k for k in free if k != i]
+    unit = {k: jacobian[:, k] / np.linalg.norm(jacobian[:, k]) for k in free}
+    nearest = max(others, key=lambda k: abs(float(unit[i] @ unit[k])))
+    return (
+        "its interval is wider than its range: its influence resembles that of "
+        f"{parameters.items[nearest].name}"
+    )
+
+
+def find_covariance(
+    jacobian: NDArray[np.float64], scores: NDArray[np.float64], pulls: Vector, lengths: Sequence[int]
+) -> NDArray[np.float64]:
+    """Return the covariance of the places, shape (p, p), with residuals correlated within each signal.
+
+    Args:
+        jacobian: derivatives of the residuals, shape (n, p).
+        scores: derivatives of the loss of each residual, shape (n, p).
+        pulls: the same by the residual, shape (n,).
+        lengths: number of samples of each signal of each experiment.
+    """
+    count = jacobian.shape[1]
+    _, triangle = np.linalg.qr(jacobian)
+    inverse = np.linalg.inv(triangle)
+    bread = inverse @ inverse.T
+    meat, at = np.zeros((count, count)), 0
+    for length in lengths:
+        part, of = scores[at : at + length], pulls[at : at + length]
+        meat += part.T @ part
+        lags = count_correlated_lags(of)
+        for lag in range(1, lags + 1):
+            cross = part[lag:].T @ part[:-lag]
+            meat += (1.0 - lag / (lags + 1.0)) * (cross + cross.T)
+        at += length
+    return bread @ meat @ bread
+
+
+def _widen(scaled: NDArray[np.float64], change: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the matrix that widens errors where derivatives are uncertain.
+
+    Args:
+        scaled: derivatives, each of length 1, shape (n, p).
+        change: what another step of the differences changes in them, shape (n, p).
+
+    The influence of each principal direction may be smaller by what changes in it.
+    """
+    _, singular, directions = np.linalg.svd(scaled, full_matrices=False)
+    doubt = np.linalg.norm(change @ directions.T, axis=0) / singular
+    return directions.T @ np.diag(1.0 / (1.0 - np.minimum(doubt, _SURE))) @ directions
+
+
+def _count_independent(residuals: Vector, lengths: Sequence[int]) -> float:
+    """Return how many independent residuals would tell as much as these, which may be correlated."""
+    found, at = 0.0, 0
+    for length in lengths:
+        of = residuals[at : at + length]
+        lags = count_correlated_lags(of)
+        weights = 1.0 - np.arange(1, lags + 1) / (lags + 1.0)
+        excess = 2.0 * float(np.sum(weights * autocorrelation(of)[1 : lags + 1]))
+        found += length / max(1.0 + excess, 1.0)
+        at += length
+    return found
+
+
+def autocorrelation(values: Vector) -> Vector:
+    """Return the autocorrelation of values about their mean, shape (n,), for lags from 0."""
+    centred = values - values.mean()
+    size = 2 ** int(np.ceil(np.log2(2 * len(values))))
+    spectrum = np.fft.rfft(centred, size)
+    found = np.fft.irfft(spectrum * np.conj(spectrum), size)[: len(values)]
+    return found / found[0] if found[0] > 0.0 else np.zeros_like(found)
+
+
+def count_correlated_lags(values: Vector) -> int:
+    """Return up to which lag residuals count as correlated: three times the first lag without correlation."""
+    if len(values) < 4:
+        return 0
+    found = autocorrelation(values)
+    band = 1.96 / np.sqrt(len(values))
+    small = np.flatnonzero(np.abs(found) < band)
+    first = int(small[0]) if len(small) else len(values)
+    return 0 if first <= 1 else min(3 * first, len(values) // 4)

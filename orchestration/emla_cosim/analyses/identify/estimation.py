@@ -1,0 +1,254 @@
+"""Estimate parameters by least squares from several starting points (`scipy.optimize.least_squares`).
+
+Source of the criterion at which a search ends: D. M. Bates and D. G. Watts, "A Relative Offset Orthogonality
+Convergence Criterion for Nonlinear Least Squares", Technometrics 23 (1981).
+"""
+
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+from scipy.stats import qmc
+
+from ...base.arrays import Vector
+from ...base.errors import RunError
+from .loss import LINEAR, find_cost, find_robust_deviation
+from .measurement import EXACT
+from .problem import Derivatives, Problem
+
+_TOLERANCE = 1e-10
+"""Relative change of cost and places at which the search ends."""
+
+_OFFSET = 1e-3
+"""Distance from the minimum of the tangent in standard errors at which the search ends. It is 1/1000 of what
+the residuals hide; a perfect fit never gets there.
+"""
+
+_LOST = 1e3
+"""Factor of the residuals where a run fails: the search avoids such values."""
+
+_ROUNDS = 4
+"""Most estimations while the standard deviations of the signals follow from the residuals."""
+
+_VALLEYS = 5
+"""Most searches from points around a solution."""
+
+_DISTANCES = (1.0, 3.0, 10.0, 30.0, 100.0)
+"""Distances of these points in standard errors."""
+
+_BETTER = 0.99
+"""Part of the cost below which a point is better."""
+
+_FLAT = 1e-8
+"""Singular value, as a part of the largest, below which a direction has no influence."""
+
+_SETTLED = 0.02
+"""Relative change of the standard deviations below which they are settled."""
+
+
+@dataclass
+class Solution:
+    """The best point so far.
+
+    Attributes:
+        point: places of the parameters, shape (p,).
+        residuals: residuals there in standard deviations, shape (n,).
+        cost: half the sum of their squares, or of the loss.
+        converged: whether the search ended by its tolerances.
+    """
+
+    point: Vector
+    residuals: Vector
+    cost: float
+    converged: bool
+
+
+@dataclass
+class Estimator:
+    """Searches for the minimum.
+
+    Attributes:
+        problem: the problem.
+        loss: the loss function.
+        evaluations: most iterations from each starting point.
+        report: called with the cost of each iteration.
+        history: cost of each evaluation with the number of its starting point.
+    """
+
+    problem: Problem
+    loss: str
+    evaluations: int
+    report: Callable[[int], None]
+    history: list[dict[str, float]] = field(default_factory=list)
+    best: Solution | None = None
+
+    def estimate(self, points: list[Vector], free: Collection[str] = ()) -> Solution:
+        """Return the best solution from all starting points.
+
+        Args:
+            points: the starting points, each of shape (p,).
+            free: signals whose standard deviation follows from the residuals, in turns with the estimation.
+
+        Raises:
+            InterruptedRunsError: the user interrupted; `best` has the best point so far.
+            RunError: the runs of all starting points fail.
+        """
+        found = [one for i, p in enumerate(points) if (one := self._search(p, i)) is not None]
+        if not found:
+            reasons = sorted(self.problem.predictor.failures, key=self.problem.predictor.failures.__getitem__)
+            raise RunError(f"the runs of all starting points fail: {reasons[-1].rstrip('.')}.")
+        best = self._leave_valleys(min(found, key=lambda one: one.cost))
+        for _ in range(_ROUNDS if free else 0):
+            before = dict(self.problem.sigma)
+            self._adapt_sigma(best, free)
+            best = self._search(best.point, len(points)) or best
+            if all(abs(self.problem.sigma[k] / v - 1.0) < _SETTLED for k, v in before.items()):
+                break
+        if free:
+            best = self._leave_valleys(best)
+        return self.refine(best)
+
+    def refine(self, found: Solution) -> Solution:
+        """Return the minimum from a solution with central differences, which do not move it."""
+        return self._search(found.point, -1, central=True) or found
+
+    def differentiate(self, found: Solution) -> tuple[Solution, Derivatives]:
+        """Return a solution and its derivatives; if these need longer steps, search with them again."""
+        slopes = self.problem.differentiate(found.point)
+        if slopes.steps:
+            self.problem.fixed_steps = slopes.steps
+            found = self.refine(found)
+            slopes = self.problem.differentiate(found.point)
+        return found, slopes
+
+    def _leave_valleys(self, found: Solution) -> Solution:
+        """Return the minimum that searches from better points around a solution find.
+
+        A sampled controller and its limits make the cost uneven, and a search ends early in a narrow valley.
+        Points along the principal directions, in standard errors, show whether the valley goes on.
+        """
+        for _ in range(_VALLEYS):
+            jacobian = self.problem.jacobian(found.point, central=True)
+            _, singular, directions = np.linalg.svd(jacobian, full_matrices=False)
+            deviation = np.sqrt(2.0 * found.cost / max(len(found.residuals) - len(found.point), 1))
+            points = [
+                np.clip(found.point + sign * distance * deviation / size * direction, 0.0, 1.0)
+                for size, direction in zip(singular, directions, strict=True)
+                if size > _FLAT * singular[0]
+                for distance in _DISTANCES
+                for sign in (1.0, -1.0)
+            ]
+            costs = [np.inf if r is None else find_cost(self.loss, r) for r in self.problem.residuals(points)]
+            if not points or not min(costs) < _BETTER * found.cost:
+                break
+            found = self._search(points[int(np.argmin(costs))], -1) or found
+        return found
+
+    def _adapt_sigma(self, found: Solution, free: Collection[str]) -> None:
+        """Set the standard deviations of free signals to those of their residuals.
+
+        With a loss for outliers they are those of the median, which outliers do not move.
+        """
+        parts, spreads, at = dict[str, list[Vector]](), dict[str, float](), 0
+        for one in self.problem.samples:
+            parts.setdefault(one.signal, []).append(found.residuals[at : at + len(one.time)])
+            spreads[one.signal] = max(spreads.get(one.signal, 0.0), float(np.std(one.values)))
+            at += len(one.time)
+        for signal in free:
+            of = np.concatenate(parts[signal]) * self.problem.sigma[signal]
+            rms = float(np.sqrt(np.mean(of**2)))
+            deviation = rms if self.loss == LINEAR else find_robust_deviation(of)
+            self.problem.sigma[signal] = max(deviation, EXACT * spreads[signal])
+        # costs with other standard deviations cannot be compared
+        self.best = replace(found, cost=np.inf)
+
+    def _search(self, start: Vector, number: int, central: bool = False) -> Solution | None:
+        """Return the minimum from one point; None if its run fails.
+
+        Derivatives by forward differences move the minimum where residuals are large; central ones do not.
+        """
+        (first,) = self.problem.residuals([start])
+        if first is None:
+            return None
+
+        def residuals(point: Vector) -> Vector:
+            (found,) = self.problem.residuals([point])
+            self.report(1)
+            if found is None:
+                return _LOST * (np.abs(first) + 1.0)
+            cost = find_cost(self.loss, found)
+            self.history.append({"start": number, "evaluation": len(self.history), "cost": cost})
+            self._note(Solution(point.copy(), found, cost, False))
+            return found
+
+        def jacobian(point: Vector) -> NDArray[np.float64]:
+            slopes = self.problem.jacobian(point, central)
+            if self.loss == LINEAR:
+                (values,) = self.problem.residuals([point])
+                if values is not None and _find_offset(point, values, slopes) < _OFFSET:
+                    raise _ArrivedError(point)
+            return slopes
+
+        try:
+            result = least_squares(
+                residuals,
+                np.clip(start, 1e-9, 1.0 - 1e-9),
+                jacobian,  # type: ignore[arg-type]
+                bounds=(0.0, 1.0),
+                method="dogbox",
+                x_scale="jac",
+                loss=self.loss,  # type: ignore[arg-type]
+                ftol=_TOLERANCE,
+                xtol=_TOLERANCE,
+                gtol=None,  # type: ignore[arg-type]  # it is absolute, and residuals of a perfect fit vanish
+                max_nfev=self.evaluations,
+            )
+            end, converged = result.x, result.status > 0
+        except _ArrivedError as arrived:
+            end, converged = arrived.point, True
+        (found,) = self.problem.residuals([end])
+        if found is None:
+            return None
+        solution = Solution(end, found, find_cost(self.loss, found), converged)
+        self._note(solution)
+        return solution
+
+    def _note(self, found: Solution) -> None:
+        if self.best is None or found.cost <= self.best.cost:
+            self.best = found
+
+
+class _ArrivedError(Exception):
+    """The search is so near to the minimum that the residuals hide the rest of the way."""
+
+    def __init__(self, point: Vector) -> None:
+        super().__init__("the search has arrived")
+        self.point = point.copy()
+
+
+def _find_offset(point: Vector, residuals: Vector, jacobian: NDArray[np.float64]) -> float:
+    """Return the distance from the minimum of the tangent in standard errors (root mean square).
+
+    Parameters at an end of their range towards which the minimum lies do not count.
+    """
+    pull = jacobian.T @ residuals
+    held = ((point < 1e-6) & (pull > 0.0)) | ((point > 1.0 - 1e-6) & (pull < 0.0))
+    free = jacobian[:, ~held & (np.abs(jacobian).max(axis=0, initial=0.0) > 0.0)]
+    count, freedom = free.shape[1], len(residuals) - free.shape[1]
+    size = float(np.linalg.norm(residuals))
+    if not count or freedom < 1 or size == 0.0:
+        return np.inf
+    basis, _ = np.linalg.qr(free / np.linalg.norm(free, axis=0))
+    along = float(np.linalg.norm(basis.T @ residuals))
+    across = float(np.sqrt(max(size**2 - along**2, 0.0)))
+    return along / np.sqrt(count) / max(across / np.sqrt(freedom), 1e-300)
+
+
+def draw_starting_points(start: Vector, count: int, seed: int) -> list[Vector]:
+    """Return the starting point of the scenario, and further ones of a Latin hypercube."""
+    if count == 1:
+        return [start]
+    drawn = qmc.LatinHypercube(len(start), rng=np.random.default_rng(seed)).random(count - 1)
+    return [start, *drawn]

@@ -1,0 +1,193 @@
+"""Run experiments with values of the parameters on workers, and predict what was measured."""
+
+import itertools
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from io import BytesIO
+from typing import Any
+
+import numpy as np
+import polars
+
+from ...base.arrays import Vector
+from ...base.errors import CommandError
+from ...run.half_step import HalfStep
+from ...run.remarks import tells_lost_values
+from ..execution.executor import ClusterExecutor, WorkPackage
+from ..variants.data import DONE, VARIANT, Chunk, Variant
+from ..variants.measures import Measures
+from ..variants.targets import START
+from .measurement import MeasuredSignal
+from .parameters import Parameters
+
+_BYTES = 8
+"""Size of a value."""
+
+_KEPT = 64
+"""Most predictions of an experiment that are kept for repeated values."""
+
+_MEMORY = 2**28
+"""Most bytes of predictions that are kept, and that one batch of runs returns."""
+
+_FEWEST = 8
+"""Fewest points of a batch, which keep the workers busy."""
+
+Prediction = Mapping[str, Vector] | str
+"""Signals of a run and `time`, or why it failed."""
+
+Task = tuple[int, tuple[float, ...], bool]
+"""Position of an experiment, the values of the parameters that decide its result, and whether the run has
+half the step.
+"""
+
+
+class InterruptedRunsError(Exception):
+    """The user interrupted the runs."""
+
+
+@dataclass
+class Predictor:
+    """Predicts experiments.
+
+    Attributes:
+        executor: the workers, with one prepared system for each experiment.
+        parameters: the parameters.
+        experiments: measured signals of each experiment; empty for one that is only planned.
+        signals: all signals to record.
+        interrupted: whether the user wants to stop.
+        rows: rows of a table, of the experiment that has most.
+        runs: number of runs so far.
+        failures: why runs failed, with their numbers.
+        lost: remark on start values that an FMU did not take; empty if it took all.
+        half_steps: how experiments were run with half the step, by position.
+    """
+
+    executor: ClusterExecutor
+    parameters: Parameters
+    experiments: Sequence[Sequence[MeasuredSignal]]
+    signals: Sequence[str]
+    rows: int
+    interrupted: Callable[[], bool]
+    runs: int = 0
+    failures: dict[str, int] = field(default_factory=dict)
+    lost: str = ""
+    half_steps: dict[int, HalfStep] = field(default_factory=dict)
+    _kept: dict[Task, Prediction] = field(default_factory=dict)
+    _numbers: "itertools.count[int]" = field(default_factory=itertools.count)
+
+    @property
+    def _size(self) -> int:
+        """Return the bytes of a prediction."""
+        return _BYTES * (1 + len(self.signals)) * max(self.rows, 1)
+
+    def batches(self, points: Sequence[Vector], experiments: Sequence[int]) -> list[Sequence[Vector]]:
+        """Return points in batches whose predictions fit into memory together."""
+        most = max(_MEMORY // (self._size * max(len(experiments), 1)), _FEWEST)
+        return [points[i : i + most] for i in range(0, len(points), most)]
+
+    def predict(
+        self,
+        points: Sequence[Vector],
+        experiments: Sequence[int] | None = None,
+        is_halved: bool = False,
+    ) -> list[dict[int, Prediction]]:
+        """Return the prediction of experiments at each point.
+
+        Args:
+            points: places of the parameters, each of shape (p,).
+            experiments: positions of the experiments. Default: all.
+            is_halved: whether to run with half the step.
+
+        Raises:
+            InterruptedRunsError: The user interrupted.
+            RunError: The workers are lost.
+        """
+        asked = range(len(self.experiments)) if experiments is None else experiments
+        keys = [self.parameters.key(point) for point in points]
+        tasks = {(i, key, is_halved): point for i in asked for key, point in zip(keys, points, strict=True)}
+        missing = {task: point for task, point in tasks.items() if task not in self._kept}
+        found = {**self._kept, **self._run(missing)}
+        if missing:
+            kept = min(_KEPT * len(self.experiments), max(_MEMORY // self._size, 1))
+            self._kept = dict(list(found.items())[-kept:])
+        return [{i: found[i, key, is_halved] for i in asked} for key in keys]
+
+    def _run(self, missing: Mapping[Task, Vector]) -> dict[Task, Prediction]:
+        found, jobs = dict[Task, Prediction](), dict[int, tuple[Task, dict[str, Any]]]()
+        for task, point in missing.items():
+            try:
+                options = {START: self.parameters.start_values(point, task[0])}
+                jobs[next(self._numbers)] = task, options
+            except CommandError as error:  # entries of a data sheet that contradict each other
+                found[task] = self._fail(task, str(error))
+        if not jobs:
+            return found
+        work = [
+            WorkPackage(group, numbers)
+            for group in range(len(self.experiments))
+            if (numbers := [number for number, (task, _) in jobs.items() if task[0] == group])
+        ]
+        measures = Measures(signals=list(self.signals), read=list(self.signals))
+
+        def keep(chunk: Chunk) -> None:
+            series = {} if chunk.series is None else _split_series(chunk.series)
+            for outcome in chunk.outcomes:
+                task, _ = jobs[outcome.number]
+                data = series.get(outcome.number)
+                if tells_lost_values(outcome.problem):
+                    self.lost = self.lost or str(outcome.problem)
+                if outcome.half_step is not None:
+                    self.half_steps[task[0]] = outcome.half_step
+                found[task] = self._judge(outcome.status, outcome.problem, data, task)
+
+        def variant(number: int) -> Variant:
+            (_, _, is_halved), options = jobs[number]
+            return Variant(number, options, is_halved)
+
+        if not self.executor.run(work, variant, measures, self._size, keep, self.interrupted):
+            raise InterruptedRunsError
+        self.runs += len(jobs)
+        return found
+
+    def _judge(
+        self, status: str, problem: str | None, data: Mapping[str, Vector] | None, task: Task
+    ) -> Prediction:
+        """Return the signals of a run, or why they cannot be compared."""
+        reason = ""
+        if status != DONE or data is None:
+            reason = (problem or status).splitlines()[0]
+        else:
+            end = max((one.time[-1] for one in self.experiments[task[0]]), default=data["time"][-1])
+            step = data["time"][-1] - data["time"][-2] if len(data["time"]) > 1 else 0.0
+            if data["time"][-1] < end - 1.5 * step:
+                reason = f"it ended at {data['time'][-1]:.6g} s"
+            elif not all(np.isfinite(values).all() for values in data.values()):
+                reason = "it has values that are not finite"
+        if reason:
+            return self._fail(task, reason)
+        assert data is not None
+        return data
+
+    def _fail(self, task: Task, reason: str) -> str:
+        """Count a run without a result, unless it judges the step, and return the reason."""
+        if not task[2]:
+            self.failures[reason] = self.failures.get(reason, 0) + 1
+        return reason
+
+
+def _split_series(content: bytes) -> dict[int, dict[str, Vector]]:
+    """Return the signals of each variant of a Parquet file."""
+    frame = polars.read_parquet(BytesIO(content))
+    parts = frame.partition_by(VARIANT, as_dict=True, include_key=False)
+    return {
+        int(key[0]): {name: np.asarray(part[name], dtype=float) for name in part.columns}
+        for key, part in parts.items()
+    }
+
+
+def predict_samples(
+    parameters: Parameters, point: Vector, data: Mapping[str, Vector], one: MeasuredSignal
+) -> Vector:
+    """Return what a sensor would have measured at the times of the samples, shape (n,)."""
+    offset, gain, delay = parameters.sensor(point, one.signal)
+    return offset + gain * np.interp(one.time - delay, data["time"], data[one.signal])

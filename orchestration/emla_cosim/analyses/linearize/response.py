@@ -1,0 +1,119 @@
+"""Frequency responses of sampled signals, from their response to a pulse."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...base.arrays import Vector
+from ...base.errors import CommandError
+
+Complex = NDArray[np.complex128]
+
+DECAYED = 1e-3
+"""Largest remainder of a response at its end, relative to its peak."""
+
+_END = 20
+"""The last 1/20 of a response is its end."""
+
+
+@dataclass(frozen=True)
+class FrequencyResponse:
+    """Frequency response of the sampled system: inputs hold their value during a step.
+
+    Attributes:
+        name: Name of the response.
+        frequency: Frequencies in Hz, up to half the sample rate.
+        value: Complex values, shape (frequencies,).
+        error: Estimated relative error by nonlinearity and rounding, shape (frequencies,).
+        step: Sample time in s.
+        unit: Unit of the values.
+    """
+
+    name: str
+    frequency: Vector
+    value: Complex
+    error: Vector
+    step: float
+    unit: str = ""
+
+    @property
+    def gain_dB(self) -> Vector:
+        """Gain in dB."""
+        return 20.0 * np.log10(np.maximum(np.abs(self.value), 1e-300))
+
+    @property
+    def phase_deg(self) -> Vector:
+        """Phase in degrees, without jumps."""
+        return np.degrees(np.unwrap(np.angle(self.value)))
+
+    def to_control(self) -> Any:
+        """Return the response as `control.FrequencyResponseData`.
+
+        Raises:
+            CommandError: python-control is not installed.
+        """
+        return import_control().frd(self.value, 2.0 * np.pi * self.frequency, self.step)
+
+
+def import_control() -> Any:
+    """Return the module of python-control; CommandError if it is not installed."""
+    try:
+        import control  # type: ignore[import-not-found]
+    except ImportError as error:
+        raise CommandError(
+            "python-control is not installed; install it with pip install 'emla-cosim[control]'."
+        ) from error
+    return control
+
+
+def choose_frequencies(step: float, count: int, points: int) -> Vector:
+    """Return frequencies in Hz, evenly spaced on a logarithmic axis.
+
+    Args:
+        step: Sample time in s.
+        count: Number of samples; the lowest frequency has one period in them.
+        points: Number of frequencies.
+    """
+    return np.geomspace(1.0 / (count * step), 0.5 / step, points)
+
+
+def has_decayed(samples: Vector) -> bool:
+    """Return whether a response is over at the end of its samples."""
+    end = max(len(samples) // _END, 1)
+    return bool(np.abs(samples[-end:]).max() <= DECAYED * np.abs(samples).max())
+
+
+def count_integrators(samples: Vector) -> int | None:
+    """Return how often a response must be differenced until it decays; None if that is more than twice."""
+    return next((n for n in range(3) if has_decayed(_difference(samples, n))), None)
+
+
+def transform_response(samples: Vector, integrators: int, frequency: Vector, step: float) -> Complex:
+    """Return sum_k y_k z^-k at z = exp(j 2 pi f T), the z-transform on the unit circle.
+
+    Differences of the samples have the transform (1 - z^-1)^n times that of the samples. They make the sum
+    finite if the response has integrators.
+    """
+    delays: Complex = np.exp(-2j * np.pi * frequency * step)  # z^-1
+    differences, k = _difference(samples, integrators), np.arange(len(samples))
+    sums: Complex = np.array([delay**k @ differences for delay in delays], dtype=np.complex128)
+    return sums / (1.0 - delays) ** integrators
+
+
+def _difference(samples: Vector, order: int) -> Vector:
+    return np.diff(samples, n=order, prepend=np.zeros(order)) if order else samples
+
+
+def is_growing(samples: Vector) -> bool:
+    """Return whether a response is larger in its last quarter than before."""
+    last = 3 * len(samples) // 4
+    return bool(np.abs(samples[last:]).max() > 1.5 * np.abs(samples[:last]).max())
+
+
+def relative_norm(difference: Sequence[float] | Vector, of: Vector) -> float:
+    """Return the norm of a difference relative to that of `of`; infinite if that is 0."""
+    size = float(np.linalg.norm(of))
+    return float(np.linalg.norm(difference)) / size if size else float("inf")

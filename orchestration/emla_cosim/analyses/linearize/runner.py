@@ -1,0 +1,321 @@
+"""Compute frequency responses of a system at a time of a run."""
+
+from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
+from dataclasses import replace
+from pathlib import Path
+from typing import Unpack
+
+import numpy as np
+
+from ...base.errors import CommandError, CosimError
+from ...base.progress import Progress
+from ...base.values import convert_value
+from ...run.option_types import RunOptions
+from ...run.remarks import describe_disabled_event_mode
+from ...run.requirements import check_no_condition
+from ...run.run_setup import run_times
+from ...run.scenarios.scenario import Scenario
+from ...run.simulation import Simulation
+from ...study.joint import ideal_sensors
+from ...study.loading import load
+from ...system.fault import Fault
+from ...system.model import System, Value
+from .continuous_system import ContinuousSystem
+from .folder import LinearizeFolder
+from .matrices import compute_matrices, find_steady_state
+from .measurement import measure
+from .perturbation import Perturbation, check_reached
+from .places import Place, default_openings, parse_opening
+from .response import FrequencyResponse, choose_frequencies
+from .result import LinearizeResult, Measured
+from .step_influence import judge_step
+
+SAMPLES = 2000
+"""Default length of a response in steps."""
+
+_LEAST_SAMPLES, _POINTS = 20, 400
+
+_SUSPECT_NONLINEARITY, _SUSPECT_DRIFT = 0.01, 0.02
+
+
+def linearize(
+    source: str | Path | System,
+    *,
+    open: str | Sequence[str] = (),
+    perturb: str | Sequence[str] = (),
+    read: str | Sequence[str] = (),
+    at: float | None = None,
+    duration: float | None = None,
+    amplitude: float | None = None,
+    matrices: bool = False,
+    steady: bool = False,
+    free: str | Sequence[str] = (),
+    output: str | Path | None = None,
+    plots: bool = True,
+    progress: Progress | None = None,
+    **options: Unpack[RunOptions],
+) -> LinearizeResult:
+    """Compute frequency responses and stability margins of a system at a time of a run.
+
+    The system runs to the operating point. From there it runs repeatedly, once undisturbed, then with pulses
+    of one step on an input; the differences are the responses. They belong to the system as it is simulated,
+    with its sampling, hold and delays. Noise and steps of the sensors in joints are switched off, unless you
+    set their parameters.
+
+    Args:
+        source: scenario, as for `load`.
+        open: where to open a loop: a connection `a.output->b.input`, a path inside of a component
+            `a.input->a.output`, or the name of a joint, for its measured position. Default: at the current
+            reference of each joint, unless `perturb` and `read` are set.
+        perturb: full names of inputs of responses, connected or not.
+        read: full names of outputs of responses.
+        at: time of the operating point in s. Default: the stop time less the duration.
+        duration: length of the responses in s. Default: 2000 steps, at most half of the run.
+        amplitude: height of the pulses, in the unit of the input. Default: the height with the most linear
+            effect.
+        matrices: compute the state matrices from the inputs `perturb` to the outputs `read` instead, with
+            poles and damping. All FMUs must run as Model Exchange. `at` is the stop time by default.
+        steady: compute the matrices at the nearest steady state, where the derivatives of all states are 0.
+        free: inputs whose values may change to find the steady state.
+        output: folder for results.
+        plots: draw Bode and Nyquist plots into the folder.
+        progress: receives the progress.
+        **options: options as for `load`.
+
+    Returns:
+        The responses, and the margins of the loops; or the matrices.
+
+    Raises:
+        CommandError: a name or a time does not fit.
+        RunError: the system is unstable or not linear at this time, there is no steady state, or a run fails.
+
+    Examples:
+        >>> import emla_cosim as ec
+        >>> result = ec.linearize("lift", open="lift.controller.u_q->lift.plant.u_q", stop_time=0.1)
+        >>> margins = result.margins["lift.controller.u_q -> lift.plant.u_q"]
+        >>> 30.0 < margins.phase_deg < 90.0
+        True
+    """
+    scenario, told = load(source, **options), progress or Progress()
+    check_no_condition(scenario.options.stop_when, "linearize")
+    if matrices:
+        _check_no_responses(_texts(open), duration, amplitude)
+        places, openings = [], []
+    elif steady or free:
+        raise CommandError("a steady state is for state matrices only; set 'matrices', too.")
+    else:
+        chosen = _texts(open), _texts(perturb), _texts(read)
+        openings = [] if any(chosen) else default_openings(scenario.system)
+        places = _places(scenario.system, openings or chosen[0], *chosen[1:])
+    folder = None
+    if output is not None:
+        folder = LinearizeFolder(convert_value(output, Path, "the output folder"), scenario.options.overwrite)
+        folder.check_unread([scenario.options.files_read()])
+    with nullcontext() if folder is None else folder.alone():
+        values = ideal_sensors(scenario.system) | dict(scenario.options.set)
+        if matrices:
+            with scenario.prepare(told, set=values) as simulation:
+                names = _texts(perturb), _texts(read), _texts(free)
+                result = _compute_matrices(scenario, simulation, *names, at, steady)
+        else:
+            start, length = _stretch(scenario, at, duration)
+            ends = [
+                Fault(p.input, "offset", start=0.0, value=0.0) for p in places if _is_free(scenario.system, p)
+            ]
+            faults = [*scenario.options.fault, *{f.signal: f for f in ends}.values()]
+            with scenario.prepare(told, fault=faults, set=values) as simulation:
+                try:
+                    result = _measure_all(scenario.name, simulation, places, start, length, amplitude, told)
+                except CommandError as error:
+                    if not openings:
+                        raise
+                    joint = openings[0].partition(".")[0]
+                    raise CommandError(
+                        f"{error} By default, loops are opened at the current reference; for the measured "
+                        f"position, set 'open' to {joint} (--open {joint})."
+                    ) from error
+        remarks = describe_disabled_event_mode(simulation.system)
+        result = replace(result, remarks=(*remarks, *result.remarks))
+        if folder is not None:
+            folder.keep(result, plots)
+    return result
+
+
+def measure_loops(
+    scenario: Scenario, loops: Sequence[str], at: float, duration: float, values: Mapping[str, Value]
+) -> dict[str, Measured | CosimError]:
+    """Measure loops one by one, so that one without margins leaves the others.
+
+    Args:
+        scenario: The scenario.
+        loops: Where to open loops, as for `linearize`.
+        at: Time of the operating point in s.
+        duration: Length of the responses in s.
+        values: Start values that differ. Noise and steps of the sensors are off.
+
+    Returns:
+        What was measured for each loop, or the error that explains why there are no margins.
+    """
+    start, length = _stretch(scenario, at, duration)
+    found = dict[str, Measured | CosimError]()
+    try:
+        with scenario.prepare(set={**values, **ideal_sensors(scenario.system)}) as simulation:
+            perturbation = Perturbation(simulation, start, length)
+            try:
+                frequency = choose_frequencies(perturbation.step, perturbation.count, _POINTS)
+                for loop in loops:
+                    try:
+                        found[loop] = measure(perturbation, parse_opening(scenario.system, loop), frequency)
+                    except CosimError as error:
+                        found[loop] = error
+            finally:
+                perturbation.close()
+    except CosimError as error:
+        return dict.fromkeys(loops, error)
+    return found
+
+
+def describe_missing_crossover(label: str, response: FrequencyResponse) -> str:
+    """Return a sentence on a loop whose gain is 1 at no frequency."""
+    is_above = response.gain_dB[0] > 0.0
+    text = (
+        f"{label}: the loop gain stays {'above' if is_above else 'below'} 1 from {response.frequency[0]:.3g} "
+        f"to {response.frequency[-1]:.4g} Hz, so there is no phase margin."
+    )
+    if is_above:
+        return text
+    return (
+        f"{text} A limit, such as that of the current, may cut the loop; then the other margins do not say "
+        "that it is stable."
+    )
+
+
+def _texts(given: str | Sequence[str]) -> list[str]:
+    return [given] if isinstance(given, str) else list(given)
+
+
+def _places(
+    system: System, openings: Sequence[str], inputs: Sequence[str], outputs: Sequence[str]
+) -> list[Place]:
+    if bool(inputs) != bool(outputs):
+        raise CommandError(
+            "a frequency response needs an input and an output; set both 'perturb' and 'read'."
+        )
+    pairs = [Place(f"{a} to {b}", a, b) for a in inputs for b in outputs]
+    places = [*(parse_opening(system, text) for text in openings), *pairs]
+    if not places:
+        raise CommandError("there is nothing to compute; set 'open', or 'perturb' and 'read'.")
+    return list({p.label: p for p in places}.values())
+
+
+def _check_no_responses(openings: Sequence[str], duration: float | None, amplitude: float | None) -> None:
+    if openings or duration is not None or amplitude is not None:
+        raise CommandError(
+            "state matrices are not measured with pulses; leave out 'open', 'duration' and 'amplitude', or "
+            "'matrices'."
+        )
+
+
+def _compute_matrices(
+    scenario: Scenario,
+    simulation: Simulation,
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    free: Sequence[str],
+    at: float | None,
+    steady: bool,
+) -> LinearizeResult:
+    """Return the state matrices at a time in s, or at the steady state that is nearest to the state there."""
+    times = run_times(scenario.options, scenario.name)
+    at = times.stop if at is None else at
+    if not times.start <= at <= times.stop:
+        raise CommandError(
+            f"the operating point t = {at:g} s is outside of the run, {times.start:g} s to {times.stop:g} s."
+        )
+    if free and not steady:
+        raise CommandError("'free' inputs are for a steady state; set 'steady', too.")
+    simulation.start(recorders=[], estimate_coupling=False)
+    simulation.advance(at)
+    check_reached(simulation, at)
+    system = ContinuousSystem(simulation, list(dict.fromkeys([*inputs, *free])), outputs)
+    states, shifts = system.read_states(), np.zeros(len(system.inputs))
+    if steady:
+        states, shifts = find_steady_state(system, free)
+    found, remarks = compute_matrices(system, states, shifts)
+    step = times.step
+    return LinearizeResult(scenario.name, at, step, False, {}, tuple(remarks), found, steady)
+
+
+def _is_free(system: System, place: Place) -> bool:
+    """Return whether nothing drives the input of a place."""
+    component, variable = system.split(place.input)
+    own = component.alias(variable).variable
+    return all(x.input != own for x in system.into(component.name))
+
+
+def _stretch(scenario: Scenario, at: float | None, duration: float | None) -> tuple[float, float]:
+    """Return the operating point in s, on a communication point, and the length of the responses in s."""
+    times = run_times(scenario.options, scenario.name)
+    default = min(SAMPLES, times.steps // 2)
+    count = default if duration is None else round(duration / times.step)
+    first = times.steps - count if at is None else round((at - times.start) / times.step)
+    if count < _LEAST_SAMPLES:
+        raise CommandError(
+            f"a response of {count * times.step:g} s has {count} steps; it needs at least {_LEAST_SAMPLES}. "
+            "Choose a longer duration or a later stop time."
+        )
+    if not 0 <= first <= times.steps - count:
+        raise CommandError(
+            f"the run is too short: responses from t = {times.point(max(first, 0)):g} s last "
+            f"{count * times.step:g} s, and the run lasts from {times.start:g} s to {times.stop:g} s. Choose "
+            "another time, a shorter duration or a later stop time."
+        )
+    return times.point(first), count * times.step
+
+
+def _measure_all(
+    name: str,
+    simulation: Simulation,
+    places: Sequence[Place],
+    at: float,
+    duration: float,
+    amplitude: float | None,
+    told: Progress,
+) -> LinearizeResult:
+    perturbation = Perturbation(simulation, at, duration)
+    try:
+        for place in places:
+            perturbation.resolve(place)  # report wrong names before anything is measured
+        frequency = choose_frequencies(perturbation.step, perturbation.count, _POINTS)
+        told.begin("measuring", 2 * len(places))
+        found = dict[str, Measured]()
+        for place in places:
+            found[place.label] = measure(perturbation, place, frequency, amplitude)
+            told.advance(1)
+    finally:
+        perturbation.close()
+    remarks = [text for label, m in found.items() for text in _remarks(label, m)]
+    found, judgement = judge_step(simulation, places, perturbation.at, duration, found)
+    told.advance(len(places))
+    remarks += judgement
+    at, step, rolls_back = perturbation.at, perturbation.step, perturbation.rolls_back
+    return LinearizeResult(name, at, step, rolls_back, found, tuple(remarks))
+
+
+def _remarks(label: str, measured: Measured) -> list[str]:
+    found = []
+    if measured.margins is not None and not measured.margins.has_crossover:
+        found.append(describe_missing_crossover(label, measured.response))
+    if measured.nonlinearity > _SUSPECT_NONLINEARITY:
+        found.append(
+            f"{label} is not quite linear: effects of two pulses differ by "
+            f"{100.0 * measured.nonlinearity:.2g} %."
+        )
+    if measured.drift > _SUSPECT_DRIFT:
+        found.append(
+            f"{label} changes with time: a pulse one step later has an effect that differs by "
+            f"{100.0 * measured.drift:.2g} %. A component may sample more slowly than the step size, or the "
+            "system moves quickly."
+        )
+    return found

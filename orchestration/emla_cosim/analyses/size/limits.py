@@ -1,0 +1,215 @@
+"""Limits of a data sheet, how much of each a cycle uses, and those that cannot be examined."""
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...base.wording import format_rounded
+from ...study.actuator import derived
+from ...study.actuator.entries import ROOT_2, ROOT_3, TURN
+from ...study.limits import format_distinct
+from . import screw
+from .cycle import Cycle
+from .figures import SizingFigures
+from .motor_curves import continuous_torque
+from .winding import Winding
+
+_ROUNDING = 1e-9
+
+Values = Mapping[str, float]
+
+
+def format_percent(fraction: float) -> str:
+    """Return a fraction in percent with three digits."""
+    return format_rounded(100.0 * fraction)
+
+
+def format_value(value: float) -> str:
+    """Return a value with four digits."""
+    return "unlimited" if math.isinf(value) else format_rounded(value, 4)
+
+
+@dataclass(frozen=True)
+class Utilisation:
+    """How much of a limit a cycle uses.
+
+    Attributes:
+        name: Name of the limit.
+        used: Value that the cycle reaches, in `unit`.
+        limit: Value of the limit, in `unit`.
+        unit: Unit for people.
+        fraction: Used fraction of the limit; above 1 the limit is exceeded.
+        source: Entries of the data sheet that are the limit, or an option.
+    """
+
+    name: str
+    used: float
+    limit: float
+    unit: str
+    fraction: float
+    source: str
+
+    @property
+    def holds(self) -> bool:
+        """Whether the limit is not exceeded."""
+        return self.fraction <= 1.0 + _ROUNDING
+
+    @property
+    def sentence(self) -> str:
+        """What exceeds the limit, in words, without full stop."""
+        used, limit = format_value(self.used), format_value(self.limit)
+        if used == limit:
+            used, limit = format_distinct(self.used, self.limit)
+        return (
+            f"{self.name}: {used} {self.unit} of {limit} {self.unit} "
+            f"({format_percent(self.fraction)} %, {self.source})"
+        )
+
+
+@dataclass(frozen=True)
+class Unexamined:
+    """A limit that was not examined, and what is missing for it."""
+
+    name: str
+    missing: str
+
+
+@dataclass(frozen=True)
+class Requirements:
+    """What the application requires beside the cycle.
+
+    Attributes:
+        ambient: Temperature around the motor in K.
+        life: Time in s for which the cycle is to repeat; None if it is not stated.
+    """
+
+    ambient: float
+    life: float | None
+
+
+def examine(
+    cycle: Cycle, values: Values, figures: SizingFigures, requirements: Requirements, winding: Winding | str
+) -> Iterator[Utilisation | Unexamined]:
+    """Yield all limits.
+
+    Args:
+        cycle: The cycle.
+        values: Entries of the data sheet, in SI units and peak values.
+        figures: The figures of the cycle.
+        requirements: What the application requires.
+        winding: Thermal data of the winding, or what is missing for them.
+    """
+    yield from _motor(cycle, values, figures)
+    yield from _heat(values, figures, requirements, winding)
+    yield from _motion(cycle, values, figures)
+    yield from _screw(values, figures, requirements)
+    yield from _braking(values, figures)
+
+
+def _upper(name: str, used: float, limit: float, unit: str, factor: float, source: str) -> Utilisation:
+    return Utilisation(name, factor * used, factor * limit, unit, used / limit, source)
+
+
+def _simple(
+    values: Values, name: str, used: float, entry: str, unit: str, factor: float = 1.0
+) -> Utilisation | Unexamined:
+    """Return the utilisation of a limit that is one entry."""
+    if entry not in values:
+        return Unexamined(name, entry)
+    return _upper(name, used, values[entry], unit, factor, entry)
+
+
+def _motor(cycle: Cycle, values: Values, figures: SizingFigures) -> Iterator[Utilisation | Unexamined]:
+    source, limit = min(derived.torques(values), key=lambda one: one[1])
+    torque = max(figures.required_torque_peak_N_m, figures.torque_peak_N_m)
+    yield _upper("peak torque", torque, limit, "N m", 1.0, source)
+    rms = 1.0 / ROOT_2
+    peak, effective = figures.current_peak_A, figures.current_rms_A
+    yield _simple(values, "motor peak current", peak, "motor.i_max", "A rms", rms)
+    yield _simple(values, "inverter peak current", peak, "inverter.i_max", "A rms", rms)
+    yield _simple(values, "motor rms current", effective, "motor.i_N", "A rms", rms)
+    yield _simple(values, "inverter rms current", effective, "inverter.i_N", "A rms", rms)
+    speed = cycle.rms(cycle.omega)
+    lasting = continuous_torque(values, np.array([speed]))
+    if lasting is None:
+        yield Unexamined("rms torque", "motor.tau_N")
+    else:
+        entry = "motor.tau_N" if "motor.tau_N" in values else "motor.i_N"
+        entry += ", motor.tau_R" if "motor.tau_R" in values else ""
+        limit = float(lasting[0])
+        share = figures.torque_rms_N_m / limit if limit > 0.0 else math.inf
+        yield Utilisation("rms torque", figures.torque_rms_N_m, limit, "N m", share, entry)
+    yield _upper("voltage", figures.voltage_peak_V, cycle.emla.u_max, "V peak", 1.0, _voltage_entry(values))
+
+
+def _voltage_entry(values: Values) -> str:
+    return next(e for e in ("inverter.U_DC", "inverter.U_supply", "inverter.u_max") if e in values)
+
+
+def _heat(
+    values: Values, figures: SizingFigures, requirements: Requirements, winding: Winding | str
+) -> Iterator[Utilisation | Unexamined]:
+    rise = figures.temperature_rise_peak_K
+    if isinstance(winding, str) or rise is None:
+        yield Unexamined("winding temperature", str(winding))
+        return
+    yield _upper("winding temperature rise", rise, winding.permitted_rise, "K", 1.0, winding.source)
+    if "thermal.T_max" in values:
+        permitted, zero = values["thermal.T_max"] - requirements.ambient, 273.15
+        share = rise / permitted if permitted > 0.0 else math.inf
+        reached, limit = rise + requirements.ambient - zero, values["thermal.T_max"] - zero
+        yield Utilisation("winding temperature", reached, limit, "°C", share, "thermal.T_max")
+
+
+def _motion(cycle: Cycle, values: Values, figures: SizingFigures) -> Iterator[Utilisation | Unexamined]:
+    yield _simple(values, "motor speed", figures.motor_speed_peak_rad_s, "motor.n_max", "rpm", 60.0 / TURN)
+    yield _simple(values, "screw speed", figures.speed_peak_m_s, "screw.v_max", "mm/s", 1e3)
+    low = values.get("screw.q_LB", 0.0)
+    middle, half = low + 0.5 * values["screw.stroke"], 0.5 * values["screw.stroke"]
+    outside = max(figures.position_max_m - middle, middle - figures.position_min_m)
+    travel = figures.position_max_m - figures.position_min_m
+    share = travel / values["screw.stroke"] if outside <= half * (1.0 + _ROUNDING) else outside / half
+    yield Utilisation("stroke", 1e3 * travel, 2e3 * half, "mm", share, "screw.stroke")
+    yield _simple(values, "axial force", figures.force_peak_N, "screw.F_max", "kN", 1e-3)
+
+
+def _screw(
+    values: Values, figures: SizingFigures, requirements: Requirements
+) -> Iterator[Utilisation | Unexamined]:
+    yield _simple(values, "screw static load", figures.force_peak_N, "screw.C_0a", "kN", 1e-3)
+    shape = ("screw.d_root", "screw.L_free", "screw.ends")
+    if missing := [entry for entry in shape if entry not in values]:
+        yield Unexamined("screw critical speed", ", ".join(missing))
+        yield Unexamined("screw buckling", ", ".join(missing))
+    else:
+        d_root, length, ends = (values[entry] for entry in shape)
+        turning = TURN * figures.speed_peak_m_s / values["screw.lead"]
+        permitted = screw.critical_speed(d_root, length, round(ends))
+        source = "screw.d_root, L_free, ends"
+        yield _upper("screw critical speed", turning, permitted, "rpm", 60.0 / TURN, source)
+        load = screw.buckling_load(d_root, length, round(ends))
+        yield _upper("screw buckling", figures.compression_peak_N, load, "kN", 1e-3, source)
+    if figures.life_s is None:
+        yield Unexamined("screw life", "screw.C_a")
+    elif requirements.life is None:
+        yield Unexamined("screw life", "the required life, --life")
+    else:
+        hours = 1.0 / 3600.0
+        share = requirements.life / figures.life_s
+        required = hours * requirements.life
+        yield Utilisation("screw life", required, hours * figures.life_s, "h", share, "--life, screw.C_a")
+
+
+def _braking(values: Values, figures: SizingFigures) -> Iterator[Utilisation | Unexamined]:
+    name = "brake resistor power"
+    yield _simple(values, name, figures.brake_power_mean_W, "inverter.P_brake", "W")
+
+
+def link_capacity(values: Values) -> float:
+    """Return the energy in J that the DC link stores from its normal voltage until the resistor turns on."""
+    if "inverter.C_DC" not in values:
+        return 0.0
+    normal = ROOT_3 * derived.voltage(values)
+    return 0.5 * values["inverter.C_DC"] * max(values["inverter.U_brake"] ** 2 - normal**2, 0.0)

@@ -1,0 +1,117 @@
+"""The plant of a joint: its parameters in a run, and its own equations over a cycle."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, fields, replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from emla_fmu import EmlaPlant, electrics, friction, motion_law
+from emla_fmu.parameters import EmlaParameters
+from emla_fmu.plant import screw_acceleration
+
+from ...base.arrays import Vector
+from ...study.roles import JOINTS
+
+_LIMITS = ("tau_max", "q_LB", "q_UB", "v_max")
+"""Fields of `EmlaParameters` that stay those of the data sheet, with which a cycle is compared."""
+
+
+@dataclass(frozen=True)
+class JointPlant:
+    """Parameters of a joint's plant by attribute of `EmlaPlant`.
+
+    Attributes:
+        joint: Name of the joint.
+        values: Parameters as the run used them. What the plant lacks is that of the data sheet, or the
+            default of `EmlaPlant`, which switches a property off.
+        names: Full names of the parameters that the plant has.
+        load_mass: Mass in kg that the screw moves through a transmission; 0 for a rigid load.
+        sheet: Parameters of the data sheet.
+    """
+
+    joint: str
+    values: Mapping[str, float]
+    names: Mapping[str, str]
+    load_mass: float
+    sheet: EmlaParameters
+
+    @property
+    def emla(self) -> EmlaParameters:
+        """Parameters of the actuator as the run used them, with the limits of the data sheet."""
+        changed = {f.name: self.values[f.name] for f in fields(self.sheet) if f.name not in _LIMITS}
+        return replace(self.sheet, **changed)
+
+    def load_torque(self, v: Vector, load: Vector, directional: float) -> Vector:
+        """Return the torque at the motor in N m that a load takes, with the losses of gearbox and screw.
+
+        Args:
+            v: Speed of the screw in m/s.
+            load: Force on the screw in N.
+            directional: Whether the losses always oppose the motion.
+        """
+        return self._evaluate(
+            lambda p: friction.load_torque(p, p.load), {"v_L": v, "load": load}, directional=directional
+        )
+
+    def required_torque(self, x: Vector, v: Vector, a: Vector, load: Vector, d_2: Vector) -> Vector:
+        """Return the torque in N m with which the plant's equation (9) gives an acceleration, with i_d = 0.
+
+        Args:
+            x: Position of the screw in m.
+            v: Speed of the screw in m/s.
+            a: Acceleration of the screw in m/s2.
+            load: Force on the screw in N.
+            d_2: Disturbance of the acceleration in m/s2.
+        """
+        signals = {"x_L": x, "v_L": v, "load": load, "d_2": d_2}
+        without = self._evaluate(
+            lambda p: screw_acceleration(p, p.load), signals, i_q=0.0, i_q_ref=0.0, i_d=0.0
+        )
+        return motion_law.A_eq(self.emla) * (a - without) + self.cogging_torque(x)
+
+    def cogging_torque(self, x: Vector) -> Vector:
+        """Return the part of the torque in N m that the motor makes without current, at positions in m."""
+        return self._evaluate(electrics.cogging_torque, {"x_L": x})
+
+    def _evaluate(
+        self, equation: Callable[[Any], Any], signals: Mapping[str, Vector], **values: float
+    ) -> Vector:
+        """Return an equation of the plant for each row of signals, shape (rows,).
+
+        CasADi evaluates it, because the plant's functions take numbers or symbols, not arrays.
+        """
+        import casadi  # slow to import
+
+        symbols = {name: casadi.SX.sym(name) for name in signals}
+        result = casadi.SX(equation(SimpleNamespace(**{**self.values, **values, **symbols})))
+        function = casadi.Function("equation", list(symbols.values()), [result])
+        return np.asarray(function(*(row[np.newaxis] for row in signals.values())), dtype=float).ravel()
+
+
+def find_plant(joint: str, parameters: Mapping[str, float], sheet: EmlaParameters) -> JointPlant:
+    """Return the plant of a joint.
+
+    Args:
+        joint: The joint.
+        parameters: Parameters of the run by full name.
+        sheet: Parameters of the data sheet.
+    """
+    places = [f"{joint}.plant.{{}}", f"{joint}.motor.{{}}"]
+    if joint in JOINTS:
+        places.append(f"machine.plant.{{}}[{JOINTS.index(joint) + 1}]")
+
+    def find(name: str) -> str | None:
+        return next((p for p in (place.format(name) for place in places) if p in parameters), None)
+
+    defaults = {p.attribute: p for p in EmlaPlant.layout().parameters}
+    names = {
+        attribute: name
+        for attribute, p in defaults.items()
+        if (name := find(p.name or attribute)) is not None
+    }
+    values = {attribute: float(p.start) for attribute, p in defaults.items()}
+    values |= asdict(sheet) | {attribute: parameters[name] for attribute, name in names.items()}
+    load_mass = find("load.m")
+    return JointPlant(joint, values, names, 0.0 if load_mass is None else parameters[load_mass], sheet)

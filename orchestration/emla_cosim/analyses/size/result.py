@@ -1,0 +1,271 @@
+"""The result of a sizing: figures, limits and verdicts of joints, for each candidate."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+import polars
+
+from ...base.arrays import Vector
+from ...base.errors import CommandError
+from .cycle import Cycle
+from .figures import SizingFigures
+from .limits import Unexamined, Utilisation, format_percent
+from .losses import Losses
+from .winding import Winding
+
+_MOST_ROWS = 20_000
+"""Most rows of a table of a cycle."""
+
+
+@dataclass(frozen=True)
+class JointSizing:
+    """One joint with one actuator.
+
+    Attributes:
+        joint: Name of the joint.
+        actuator: Name of the actuator.
+        values: Entries of its data sheet in SI units, currents and voltages as peak values of a phase.
+        cycle: Signals over the cycle.
+        figures: Figures of the cycle.
+        limits: Examined limits, the most used first.
+        unexamined: Limits that the data sheet lacks.
+        losses: Losses of gearbox and screw in the figures.
+        winding: Thermal data of the winding, or what is missing for them.
+        rise: Temperature rise of the winding in K over the repeated cycle; None without thermal data.
+        required: Whether figures are what the motion requires, because the joint did not follow it in the
+            run.
+        reason: Why the joint did not follow the motion in the run; None if it did.
+        overloaded: Whether the load was more than the motor can make.
+        remarks: What limits the validity of the figures.
+    """
+
+    joint: str
+    actuator: str
+    values: Mapping[str, float] = field(repr=False)
+    cycle: Cycle = field(repr=False)
+    figures: SizingFigures
+    limits: Sequence[Utilisation]
+    unexamined: Sequence[Unexamined]
+    losses: Losses
+    winding: Winding | str
+    rise: Vector | None = field(repr=False)
+    required: bool = False
+    reason: str | None = None
+    overloaded: bool = False
+    remarks: Sequence[str] = ()
+
+    @property
+    def holds(self) -> bool | None:
+        """Whether no examined limit is exceeded; None if the actuator could not be judged.
+
+        If a joint does not follow its motion although motion and load keep all limits, its controller or the
+        step size is the cause, not the actuator.
+        """
+        kept = all(one.holds for one in self.limits)
+        if self.reason is None:
+            return kept
+        return False if self.overloaded or (self.required and not kept) else None
+
+    @property
+    def reasons(self) -> list[str]:
+        """Why the actuator does not do the job, or why it could not be judged; without full stops."""
+        own = [] if self.reason is None else [self.reason.removesuffix(".")]
+        return [*own, *(one.sentence for one in self.limits if not one.holds)]
+
+    @property
+    def verdict(self) -> str:
+        """The verdict, as a sentence."""
+        label = f"{self.joint} with {self.actuator}"
+        count = len(self.unexamined)
+        left = f" {count} limit{'s' if count != 1 else ''} not examined." if count else ""
+        worst = f"{self.limits[0].name}, {format_percent(self.limits[0].fraction)} %"
+        if self.holds:
+            return f"{label} holds; most used is {worst}.{left}"
+        reasons = f"{'; '.join(self.reasons)}."
+        if self.holds is None:
+            advice = (
+                f" Motion and load alone keep all examined limits ({worst}), so that the controller does not "
+                "fit: try a smaller --step-size, other --gains or another --controller."
+            )
+            return f"{label} could not be judged: {reasons}{advice if self.required else ''}"
+        return f"{label} does not hold: {reasons}{left}"
+
+    @property
+    def record(self) -> dict[str, Any]:
+        """Content for `size.json`."""
+        return {
+            "actuator": self.actuator,
+            "holds": self.holds,
+            "reasons": self.reasons,
+            "figures_from": "reference" if self.required else "run",
+            "figures": asdict(self.figures),
+            "limits": [{**asdict(one), "holds": one.holds} for one in self.limits],
+            "not_examined": [asdict(one) for one in self.unexamined],
+            "losses": asdict(self.losses),
+            "winding": None if isinstance(self.winding, str) else asdict(self.winding),
+            "remarks": list(self.remarks),
+        }
+
+    @property
+    def table(self) -> polars.DataFrame:
+        """The cycle: time, motion, force, torque, currents, power and temperature rise in SI units.
+
+        Of a cycle with more than 20,000 rows, it has every n-th one; `cycle` has them all.
+        """
+        cycle = self.cycle
+        rise = np.full(len(cycle.time), np.nan) if self.rise is None else self.rise
+        return polars.DataFrame(
+            {
+                "joint": [self.joint] * len(cycle.time),
+                "time": cycle.time,
+                "x_L": cycle.x,
+                "v_L": cycle.v,
+                "force": cycle.force,
+                "tau_m": cycle.torque,
+                "omega_m": cycle.omega,
+                "current": cycle.current,
+                "P_el": cycle.P_el,
+                "temperature_rise": rise,
+            }
+        ).gather_every(-(-len(cycle.time) // _MOST_ROWS))
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One actuator of a joint, or the actuators of all joints if none has several candidates.
+
+    Attributes:
+        label: Name of the candidate: the file of its actuator.
+        joints: Results by joint; empty if the candidate cannot be run.
+        problem: Why it cannot be run; None if it can.
+        joint: Joint of the actuator; None for those of all joints.
+    """
+
+    label: str
+    joints: Mapping[str, JointSizing]
+    problem: str | None = None
+    joint: str | None = None
+
+    @property
+    def holds(self) -> bool | None:
+        """Whether all joints hold; None if none fails, but one could not be judged."""
+        verdicts = [one.holds for one in self.joints.values()]
+        if self.problem is not None or False in verdicts:
+            return False
+        return None if None in verdicts else True
+
+    @property
+    def reasons(self) -> list[str]:
+        """Why the candidate falls out, or why it could not be judged; without full stops."""
+        if self.problem is not None:
+            return [self.problem.removesuffix(".")]
+        if self.joint is not None:
+            return list(self.joints[self.joint].reasons)
+        return [f"{joint}: {text}" for joint, one in self.joints.items() for text in one.reasons]
+
+
+@dataclass(frozen=True)
+class SizeResult:
+    """Whether actuators do the job of a scenario.
+
+    `result["lift"]` is the joint of its first candidate that can be run.
+
+    Attributes:
+        name: Name of the scenario.
+        candidates: Results by candidate, joint by joint; one for all joints if no joint has several.
+        varied: Joints with several candidates.
+        ambient: Temperature around the motors in K.
+        life: Required life in s; None if it was not stated.
+    """
+
+    name: str
+    candidates: Sequence[Candidate]
+    varied: Sequence[str]
+    ambient: float
+    life: float | None
+
+    def __getitem__(self, joint: str) -> JointSizing:
+        """Return the sizing of a joint.
+
+        Raises:
+            CommandError: There is no such joint, or no candidate can be run.
+        """
+        if joint not in self.joints:
+            raise CommandError(f"there is no sizing of a joint '{joint}'.", joint=joint)
+        return self.joints[joint]
+
+    @property
+    def joints(self) -> Mapping[str, JointSizing]:
+        """Each joint with its first candidate that can be run."""
+        found: dict[str, JointSizing] = {}
+        for one in self.candidates:
+            for joint, sizing in one.joints.items():
+                found.setdefault(joint, sizing)
+        return found
+
+    @property
+    def holds(self) -> bool:
+        """Whether each joint has a candidate that holds."""
+        by_joint: dict[str | None, list[Candidate]] = {}
+        for one in self.candidates:
+            by_joint.setdefault(one.joint, []).append(one)
+        return all(any(one.holds for one in found) for found in by_joint.values())
+
+    @property
+    def unjudged(self) -> list[JointSizing]:
+        """Joints that could not be judged, with each of their candidates."""
+        return [one for found in self.candidates for one in found.joints.values() if one.holds is None]
+
+    @property
+    def record(self) -> dict[str, Any]:
+        """Content of `size.json`."""
+        return {
+            "format": "emla-sizing",
+            "scenario": self.name,
+            "ambient_K": self.ambient,
+            "required_life_s": self.life,
+            "varied": list(self.varied),
+            "candidates": [
+                {
+                    "label": one.label,
+                    "joint": one.joint,
+                    "holds": one.holds,
+                    "reasons": one.reasons,
+                    "joints": {joint: found.record for joint, found in one.joints.items()},
+                }
+                for one in self.candidates
+            ],
+        }
+
+    @property
+    def table(self) -> polars.DataFrame:
+        """Utilisation of all limits: candidate, joint, limit, used and permitted value, unit, fraction."""
+        rows = [
+            {
+                "candidate": one.label,
+                "joint": joint,
+                "limit": limit.name,
+                "used": limit.used,
+                "permitted": limit.limit,
+                "unit": limit.unit,
+                "fraction": limit.fraction,
+                "holds": limit.holds,
+                "source": limit.source,
+            }
+            for one in self.candidates
+            for joint, found in one.joints.items()
+            for limit in found.limits
+        ]
+        return polars.DataFrame(rows)
+
+    @property
+    def cycles(self) -> polars.DataFrame:
+        """The cycles of all candidates and joints, see `JointSizing.table`."""
+        parts = [
+            sizing.table.select(polars.lit(one.label).alias("candidate"), polars.all())
+            for one in self.candidates
+            for sizing in one.joints.values()
+        ]
+        return polars.concat(parts) if parts else polars.DataFrame()

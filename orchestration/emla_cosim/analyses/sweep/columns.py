@@ -1,0 +1,175 @@
+"""Read columns of a sweep's table as arrays: figures, factors, outcomes."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import polars
+
+from ...base.arrays import Indices, Vector
+from ...base.errors import CommandError, suggest_names
+from ...recorders.metrics import HELD, MetricDisplay
+from ..variants.data import DONE, STATUS, VARIANT, SweepData
+
+LARGEST = 1e150
+"""Numbers beyond this count as missing: their squares overflow."""
+
+NOT_HELD = "not held"
+"""Outcome of a variant that is done but has a verdict `held` that is not true."""
+
+
+@dataclass(frozen=True, eq=False)
+class FactorColumn:
+    """A factor: `values` for each variant are numbers, or positions in `levels` if there are levels."""
+
+    name: str
+    values: Vector
+    levels: tuple[str, ...] | None
+
+    @property
+    def varies(self) -> bool:
+        """Whether it has at least two values."""
+        return _varies(self.values)
+
+
+def read_factor(result: SweepData, name: str) -> FactorColumn:
+    """Return a factor by name. One that is not numeric has levels, in the order of first occurrence."""
+    column = result.variants[name]
+    if column.dtype.is_numeric():
+        return FactorColumn(name, _numbers(column), None)
+    texts = ["none" if value is None else _text(value) for value in column.to_list()]
+    levels = tuple(dict.fromkeys(texts))
+    position = {level: float(i) for i, level in enumerate(levels)}
+    return FactorColumn(name, np.array([position[text] for text in texts]), levels)
+
+
+def check_figure(result: SweepData, figure: str) -> None:
+    """Raise CommandError for a figure that a sweep does not have."""
+    if figure in result.figures:
+        return
+    meant = suggest_names(str(figure), result.figures)
+    raise CommandError(f"the sweep '{result.name}' has no figure '{figure}'; {meant}", name=figure)
+
+
+def figure_values(result: SweepData, figure: str) -> Vector:
+    """Return a figure for each row of the table, Booleans as 0 and 1.
+
+    It is NaN if missing, not finite, beyond `LARGEST`, or of a variant that is not done.
+
+    Raises:
+        CommandError: The sweep does not have the figure.
+    """
+    check_figure(result, figure)
+    values = _numbers(result.variants[figure])
+    values[~is_done(result)] = np.nan
+    return values
+
+
+def figure_by_variant(result: SweepData, figure: str, count: int) -> Vector:
+    """Return a figure for the variants 0 to `count` - 1; NaN for one without a row. See `figure_values`."""
+    values = np.full(count, np.nan)
+    values[variant_numbers(result)] = figure_values(result, figure)
+    return values
+
+
+def variant_numbers(result: SweepData) -> Indices:
+    """Return the variant number of each row."""
+    return result.variants[VARIANT].to_numpy().astype(np.intp)
+
+
+def is_truth(result: SweepData, figure: str) -> bool:
+    """Return whether a figure is Boolean."""
+    return result.variants[figure].dtype == polars.Boolean
+
+
+def find_varying_figures(result: SweepData) -> list[str]:
+    """Return the figures that differ between variants that are done: numbers first, labelled ones before."""
+    found = [figure for figure in result.figures if _varies(figure_values(result, figure))]
+    return sorted(found, key=lambda figure: (is_truth(result, figure), figure not in result.shown))
+
+
+def nothing_varies_error(result: SweepData, what: str) -> CommandError:
+    """Return the error for a sweep without such a figure or factor to draw."""
+    return CommandError(
+        f"no {what} varies between the variants of the sweep '{result.name}' that are done; there is nothing "
+        "to draw."
+    )
+
+
+def main_figure(result: SweepData) -> str | None:
+    """Return the default figure: the first that varies, or else the first."""
+    return next(iter([*find_varying_figures(result), *result.figures]), None)
+
+
+def is_done(result: SweepData) -> np.ndarray:
+    """Return for each row whether the variant is done."""
+    return _statuses(result) == DONE
+
+
+def good_outcome(result: SweepData) -> str:
+    """Return the name of the good outcome: held, or done if the sweep has no verdict."""
+    return HELD if result.verdicts else DONE
+
+
+def read_outcomes(result: SweepData) -> np.ndarray:
+    """Return the outcome of each variant: its status, or `NOT_HELD`.
+
+    A variant that is done is not held if one of its verdicts is false or missing.
+    """
+    outcomes = _statuses(result)
+    for figure in result.verdicts:
+        outcomes[is_done(result) & (figure_values(result, figure) != 1.0)] = NOT_HELD
+    return outcomes
+
+
+def display_of(result: SweepData, figure: str) -> MetricDisplay:
+    """Return label, factor and unit for displaying a figure. The label begins with the subsystem."""
+    known = result.shown.get(figure)
+    if known is None:
+        return MetricDisplay(figure, figure)
+    of = figure.removesuffix(known.name).rstrip(".") if figure.endswith(known.name) else ""
+    label = known.label if not of or known.label.startswith(of) else f"{of} {known.label}"
+    return MetricDisplay(figure, label, known.factor, known.unit, known.large)
+
+
+def influence(one: FactorColumn, values: Vector) -> float:
+    """Return the absolute rank correlation of a factor with values, from 0 to 1, without NaN.
+
+    For levels it is the root of the share of the ranks' variance that they explain, corrected for chance.
+    """
+    kept = ~(np.isnan(one.values) | np.isnan(values))
+    x, y = one.values[kept], values[kept]
+    if not (_varies(x) and _varies(y)):
+        return 0.0
+    ranks = _ranks(y)
+    if one.levels is None:
+        return float(abs(np.corrcoef(_ranks(x), ranks)[0, 1]))
+    _, group = np.unique(x, return_inverse=True)
+    count = np.bincount(group)
+    if len(count) >= len(y):
+        return 0.0
+    means = np.bincount(group, ranks) / count
+    unexplained = np.var(ranks - means[group]) / np.var(ranks) * (len(y) - 1) / (len(y) - len(count))
+    return float(np.sqrt(max(1.0 - unexplained, 0.0)))
+
+
+def _statuses(result: SweepData) -> np.ndarray:
+    return np.array(result.variants[STATUS].to_list(), dtype=object)
+
+
+def _ranks(values: Vector) -> Vector:
+    return polars.Series(values).rank("average").to_numpy()
+
+
+def _varies(values: Vector) -> bool:
+    known = values[~np.isnan(values)]
+    return len(known) > 1 and float(np.ptp(known)) > 1e-12 * float(np.max(np.abs(known)))
+
+
+def _numbers(column: polars.Series) -> Vector:
+    values = column.cast(polars.Float64, strict=False).to_numpy().astype(float)  # a copy
+    values[~(np.abs(values) <= LARGEST)] = np.nan
+    return values
+
+
+def _text(value: object) -> str:
+    return str(value).lower() if isinstance(value, bool) else str(value)

@@ -1,0 +1,196 @@
+"""Turn a plan into variants with values, grouped by the prepared system that runs them."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from typing import Any
+
+import polars
+import psutil
+
+from ...base.errors import CommandError
+from ...base.files import hash_plain_data
+from ...base.progress import Progress
+from ...system.model import Value
+from ..execution.executor import WorkPackage
+from ..execution.worker_payload import Preparation
+from ..frame.plan_files import load_planned
+from ..variants.data import VARIANT, Variant
+from ..variants.factors import Factor, resolve_factors
+from ..variants.sampling import count_variants, sample
+from ..variants.targets import changed_in_run, merge_options, needs_preparation
+from .plan import Plan
+
+_BYTES_PER_VALUE = 64
+"""Memory of a value as an object and in a table."""
+
+
+@dataclass(frozen=True)
+class VariantGroup:
+    """Variants that one prepared simulation can run, and their factors."""
+
+    preparation: Preparation
+    factors: Sequence[Factor]
+
+
+@dataclass(frozen=True)
+class Design:
+    """All variants of a plan.
+
+    `drawn` has a list of values for each factor, `group_of` the position in `groups` for each variant.
+    """
+
+    plan: Plan
+    method: str
+    groups: Sequence[VariantGroup]
+    drawn: Sequence[Sequence[Value | None]]
+    group_of: Sequence[int]
+
+    @property
+    def count(self) -> int:
+        """The number of variants."""
+        return len(self.group_of)
+
+    @property
+    def factors(self) -> Sequence[Factor]:
+        """The factors."""
+        return self.groups[0].factors
+
+    def values(self, number: int) -> list[Value | None]:
+        """Return the values of a variant in the table, one for each factor."""
+        own = self.groups[self.group_of[number]].factors
+        return [factor.value(column[number]) for factor, column in zip(own, self.drawn, strict=True)]
+
+    def options(self, number: int) -> dict[str, Any]:
+        """Return the options that are specific to a variant."""
+        own = self.groups[self.group_of[number]].factors
+        return merge_options(f.options(value) for f, value in zip(own, self.values(number), strict=True))
+
+    def variant(self, number: int) -> Variant:
+        """Return a variant with the options that a prepared simulation accepts."""
+        return Variant(number, changed_in_run(self.options(number)))
+
+    def work(self, finished: set[int]) -> list[WorkPackage]:
+        """Return the variants that are not finished, by group."""
+        left: list[list[int]] = [[] for _ in self.groups]
+        for number, group in enumerate(self.group_of):
+            if number not in finished:
+                left[group].append(number)
+        return [WorkPackage(group, numbers) for group, numbers in enumerate(left) if numbers]
+
+    def table(self) -> polars.DataFrame:
+        """Return a table with the number and values of every variant."""
+        rows = [self.values(number) for number in range(self.count)]
+        columns = [_column(f.name, [row[i] for row in rows]) for i, f in enumerate(self.factors)]
+        return polars.DataFrame([polars.Series(VARIANT, range(self.count), polars.Int64), *columns])
+
+    @cached_property
+    def identities(self) -> list[dict[str, Any]]:
+        """The definition of each group, as plain data."""
+        return [group.preparation.identity for group in self.groups]
+
+    def identity(self, metrics: object) -> dict[str, Any]:
+        """Return what must be unchanged to resume a sweep, by its name in messages."""
+        drawn = [
+            (factor.name, [asdict(target) for target in factor.targets], [str(v) for v in column])
+            for factor, column in zip(self.factors, self.drawn, strict=True)
+        ]
+        return {
+            "values": hash_plain_data(drawn),
+            "seed": self.plan.seed,
+            "sampling": self.method,
+            "FMUs or settings": hash_plain_data(self.identities),
+            "metrics": hash_plain_data(metrics),
+        }
+
+    def provenance(self, metrics: object) -> list[str]:
+        """Return for each variant a hash of everything that determines its result."""
+        parts = [hash_plain_data((identity, metrics)) for identity in self.identities]
+        return [hash_plain_data((parts[self.group_of[n]], self.options(n))) for n in range(self.count)]
+
+
+def design_variants(plan: Plan, progress: Progress) -> Design:
+    """Turn a plan into variants: build FMUs, resolve names, draw values.
+
+    Raises:
+        CommandError: The plan is invalid.
+        RunError: An FMU cannot be built.
+    """
+    plan.check()
+    first = Preparation.of(load_planned(plan), progress)
+    found = resolve_factors(plan.vary, first.system, first.interfaces, plan.where)
+    method = plan.sampling or ("grid" if plan.runs is None else "random")
+    distributions = [f.distribution for f in found]
+    _check_memory(plan, _count(plan, method, found), len(found))
+    drawn = sample(method, distributions, plan.runs, plan.seed)
+    prepared = [i for i, f in enumerate(found) if any(needs_preparation(target) for target in f.targets)]
+    keys: dict[str, int] = {}
+    groups, group_of = list[VariantGroup](), list[int]()
+    for row in zip(*(drawn[i] for i in prepared), strict=True) if prepared else [()] * len(drawn[0]):
+        options = merge_options(found[i].options(value) for i, value in zip(prepared, row, strict=True))
+        key = json.dumps(options, sort_keys=True, default=str)
+        if key not in keys:
+            keys[key] = len(groups)
+            groups.append(_group(plan, options, first if not options else None, found, progress))
+        group_of.append(keys[key])
+    return Design(plan, method, groups, drawn, group_of)
+
+
+def _group(
+    plan: Plan,
+    options: Mapping[str, Any],
+    made: Preparation | None,
+    usual: Sequence[Factor],
+    progress: Progress,
+) -> VariantGroup:
+    """Prepare the system with these options. Its factors must be the same as without them (`usual`)."""
+    preparation = made or Preparation.of(load_planned(plan, options), progress)
+    found = resolve_factors(plan.vary, preparation.system, preparation.interfaces, plan.where)
+    if [f.name for f in found] != [f.name for f in usual]:
+        raise CommandError(
+            f"{plan.where} varies different start values with {_format_options(options)} than without."
+        )
+    shared = [(f, u) for f, u in zip(found, usual, strict=True) if len(f.targets) > 1]
+    if any(f.targets != u.targets for f, u in shared):
+        raise CommandError(
+            f"{plan.where} multiplies different values with {_format_options(options)} than without."
+        )
+    return VariantGroup(preparation, found)
+
+
+def _count(plan: Plan, method: str, found: Sequence[Factor]) -> int:
+    """Return the number of variants. Raise CommandError, with the factor's name, if it cannot be sampled."""
+    try:
+        return count_variants(method, [f.distribution for f in found], plan.runs)
+    except CommandError as error:
+        if "index" in error.fields:
+            name = found[error.fields["index"]].name
+            raise CommandError(f"'{name}' of {plan.where}: {error}", name=name) from error
+        raise CommandError(f"{plan.where}: {error}", **error.fields) from error
+
+
+def _check_memory(plan: Plan, variants: int, columns: int) -> None:
+    needed, there = variants * (columns + 8) * _BYTES_PER_VALUE, psutil.virtual_memory().available
+    if needed > 0.5 * there:
+        raise CommandError(
+            f"{plan.where} has {variants} variants; {there / 2**30:.3g} GiB of memory are not enough; use "
+            "fewer levels or runs.",
+            variants=variants,
+        )
+
+
+def _format_options(options: Mapping[str, Any]) -> str:
+    return ", ".join(f"{name} = {value}" for name, value in options.items())
+
+
+def _column(name: str, values: Sequence[Value | None]) -> polars.Series:
+    """Return values as a column of their type; values of several types as text."""
+    kinds = {type(value) for value in values if value is not None}
+    if kinds <= {int, float}:
+        kind: Any = polars.Int64 if kinds == {int} else polars.Float64
+    elif kinds == {bool}:
+        kind = polars.Boolean
+    else:
+        kind, values = polars.String, [None if v is None else str(v) for v in values]
+    return polars.Series(name, values, kind, strict=False)

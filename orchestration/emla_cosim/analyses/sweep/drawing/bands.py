@@ -1,0 +1,144 @@
+"""Draw percentile bands over time of the recorded signals."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import polars
+
+from ....base.arrays import Vector
+from ....base.errors import CommandError, check_choice
+from ....views.plots.style import BLUE, tidy_axes
+from ...variants.data import VARIANT, SweepData
+from ..columns import LARGEST, is_done
+from .labels import label_with_unit, new_panels, put_legend, put_title, wrap_text
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+PERCENTILES = (5, 25, 50, 75, 95)
+_MOST_TIMES = 400
+_MOST_PANELS = 12
+_ROWS_AT_ONCE = 1_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class PercentileBands:
+    """Percentiles of a signal over variants: a row of `values` for each of `PERCENTILES`, at `times` in s.
+
+    NaN if no variant has a value.
+    """
+
+    times: Vector
+    values: Vector
+
+
+def compute_bands(result: SweepData, signal: str) -> PercentileBands:
+    """Return percentiles of a signal, at no more than 400 times of the variant that ran longest.
+
+    Variants with other times are interpolated linearly, from their first row to their last. Variants are
+    read in parts to limit memory.
+
+    Raises:
+        CommandError: The signal was not recorded.
+    """
+    series = _series(result)
+    check_choice("kept signal", signal, result.signals)
+    extents = (
+        series.group_by(VARIANT)
+        .agg(polars.len().alias("rows"), polars.col("time").max().alias("end"))
+        .collect()
+        .sort(VARIANT)
+    )
+    if extents.is_empty():
+        raise CommandError(f"the sweep '{result.name}' kept no rows of signals.")
+    times = _times(series, extents)
+    values = np.full((len(extents), len(times)), np.nan)
+    row = 0
+    for first, last in _parts(extents):
+        part = series.filter(polars.col(VARIANT).is_between(first, last)).select(
+            VARIANT, polars.col("time").cast(polars.Float64), polars.col(signal).cast(polars.Float64)
+        )
+        table = part.collect().sort(VARIANT, "time")
+        variant, time, value = (table[name].to_numpy() for name in (VARIANT, "time", signal))
+        value = np.where(np.abs(value) <= LARGEST, value, np.nan)
+        cuts = np.flatnonzero(np.diff(variant)) + 1
+        for own_times, own in zip(np.split(time, cuts), np.split(value, cuts), strict=True):
+            values[row] = np.interp(times, own_times, own, left=np.nan, right=np.nan)
+            row += 1
+    return PercentileBands(times, np.column_stack([_percentiles(column) for column in values.T]))
+
+
+def _series(result: SweepData) -> polars.LazyFrame:
+    if result.series is None or not result.signals:
+        raise CommandError(f"the sweep '{result.name}' kept no signals over time.")
+    return result.series
+
+
+def _times(series: polars.LazyFrame, extents: polars.DataFrame) -> Vector:
+    furthest = extents.sort(["end", "rows", VARIANT], descending=[True, True, False])[VARIANT][0]
+    rows = series.filter(polars.col(VARIANT) == furthest).select("time").collect()["time"]
+    times = np.unique(rows.cast(polars.Float64).to_numpy())
+    return times[np.unique(np.linspace(0, len(times) - 1, _MOST_TIMES).round().astype(int))]
+
+
+def _parts(extents: polars.DataFrame) -> Iterator[tuple[int, int]]:
+    """Yield the first and last variants of parts of limited size."""
+    part = extents["rows"].cum_sum() // _ROWS_AT_ONCE
+    for _, group in extents.group_by(part.alias("part"), maintain_order=True):
+        yield group[VARIANT][0], group[VARIANT][-1]
+
+
+def _percentiles(values: Vector) -> Vector:
+    known = values[~np.isnan(values)]
+    return np.percentile(known, PERCENTILES) if len(known) else np.full(len(PERCENTILES), np.nan)
+
+
+def draw_bands(result: SweepData, signals: Sequence[str] = ()) -> "Figure":
+    """Draw a panel for each signal that has values; default: the first 12 recorded signals."""
+    _series(result)
+    chosen = list(signals or result.signals[:_MOST_PANELS])
+    found = [(signal, compute_bands(result, signal)) for signal in chosen]
+    found = [(signal, one) for signal, one in found if not np.isnan(one.values).all()]
+    if not found:
+        raise CommandError(f"the signals of the sweep '{result.name}' have no values.")
+    labels = [label_with_unit(signal, result.units.get(signal) or "") for signal, _ in found]
+    figure, grid = new_panels([wrap_text(label, 54) for label in labels], 4.4)
+    for axes, (_, one) in zip(grid.flat, found, strict=False):
+        _draw_panel(axes, one)
+    for axes in grid.flat[max(len(found) - grid.shape[1], 0) : len(found)]:
+        axes.set_xlabel("time / s", fontsize=8)
+    put_title(figure, f"{result.name}: signals over time")
+    put_legend(figure, _handles(), _note(result, len(result.signals) - len(found) if not signals else 0))
+    return figure
+
+
+def _draw_panel(axes: "Axes", one: PercentileBands) -> None:
+    low, low_middle, median, high_middle, high = one.values
+    axes.fill_between(one.times, low, high, color=BLUE, alpha=0.18, linewidth=0)
+    axes.fill_between(one.times, low_middle, high_middle, color=BLUE, alpha=0.35, linewidth=0)
+    axes.plot(one.times, median, color=BLUE, linewidth=1.2)
+    tidy_axes(axes)
+    axes.yaxis.get_offset_text().set_fontsize(8)
+
+
+def _handles() -> "dict[str, Artist]":
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    return {
+        "median": Line2D([], [], color=BLUE, linewidth=1.2),
+        "25 to 75 %": Patch(color=BLUE, alpha=0.5, linewidth=0),
+        "5 to 95 %": Patch(color=BLUE, alpha=0.18, linewidth=0),
+    }
+
+
+def _note(result: SweepData, left_out: int) -> str:
+    variants, done = len(result.variants), int(is_done(result).sum())
+    note = f"{variants} variant{'s' if variants != 1 else ''}"
+    if done < variants:
+        note += f"; {variants - done} that ended early count up to their end"
+    return f"{note}; {left_out} more signals have no panel" if left_out else note

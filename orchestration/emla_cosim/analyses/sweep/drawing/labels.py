@@ -1,0 +1,203 @@
+"""Format names, numbers, levels and outcomes in pictures, shortened to the space available."""
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ....base.arrays import Vector
+from ....views.plots.style import BLUE, GREY, ORANGE, PURPLE, RED, new_figure
+from ...variants.data import DIED, DIVERGED, DONE, FAILED, REFUSED, TIMED_OUT, SweepData
+from ..columns import NOT_HELD, FactorColumn, display_of
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
+    from matplotlib.figure import Figure
+
+_DECADES = 2.0
+"""Positive numbers get a logarithmic axis if 90 % of them span more decades than this."""
+
+_MOST_LEVELS = 12
+"""Most level names on an axis; of more levels only every n-th is named."""
+
+
+def shorten_text(text: str, most: int) -> str:
+    """Shorten a text to `most` characters: an ellipsis replaces its middle."""
+    text = re.sub(r"\s", " ", text)
+    if len(text) <= most:
+        return text
+    front = (most - 1) // 2
+    return f"{text[:front].rstrip(' .')}…{text[len(text) - (most - 1 - front) :].lstrip(' .')}"
+
+
+def wrap_text(text: str, width: int, lines: int = 2) -> str:
+    """Wrap a text to lines of at most `width` characters, if possible after dots and spaces.
+
+    A unit stays on the line of its quantity.
+    """
+    text = shorten_text(text, width * lines)
+    found = [""]
+    for piece in re.split(r"(?<=[ .])(?<!/ )(?!/)(?![^(]*\))", text):
+        if len(found[-1] + piece.rstrip()) <= width:
+            found[-1] += piece
+        else:
+            found.append(piece)
+    if len(found) > lines or max(map(len, found)) > width + 1:
+        found = [text[i : i + width] for i in range(0, len(text), width)]
+    return "\n".join(line.strip() for line in found if line.strip())
+
+
+def label_with_unit(name: str, unit: str) -> str:
+    """Return the axis label of a quantity: name / unit."""
+    if not unit:
+        return name
+    return f"{name} / ({unit})" if re.search(r"[ /.*]", unit) else f"{name} / {unit}"
+
+
+def factor_label(result: SweepData, name: str) -> str:
+    """Return the label of a factor with its unit."""
+    return label_with_unit(name, result.units.get(name) or "")
+
+
+def figure_label(result: SweepData, name: str) -> str:
+    """Return the label of a figure with its display unit."""
+    shown = display_of(result, name)
+    return label_with_unit(shown.label, shown.unit)
+
+
+def is_wide(values: Vector) -> bool:
+    """Return whether values need a logarithmic axis: all positive, and most spanning many decades."""
+    known = values[~np.isnan(values)]
+    if not len(known) or known.min() <= 0.0:
+        return False
+    low, high = np.quantile(known, [0.05, 0.95])
+    return bool(np.log10(high / low) > _DECADES)
+
+
+def scale(axes: "Axes", axis: "Axis", values: Vector) -> None:
+    """Choose the scale of the x or y axis for numbers, with few ticks."""
+    from matplotlib.ticker import MaxNLocator, NullFormatter
+
+    if is_wide(values):
+        (axes.set_xscale if axis is axes.xaxis else axes.set_yscale)("log")
+        axis.set_minor_formatter(NullFormatter())
+        return
+    axis.set_major_locator(MaxNLocator(4, steps=[1, 2, 2.5, 5, 10]))
+    axes.ticklabel_format(axis="x" if axis is axes.xaxis else "y", scilimits=(-3, 4))
+    axis.get_offset_text().set_fontsize(8)
+
+
+def put_levels(
+    axis: "Axis", levels: Sequence[str], most: int = 24, room: int | None = None, first: float = 0.0
+) -> None:
+    """Put names at the positions `first`, `first` + 1 and so on; of many only every n-th.
+
+    Names are shortened to `most` characters. They are rotated if together they exceed `room` characters.
+    """
+    places = range(0, len(levels), -(-len(levels) // _MOST_LEVELS))
+    names = [shorten_text(levels[i], most) for i in places]
+    turned = room is not None and sum(len(name) + 2 for name in names) > room
+    turn = {"rotation": 30, "ha": "right", "rotation_mode": "anchor"} if turned else {}
+    axis.set_ticks([first + i for i in places], names, parse_math=False, **turn)
+    axis.set_tick_params(labelsize=8)
+
+
+def put_factor(axes: "Axes", axis: "Axis", one: FactorColumn, room: int, most: int = 24) -> None:
+    """Prepare an axis for a factor: set its scale, or put the names of its levels (see `put_levels`)."""
+    if one.levels is None:
+        scale(axes, axis, one.values)
+        return
+    is_x = axis is axes.xaxis
+    put_levels(axis, one.levels, most, room=room if is_x else None)
+    (axes.set_xlim if is_x else axes.set_ylim)(-0.5, len(one.levels) - 0.5)
+
+
+def spread(values: Vector, axis: int) -> Vector:
+    """Spread the positions of levels randomly by up to 0.25. The `axis`, 0 or 1, is the seed."""
+    return values + np.random.default_rng(axis).uniform(-0.25, 0.25, len(values))
+
+
+def put_title(figure: "Figure", title: str) -> None:
+    """Put the title over a picture."""
+    lines = wrap_text(title, int(9.0 * figure.get_figwidth()))
+    figure.suptitle(lines, fontsize=12, fontweight="bold", parse_math=False)
+
+
+def put_legend(figure: "Figure", handles: "Mapping[str, Artist]", note: str = "") -> None:
+    """Put a legend below the picture, with a note in small letters above it."""
+    width = figure.get_figwidth()
+    columns = len(handles) if width > 1.5 * len(handles) else -(-len(handles) // 2)
+    legend = figure.legend(
+        handles=list(handles.values()),
+        labels=["label"] * len(handles),
+        loc="outside lower center",
+        ncols=columns,
+        fontsize=8,
+        frameon=False,
+    )
+    for text, label in zip(legend.get_texts(), handles, strict=True):
+        text.set(text=label, parse_math=False)
+    if note:
+        legend.set_title(" ")
+        legend.get_title().set(
+            text=wrap_text(note, int(13.0 * width), 4),
+            parse_math=False,
+            color="#555555",
+            fontsize=8,
+            ha="center",
+        )
+
+
+def new_panels(titles: Sequence[str], width: float, **size: Any) -> tuple["Figure", np.ndarray]:
+    """Return a picture with a panel for each title, and its axes: a row for each row of panels.
+
+    Args:
+        titles: The titles of the panels.
+        width: The width of a panel of several columns in inches.
+        **size: Further arguments of `new_figure`.
+    """
+    columns = 1 if len(titles) <= 1 else 2 if len(titles) <= 4 else 3
+    rows = -(-len(titles) // columns)
+    figure, grid = new_figure(rows, columns, 7.5 if columns == 1 else width, sharex="none", **size)
+    for axes, title in zip(grid.flat, titles, strict=False):
+        axes.set_title(title, fontsize=9, parse_math=False)
+    for axes in grid.flat[len(titles) :]:
+        axes.set_visible(False)
+    return figure, grid
+
+
+_COLORS = {
+    DONE: BLUE,
+    NOT_HELD: ORANGE,
+    DIVERGED: RED,
+    FAILED: PURPLE,
+    REFUSED: GREY,
+    TIMED_OUT: "#8a6d3b",
+    DIED: "#222222",
+}
+
+
+def color_of(outcome: str) -> str:
+    """Return the colour of an outcome."""
+    return _COLORS.get(outcome, GREY)
+
+
+def count_outcomes(outcomes: np.ndarray) -> dict[str, int]:
+    """Return the number of variants with each outcome, in the order of severity."""
+    found = {name: int((outcomes == name).sum()) for name in dict.fromkeys([*_COLORS, *outcomes])}
+    return {name: count for name, count in found.items() if count}
+
+
+def make_legend_handles(outcomes: np.ndarray, done: str) -> "dict[str, Artist]":
+    """Return legend handles: each outcome with its number. `done` is the name of the good outcome."""
+    from matplotlib.lines import Line2D
+
+    return {
+        f"{done if name == DONE else name} ({count})": Line2D(
+            [], [], color=color_of(name), marker="o", linestyle="", markersize=5
+        )
+        for name, count in count_outcomes(outcomes).items()
+    }

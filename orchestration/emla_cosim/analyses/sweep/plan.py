@@ -1,0 +1,115 @@
+"""The plan of a sweep: scenario, factors, sampling, and metrics."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import msgspec
+
+from ...base.errors import CommandError
+from ...base.toml_structs import check_fields, struct_of
+from ...run.scenarios.built_in import PLANS
+from ..frame.plan_files import IN_FILES, NOT_IN_FILES, Source, check_options, merge_fields, read_plan
+from ..variants.measures import Metric
+from ..variants.sampling import SAMPLINGS
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A sweep: a scenario, what varies, how it is sampled, and what is kept.
+
+    Args:
+        name: name of the sweep.
+        scenario: what is run: a scenario, its name or its file, or a `System`.
+        vary: what varies, and how, as for `sweep`.
+        description: one line on its purpose.
+        sampling: how variants are chosen, as for `sweep`.
+        runs: number of variants to draw.
+        seed: seed of all random draws.
+        metrics: metrics to keep, as for `sweep`. Default: all.
+        signals: names or patterns of signals to keep over time.
+        options: values of options by name, for all variants.
+        where: what error messages call the plan.
+
+    Examples:
+        >>> import emla_cosim as ec
+        >>> plan = ec.Plan("warm", "lift", {"lift.plant.motor.R_s": "0.1:0.2"}, runs=8)
+        >>> plan.updated({"runs": 16}).runs
+        16
+    """
+
+    name: str
+    scenario: Source
+    vary: Mapping[str, Any]
+    description: str = ""
+    sampling: str | None = None
+    runs: int | None = None
+    seed: Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)] = 0
+    metrics: Sequence[Metric] | Mapping[str, Metric] = ()
+    signals: Sequence[str] = ()
+    options: Mapping[str, Any] = field(default_factory=dict)
+    where: str = "the sweep"
+
+    def updated(self, given: Mapping[str, Any]) -> "Plan":
+        """Return the plan with other values; `vary` and `options` are merged, None changes nothing.
+
+        A sampling that does not take `runs` drops those of the plan.
+
+        Args:
+            given: values of fields by name.
+
+        Raises:
+            CommandError: a value has a wrong type.
+        """
+        method = SAMPLINGS.get(str(given.get("sampling")))
+        drops_runs = method is not None and not method.takes_runs
+        return merge_fields(replace(self, runs=None) if drops_runs else self, given)
+
+    def check(self) -> None:
+        """Raise CommandError for mistakes that can be found without the scenario."""
+        check_fields(self, SWEEP_PLAN, self.where, IN_FILES)
+        check_options(self.options, self.where)
+        if not self.vary:
+            raise CommandError(
+                f"{self.where} varies nothing; add a factor, for example "
+                "--vary lift.plant.motor.R_s=0.05:0.3:20."
+            )
+
+
+SWEEP_PLAN = struct_of(Plan, IN_FILES, NOT_IN_FILES)
+"""The struct of a plan's file, without options."""
+
+
+def load_plan(source: Source | Plan) -> Plan:
+    """Load a plan by name, from a .toml file with `vary`, or from a scenario, which varies nothing.
+
+    Raises:
+        CommandError: The file cannot be read or is not a plan.
+    """
+    if isinstance(source, Plan):
+        return source
+    values, folder = read_plan(source, SWEEP_PLAN, "sweep", "plan", PLANS)
+    if "vary" not in values:
+        return Plan(**values, vary={})
+    values["vary"] = {varied: _with_files_of(folder, given) for varied, given in values["vary"].items()}
+    plan = Plan(**values)
+    plan.check()
+    return plan
+
+
+def _with_files_of(folder: Path | None, given: Any) -> Any:
+    """Return the values of a factor with files relative to the folder of the plan."""
+    if folder is None:
+        return given
+    if isinstance(given, str):
+        return (
+            str(folder / given)
+            if given.lower().endswith((".fmu", ".ssv", ".toml")) and "," not in given
+            else given
+        )
+    if isinstance(given, Mapping):
+        return {
+            key: _with_files_of(folder, value) if key == "values" else value for key, value in given.items()
+        }
+    return [_with_files_of(folder, one) for one in given] if isinstance(given, list) else given

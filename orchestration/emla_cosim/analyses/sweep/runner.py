@@ -1,0 +1,248 @@
+"""Run a sweep: design its variants, run them on workers, and store the results."""
+
+import contextlib
+import re
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Unpack
+
+import polars
+
+from ...base.errors import CommandError
+from ...base.files import hash_plain_data, temporary_folder
+from ...base.interruption import catch_interrupts
+from ...base.progress import Progress
+from ...base.values import convert_value
+from ...run.option_types import SweepOptions
+from ...run.run_setup import select_signals
+from ..execution.executor import ClusterExecutor, Scheduler, check_cluster, open_executor
+from ..execution.worker_payload import WorkerPayload, check_portable
+from ..variants.data import Chunk, SimulationDescription
+from ..variants.measures import Measures, Metric, MetricRequest, resolve_measures, with_verdicts
+from ..variants.targets import format_arguments, merge_options, needs_preparation
+from .design import Design, VariantGroup, design_variants
+from .folder import SweepFolder
+from .plan import Plan, Source, load_plan
+from .result import SweepResult, read_sweep
+from .sensitivity import SALTELLI, all_sobol_indices
+
+SOBOL = "sobol"
+"""Key of the Sobol indices in sweep.json."""
+
+_NUMBER = re.compile(r"[-+]?[0-9][0-9.,]*(e[-+]?[0-9]+)?")
+
+
+def sweep(
+    source: Source | Plan,
+    vary: Mapping[str, Any] | None = None,
+    *,
+    runs: int | None = None,
+    seed: int | None = None,
+    sampling: str | None = None,
+    metrics: Sequence[Metric] | Mapping[str, Metric] | None = None,
+    signals: Sequence[str] | None = None,
+    scheduler: Scheduler = None,
+    workers: int | None = None,
+    output: str | Path | None = None,
+    overwrite: bool = False,
+    resume: bool = False,
+    progress: Progress | None = None,
+    **options: Unpack[SweepOptions],
+) -> SweepResult:
+    """Run many variants of a scenario on all cores or on a cluster.
+
+    Ctrl-C ends the sweep early; the result contains the variants that were done.
+
+    Args:
+        source: a plan, its name or its file; or a scenario as for `load`, with `vary`.
+        vary: what varies, and how. A name is that of a start value (`component.variable`, or a pattern), of
+            an option, or of a component, whose FMU varies. A value is a `Distribution`, a list of values, or
+            a text such as "0.05:0.3:20", "normal(0.14, 0.01)" or "±10%".
+        runs: number of variants to draw.
+        seed: seed of all random draws.
+        sampling: how variants are chosen, such as "grid" or "random". Default: "grid", or "random" with
+            `runs`.
+        metrics: metrics to keep of each variant: names or patterns, "name = expression" over signals, or
+            functions of a `Result`. Default: all registered metrics.
+        signals: names or patterns of signals to keep over time.
+        scheduler: address of a Dask scheduler, or a `distributed.Client`, which stays open. Default: a
+            cluster on this machine.
+        workers: number of processes on this machine. Default: one for each core.
+        output: folder for the results. Default: a temporary one, deleted together with the result.
+        overwrite: replace files that emla did not write.
+        resume: continue the unfinished sweep in `output`.
+        progress: receives progress and notes.
+        **options: values by name, for all variants.
+
+    Returns:
+        A row for each variant, and the signals that were kept.
+
+    Raises:
+        CommandError: the plan is wrong. Nothing was run.
+        RunError: the cluster is lost, or files cannot be written.
+
+    Examples:
+        >>> import emla_cosim as ec
+        >>> found = ec.sweep("lift", {"lift.plant.motor.R_s": [0.1, 0.2]}, stop_time=0.01)
+        >>> found.variants["status"].to_list()
+        ['done', 'done']
+    """
+    given = {"vary": vary, "runs": runs, "seed": seed, "sampling": sampling, "metrics": metrics}
+    chosen = {**options, "overwrite": True} if overwrite else {**options}
+    plan = load_plan(source).updated({**given, "signals": signals, "options": chosen})
+    check_cluster(scheduler, workers)
+    if output is None and resume:
+        raise CommandError("to resume a sweep, set `output` to its folder.")
+    with contextlib.ExitStack() as held:
+        place = held.enter_context(temporary_folder("sweep")) if output is None else output
+        folder = SweepFolder(convert_value(place, Path, "the output folder"), overwrite)
+        progress = progress or Progress()
+        design = design_variants(plan, progress)
+        notes = _sweep_notes(design)
+        for note in notes:
+            progress.note(f"Note: {note}.")
+        folder.check_unread(group.preparation.read for group in design.groups)
+        with folder.alone():
+            _run(design, notes, folder, (scheduler, workers), resume, progress)
+            result = read_sweep(folder.path)
+            if result.complete and result.sampling == SALTELLI and SOBOL not in folder.record():
+                indices = {name: found.record() for name, found in all_sobol_indices(result).items()}
+                folder.write_record({SOBOL: indices})
+        return replace(result, folder=None, resources=held.pop_all()) if output is None else result
+
+
+def _sweep_notes(design: Design) -> list[str]:
+    """Return warnings without periods, each once.
+
+    Those on the scenario come first, then those on variants with all factors at one end of their ranges.
+    """
+    found: dict[str, str] = {}
+    for group in design.groups:
+        for note in _notes(group):
+            found.setdefault(_NUMBER.sub("#", note), note)
+    return list(found.values())
+
+
+def _notes(group: VariantGroup) -> Iterator[str]:
+    scenario = group.preparation.scenario
+    if scenario is None:
+        return
+    yield from scenario.notes
+    changing = [f for f in group.factors if not any(map(needs_preparation, f.targets))]
+    for end in (1, 0):  # high end first: high loads, speeds and strokes are the critical ones
+        try:
+            options = merge_options(f.options(f.value(f.distribution.ends[end])) for f in changing)
+            variant = scenario.with_options(options)
+        except CommandError as error:  # a single run would fail with this message
+            yield f"some variants cannot run: {str(error).strip().rstrip('.')}"
+            continue
+        yield from variant.notes
+
+
+def _run(
+    design: Design,
+    notes: Sequence[str],
+    folder: SweepFolder,
+    cluster: tuple[Scheduler, int | None],
+    resume: bool,
+    progress: Progress,
+) -> None:
+    """Run the variants that are not finished, and write all results."""
+    asked = MetricRequest.of(design.plan.metrics, design.plan.where)
+    check_portable("metric", asked.functions)
+    identity = design.identity(asked.identity(design.plan.signals))
+    folder.check(identity, resume)
+    if resume and folder.is_complete:
+        return
+    key = f"emla-sweep-{hash_plain_data((identity, time.time_ns()))}"
+    payload = WorkerPayload.of(key, [group.preparation for group in design.groups])
+    with catch_interrupts() as interrupted, open_executor(payload, *cluster, progress.note) as found:
+        measures, described = _measures(design, asked, found)
+        folder.check_room(design.count, len(measures.names), described.rows * len(measures.signals))
+        about = design.table().with_columns(
+            polars.lit(design.plan.seed, polars.Int64).alias("seed"),
+            polars.Series("provenance", design.provenance(identity["metrics"]), polars.String),
+        )
+        folder.begin(_record(design, notes, measures, described, identity), about, resume)
+        finished = folder.finished()
+        progress.begin("sweeping", design.count, "variants")
+        progress.advance(len(finished))
+
+        def keep(chunk: Chunk) -> None:
+            folder.keep(chunk, measures)
+            progress.advance(len(chunk.outcomes))
+
+        each = 8 * described.rows * (2 + len(measures.signals)) if measures.signals else 0
+        began = time.monotonic()
+        try:
+            whole = found.run(design.work(finished), design.variant, measures, each, keep, interrupted)
+        finally:
+            wall_s = time.monotonic() - began
+            folder.merge(about, measures)
+    folder.close(whole, wall_s)
+
+
+def _measures(
+    design: Design, asked: MetricRequest, found: ClusterExecutor
+) -> tuple[Measures, SimulationDescription]:
+    """Return the measures, which all groups must have, and the description of the first group."""
+    plan, all_ = design.plan, [found.describe(group) for group in range(len(design.groups))]
+    each, main = [], design.groups[0].preparation.system.main_name
+    for described in all_:
+        names, further = list(described.units), list(described.further)
+        kept = select_signals(plan.signals, names, further, main) if plan.signals else []
+        found_here = resolve_measures(asked, described.figures, names, further, kept, plan.where)
+        each.append(with_verdicts(found_here, described.figures))
+    if any(m.names != each[0].names or m.signals != each[0].signals for m in each):
+        raise CommandError(
+            f"the variants of {plan.where} differ in their figures or signals; name those to keep."
+        )
+    if both := {f.name for f in design.factors} & set(each[0].names):
+        raise CommandError(
+            f"'{min(both)}' of {plan.where} is the name of a factor and of a figure; rename one of them."
+        )
+    return each[0], all_[0]
+
+
+def _record(
+    design: Design,
+    notes: Sequence[str],
+    measures: Measures,
+    described: SimulationDescription,
+    identity: Mapping[str, Any],
+) -> dict[str, Any]:
+    """Return the initial content of sweep.json."""
+    plan = design.plan
+    own = format_arguments(plan.options)
+    base = None if own is None or not isinstance(plan.scenario, (str, Path)) else [str(plan.scenario), *own]
+    known = {**described.further, **described.units}
+    units = {f.name: f.unit for f in design.factors} | {name: known[name] for name in measures.signals}
+    return {
+        "identity": dict(identity),
+        "name": plan.name,
+        "description": plan.description,
+        "variants": design.count,
+        "sampling": design.method,
+        "runs": plan.runs,
+        "seed": plan.seed,
+        "vary": {name: str(given) for name, given in plan.vary.items()},
+        "factors": {f.name: [asdict(target) for target in f.targets] for f in design.factors},
+        "figures": list(measures.names),
+        "expressions": dict(measures.expressions),
+        "signals": list(measures.signals),
+        "units": units,
+        "shown": {
+            name: asdict(display)
+            for name in measures.figures
+            if (display := described.figures[name].display) is not None
+        },
+        "verdicts": list(measures.verdicts),
+        "notes": list(notes),
+        "required": list(design.groups[0].preparation.options.require),
+        "base": None if base is None else ["emla", "run", *base],
+        "systems": design.identities,
+        "version": version("emla-cosim"),
+    }

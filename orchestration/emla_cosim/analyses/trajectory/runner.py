@@ -1,0 +1,159 @@
+"""Optimise a motion of the manipulator."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from hdrm_fmu.optimisation.assessment import Assessment, assessed
+from hdrm_fmu.optimisation.narrowing import narrowed
+from hdrm_fmu.optimisation.problem import EndSpeed, MotionProblem
+from hdrm_fmu.optimisation.solving import (
+    MOST_ITERATIONS,
+    NoMotionError,
+    Solution,
+    detour,
+    solved,
+)
+from hdrm_fmu.optimisation.transcription import Discretisation
+from hdrm_fmu.spline_window import COEFFICIENTS
+
+from ...base.errors import CommandError, RunError, check_choice
+from ...base.progress import Progress
+from ...base.values import convert_value
+from .payload_file import check_payload, save_payload
+from .pictures import picture_places, save_pictures
+from .problem import load_problem
+from .result import TrajectoryResult
+
+_RANGES = {"degree": (3, 5), "points": (3, 50), "starts": (1, 100), "subdivisions": (1, 64)}
+"""Smallest and largest values of the sizes; from degree 3 on, the acceleration has no jumps."""
+
+_LEAST_COEFFICIENTS = 6
+"""Two at either end for position and speed, and two free ones between."""
+
+
+def trajectory(
+    problem: MotionProblem | Mapping[str, Any] | str | Path | None = None,
+    *,
+    end_speed: str = EndSpeed.CLIP.value,
+    tie_break: float = 1e-3,
+    degree: int = 5,
+    knots: int = 20,
+    points: int = 10,
+    subdivisions: int = 1,
+    starts: int = 1,
+    output: str | Path | None = None,
+    overwrite: bool = False,
+    plots: bool = True,
+    progress: Progress | None = None,
+) -> TrajectoryResult:
+    """Optimize the motion between two postures for least actuator power, (14) within the bounds of (15).
+
+    Args:
+        problem: a `MotionProblem`, a TOML file with its fields, or a mapping with some of them, of which
+            `machine` contains fields of `HdrmParameters`. Default: the problem of the paper, Table II.
+        end_speed: reading of an end speed beyond its own bound: clip, exempt, decimal or rest.
+        tie_break: weight of the powers of single joints beside the square of their sum, 0 to 1000; 0 is as
+            printed in the paper.
+        degree: degree of the spline, 3 to 5.
+        knots: number of different knots: at least 7 - `degree` and 2, at most 49 - `degree`.
+        points: number of points between two knots in which bounds are checked, 3 to 50.
+        subdivisions: number of parts of each span between knots, 1 to 64. Strokes and speeds are bounded at
+            the control points of these parts. More parts cost less power, and more time to solve.
+        starts: number of initial guesses, 1 to 100. The best motion counts.
+        output: file to write the motion to. A payload that changes is written beside it.
+        overwrite: replace files that emla did not write.
+        plots: draw pictures beside the file.
+        progress: receives the progress of the optimization.
+
+    Returns:
+        The motion and its metrics.
+
+    Raises:
+        CommandError: the problem is wrong. Nothing was solved.
+        RunError: no motion keeps all bounds; the message names those that are in the way.
+    """
+    reporter, reading = progress or Progress(), _parse_reading(end_speed)
+    given = load_problem(problem)
+    sizes = _sizes(degree, knots, points)
+    how = Discretisation(*sizes, _weight(tie_break), _size("subdivisions", subdivisions))
+    place = None if output is None else convert_value(output, Path, "the output file")
+    if place is not None:
+        picture_places(place, plots, problem, overwrite)
+        check_payload(place, given, overwrite)
+    read = _resolve_contradictions(given, reading)
+    best, figures = _find_best(read, how, _size("starts", starts), reporter)
+    spline, contradictions = best.spline(how), given.contradictions()
+    result = TrajectoryResult(spline, figures, given, read, reading, contradictions, how, best, starts)
+    if place is not None:
+        result.save(place, overwrite)
+        save_payload(result, place, overwrite)
+        if plots:
+            save_pictures(result, place, overwrite)
+    return result
+
+
+def _parse_reading(name: str) -> EndSpeed:
+    check_choice("reading of end speeds", name, [reading.value for reading in EndSpeed])
+    return EndSpeed(name)
+
+
+def _sizes(degree: int, knots: int, points: int) -> tuple[int, int, int]:
+    most, least = COEFFICIENTS + 1 - _size("degree", degree), _LEAST_COEFFICIENTS + 1 - degree
+    if not _is_whole(knots) or not max(least, 2) <= knots <= most:
+        raise CommandError(
+            f"knots is {knots!r}; with degree {degree}, it must be a whole number from {max(least, 2)} to "
+            f"{most}: the block Trajectory has room for {COEFFICIENTS} coefficients, which are knots + "
+            "degree - 1."
+        )
+    return degree, knots, _size("points", points)
+
+
+def _size(name: str, value: int) -> int:
+    least, most = _RANGES[name]
+    if not _is_whole(value) or not least <= value <= most:
+        raise CommandError(f"{name} is {value!r}; it must be a whole number from {least} to {most}.")
+    return value
+
+
+def _is_whole(value: object) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool)
+
+
+def _weight(tie_break: float) -> float:
+    found = convert_value(tie_break, float, "the tie-break weight")
+    if not 0.0 <= found <= 1e3:
+        raise CommandError(f"the tie-break weight is {found:g}; it must be from 0 to 1000.")
+    return found
+
+
+def _resolve_contradictions(given: MotionProblem, reading: EndSpeed) -> MotionProblem:
+    """Return the problem with its end speeds read; raise CommandError if it still contradicts itself."""
+    read = given.read_as(reading)
+    left = read if reading != EndSpeed.EXEMPT else read.read_as(EndSpeed.CLIP)
+    if sentences := left.contradictions():
+        raise CommandError(f"the problem contradicts itself: {'; '.join(sentences)}.")
+    return read
+
+
+def _find_best(
+    problem: MotionProblem, how: Discretisation, starts: int, reporter: Progress
+) -> tuple[Solution, Assessment]:
+    """Return the best of the motions from several starts, with its figures."""
+    found = list[Solution]()
+    for i in range(starts):
+        begin = None if i == 0 else detour(problem, how, i)
+        reporter.begin("optimising" if starts == 1 else f"start {i + 1}", MOST_ITERATIONS, "iterations")
+        try:
+            found.append(solved(problem, how, begin, lambda: reporter.advance(1)))
+        except NoMotionError as error:
+            if not found and i + 1 == starts:
+                raise RunError(str(error)) from error
+        reporter.finish()
+    best = min(found, key=lambda solution: solution.cost)
+    figures = assessed(best.spline(how), problem, how.tie_break)
+    if not figures.within_bounds:
+        reporter.begin("narrower bounds", MOST_ITERATIONS, "iterations")
+        best, figures = narrowed(best, problem, how, lambda: reporter.advance(1))
+        reporter.finish()
+    return best, figures

@@ -1,0 +1,152 @@
+"""Prepare a tuning: resolve the gains, cases, seeds and conditions of a plan in a system with its FMUs."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from ...base.errors import CommandError
+from ...run.requirements import Requirement, parse_requirement
+from ...run.run_setup import run_times
+from ...run.scenarios.scenario import Scenario
+from ..execution.worker_payload import Preparation
+from ..variants.data import SimulationDescription
+from ..variants.factors import Factor, resolve_factors
+from ..variants.measures import Measures, MetricRequest, resolve_measures
+from ..variants.targets import merge_options
+from .expressions import Expression, parse_expression
+from .loop_margins import LoopMargins, margin_requirements, prepare_loops
+from .plan import Case, TuningPlan
+from .score import Objective
+from .space import Space, build_space, check_during_a_run
+from .tracking import TRACKING_ERROR
+
+
+@dataclass(frozen=True)
+class TuningTask:
+    """A prepared tuning; `cases` has the options of each case, `loops` those whose margins it requires."""
+
+    plan: TuningPlan
+    space: Space
+    objective: Objective
+    measures: Measures
+    cases: Sequence[Mapping[str, Any]]
+    loops: Sequence[LoopMargins | None]
+    seeds: Factor | None
+    units: Mapping[str, str]
+    identity: Mapping[str, Any]
+
+
+def prepare_task(
+    plan: TuningPlan, preparation: Preparation, described: SimulationDescription, scenario: Scenario
+) -> TuningTask:
+    """Resolve a plan in a system; `scenario` is the one that was prepared.
+
+    Raises:
+        CommandError: A name does not exist, or parts of the plan contradict each other.
+    """
+    objective = parse_expression(plan.objective, f"'objective' of {plan.where}")
+    required = [_conditions(plan, case, objective, described) for case in plan.cases]
+    measures = _measures(plan, objective, required, described)
+    found = build_space(plan, preparation.system, preparation.interfaces)
+    times = run_times(preparation.options, plan.name)
+    cases = [_options(case, plan, preparation) for case in plan.cases]
+    loops = [
+        prepare_loops(case, values, scenario, plan.where)
+        for case, values in zip(plan.cases, cases, strict=True)
+    ]
+    checked = [[*found, *margin_requirements(case)] for case, found in zip(plan.cases, required, strict=True)]
+    return TuningTask(
+        plan,
+        found,
+        Objective(
+            objective,
+            plan.cases,
+            checked,
+            times.start,
+            times.stop,
+            plan.margin,
+            _tracking_errors(described),
+        ),
+        measures,
+        cases,
+        loops,
+        _seeds(plan, preparation),
+        {axis.name: axis.factor.unit for axis in found.axes if axis.factor is not None},
+        preparation.identity,
+    )
+
+
+def _conditions(
+    plan: TuningPlan, case: Case, objective: Expression, described: SimulationDescription
+) -> list[Requirement]:
+    """Return the conditions of a case, and that each joint of its objective is held."""
+    found = [parse_requirement(text) for text in (plan.require if case.require is None else case.require)]
+    named = {one.figure for one in found}
+    verdicts = {f.subject: name for name, f in described.figures.items() if f.is_verdict}
+    subjects = dict.fromkeys(_subject(name, described) for name in sorted(objective.names))
+    held = [verdicts[subject] for subject in subjects if subject in verdicts]
+    return [*found, *(Requirement(name, "==", True) for name in held if name not in named)]
+
+
+def _subject(name: str, described: SimulationDescription) -> str:
+    """Return the object of a metric; a metric of the plan belongs to the one that its name begins with."""
+    return described.figures[name].subject if name in described.figures else name.rpartition(".")[0]
+
+
+def _measures(
+    plan: TuningPlan,
+    objective: Expression,
+    required: Sequence[Sequence[Requirement]],
+    described: SimulationDescription,
+) -> Measures:
+    """Return the figures that objective and conditions need; raise CommandError for an unknown one."""
+    own = MetricRequest.of(plan.metrics, plan.where)
+    conditions = [r for case in required for r in case]
+    needed = dict.fromkeys([*sorted(objective.names), *(r.figure for r in conditions)])
+    figures = [name for name in needed if name not in own.expressions and name not in own.functions]
+    figures += [name for name in _tracking_errors(described) if name not in figures]
+    asked = MetricRequest(figures, own.expressions, own.functions)
+    measures = resolve_measures(
+        asked, described.figures, list(described.units), list(described.further), [], plan.where
+    )
+    if inexact := [name for name in figures if name not in described.figures]:
+        raise CommandError(f"{plan.where} needs the figure '{inexact[0]}' by its name, not by a pattern.")
+    for one in conditions:
+        if (one.figure in measures.truths) != isinstance(one.value, bool):
+            right = "true or false" if one.figure in measures.truths else "a number"
+            raise CommandError(
+                f"the requirement '{one}' of {plan.where} has the wrong type: {one.figure} is {right}."
+            )
+    return measures
+
+
+def _tracking_errors(described: SimulationDescription) -> list[str]:
+    return [name for name, figure in described.figures.items() if figure.metric == TRACKING_ERROR]
+
+
+def _options(case: Case, plan: TuningPlan, preparation: Preparation) -> dict[str, Any]:
+    """Return the options of a case, each with its one value."""
+    where = f"the case '{case.name}' of {plan.where}"
+    found = resolve_factors(case.set, preparation.system, preparation.interfaces, where)
+    check_during_a_run(found, where)
+    parts = list[dict[str, Any]]()
+    for factor in found:
+        levels = factor.distribution.levels
+        if levels is None or len(levels) != 1:
+            raise CommandError(f"'{factor.name}' of {where} must be one value, such as 0.1 or \"110%\".")
+        parts.append(factor.options(factor.value(levels[0])))
+    return merge_options(parts)
+
+
+def _seeds(plan: TuningPlan, preparation: Preparation) -> Factor | None:
+    """Return the start values that seed random sequences; None for a system without any."""
+    if not plan.seeds:
+        return None
+    given = {"seeds": {"of": list(plan.seeds), "distribution": "values", "values": [1]}}
+    try:
+        (found,) = resolve_factors(given, preparation.system, preparation.interfaces, plan.where)
+    except CommandError:
+        if plan.seeds == TuningPlan.seeds:
+            return None
+        raise
+    return found

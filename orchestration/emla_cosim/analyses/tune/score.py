@@ -1,0 +1,179 @@
+"""Score sets of gains: their objective if all conditions hold, else how far they are from it."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ...run.requirements import Requirement
+from ..variants.data import VariantOutcome
+from .expressions import Expression
+from .plan import Case
+from .search import Order
+
+LOST = 20.0
+"""Violation of a run that ended early or has no objective, larger than that of missed conditions."""
+
+_MOST = 10.0
+"""Largest violation of a missed condition."""
+
+_MISSED = 1.0
+"""Violation of a missed condition without a distance, such as a truth value."""
+
+
+@dataclass(frozen=True)
+class Score:
+    """The score of a set of gains over all its runs.
+
+    Attributes:
+        objective: The mean over cases by their weights, each the mean over seeds; NaN if a run has none.
+        violation: 0 if all conditions hold in all runs, with the margin of the plan.
+        lost: The number of runs that ended early or have no objective.
+        runs: The number of all runs.
+        by_case: The objective of each case.
+        worst: For each case and condition, the figure that is farthest from it.
+    """
+
+    objective: float
+    violation: float
+    lost: int
+    runs: int
+    by_case: Mapping[str, float] = field(default_factory=dict)
+    worst: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+
+    @property
+    def holds(self) -> bool:
+        """Whether all conditions hold, without any margin."""
+        return not self.lost and not self.list_unmet()
+
+    @property
+    def order(self) -> Order:
+        """The key that the search compares."""
+        return (True, self.violation) if self.violation else (False, self.objective)
+
+    def list_unmet(self) -> list[str]:
+        """Return the conditions that do not hold, with their case and the worst figure."""
+        return [
+            f"{case}: {condition}, but it is {format_figure(worst['figure'])}"
+            for case, conditions in self.worst.items()
+            for condition, worst in conditions.items()
+            if not worst["met"]
+        ]
+
+
+def format_figure(figure: Any) -> str:
+    """Return a figure as text for messages."""
+    if figure is None or figure != figure:
+        return "missing"
+    return str(figure).lower() if isinstance(figure, bool) else f"{figure:.6g}"
+
+
+@dataclass(frozen=True)
+class Objective:
+    """The objective, and the conditions for each case; runs last from `start` to `stop` in s.
+
+    Attributes:
+        margin: By which part figures must be better than their conditions.
+        tracking_errors: Names of the figures that say how far joints are from their references.
+    """
+
+    objective: Expression
+    cases: Sequence[Case]
+    required: Sequence[Sequence[Requirement]]
+    start: float
+    stop: float
+    margin: float = 0.0
+    tracking_errors: Sequence[str] = ()
+
+    def score(self, outcomes: Sequence[Sequence[VariantOutcome]]) -> Score:
+        """Return the score of gains.
+
+        Args:
+            outcomes: The outcomes of their runs: for each case a list over seeds.
+        """
+        objectives = dict[str, float]()
+        worst = dict[str, Mapping[str, Any]]()
+        violation, lost, runs = 0.0, 0, 0
+        for case, required, ours in zip(self.cases, self.required, outcomes, strict=True):
+            values = [self._objective(case, outcome) for outcome in ours]
+            missing = [x != x for x in values]
+            objectives[case.name] = float(np.mean(values)) if case.weight else math.nan
+            each = [self._violation(o, required, gone) for o, gone in zip(ours, missing, strict=True)]
+            violation += sum(each) / len(each)
+            lost += sum(missing)
+            runs += len(ours)
+            worst[case.name] = {str(r): _worst(r, ours) for r in required}
+        total = sum(case.weight for case in self.cases)
+        objective = sum(c.weight * objectives[c.name] for c in self.cases if c.weight) / total
+        by_case = {name: value for name, value in objectives.items() if value == value}
+        return Score(objective, violation, lost, runs, by_case, worst)
+
+    def meets_measured(self, outcomes: Sequence[Sequence[VariantOutcome]]) -> bool:
+        """Return whether runs meet all conditions on figures that they have; margins come later."""
+        return all(
+            outcome.complete
+            and not any(
+                _excess(r, outcome.figures[r.figure], self.margin)
+                for r in required
+                if r.figure in outcome.figures
+            )
+            for required, ours in zip(self.required, outcomes, strict=True)
+            for outcome in ours
+        )
+
+    def _objective(self, case: Case, outcome: VariantOutcome) -> float:
+        """Return the objective of one run; NaN for a lost one, 0 for a case without weight."""
+        if not outcome.complete:
+            return math.nan
+        if not case.weight:
+            return 0.0
+        numbers = {name: math.nan if x is None else float(x) for name, x in outcome.figures.items()}
+        value = self.objective.value(numbers)
+        return value if math.isfinite(value) else math.nan
+
+    def _violation(self, outcome: VariantOutcome, required: Sequence[Requirement], is_lost: bool) -> float:
+        """Return the violation of a run; among lost runs, too, a smaller one is nearer to the conditions."""
+        found = sum(_excess(r, outcome.figures.get(r.figure), self.margin) for r in required)
+        if is_lost:
+            found += LOST + LOST * self._missing_part(outcome)
+        return found + self._distance(outcome) if found else 0.0
+
+    def _distance(self, outcome: VariantOutcome) -> float:
+        """Return how far the joints are from their references."""
+        errors = [float(x) for n in self.tracking_errors if (x := outcome.figures.get(n)) is not None]
+        return sum(errors) / len(errors) if errors else 0.0
+
+    def _missing_part(self, outcome: VariantOutcome) -> float:
+        """Return the part of the run that is missing."""
+        if outcome.complete:
+            return 0.0
+        end = self.start if outcome.end_s is None else outcome.end_s
+        return min(max((self.stop - end) / (self.stop - self.start), 0.0), 1.0)
+
+
+def _excess(required: Requirement, figure: Any, margin: float = 0.0) -> float:
+    """Return by how much a figure violates its condition, relative to the limit."""
+    if required.met_by(figure) and not margin:
+        return 0.0
+    if figure is None or figure != figure:
+        return _MOST
+    if isinstance(required.value, bool) or required.sign in ("==", "!="):
+        return 0.0 if required.met_by(figure) else _MISSED
+    scale = abs(required.value) or 1.0
+    beyond = (figure - required.value) / scale * (1.0 if required.sign[0] == "<" else -1.0) + margin
+    if beyond < 0.0 or (beyond == 0.0 and required.sign[1:]):
+        return 0.0
+    return min(max(beyond, 1e-9), _MOST)
+
+
+def _worst(required: Requirement, outcomes: Sequence[VariantOutcome]) -> dict[str, Any]:
+    """Return the figure that violates a condition most, or is nearest to its limit, and whether it holds."""
+    figures = [outcome.figures.get(required.figure) for outcome in outcomes]
+    numbers = [x for x in figures if isinstance(x, (int, float)) and x == x]
+    if failing := [x for x in figures if not required.met_by(x)]:
+        figure = max(failing, key=lambda x: _excess(required, x))
+        return {"figure": None if figure != figure else figure, "met": False}
+    low = required.sign in (">", ">=")
+    return {"figure": min(numbers) if low else max(numbers), "met": True}

@@ -1,0 +1,1 @@
+"""Variants of a scenario: what varies, how it is drawn, and what is measured."""

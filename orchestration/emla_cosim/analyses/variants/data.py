@@ -1,0 +1,102 @@
+"""Variants of a sweep, their outcomes, and the data of a sweep's result."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import polars
+
+from ...recorders.metrics import Figure, MetricDisplay
+from ...run.half_step import HalfStep
+from .targets import Target
+
+DONE, DIVERGED, REFUSED, FAILED, DIED = "done", "diverged", "refused", "failed", "died"
+TIMED_OUT = "timed out"
+"""Statuses of a variant: completed; diverged in a step; refused before the first step; failed in a figure or
+requirement; its process died; it took too long."""
+
+VARIANT, STATUS, PROBLEM = "variant", "status", "problem"
+"""Columns of the table besides factors and figures."""
+
+RESERVED = (VARIANT, STATUS, PROBLEM, "end_s", "seed", "provenance", "time")
+"""Columns of every table of variants. Factors and figures must not have these names."""
+
+
+@dataclass(frozen=True)
+class SweepData:
+    """The data of a sweep's result. `SweepResult` explains the fields."""
+
+    name: str
+    sampling: str
+    seed: int
+    factors: Sequence[str]
+    figures: Sequence[str]
+    variants: polars.DataFrame
+    signals: Sequence[str] = ()
+    series: polars.LazyFrame | None = None
+    units: Mapping[str, str] = field(default_factory=dict)
+    shown: Mapping[str, MetricDisplay] = field(default_factory=dict)
+    verdicts: Sequence[str] = ()
+    folder: Path | None = None
+    complete: bool = True
+    required: Sequence[str] = ()
+    base: Sequence[str] | None = None
+    targets: Mapping[str, Sequence[Target]] = field(default_factory=dict)
+    wall_s: float = 0.0
+    notes: Sequence[str] = ()
+    resources: object = field(default=None, compare=False, repr=False)
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One variant: its number, its own options, and whether it runs with half the step of them."""
+
+    number: int
+    options: Mapping[str, Any]
+    is_halved: bool = False
+
+
+@dataclass(frozen=True)
+class VariantOutcome:
+    """The outcome of a variant: status, reason, end time in s, and figures.
+
+    Attributes:
+        cut_short: Whether an FMU asked to end the run before its stop time; its status is then "done".
+        half_step: How a variant with half the step was run.
+    """
+
+    number: int
+    status: str
+    problem: str | None = None
+    end_s: float | None = None
+    figures: Mapping[str, Any] = field(default_factory=dict)
+    cut_short: bool = False
+    half_step: HalfStep | None = None
+
+    @property
+    def complete(self) -> bool:
+        """Whether the variant ran as long as it was asked to, so that its figures compare with others."""
+        return self.status == DONE and not self.cut_short
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """The outcomes of a chunk, its duration in s, and its signals as a Parquet file."""
+
+    outcomes: Sequence[VariantOutcome]
+    wall_s: float
+    series: bytes | None = None
+
+
+@dataclass(frozen=True)
+class SimulationDescription:
+    """The signals (with units) and figures of a prepared simulation."""
+
+    units: Mapping[str, str]
+    further: Mapping[str, str]
+    """Other variables that metrics can name, with units."""
+    figures: Mapping[str, Figure]
+    """Figures by name, before the first step."""
+    rows: int
+    """Rows of a table with the options of the scenario."""

@@ -1,0 +1,256 @@
+"""Parse distributions of plans and of the command line."""
+
+import contextlib
+import difflib
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import MISSING, fields
+from typing import Any, NoReturn
+
+from ...base.errors import CommandError, join_names
+from ...base.quantities import has_unit
+from ...base.table_entries import unknown_entry
+from ...system.model import Value
+from .kinds import Distribution, Integers, LogNormal, LogUniform, Normal, Triangular, Uniform, ValueList
+
+DISTRIBUTIONS: dict[str, type[Distribution]] = {
+    kind.name: kind for kind in (Uniform, LogUniform, Normal, LogNormal, Triangular, ValueList, Integers)
+}
+"""Kinds of distributions by their names in plans."""
+
+FORMS = "LOW:HIGH, LOW:HIGH:N, A,B,C, ±10%, 80%:120% and NAME(...) such as normal(0.14, 0.01)"
+"""The short forms, for messages. Values may have units, such as 1 mm:5 mm:5."""
+
+_NUMBER = re.compile(
+    r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?|[+-]?(nan|inf|infinity)", re.IGNORECASE
+)
+_WHOLE = re.compile(r"[+-]?[0-9]{1,30}")
+_NAMED = re.compile(r"([\w-]+)\s*\((.*)\)", re.DOTALL)
+_WORDS: dict[str, Value] = {"true": True, "false": False}
+
+
+Convert = Callable[[str], Any]
+"""Convert a text with a unit to a number. Raise CommandError for an incompatible unit."""
+
+_Fields = tuple[type[Distribution], Mapping[str, Any]]
+"""A kind of distributions and its fields, unchecked."""
+
+_LIST_OR_DECIMAL = re.compile(r"(?<![\w.,])([+-]?[0-9]+),([0-9]+)\s*([^\W\d_][^,)]*)")
+"""A number with a decimal comma and a unit, or two values of a list."""
+
+
+def parse_distribution(value: Any, where: str, convert: Convert | None = None) -> Distribution:
+    """Read the distribution of a factor from a plan or from the command line.
+
+    Texts have short forms:
+
+    - LOW:HIGH is uniform. LOW:HIGH:N has N levels in a grid.
+    - A,B,C, or a single A, are values: numbers, true, false or texts without commas, colons and parentheses.
+    - NAME(...) has the fields of that kind in their order or as name=value.
+    - Percentages are of the nominal value: 80%:120%, 80%:120%:N, 90%,110%, or ±10% (also +-10%), which is
+      uniform from 90 % to 110 %.
+
+    Args:
+        value: A table with `distribution` (the name) and its fields, a list of values, a text in a short
+            form, a number, a Boolean, or a distribution.
+        where: Name of the factor in messages.
+        convert: Converts texts such as "5 mm", unless the values are factors. Default: they stay texts.
+
+    Raises:
+        CommandError: The value is anything else, or only some of its values have a unit.
+    """
+    if isinstance(value, Distribution):
+        return value
+    with _name_factor(where):
+        kind, given = _parse(value.strip()) if isinstance(value, str) else _read(value)
+        has_units = convert is not None and not given.get("relative")
+        if has_units:
+            _check_units(kind, given, value)
+    if convert is not None and has_units:
+        given = {**given, **_map_values(kind, given, lambda x: convert(x) if _is_quantity(x) else x)}
+    with _name_factor(where):
+        return _make_distribution(kind, given)
+
+
+@contextlib.contextmanager
+def _name_factor(where: str) -> Iterator[None]:
+    """Begin messages of errors with the name of the factor."""
+    try:
+        yield
+    except CommandError as error:
+        raise CommandError(f"{where}: {error}", **error.fields) from None
+
+
+def _map_values(
+    kind: type[Distribution], given: Mapping[str, Any], change: Callable[[Any], Any]
+) -> dict[str, Any]:
+    """Return the fields in the unit of what varies, changed."""
+    if kind is ValueList:
+        values = given.get("values")
+        if isinstance(values, str) or not isinstance(values, Sequence):
+            return {}
+        return {"values": [change(value) for value in values]}
+    factor = "deviation" if kind is LogNormal else ""
+    return {n: change(value) for n, value in given.items() if n not in ("points", "relative", factor)}
+
+
+def _check_units(kind: type[Distribution], given: Mapping[str, Any], written: Any) -> None:
+    """Raise CommandError if only some numbers have a unit; 0 needs none.
+
+    In a text, a list of values must not look like a number with a decimal comma.
+    """
+    if isinstance(written, str) and ":" not in written and (found := _LIST_OR_DECIMAL.search(written)):
+        whole, second, unit = (part.strip() for part in found.groups())
+        raise CommandError(
+            f"'{found[0].strip()}' has two meanings; write '{whole}.{second} {unit}', or "
+            f"'{whole} {unit}, {second} {unit}' for two values.",
+            text=written,
+        )
+    values = list[Any]()
+    _map_values(kind, given, values.append)
+    quantities = list(filter(_is_quantity, values))
+    bare = [v for v in values if isinstance(v, (int, float)) and v != 0.0]
+    if quantities and bare:
+        raise CommandError(f"{bare[0]} has no unit, but {quantities[0]} has; add a unit to all or none.")
+
+
+def _is_quantity(value: Any) -> bool:
+    return has_unit(value) and not value.rstrip().endswith("%")
+
+
+def _read(value: Any) -> _Fields:
+    if hasattr(value, "tolist"):
+        value = value.tolist()  # NumPy
+    if isinstance(value, Mapping):
+        if "distribution" not in value:
+            raise CommandError(
+                f"the table has no distribution; write distribution = one of {join_names(DISTRIBUTIONS)}.",
+                choices=list(DISTRIBUTIONS),
+            )
+        return _kind(value["distribution"]), {n: x for n, x in value.items() if n != "distribution"}
+    if isinstance(value, (bool, int, float)):
+        return ValueList, {"values": (value,)}
+    if isinstance(value, Sequence) and not isinstance(value, (str, bytes)):
+        return ValueList, {"values": value}
+    raise CommandError(
+        f"what varies is {value!r}; it must be a list of values, a text such as '0.1:0.3', or a table "
+        'such as { distribution = "normal", mean = 0.14, deviation = 0.01 }.',
+        value=value,
+    )
+
+
+def _kind(name: Any) -> type[Distribution]:
+    if isinstance(name, str) and name in DISTRIBUTIONS:
+        return DISTRIBUTIONS[name]
+    near = difflib.get_close_matches(str(name), DISTRIBUTIONS, n=1)
+    meant = f"did you mean '{near[0]}'?" if near else f"choose from {join_names(DISTRIBUTIONS)}."
+    raise CommandError(f"there is no distribution '{name}'; {meant}", name=name, choices=list(DISTRIBUTIONS))
+
+
+def _make_distribution(kind: type[Distribution], given: Mapping[str, Any]) -> Distribution:
+    """Create a distribution from unchecked fields."""
+    known = [*list_positional_fields(kind), "relative"]
+    for key in given:
+        if key not in known:
+            raise unknown_entry(kind.noun, key, known)
+    needed = [f.name for f in fields(kind) if f.default is MISSING]
+    if any(name not in given for name in needed):
+        raise CommandError(f"{kind.noun} needs {join_names(needed)}.", needed=needed)
+    return kind(**given)
+
+
+def list_positional_fields(kind: type[Distribution]) -> list[str]:
+    """Return the fields of a kind in the order of its short form."""
+    return [f.name for f in fields(kind) if not f.kw_only]
+
+
+def _parse(text: str) -> _Fields:
+    if named := _NAMED.fullmatch(text):
+        return _parse_call(_kind(named[1]), _parts(text, named[2], ",") if named[2].strip() else [])
+    if "(" in text or ")" in text:
+        _refuse(text)
+    if text.startswith(("±", "+-")):
+        return _parse_tolerance(text)
+    if ":" in text:
+        return _parse_range(text)
+    parts = _parts(text, text, ",")
+    factors = [p for p in map(_percent, parts) if p is not None]
+    if not factors:
+        return ValueList, {"values": [_value(part) for part in parts]}
+    if len(factors) < len(parts):
+        _refuse(text)
+    return ValueList, {"values": factors, "relative": True}
+
+
+def _parse_call(kind: type[Distribution], arguments: Sequence[str]) -> _Fields:
+    """Parse the arguments of NAME(...): first those without a name."""
+    named = [tuple(map(str.strip, a.split("=", 1))) for a in arguments if "=" in a]
+    plain = [_value(a) for a in arguments if "=" not in a]
+    if any("=" in a for a in arguments[: len(plain)]):
+        raise CommandError(f"{kind.noun} takes arguments without a name first, then those with one.")
+    names = list_positional_fields(kind)
+    if kind is ValueList:
+        plain = [plain] if plain else []
+    if len(plain) > len(names):
+        raise CommandError(
+            f"{kind.noun} takes {len(names)} arguments at most: {join_names(names)}; here are {len(plain)}."
+        )
+    given: dict[str, Any] = dict(zip(names, plain, strict=False))
+    for name, value in named:
+        if name in given:
+            raise CommandError(f"{kind.noun} has {name} twice; once is right.", name=name)
+        given[name] = _value(value)
+    return kind, given
+
+
+def _parse_tolerance(text: str) -> _Fields:
+    """Parse ±10%."""
+    number = _value(text.removeprefix("±").removeprefix("+-").removesuffix("%").strip())
+    if not text.endswith("%") or isinstance(number, (bool, str)):
+        _refuse(text)
+    if number <= 0:
+        raise CommandError(f"the tolerance '{text}' must be more than 0 %.", text=text)
+    return Uniform, {"low": (100 - number) / 100, "high": (100 + number) / 100, "relative": True}
+
+
+def _parse_range(text: str) -> _Fields:
+    """Parse LOW:HIGH and LOW:HIGH:N."""
+    low, high, *points = _parts(text, text, ":")
+    if len(points) > 1:
+        _refuse(text)
+    ends = [_percent(low), _percent(high)]
+    relative = ends != [None, None]
+    if not relative:
+        ends = [_value(low), _value(high)]
+    numbers = [*ends, *map(_value, points)]
+    if any(n is None or isinstance(n, (bool, str)) for n in numbers if relative or not has_unit(n)):
+        _refuse(text)
+    return Uniform, dict(zip(("low", "high", "points"), numbers, strict=False)) | {"relative": relative}
+
+
+def _parts(text: str, inner: str, separator: str) -> list[str]:
+    """Split at separators. No part may be empty."""
+    parts = [part.strip() for part in inner.split(separator)]
+    if not all(parts):
+        _refuse(text)
+    return parts
+
+
+def _value(text: str) -> Value:
+    if text in _WORDS:
+        return _WORDS[text]
+    if _WHOLE.fullmatch(text):
+        return int(text)
+    return float(text) if _NUMBER.fullmatch(text) else text
+
+
+def _percent(text: str) -> float | None:
+    """Return a percentage as a factor; None if the text is not a percentage."""
+    value = _value(text.removesuffix("%").strip())
+    if not text.endswith("%") or isinstance(value, (bool, str)):
+        return None
+    return value / 100
+
+
+def _refuse(text: str) -> NoReturn:
+    raise CommandError(f"'{text}' is not a distribution; write one of {FORMS}.", text=text)

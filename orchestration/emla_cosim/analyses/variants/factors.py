@@ -1,0 +1,232 @@
+"""Resolve the names and patterns of a plan into factors and their targets."""
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from ...base.errors import CommandError, join_names, suggest_names
+from ...base.quantities import parse_unit_name, read_quantity, split_quantity
+from ...base.units import SiUnit
+from ...base.values import convert_value
+from ...fmu.interface import Interface
+from ...fmu.units import read_si_number
+from ...run.options import list_options
+from ...system.model import System, Value
+from ...system.names import NamedVariable, Names
+from .data import RESERVED
+from .distributions import parse_distribution
+from .kinds import Distribution
+from .targets import ACTUATOR, FMU, OPTION, SHEET, START, Target, assign_value
+
+
+@dataclass(frozen=True)
+class Factor:
+    """A factor: its name, its targets, and its distribution.
+
+    The table of variants has its value in `unit`. If several targets have different nominal values, it has
+    the multiplier.
+    """
+
+    name: str
+    targets: Sequence[Target]
+    distribution: Distribution
+    unit: str = ""
+
+    def value(self, drawn: Value | None) -> Value | None:
+        """Return the value in the table of variants for a drawn one; None for the nominal value."""
+        alone = self.targets[0].nominal if len(self.targets) == 1 else None
+        return drawn if drawn is None or alone is None else alone * float(drawn)
+
+    def options(self, value: Value | None) -> dict[str, Any]:
+        """Return the options that set a value of the table in a run; none for None."""
+        return assign_value(self.targets, value)
+
+
+def resolve_factors(
+    vary: Mapping[str, Any], system: System, interfaces: Mapping[str, Interface], where: str
+) -> list[Factor]:
+    """Return the factors of a plan for this system. A pattern gives a factor for each matching start value.
+
+    Raises:
+        CommandError: A name does not exist, is driven or occurs twice, or a value is not a distribution.
+    """
+    found, names = list[Factor](), Names(system, interfaces)
+    for name, given in vary.items():
+        varying = _FactorResolver(str(name), f"'{name}' of {where}", system, names)
+        found += varying.factors(given)
+    _check_names(found, where)
+    return found
+
+
+def find_start_values(
+    pattern: str, system: System, interfaces: Mapping[str, Interface]
+) -> dict[str, float | None]:
+    """Return the names of settable numbers that match a pattern, with start values (None if unknown)."""
+    names = Names(system, interfaces)
+    return {v.full_name: v.start_number for v in names.match(pattern) if names.is_free(v) and _is_number(v)}
+
+
+def _is_number(variable: NamedVariable) -> bool:
+    return variable.variable.type in ("Real", "Integer")
+
+
+def _check_names(found: Sequence[Factor], where: str) -> None:
+    """Raise CommandError if two factors share a name or target, or a name is reserved."""
+    names, targets = set[str](), dict[str, str]()
+    for factor in found:
+        if factor.name in RESERVED:
+            raise CommandError(
+                f"'{factor.name}' of {where} needs another name: every table of variants has this column."
+            )
+        if factor.name in names:
+            raise CommandError(f"{where} has two factors '{factor.name}'; rename one of them.")
+        names.add(factor.name)
+        for target in factor.targets:
+            if target.name in targets:
+                both = f"as {targets[target.name]} and as {factor.name}"
+                raise CommandError(f"{where} varies {target.name} twice: {both}.", name=target.name)
+        targets |= {target.name: factor.name for target in factor.targets}
+
+
+@dataclass(frozen=True)
+class _Subject:
+    """What varies: an option, the FMU of a component, or a start value, with its `number` in the scenario.
+
+    If it `takes_text`, values that look like quantities may be texts: files, names of levels.
+    """
+
+    name: str
+    kind: str
+    unit: SiUnit | None = None
+    takes_text: bool = False
+    number: float | None = None
+
+    def target(self, is_relative: bool, label: str) -> Target:
+        """Return the target. Raise CommandError for a relative value without a number to multiply."""
+        if not is_relative:
+            return Target(self.name, self.kind)
+        if self.number is None:
+            raise CommandError(f"{label} is relative, but {self.name} has no number in the scenario.")
+        if self.number == 0.0:
+            raise CommandError(f"{label} is relative, but {self.name} is 0 in the scenario; give it values.")
+        return Target(self.name, self.kind, self.number)
+
+
+@dataclass(frozen=True)
+class _FactorResolver:
+    """Resolves one entry of a plan, `name`, in a system with these `names`. Messages call it `label`."""
+
+    name: str
+    label: str
+    system: System
+    names: Names
+
+    def factors(self, given: Any) -> list[Factor]:
+        """Return a factor for each match of the name, or a single one for all names in `of`."""
+        of = None
+        if isinstance(given, Mapping) and "of" in given:
+            of = convert_value(given["of"], Sequence[str], f"'of' in {self.label}")
+            if not of:
+                raise CommandError(f"'of' in {self.label} is empty; it must be a list of names.")
+            given = {key: value for key, value in given.items() if key != "of"}
+        joints = self.system.branches
+        if of is None and self.name.partition(".")[0] == ACTUATOR and ACTUATOR not in joints:
+            return [self._of_actuator(given, joints)]
+        in_si = parse_distribution(given, self.label, self._in_si)
+        if of is None:
+            return [self._factor(s.name, [s], given) for s in self._subjects(self.name, in_si)]
+        subjects = {s.name: s for pattern in of for s in self._subjects(pattern, in_si)}
+        return [self._factor(self.name, list(subjects.values()), given)]
+
+    def _of_actuator(self, given: Any, joints: Sequence[str]) -> Factor:
+        """Return the factor of `actuator[.JOINT]` or `actuator[.JOINT].TABLE.ENTRY`."""
+        parts = self.name.split(".")[1:]
+        if parts and parts[0] in joints:
+            joint, *entry = parts
+        elif len(joints) == 1 and len(parts) in (0, 2):
+            joint, entry = joints[0], parts
+        else:
+            joint, entry = "", []
+        if not joint or len(entry) not in (0, 2):
+            raise CommandError(
+                f"{self.label} is not an actuator or an entry of its data sheet; write actuator.JOINT or "
+                "actuator.JOINT.TABLE.ENTRY.",
+                name=self.name,
+            )
+        if not entry:
+            return Factor(self.name, [Target(joint, ACTUATOR)], parse_distribution(given, self.label))
+        units = set[str]()
+
+        def convert(text: str) -> float:
+            number, unit = split_quantity(text, self.label)
+            units.add(unit)
+            return number
+
+        distributed = parse_distribution(given, self.label, convert)
+        if len(units) > 1:
+            raise CommandError(f"{self.label} has values in different units: {join_names(sorted(units))}.")
+        if distributed.relative:
+            raise CommandError(
+                f"{self.label} is relative; entries of data sheets need values with their units."
+            )
+        unit = "".join(units)
+        return Factor(self.name, [Target(".".join([joint, *entry]), SHEET, unit=unit)], distributed, unit)
+
+    def _in_si(self, text: str) -> float:
+        """Return a quantity as a number in SI units, which keeps the order of values."""
+        return read_si_number(
+            text, f"{self.label}: {text}", (i.units for i in self.names.interfaces.values())
+        )
+
+    def _subjects(self, name: str, distributed: Distribution) -> list[_Subject]:
+        """Return the option, component or start value of a name, or the start values of a pattern."""
+        options = list_options()
+        if name in options:
+            if not options[name].can_vary:
+                raise CommandError(f"{self.label}: the option {name} cannot vary between variants.")
+            unit = options[name].unit
+            return [_Subject(name, OPTION, parse_unit_name(unit, self.label) if unit else None, not unit)]
+        components = [c.name for c in self.system.components]
+        if name in components:
+            return [_Subject(name, FMU, takes_text=True)]
+        if "." not in name and not self.names.match(name):
+            meant = suggest_names(name, [*options, *components], "write it as component.variable.")
+            raise CommandError(f"{self.label} is not an option, component or start value; {meant}", name=name)
+        is_whole = not distributed.relative and all(isinstance(end, int) for end in distributed.ends)
+        types = ("Real", "Integer") if is_whole else ("Real",)
+        variables = self.names.resolve(name, self.label, "varied", lambda v: v.variable.type in types)
+        if variables[0].is_structural:
+            raise CommandError(
+                f"{self.label} is a structural parameter and cannot be varied: all variants have arrays of "
+                "the same sizes. Set it in the scenario or with --set.",
+                name=name,
+            )
+        texts = ("String", "Enumeration")
+        return [
+            _Subject(v.full_name, START, v.unit, v.variable.type in texts, v.start_number) for v in variables
+        ]
+
+    def _factor(self, name: str, subjects: Sequence[_Subject], given: Any) -> Factor:
+        units = {subject.unit for subject in subjects}
+        distributed = self._distribution(given, subjects, units)
+        relative = distributed.relative
+        targets = [subject.target(relative, self.label) for subject in subjects]
+        if len(targets) > 1 and any(t.kind != START for t in targets):
+            raise CommandError(f"{self.label} varies several names at once; only start values can do that.")
+        unit = units.pop() if len(units) == 1 and not (relative and len(targets) > 1) else None
+        return Factor(name, targets, distributed, "" if unit is None else str(unit))
+
+    def _distribution(
+        self, given: Any, subjects: Sequence[_Subject], units: Collection[SiUnit | None]
+    ) -> Distribution:
+        """Return the distribution in the common unit of the subjects."""
+
+        def convert(text: str) -> Any:
+            label = f"{self.label}: {text}"
+            if len(units) > 1:
+                raise CommandError(f"{label} is for variables with different units; vary each separately.")
+            return read_quantity(text, label, next(iter(units)))
+
+        if any(subject.takes_text for subject in subjects):
+            return parse_distribution(given, self.label)
+        return parse_distribution(given, self.label, convert)

@@ -1,0 +1,270 @@
+"""Evaluate the metrics of a variant: registered figures, expressions over signals, and functions."""
+
+import difflib
+import inspect
+import math
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import polars
+from polars.exceptions import PolarsError
+
+from ...base.errors import CommandError
+from ...base.patterns import select_names
+from ...recorders.metrics import HELD, Figure, list_figures
+from ...run.result import Result
+from .data import RESERVED
+
+Metric = str | Callable[[Result], Any]
+"""A name or pattern of registered figures, an expression over signals, or a function of a result."""
+
+_NAMED = re.compile(r"\s*([^=<>!()]+?)\s*=(?!=)\s*(.+)", re.DOTALL)
+_TIME = "time"
+
+
+@dataclass(frozen=True)
+class MetricRequest:
+    """The metrics of a plan: `figures` by name or pattern, expressions and functions by their new names."""
+
+    figures: Sequence[str] = ()
+    expressions: Mapping[str, str] = field(default_factory=dict)
+    functions: Mapping[str, Callable[[Result], Any]] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, metrics: Sequence[Metric] | Mapping[str, Metric], where: str) -> "MetricRequest":
+        """Read the metrics of a plan. Raise CommandError for invalid ones.
+
+        In a list, write an expression as "name = expression". A function has its Python name.
+        """
+        if isinstance(metrics, str) or not isinstance(metrics, (Mapping, Sequence)):
+            raise CommandError(f"the metrics of {where} are {metrics!r}; they must be a list or a table.")
+        named: list[tuple[Any, Any]] = [(None, metric) for metric in metrics]
+        if isinstance(metrics, Mapping):
+            named = list(metrics.items())
+        figures, expressions, functions = list[Any](), dict[str, Any](), dict[str, Any]()
+        for name, metric in named:
+            if callable(metric):
+                name = name or getattr(metric, "__name__", type(metric).__name__)
+            elif not isinstance(metric, str) or not metric.strip():
+                raise CommandError(
+                    f"a metric of {where} is {metric!r}; it must be the name of a figure, "
+                    "'name = expression', or in Python a function of a Result."
+                )
+            elif name is None and (match := _NAMED.fullmatch(metric)):
+                name, metric = match.groups()
+            if name is None:
+                figures.append(metric)
+                continue
+            _check_name(name, [*expressions, *functions], where)
+            if callable(metric):
+                functions[name] = metric
+            else:
+                expressions[name] = metric
+        return cls(figures, expressions, functions)
+
+    def identity(self, signals: Sequence[str]) -> list[Any]:
+        """Return everything that determines the figures, as plain data."""
+        functions = [(name, _source(function)) for name, function in self.functions.items()]
+        return [list(self.figures), list(self.expressions.items()), functions, list(signals), HELD]
+
+
+def _source(function: Callable[..., Any]) -> str:
+    """Return the source of a function, or its name if there is no source."""
+    try:
+        return inspect.getsource(function)
+    except (OSError, TypeError):
+        return getattr(function, "__qualname__", type(function).__name__)
+
+
+def _check_name(name: str, taken: Sequence[str], where: str) -> None:
+    if name in taken or name in RESERVED:
+        raise CommandError(f"{where} has two columns '{name}'; give the metric another name.", name=name)
+    if name.rpartition(".")[2] == HELD:
+        raise CommandError(
+            f"{where} has a metric '{name}', but '{HELD}' is the verdict of registered metrics; "
+            "give the metric another name.",
+            name=name,
+        )
+
+
+@dataclass(frozen=True)
+class Measures:
+    """The metrics and signals of every variant, with resolved names.
+
+    Attributes:
+        figures: Names of registered figures.
+        expressions: SQL expressions of polars by name; signals are columns.
+        functions: Functions of a result by name.
+        signals: Signals to record over time.
+        read: Signals needed for all of these.
+        truths: Names of Boolean figures.
+        verdicts: Names of the figures that say whether an object is held.
+    """
+
+    figures: Sequence[str] = ()
+    expressions: Mapping[str, str] = field(default_factory=dict)
+    functions: Mapping[str, Callable[[Result], Any]] = field(default_factory=dict)
+    signals: Sequence[str] = ()
+    read: Sequence[str] = ()
+    truths: Sequence[str] = ()
+    verdicts: Sequence[str] = ()
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the columns."""
+        return [*self.figures, *self.expressions, *self.functions]
+
+    def reading(self, names: Sequence[str]) -> Sequence[str]:
+        """Return the signals to record, of all that exist."""
+        return self.read
+
+    def of(self, result: Result) -> dict[str, Any]:
+        """Return the figures of a result: numbers, Booleans or None by name.
+
+        Raises:
+            MeasureError: An expression or function fails.
+        """
+        figures, found = list_figures(result.metrics), dict[str, float | bool | None]()
+        for name in self.figures:
+            found[name] = figures[name].value if name in figures else None
+        if self.expressions:
+            found |= _evaluate(self.expressions, polars.DataFrame(result.read([_TIME, *self.read])))
+        for name, function in self.functions.items():
+            try:
+                found[name] = _number(function(result))
+            except BaseException as error:  # also SystemExit, which would end the worker's thread
+                raise MeasureError(f"the metric '{name}' raised {error!r}.") from error
+        return found
+
+    def series(self, result: Result) -> polars.DataFrame:
+        """Return the signals to keep over time."""
+        return polars.DataFrame(result.read([_TIME, *self.signals]))
+
+
+class MeasureError(Exception):
+    """A figure cannot be computed. The message names it and the reason."""
+
+
+def resolve_measures(
+    asked: MetricRequest,
+    figures: Mapping[str, Figure],
+    signals: Sequence[str],
+    further: Sequence[str],
+    kept: Sequence[str],
+    where: str,
+) -> Measures:
+    """Resolve the patterns of metrics. Without metrics, keep all figures.
+
+    Args:
+        asked: The metrics of the plan.
+        figures: All figures of the scenario by name.
+        signals: All signals of the scenario, which functions can read.
+        further: Other variables that expressions can name.
+        kept: Signals to keep over time.
+        where: Name of the plan in messages.
+
+    Raises:
+        CommandError: A figure does not exist, or an expression cannot be computed.
+    """
+    chosen = (
+        list(figures)
+        if not (asked.figures or asked.expressions or asked.functions)
+        else _select_figures(asked.figures, list(figures), where)
+    )
+    for name in (*asked.expressions, *asked.functions):
+        _check_name(name, chosen, where)
+    quoted, used, known = dict[str, str](), set[str](), [*signals, *further]
+    for name, text in asked.expressions.items():
+        quoted[name], inside = _quote_signals(text, known)
+        used |= inside
+    read = sorted({*kept, *used} if not asked.functions else {*kept, *used, *signals})
+    measures = Measures(chosen, quoted, asked.functions, list(kept), read)
+    tried = _check_expressions(measures, asked.expressions, known, where)
+    truths = [name for name in chosen if figures[name].is_boolean]
+    return replace(measures, truths=[*truths, *(n for n, value in tried.items() if isinstance(value, bool))])
+
+
+def with_verdicts(measures: Measures, figures: Mapping[str, Figure]) -> Measures:
+    """Return measures with all verdicts among the figures, since outcomes depend on them."""
+    verdicts = [name for name, figure in figures.items() if figure.is_verdict]
+    missing = [name for name in verdicts if name not in measures.figures]
+    names, truths = [*measures.figures, *missing], [*measures.truths, *missing]
+    return replace(measures, figures=names, truths=truths, verdicts=verdicts)
+
+
+def _select_figures(patterns: Sequence[str], figures: Sequence[str], where: str) -> list[str]:
+    try:
+        return select_names(patterns, figures, "metric")
+    except CommandError as error:
+        hint = "" if figures else " Use an expression."
+        raise CommandError(f"{where}: {error}{hint}", **error.fields) from error
+
+
+def _quote_signals(text: str, signals: Sequence[str]) -> tuple[str, set[str]]:
+    """Quote the signals in an expression for SQL. Return it with the set of its signals."""
+    names = sorted((s for s in signals if s in text), key=len, reverse=True)
+    used = set[str]()
+
+    def quote(match: re.Match[str]) -> str:
+        if match[1] is not None:
+            used.add(match[1])
+            return '"' + match[1].replace('"', '""') + '"'
+        if match[0][1:-1] in names:
+            used.add(match[0][1:-1])
+        return match[0]
+
+    if not names:
+        return text, used
+    either = "|".join(map(re.escape, names))
+    pattern = rf"""'[^']*'|"[^"]*"|(?<![\w.])({either})(?![\w.\[])"""
+    return re.sub(pattern, quote, text), used
+
+
+def _check_expressions(
+    measures: Measures, as_written: Mapping[str, str], signals: Sequence[str], where: str
+) -> dict[str, float | bool | None]:
+    """Evaluate all expressions for two rows of zeros. Raise CommandError if one fails."""
+    found: dict[str, float | bool | None] = {}
+    frame = polars.DataFrame({name: [0.0, 0.0] for name in (_TIME, *measures.read)})
+    for name, expression in measures.expressions.items():
+        try:
+            found |= _evaluate({name: expression}, frame)
+        except MeasureError as error:
+            text = as_written[name]
+            words = {w for w in re.findall(r"[A-Za-z_][\w.\[\],]*", text) if "." in w and w not in signals}
+            near = [n for word in sorted(words) for n in difflib.get_close_matches(word, signals, 2, 0.6)]
+            meant = f" Did you mean {' or '.join(near)}?" if near else ""
+            raise CommandError(f"the metric of {where}: {error}{meant}", name=name, near=near) from error
+    return found
+
+
+def _evaluate(expressions: Mapping[str, str], frame: polars.DataFrame) -> dict[str, float | bool | None]:
+    found = {}
+    for name, expression in expressions.items():
+        try:
+            values = frame.select(polars.sql_expr(expression).alias(name))[name]
+            if len(values) != 1:
+                raise MeasureError(
+                    f"'{name} = {expression}' gives a value for each row; apply max, min, avg or last to it."
+                )
+            found[name] = _number(values[0])
+        except (PolarsError, TypeError, ValueError) as error:
+            reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+            raise MeasureError(f"'{name} = {expression}' cannot be computed: {reason}.") from error
+    return found
+
+
+def _number(value: Any) -> float | bool | None:
+    """Return a number, Boolean or None. Raise TypeError for anything else."""
+    if hasattr(value, "item") and getattr(value, "size", 1) == 1:
+        value = value.item()
+    if value is None or isinstance(value, bool):
+        return value
+    if isinstance(value, (int, float)):
+        try:
+            return float(value)
+        except OverflowError:
+            return math.inf
+    raise TypeError(f"it gave {value!r:.80}, which is neither a number nor a Boolean")

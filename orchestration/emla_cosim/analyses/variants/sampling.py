@@ -1,0 +1,236 @@
+"""Samplings: choose the variants of a sweep from the distributions of its factors."""
+
+import math
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...base.arrays import Vector
+from ...base.errors import CommandError, check_choice
+from ...base.values import convert_value
+from ...system.model import Value
+from .kinds import Distribution
+
+_MOST_SOBOL_RUNS = 2**30
+"""Length of SciPy's Sobol sequence."""
+
+_MOST_SOBOL_DIMENSIONS = 21201
+"""Dimensions of SciPy's Sobol sequence."""
+
+Columns = list[list[Value | None]]
+"""For each factor its value in each variant; None for the nominal value."""
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """A way to choose variants.
+
+    Attributes:
+        draw: Returns the values from distributions, runs and seed.
+        count: Returns the number of variants from distributions and runs. Default: the runs.
+        own_size: For samplings without runs: what determines their size. `runs` is 0 then.
+        dimensions: Dimensions of a Sobol sequence for each factor; 0 without a sequence.
+    """
+
+    draw: Callable[[Sequence[Distribution], int, int], Columns]
+    count: Callable[[Sequence[Distribution], int], int] = lambda _, runs: runs
+    own_size: str = ""
+    dimensions: int = 0
+
+    @property
+    def takes_runs(self) -> bool:
+        """Whether the user sets the number of runs."""
+        return not self.own_size
+
+
+def count_variants(method: str, distributions: Sequence[Distribution], runs: int | None) -> int:
+    """Return the number of variants of a sampling, without drawing them.
+
+    Raises:
+        CommandError: As for `sample`, except for the seed.
+    """
+    return _check_method(method, distributions, runs).count(distributions, runs or 0)
+
+
+def sample(
+    method: str, distributions: Sequence[Distribution], runs: int | None, seed: int
+) -> list[list[Value | None]]:
+    """Draw the values of all variants.
+
+    - `grid` takes all combinations of levels. The last distribution changes fastest.
+    - `one-at-a-time` takes the nominal variant, then the low and high end of each distribution with all
+      others nominal.
+    - `random`, `latin-hypercube` and `sobol` (scrambled) draw `runs` variants.
+    - `saltelli` draws `runs` base samples with len(distributions) + 2 variants each, in the order of
+      SALib.analyze.sobol without second order.
+
+    `grid` and `one-at-a-time` have no `runs`. `sobol` and `saltelli` converge best with a power of two. The
+    same seed gives bitwise the same values.
+
+    Args:
+        method: A name of `SAMPLINGS`.
+        distributions: One for each factor.
+        runs: Number of runs or base samples.
+        seed: Whole number from 0.
+
+    Returns:
+        For each distribution a list with a value for each variant; None for the nominal value.
+
+    Raises:
+        CommandError: An argument is invalid, the sampling has too many dimensions for a Sobol sequence, or
+            a distribution has no levels for a grid (its position is in the field `index`).
+    """
+    sampling = _check_method(method, distributions, runs)
+    if convert_value(seed, int, "the seed") < 0:
+        raise CommandError(f"the seed {seed} must be a whole number from 0.", seed=seed)
+    return sampling.draw(distributions, runs or 0, int(seed))
+
+
+def _check_method(method: str, distributions: Sequence[Distribution], runs: Any) -> Sampling:
+    check_choice("sampling", method, SAMPLINGS)
+    sampling = SAMPLINGS[method]
+    if not distributions:
+        raise CommandError("nothing varies; a sampling needs at least one distribution.")
+    if sampling.takes_runs:
+        _check_runs(method, runs, sampling)
+    elif runs is not None:
+        raise CommandError(
+            f"the sampling '{method}' has no number of runs: {sampling.own_size}.", method=method, runs=runs
+        )
+    if sampling.dimensions * len(distributions) > _MOST_SOBOL_DIMENSIONS:
+        most = _MOST_SOBOL_DIMENSIONS // sampling.dimensions
+        raise CommandError(
+            f"the sampling '{method}' can vary at most {most} factors, as Sobol's sequence has no more "
+            f"dimensions; the plan has {len(distributions)}.",
+            method=method,
+        )
+    return sampling
+
+
+def _check_runs(method: str, runs: Any, sampling: Sampling) -> None:
+    if runs is None:
+        raise CommandError(f"the sampling '{method}' needs a number of runs, 1 or more.", method=method)
+    if convert_value(runs, int, "the number of runs") < 1:
+        raise CommandError(f"the number of runs is {runs}; it must be 1 or more.", runs=runs)
+    if sampling.dimensions and runs > _MOST_SOBOL_RUNS:
+        raise CommandError(
+            f"the sampling '{method}' has at most {_MOST_SOBOL_RUNS} runs, the length of Sobol's sequence; "
+            f"the plan has {runs}.",
+            runs=runs,
+        )
+
+
+def _generator(seed: int) -> np.random.Generator:
+    return np.random.Generator(np.random.PCG64(seed))
+
+
+def _at(distributions: Sequence[Distribution], quantiles: Vector) -> Columns:
+    return [list(d.at(column)) for d, column in zip(distributions, quantiles.T, strict=True)]
+
+
+def _grid_count(distributions: Sequence[Distribution], _runs: int) -> int:
+    sizes = []
+    for i, distribution in enumerate(distributions):
+        size = distribution.level_count
+        if size is None:
+            raise CommandError(
+                f"a grid needs levels, but {distribution.noun}, number {i + 1} of the factors, has none; "
+                "add points or values, or choose another sampling such as latin-hypercube.",
+                index=i,
+            )
+        sizes.append(size)
+    return math.prod(sizes)
+
+
+def _grid(distributions: Sequence[Distribution], _runs: int, _seed: int) -> Columns:
+    """Repeat each level for all combinations of later factors, and all levels for those of earlier ones."""
+    rows, before = _grid_count(distributions, 0), 1
+    columns = Columns()
+    for distribution in distributions:
+        levels = distribution.levels or ()
+        after = rows // (before * len(levels))
+        columns.append([level for level in levels for _ in range(after)] * before)
+        before *= len(levels)
+    return columns
+
+
+def _random(distributions: Sequence[Distribution], runs: int, seed: int) -> Columns:
+    return _at(distributions, _generator(seed).random((runs, len(distributions))))
+
+
+def _latin_hypercube(distributions: Sequence[Distribution], runs: int, seed: int) -> Columns:
+    from scipy.stats import qmc  # takes a second, which a grid does not need
+
+    return _at(distributions, qmc.LatinHypercube(len(distributions), rng=_generator(seed)).random(runs))
+
+
+def _sobol(distributions: Sequence[Distribution], runs: int, seed: int) -> Columns:
+    from scipy.stats import qmc
+
+    engine = qmc.Sobol(len(distributions), rng=_generator(seed))
+    return _at(distributions, engine.random_base2(_exponent(runs))[:runs])
+
+
+def _saltelli(distributions: Sequence[Distribution], runs: int, seed: int) -> Columns:
+    from SALib.sample import sobol
+
+    names = [str(i) for i in range(len(distributions))]
+    problem = {"num_vars": len(names), "names": names, "bounds": [[0.0, 1.0]] * len(names)}
+    size = 2 ** _exponent(runs)  # cut to `runs` below: SciPy warns about other sizes
+    points = sobol.sample(problem, size, calc_second_order=False, seed=_generator(seed))
+    return _at(distributions, points[: _saltelli_count(distributions, runs)])
+
+
+def _saltelli_count(distributions: Sequence[Distribution], runs: int) -> int:
+    return runs * (len(distributions) + 2)
+
+
+def _exponent(runs: int) -> int:
+    """Return the exponent of the smallest power of two that is not less than `runs`."""
+    return (runs - 1).bit_length()
+
+
+def _one_at_a_time(distributions: Sequence[Distribution], _runs: int, _seed: int) -> Columns:
+    rows = 2 * len(distributions) + 1
+    columns: Columns = [[None] * rows for _ in distributions]
+    for i, distribution in enumerate(distributions):
+        columns[i][2 * i + 1 : 2 * i + 3] = distribution.ends
+    return columns
+
+
+SAMPLINGS: dict[str, Sampling] = {
+    "grid": Sampling(_grid, _grid_count, own_size="a grid is as large as its levels make it"),
+    "random": Sampling(_random),
+    "latin-hypercube": Sampling(_latin_hypercube),
+    "sobol": Sampling(_sobol, dimensions=1),
+    "saltelli": Sampling(_saltelli, _saltelli_count, dimensions=2),
+    "one-at-a-time": Sampling(
+        _one_at_a_time,
+        lambda distributions, _: 2 * len(distributions) + 1,
+        own_size="it runs the nominal variant and two for each factor",
+    ),
+}
+"""Samplings by name; `sample` describes them."""
+
+LARGEST_SEED = 2**31 - 2
+"""The largest seed."""
+
+
+def draw_seeds(entropy: int | list[int], count: int, without: Collection[int] = ()) -> list[int]:
+    """Draw different seeds. The same entropy gives the same sequence, of which `count` is the length.
+
+    Args:
+        entropy: Seed of the draw itself.
+        count: Number of seeds.
+        without: Seeds to exclude.
+
+    Returns:
+        Whole numbers from 1 to `LARGEST_SEED` - 1.
+    """
+    random, found = np.random.default_rng(entropy), dict[int, None]()
+    while len(found) < count:
+        if (drawn := int(random.integers(1, LARGEST_SEED))) not in without:
+            found[drawn] = None
+    return list(found)

@@ -1,0 +1,113 @@
+"""Targets of the values of a variant, as options of a run and as arguments of `emla run`."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, get_origin
+
+from ...base.option import SWEEP, FileOrObject, Option
+from ...inputs.input import Input
+from ...run.options import list_options, select_repeatable
+from ...system.model import Replacement, Value
+
+OPTION, FMU, START = "option", "replace", "set"
+ACTUATOR, SHEET = "actuator", "sheet"
+"""Kinds of targets: an option, a component whose FMU varies, a start value by its full name, a joint whose
+actuator varies, or an entry of a data sheet by JOINT.TABLE.ENTRY.
+"""
+
+
+@dataclass(frozen=True)
+class Target:
+    """Where a value goes. A relative value multiplies `nominal`; one of a data sheet is in `unit`."""
+
+    name: str
+    kind: str = START
+    nominal: float | None = None
+    unit: str = ""
+
+
+def needs_preparation(target: Target) -> bool:
+    """Return whether another value of a target needs another simulation."""
+    return target.kind in (FMU, ACTUATOR, SHEET) or (
+        target.kind == OPTION and list_options()[target.name].is_prepared
+    )
+
+
+def changed_in_run(options: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the options that a run of a prepared simulation accepts."""
+    known = list_options()
+    return {name: value for name, value in options.items() if not known[name].is_prepared}
+
+
+def assign_value(targets: Sequence[Target], value: Value | None) -> dict[str, Any]:
+    """Return the options that set these targets to a value of the table of variants; none for None."""
+    found: dict[str, Any] = {}
+    if value is None:
+        return found
+    for target in targets:
+        given = value
+        if target.nominal is not None and len(targets) > 1:
+            given = target.nominal * float(value)
+        if target.unit:
+            given = f"{float(value)!r} {target.unit}"
+        if target.kind == OPTION:
+            takes_several = get_origin(list_options()[target.name].type) is Sequence
+            found[target.name] = [given] if takes_several else given
+        else:
+            found.setdefault(target.kind, {})[target.name] = given
+    return found
+
+
+def merge_options(parts: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
+    """Merge the options of several factors for one run."""
+    found: dict[str, Any] = {}
+    for part in parts:
+        for name, value in part.items():
+            found[name] = {**found.get(name, {}), **value} if isinstance(value, Mapping) else value
+    return found
+
+
+def format_arguments(options: Mapping[str, Any]) -> list[str] | None:
+    """Return options as arguments of `emla run`; None if one is an object that only Python has."""
+    known, found = list_options(SWEEP), list[str]()
+    for name, value in select_repeatable(options).items():
+        arguments = _arguments(known[name], value)
+        if arguments is None:
+            return None
+        found += arguments
+    return found
+
+
+def _arguments(option: Option, value: Any) -> list[str] | None:
+    flag = option.flag
+    if value is None or (value is False and option.type is not bool):
+        return []
+    if isinstance(value, bool):
+        return [flag if value else f"--no-{flag.removeprefix('--')}"]
+    if isinstance(value, Mapping):
+        entered = [one for one in value.values() if isinstance(one, FileOrObject)]
+        if any(one.file is None for one in entered):
+            return None
+        arguments = list[str]()
+        for name, inner in value.items():
+            is_fmu = isinstance(inner, Replacement)
+            arguments += [flag, f"{name}={inner.fmu if is_fmu else _text(inner)}"]
+            if is_fmu and inner.mapping is not None:
+                arguments += ["--mapping", f"{name}={inner.mapping}"]
+        return arguments
+    if isinstance(value, (list, tuple)):
+        if option.parse is not None:
+            return [flag, ",".join(map(_text, value))]
+        if any(isinstance(inner, Input) and not inner.is_text for inner in value):
+            return None
+        return [text for inner in value for text in (flag, _text(inner))]
+    return [flag, _text(value)] if isinstance(value, (str, int, float, Path)) else None
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, FileOrObject):
+        return str(value.file)
+    if isinstance(value, bool):
+        return str(value).lower()
+    return repr(value) if isinstance(value, float) else str(value)

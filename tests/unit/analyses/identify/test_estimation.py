@@ -1,0 +1,304 @@
+"""Searches find the minima of SciPy, also with failing runs, narrow valleys, weights and sensors."""
+
+import struct
+from collections.abc import Callable, Mapping
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+
+from emla_cosim.analyses.identify import estimation
+from emla_cosim.analyses.identify.certainty import judge
+from emla_cosim.analyses.identify.estimation import Estimator, _find_offset, draw_starting_points
+from emla_cosim.analyses.identify.parameters import Parameter, Parameters
+from emla_cosim.analyses.identify.prediction import predict_samples
+from emla_cosim.base.errors import RunError
+from tests.support.known_predictions import measured, parameter, problem
+from tests.support.tiers import mostly_slow
+
+TIME = np.linspace(0.0, 2.0, 201)
+
+
+DECAY = [parameter("a", 0.0, 5.0), parameter("b", 0.1, 20.0)]
+NEAR = [parameter("a", 0.0, 5.0, 1.7), parameter("b", 0.1, 20.0, 3.5)]
+EXACT = [parameter("a", 0.0, 5.0, 2.0), parameter("b", 0.1, 20.0, 3.0)]
+"""Parameters of a decay: in the middle of their ranges, near to the values of `noisy`, and at these."""
+
+
+def decay(p: Mapping[str, float]) -> list[dict[str, np.ndarray]]:
+    return [{"time": TIME, "y": p["a"] * np.exp(-p["b"] * TIME)}]
+
+
+def noisy(seed: int = 0, sigma: float = 0.01) -> np.ndarray:
+    return 2.0 * np.exp(-3.0 * TIME) + sigma * np.random.default_rng(seed).standard_normal(len(TIME))
+
+
+def search(solved: object, loss: str = "linear") -> Estimator:
+    return Estimator(solved, loss, 50, lambda n: None)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("loss", ["linear", "soft_l1", "huber", "cauchy", "arctan"])
+def test_minimum_equals_that_of_scipy(loss: str) -> None:
+    values = noisy()
+    values[::25] += 0.5  # outliers
+    solved = problem(NEAR, [[measured(TIME, values)]], decay, sigma=0.02)
+    found = search(solved, loss).estimate([Parameters(NEAR).start])
+    expected = least_squares(
+        lambda x: (x[0] * np.exp(-x[1] * TIME) - values) / 0.02, [1.7, 3.5], loss=loss, xtol=1e-12, ftol=1e-12
+    )
+    got = Parameters(NEAR).values(found.point)
+    assert [got["a"], got["b"]] == pytest.approx(expected.x, rel=2e-4)
+    assert found.cost == pytest.approx(expected.cost, rel=1e-6) and found.converged
+
+
+def test_outliers_do_not_widen_the_deviation() -> None:
+    values = noisy(1)
+    values[::20] += 1.0
+    solved = problem(DECAY, [[measured(TIME, values)]], decay)
+    found = search(solved, "cauchy").estimate([Parameters(DECAY).start], free=["y"])
+    assert solved.sigma["y"] == pytest.approx(0.01, rel=0.15)
+    assert Parameters(DECAY).values(found.point) == pytest.approx({"a": 2.0, "b": 3.0}, rel=0.01)
+
+
+def test_fixed_deviations_stay() -> None:
+    def both(p: Mapping[str, float]) -> list[dict[str, np.ndarray]]:
+        return [decay(p)[0] | {"v": decay(p)[0]["y"]}]
+
+    signals = [measured(TIME, noisy(1)), measured(TIME, noisy(2, 0.1), "v")]
+    solved = problem(DECAY, [signals], both, sigma=0.5)
+    search(solved).estimate([Parameters(DECAY).start], free=["v"])
+    assert solved.sigma == pytest.approx({"y": 0.5, "v": 0.1}, rel=0.15)
+
+
+def test_interrupted_adaptation_keeps_the_best_point() -> None:
+    solved = problem(DECAY, [[measured(TIME, noisy(1))]], decay)
+    searching = search(solved)
+    found = searching.estimate([Parameters(DECAY).start])
+    searching._adapt_sigma(found, ["y"])
+    assert searching.best is not None and (searching.best.point == found.point).all()
+
+
+def test_values_with_failing_runs_are_avoided() -> None:
+    def fails(p: Mapping[str, float]) -> list[dict[str, np.ndarray] | str]:
+        return ["the step failed"] if p["b"] > 3.5 else [*decay(p)]
+
+    space = [parameter("a", 0.0, 5.0, 1.0), parameter("b", 0.1, 20.0, 3.4)]
+    solved = problem(space, [[measured(TIME, noisy())]], fails)
+    found = search(solved).estimate([np.array([0.2, 0.9]), Parameters(space).start])
+    assert Parameters(space).values(found.point)["b"] == pytest.approx(3.0, rel=0.02)
+    with pytest.raises(RunError, match=r"all starting points fail: the step failed\."):
+        search(solved).estimate([np.array([0.2, 0.9])])
+
+
+def test_uneven_valley_is_followed_to_its_end() -> None:
+    """Rounding of the outputs stops a search in a narrow valley; points along it show that it goes on."""
+
+    def uneven(p: Mapping[str, float]) -> list[dict[str, np.ndarray]]:
+        y = p["a"] * TIME + p["b"] * (TIME + 0.02 * TIME**2)
+        return [{"time": TIME, "y": np.round(y / 1e-3) * 1e-3}]
+
+    values = uneven({"a": 2.0, "b": 5.0})[0]["y"] + 1e-3 * np.random.default_rng(0).standard_normal(len(TIME))
+    space = [parameter("a", 0.0, 10.0, 6.5), parameter("b", 0.0, 10.0, 0.5)]
+    solved = problem(space, [[measured(TIME, values)]], uneven, sigma=1e-3)
+    found = search(solved).estimate([Parameters(space).start])
+    assert 2.0 * found.cost / len(TIME) < 1.2
+    assert Parameters(space).values(found.point) == pytest.approx({"a": 2.0, "b": 5.0}, abs=0.05)
+
+
+def uneven(kind: str, size: float) -> Callable[[Mapping[str, float]], list[dict[str, np.ndarray]]]:
+    """A decay whose samples are rounded, or get other noise for every other value of a parameter."""
+
+    def model(p: Mapping[str, float]) -> list[dict[str, np.ndarray]]:
+        (smooth,) = decay(p)
+        if kind == "rounded":
+            return [smooth | {"y": size * np.round(smooth["y"] / size)}]
+        drawn = np.random.default_rng(np.frombuffer(struct.pack("2d", p["a"], p["b"]), np.uint32))
+        return [smooth | {"y": smooth["y"] + size * drawn.standard_normal(len(TIME))}]
+
+    return model
+
+
+UNEVEN = [("noisy", 0.003), ("noisy", 0.01), ("rounded", 0.01)]
+
+
+@pytest.mark.parametrize(("kind", "size"), mostly_slow(UNEVEN, UNEVEN[-1:]))
+def test_intervals_contain_true_values_of_uneven_responses(kind: str, size: float) -> None:
+    """A search ends in the deepest of many dents; intervals that know nothing of them hold too rarely."""
+    inside, naive, runs, excess = np.zeros(2), np.zeros(2), 30, list[float]()
+    for seed in range(runs):
+        solved = problem(NEAR, [[measured(TIME, noisy(seed, 0.01 + size))]], uneven(kind, size))
+        searching = search(solved)
+        found, slopes = searching.differentiate(searching.estimate([Parameters(NEAR).start], free=["y"]))
+        excess.append(slopes.unevenness)
+        assert solved.fixed_steps.keys() >= slopes.steps.keys()
+        for counted, unevenness in ((inside, slopes.unevenness), (naive, 0.0)):
+            got = judge(
+                Parameters(NEAR), found.point, found.residuals, slopes.matrix, [len(TIME)], slopes.change,
+                unevenness=unevenness,
+            )  # fmt: skip
+            counted += [one.interval is not None and one.interval[0] <= x <= one.interval[1]
+                        for one, x in zip(got.estimates, (2.0, 3.0), strict=True)]  # fmt: skip
+    assert np.median(excess) > 0.2
+    assert (inside / runs >= 0.9).all() and (naive / runs < 0.9).any(), (inside / runs, naive / runs)
+
+
+def test_longer_steps_average_an_uneven_response() -> None:
+    """The first step changes less than one digit: half of it gives another derivative."""
+    slope = 2.0 * TIME
+
+    def rounded(p: Mapping[str, float]) -> list[dict[str, np.ndarray]]:
+        return [{"time": TIME, "y": 0.01 * np.round(p["a"] * slope / 0.01)}]
+
+    solved = problem([parameter("a", 0.0, 1.0)], [[measured(TIME, 0.5 * slope + 0.02)]], rounded, sigma=0.01)
+    solved.steps[0] = 1e-3
+    found = solved.differentiate(np.array([0.5]))
+    true = slope / 0.01
+    assert np.linalg.norm(found.matrix[:, 0] - true) < 0.05 * np.linalg.norm(true)
+    assert found.steps[0] >= 0.016 and found.doubts[0] < 0.1
+    first = solved.jacobian(np.array([0.5]), central=True)[:, 0]
+    assert np.linalg.norm(first - true) > 0.5 * np.linalg.norm(true)
+    # the estimated error is that of the derivative, neither far too small nor far too large
+    assert 0.3 < np.linalg.norm(found.change[:, 0]) / np.linalg.norm(found.matrix[:, 0] - true) < 5.0
+
+
+def test_curvature_limits_the_step() -> None:
+    """Long steps see the curve in place of the rounding: a step of 0.1 gives a derivative 30 % too large."""
+    slope = 2.0 * TIME
+
+    def curved(p: Mapping[str, float]) -> list[dict[str, np.ndarray]]:
+        return [{"time": TIME, "y": 1e-3 * np.round((p["a"] + 30.0 * (p["a"] - 0.5) ** 3) * slope / 1e-3)}]
+
+    values = 0.5 * slope + 1e-3 * np.random.default_rng(0).standard_normal(len(TIME))
+    solved = problem([parameter("a", 0.0, 1.0)], [[measured(TIME, values)]], curved, sigma=1e-3)
+    solved.steps[0] = 3e-4
+    found = solved.differentiate(np.array([0.5]))
+    true = slope / 1e-3
+    assert np.linalg.norm(found.matrix[:, 0] - true) < 0.03 * np.linalg.norm(true)
+    assert 0.0 < found.steps[0] < 0.03
+
+
+def test_steps_change_outputs_by_more_than_rounding() -> None:
+    """The change is 30 standard deviations, or of the residuals if these are smaller."""
+
+    def steep(p: Mapping[str, float]) -> list[dict[str, np.ndarray]]:
+        return [{"time": TIME, "y": np.full(len(TIME), 1e5 * p["a"])}]
+
+    space = [parameter("a", 0.0, 1.0)]
+    for residual, change in ((3.0, 30.0), (0.1, 3.0)):
+        values = np.full(len(TIME), 0.5e5 + residual)
+        solved = problem(space, [[measured(TIME, values)]], steep)
+        solved.jacobian(np.array([0.5]))
+        assert solved.steps[0] * 1e5 == pytest.approx(change, rel=0.01)
+
+
+def test_smooth_response_keeps_its_steps() -> None:
+    solved = problem(EXACT, [[measured(TIME, noisy())]], decay, sigma=0.01)
+    point = Parameters(EXACT).start
+    found = solved.differentiate(point)
+    assert not found.steps and found.unevenness < 1e-3 and (found.doubts < 0.01).all()
+    a, b = 2.0, 3.0
+    by_b = -a * TIME * np.exp(-b * TIME) / 0.01 * (b * np.log(200.0))
+    exact = np.column_stack([5.0 * np.exp(-b * TIME) / 0.01, by_b])
+    assert found.matrix == pytest.approx(exact, rel=1e-3, abs=0.01)
+
+
+def test_perfect_fit_is_even() -> None:
+    values = 2.0 * np.exp(-3.0 * TIME) + 1e-15 * np.random.default_rng(0).standard_normal(len(TIME))
+    solved = problem(EXACT, [[measured(TIME, values)]], decay)
+    assert solved.differentiate(Parameters(EXACT).start).unevenness == 0.0
+
+
+def test_minimum_at_the_end_of_a_range_has_no_offset() -> None:
+    slopes = np.column_stack([np.ones_like(TIME), TIME - TIME.mean()])
+    noise = np.random.default_rng(0).standard_normal(len(TIME))
+    noise -= slopes @ np.linalg.lstsq(slopes, noise, rcond=None)[0]
+    residuals = noise + slopes[:, 0]  # the first parameter would have to become smaller
+    assert _find_offset(np.array([0.0, 0.5]), residuals, slopes) < 1e-9
+    assert _find_offset(np.array([1.0, 0.5]), residuals, slopes) > 1.0
+    assert _find_offset(np.array([0.5, 0.5]), residuals, slopes) > 1.0
+
+
+def test_kink_has_no_derivative() -> None:
+    def corner(p: Mapping[str, float]) -> list[dict[str, np.ndarray]]:
+        return [{"time": TIME, "y": abs(p["a"] - 0.5) * TIME + 0.1 * p["a"] * TIME}]
+
+    space = [parameter("a", 0.0, 1.0)]
+    values = 0.05 * TIME + 0.01 * np.random.default_rng(0).standard_normal(len(TIME))
+    solved = problem(space, [[measured(TIME, values)]], corner, sigma=0.01)
+    point = np.array([0.5])
+    found = solved.differentiate(point)
+    assert found.doubts[0] > 1.0
+    (residuals,) = solved.residuals([point])
+    assert residuals is not None
+    got = judge(Parameters(space), point, residuals, found.matrix, [len(TIME)], found.change)
+    (one,) = got.estimates
+    assert one.problem is not None and "runs with almost equal values differ too much" in one.problem
+
+
+def test_search_ends_at_a_thousandth_of_the_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A search to the last digit takes more runs; one thousandth of an error is enough."""
+    solved = problem(NEAR, [[measured(TIME, noisy())]], decay, sigma=0.01)
+    found = search(solved)._search(Parameters(NEAR).start, 0, central=True)
+    assert found is not None and found.converged
+    runs = solved.predictor.runs
+    monkeypatch.setattr(estimation, "_OFFSET", 1e-12)
+    again = problem(NEAR, [[measured(TIME, noisy())]], decay, sigma=0.01)
+    assert search(again)._search(Parameters(NEAR).start, 0, central=True) is not None
+    assert runs < again.predictor.runs - 5  # more than an iteration
+    slopes = solved.jacobian(found.point, central=True)
+    step = np.linalg.lstsq(slopes, found.residuals, rcond=None)[0]
+    errors = np.sqrt(np.diag(np.linalg.inv(slopes.T @ slopes)))
+    assert (np.abs(step) < 3e-3 * errors).all()
+
+
+def test_several_starts_find_the_lowest_minimum() -> None:
+    def wave(p: Mapping[str, float]) -> list[dict[str, np.ndarray]]:
+        return [{"time": TIME, "y": np.sin(p["w"] * TIME)}]
+
+    space = [parameter("w", 10.0, 90.0, 12.0)]
+    solved = problem(space, [[measured(TIME, np.sin(60.0 * TIME))]], wave)
+    start = Parameters(space).start
+    one = search(solved).estimate([start])
+    several = search(solved).estimate(draw_starting_points(start, 30, 0))
+    assert one.cost > 1.0
+    assert Parameters(space).values(several.point)["w"] == pytest.approx(60.0)
+
+
+def test_sensors_have_offset_gain_and_delay() -> None:
+    ends = {"offset": (0.0, 1.0), "gain": (1.0, 3.0), "delay": (0.0, 0.2)}
+    sensors = [
+        Parameter(f"{kind}(y)", low, high, low, "", sensor=(kind, "y")) for kind, (low, high) in ends.items()
+    ]
+    of = Parameters(sensors)
+    got = predict_samples(
+        of, np.array([0.5, 0.25, 0.5]), decay({"a": 2.0, "b": 3.0})[0], measured(TIME, TIME)
+    )
+    late = TIME >= 0.1
+    expected = 0.5 + 1.5 * 2.0 * np.exp(-3.0 * (TIME - 0.1))
+    assert got[late] == pytest.approx(expected[late], abs=3e-4)
+    assert of.key(np.array([0.1, 0.2, 0.3])) == ()  # sensors need no run
+
+
+def test_blocked_parameter_has_its_own_problem() -> None:
+    def brittle(p: Mapping[str, float]) -> list[dict[str, np.ndarray] | str]:
+        return ["the step failed"] if p["b"] != 3.0 else [*decay(p)]
+
+    space = [parameter("a", 0.0, 5.0), parameter("b", 2.0, 4.0)]
+    solved = problem(space, [[measured(TIME, noisy())]], brittle)
+    point = Parameters(space).start
+    jacobian = solved.jacobian(point, central=True)
+    (residuals,) = solved.residuals([point])
+    assert residuals is not None and solved.blocked == {1}
+    got = judge(Parameters(space), point, residuals, jacobian, [len(TIME)], blocked=solved.blocked)
+    assert [one.problem for one in got.estimates] == [None, "runs with other values of it fail"]
+
+
+@pytest.mark.parametrize("place", [0.0, 1.0, 0.5])
+def test_derivatives_equal_those_of_the_model(place: float) -> None:
+    space = [parameter("a", 1.0, 3.0), parameter("b", 2.0, 4.0)]
+    solved = problem(space, [[measured(TIME, noisy())]], decay, sigma=0.1)
+    point = np.array([place, 0.5])
+    a, b = 1.0 + 2.0 * place, 3.0
+    expected = np.column_stack([2.0 * np.exp(-b * TIME), -2.0 * a * TIME * np.exp(-b * TIME)]) / 0.1
+    assert solved.jacobian(point, central=True) == pytest.approx(expected, abs=0.02)
+    assert solved.jacobian(point) == pytest.approx(expected, abs=0.05)
