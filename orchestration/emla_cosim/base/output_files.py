@@ -69,7 +69,9 @@ RECORDS: Mapping[str, IsOurs] = {
     "size.json": has_format("emla-sizing"),
     "linearize.json": has_format("emla-linearization"),
 }
-"""Functions that recognize the record of an output folder, by its name."""
+"""Functions that recognize the record of an output folder, by its name. NAME.json of any other
+analysis has the format emla-NAME.
+"""
 
 
 UNFINISHED_STATUS = "unfinished"
@@ -79,7 +81,8 @@ UNFINISHED_STATUS = "unfinished"
 def has_record(folder: Path, name: str) -> bool:
     """Return whether a folder holds this record of emla. Raises OSError."""
     path = folder / name
-    return is_regular(path) and RECORDS[name](path)
+    is_ours = RECORDS.get(name) or has_format(f"emla-{path.stem}")
+    return is_regular(path) and is_ours(path)
 
 
 def is_new(path: Path) -> bool:

@@ -1,7 +1,6 @@
 """Compute frequency responses of a system at a time of a run."""
 
 from collections.abc import Mapping, Sequence
-from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Unpack
@@ -10,7 +9,6 @@ import numpy as np
 
 from ...base.errors import CommandError, CosimError
 from ...base.progress import Progress
-from ...base.values import convert_value
 from ...run.option_types import RunOptions
 from ...run.remarks import describe_disabled_event_mode
 from ...run.requirements import check_no_condition
@@ -21,12 +19,13 @@ from ...study.joint import ideal_sensors
 from ...study.loading import load
 from ...system.fault import Fault
 from ...system.model import System, Value
+from ..frame.session import Session
 from .continuous_system import ContinuousSystem
-from .folder import LinearizeFolder
 from .matrices import compute_matrices, find_steady_state
 from .measurement import measure
 from .perturbation import Perturbation, check_reached
 from .places import Place, default_openings, parse_opening
+from .report import OUTPUTS
 from .response import FrequencyResponse, choose_frequencies
 from .result import LinearizeResult, Measured
 from .step_influence import judge_step
@@ -53,6 +52,7 @@ def linearize(
     free: str | Sequence[str] = (),
     output: str | Path | None = None,
     plots: bool = True,
+    report: bool = False,
     progress: Progress | None = None,
     **options: Unpack[RunOptions],
 ) -> LinearizeResult:
@@ -80,6 +80,7 @@ def linearize(
         free: inputs whose values may change to find the steady state.
         output: folder for results.
         plots: draw Bode and Nyquist plots into the folder.
+        report: write a page, linearize.html, into the folder.
         progress: receives the progress.
         **options: options as for `load`.
 
@@ -97,7 +98,7 @@ def linearize(
         >>> 30.0 < margins.phase_deg < 90.0
         True
     """
-    scenario, told = load(source, **options), progress or Progress()
+    scenario = load(source, **options)
     check_no_condition(scenario.options.stop_when, "linearize")
     if matrices:
         _check_no_responses(_texts(open), duration, amplitude)
@@ -108,14 +109,19 @@ def linearize(
         chosen = _texts(open), _texts(perturb), _texts(read)
         openings = [] if any(chosen) else default_openings(scenario.system)
         places = _places(scenario.system, openings or chosen[0], *chosen[1:])
-    folder = None
-    if output is not None:
-        folder = LinearizeFolder(convert_value(output, Path, "the output folder"), scenario.options.overwrite)
-        folder.check_unread([scenario.options.files_read()])
-    with nullcontext() if folder is None else folder.alone():
+    session = Session(
+        OUTPUTS,
+        output=output,
+        overwrite=scenario.options.overwrite,
+        plots=plots,
+        report=report,
+        progress=progress,
+    )
+    session.check_unread([scenario.options.files_read()])
+    with session.alone():
         values = ideal_sensors(scenario.system) | dict(scenario.options.set)
         if matrices:
-            with scenario.prepare(told, set=values) as simulation:
+            with scenario.prepare(session.progress, set=values) as simulation:
                 names = _texts(perturb), _texts(read), _texts(free)
                 result = _compute_matrices(scenario, simulation, *names, at, steady)
         else:
@@ -124,9 +130,11 @@ def linearize(
                 Fault(p.input, "offset", start=0.0, value=0.0) for p in places if _is_free(scenario.system, p)
             ]
             faults = [*scenario.options.fault, *{f.signal: f for f in ends}.values()]
-            with scenario.prepare(told, fault=faults, set=values) as simulation:
+            with scenario.prepare(session.progress, fault=faults, set=values) as simulation:
                 try:
-                    result = _measure_all(scenario.name, simulation, places, start, length, amplitude, told)
+                    result = _measure_all(
+                        scenario.name, simulation, places, start, length, amplitude, session.progress
+                    )
                 except CommandError as error:
                     if not openings:
                         raise
@@ -137,8 +145,7 @@ def linearize(
                     ) from error
         remarks = describe_disabled_event_mode(simulation.system)
         result = replace(result, remarks=(*remarks, *result.remarks))
-        if folder is not None:
-            folder.keep(result, plots)
+        session.keep(result)
     return result
 
 

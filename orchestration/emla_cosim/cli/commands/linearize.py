@@ -6,14 +6,13 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from ...analyses.linearize.folder import BODE, NYQUIST, RECORD, TABLE
+from ...analyses.linearize.report import OUTPUTS
 from ...analyses.linearize.runner import linearize
-from ...analyses.linearize.summary import format_lines, format_margins, format_point, format_poles
 from ...base.option import LINEARIZE, OUTPUT, option, switch
 from ...views.output_folder import results_folder
 from ...views.progress_bars import BarProgress
-from ...views.terminal import print_line, show
-from .options import scenario
+from .analysis import show_result
+from .options import report, scenario
 
 OPTIONS = LINEARIZE
 
@@ -71,20 +70,13 @@ class Parameters:
     )
     output: Path | None = option(help="Output folder. Default: results/linearize-SCENARIO.", group=OUTPUT)
     plots: bool = option(True, help="Draw Bode and Nyquist plots.", group=OUTPUT)
+    report: bool = report()
 
 
 def command(chosen: Parameters, given: dict[str, Any]) -> None:
     """Compute frequency responses and margins of a scenario."""
-    place = chosen.output or results_folder(f"linearize-{Path(chosen.scenario).stem}")
-    given |= vars(chosen) | {"output": place}
+    folder = chosen.output or results_folder(f"linearize-{Path(chosen.scenario).stem}")
+    given |= vars(chosen) | {"output": folder}
     with BarProgress() as progress:
         result = linearize(given.pop("scenario"), progress=progress, **given)
-    for table in format_margins(result):
-        show(table)
-    if result.matrices is not None:
-        show(format_point(result, result.matrices))
-        show(format_poles(result.matrices))
-    pictures = [BODE, *([NYQUIST] if result.margins else [])] if chosen.plots else []
-    files = ", ".join((RECORD, TABLE, *pictures) if result.responses else (RECORD,))
-    for line in (*format_lines(result), f"Wrote {place}/: {files}"):
-        print_line(line)
+    show_result(OUTPUTS, result, folder)

@@ -2,7 +2,7 @@
 
 from functools import partial
 
-from ...base.option import RUNS, argument, option
+from ...base.option import OUTPUT, RUNS, argument, option, switch
 
 SOURCE = (
     "Scenario: a name from `emla list`, a scenario file (.toml), an SSP (.ssp, .ssd, or a folder), an "
@@ -26,3 +26,5 @@ scheduler = partial(
 )
 
 workers = partial(option, help="Number of processes on this machine. Default: one per core.", group=RUNS)
+
+report = partial(switch, "Write a page with all results into the output folder.", OUTPUT)

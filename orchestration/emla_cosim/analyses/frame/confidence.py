@@ -1,0 +1,79 @@
+"""What a number of runs says about all that could have been drawn: intervals of shares and of quantiles."""
+
+import math
+
+import numpy as np
+
+from ...base.arrays import Vector
+
+LEVEL = 0.95
+"""Confidence of all intervals."""
+
+
+def share_interval(count: int, total: int, level: float = LEVEL) -> tuple[float, float]:
+    """Return the interval of Clopper and Pearson for the probability of an event.
+
+    If the event never or always occurred, the interval is one-sided.
+
+    Args:
+        count: How often it occurred.
+        total: Number of independent draws, at least 1.
+        level: Confidence.
+
+    References:
+        C. J. Clopper and E. S. Pearson, Biometrika 26 (1934), p. 404.
+    """
+    from scipy.special import betaincinv
+
+    tail = 1.0 - level if count in (0, total) else 0.5 * (1.0 - level)
+    low = float(betaincinv(count, total - count + 1, tail)) if count else 0.0
+    high = float(betaincinv(count + 1, total - count, 1.0 - tail)) if count < total else 1.0
+    return low, high
+
+
+def quantile_interval(values: Vector, quantile: float, level: float = LEVEL) -> tuple[float, float]:
+    """Return an interval for a quantile that assumes no distribution: from one order statistic to another.
+
+    Args:
+        values: Independent draws, shape (n,).
+        quantile: The quantile, between 0 and 1.
+        level: Least confidence.
+
+    Returns:
+        Both ends; one for which there are too few values is infinite.
+
+    References:
+        W. J. Conover, Practical Nonparametric Statistics, 3rd edition (1999), section 3.2.
+    """
+    from scipy.special import bdtr
+
+    ordered, count = np.sort(values), len(values)
+    # the probability that at most 0, 1, ... values are below the quantile
+    below = bdtr(np.arange(count), count, quantile)
+    tail = 0.5 * (1.0 - level)
+    first = int(np.searchsorted(below, tail, side="right"))
+    last = int(np.searchsorted(below, 1.0 - tail, side="left")) + 1
+    low = float(ordered[first - 1]) if first > 0 else -math.inf
+    return low, float(ordered[last - 1]) if last <= count else math.inf
+
+
+def describe_share(count: int, total: int, what: str) -> str:
+    """Return a sentence without full stop on how probable an event is, such as a failure.
+
+    Args:
+        count: How often it occurred.
+        total: Number of independent draws, at least 1.
+        what: What occurred, such as "failed".
+    """
+    low, high = share_interval(count, total)
+    confidence = f"with {100.0 * LEVEL:g} % confidence"
+    if count == 0:
+        return f"0 of {total} {what}: below {_percent(high)} {confidence}"
+    if count == total:
+        return f"all {total} {what}: above {_percent(low)} {confidence}"
+    share = _percent(count / total)
+    return f"{count} of {total} {what}: {share}, {_percent(low)} to {_percent(high)} {confidence}"
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.2g} %" if share < 0.1 else f"{100.0 * share:.3g} %"

@@ -1,0 +1,122 @@
+"""What an analysis writes of its result: record, tables, pictures and page, in one folder."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
+
+from ...views.folder import Folder
+from ...views.pages.plain import to_plain
+from .report import Report
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+R = TypeVar("R")
+"""The type of a result."""
+
+
+@dataclass(frozen=True)
+class Outputs(Generic[R]):
+    """The files of an analysis whose result is an `R`, and what people read of it.
+
+    Attributes:
+        what: What messages call the analysis, such as "sizing".
+        name: Name of the record and of the page, without suffix, such as "size".
+        record: Returns the content of the record.
+        tables: Functions that return the content of further files, by name; None for one that this result
+            does not have.
+        report: Returns the report.
+        draw: Returns the pictures by file name.
+        pictures: Names of the pictures that are known before the analysis.
+        record_file: Name of the record. Default: `name`.json.
+    """
+
+    what: str
+    name: str
+    record: Callable[[R], Mapping[str, Any]]
+    tables: Mapping[str, Callable[[R], str | bytes | None]]
+    report: Callable[[R], Report]
+    draw: "Callable[[R], Iterable[tuple[str, Figure]]]" = lambda _: ()
+    pictures: Sequence[str] = ()
+    record_file: str = ""
+
+    @property
+    def record_name(self) -> str:
+        """Name of the record."""
+        return self.record_file or f"{self.name}.json"
+
+    @property
+    def page_name(self) -> str:
+        """Name of the page."""
+        return f"{self.name}.html"
+
+
+class AnalysisFolder(Folder, Generic[R]):
+    """The output folder of an analysis.
+
+    Args:
+        outputs: The files of the analysis.
+        path: The folder.
+        overwrite: Whether to replace files that emla did not write.
+        plots: Whether to draw pictures.
+        report: Whether to write a page.
+
+    Raises:
+        CommandError: As `Folder`.
+    """
+
+    def __init__(
+        self,
+        outputs: Outputs[R],
+        path: Path,
+        overwrite: bool = False,
+        plots: bool = True,
+        report: bool = False,
+    ) -> None:
+        self.outputs, self._plots, self._report = outputs, plots, report
+        self.what, self.record_file = outputs.what, outputs.record_name
+        self.files = (outputs.record_name, *outputs.tables)
+        self.pictures = (*outputs.pictures, outputs.page_name)
+        super().__init__(path, overwrite)
+
+    def keep(self, result: R, is_final: bool = True) -> list[str]:
+        """Write the files of a result, the record first, and remove those that it does not have.
+
+        Args:
+            result: The result.
+            is_final: Whether to draw pictures and write the page, too.
+
+        Returns:
+            The names of the files.
+
+        Raises:
+            RunError: A file cannot be written.
+        """
+        outputs = self.outputs
+        contents = {name: build(result) for name, build in outputs.tables.items()}
+        self.write_json(outputs.record_name, to_plain(outputs.record(result)))
+        names = [outputs.record_name]
+        for name, content in contents.items():
+            if content is None:
+                self.remove([name])
+            else:
+                self.write(name, content.encode() if isinstance(content, str) else content)
+                names.append(name)
+        return [*names, *self.draw_result(result)] if is_final else names
+
+    def draw_result(self, result: R) -> list[str]:
+        """Draw the pictures and write the page, as asked for, and return their names. Raises RunError."""
+        outputs = self.outputs
+        figures = dict(outputs.draw(result)) if self._plots or self._report else {}
+        names = list(figures) if self._plots else []
+        for name in names:
+            self.draw(name, figures[name])
+        if self._report:
+            from .page import render_page  # importing it loads jinja2
+
+            self.write(outputs.page_name, render_page(outputs.report(result), figures).encode())
+            names.append(outputs.page_name)
+        self.remove(name for name in self.pictures if name not in names)
+        return names

@@ -1,0 +1,120 @@
+"""The report of an analysis as data: sentences, tables and pictures for the terminal, Markdown and a page."""
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from rich.markup import escape
+from rich.table import Table
+
+
+class Text(NamedTuple):
+    """A sentence or the text of a cell; it can be the best of its row, or report a failure."""
+
+    text: str
+    is_best: bool = False
+    is_failure: bool = False
+
+    def styled(self) -> str:
+        """Return the text with markup for the terminal; a star marks the best one also without colours."""
+        text = escape(f"{self.text} *" if self.is_best else self.text)
+        style = "bold green" if self.is_best else "bold red" if self.is_failure else ""
+        return f"[{style}]{text}[/]" if style and text else text
+
+
+@dataclass(frozen=True)
+class ReportTable:
+    """A table of a report.
+
+    Attributes:
+        title: Title.
+        header: Heads of the columns; line breaks are for the terminal.
+        rows: Cells by row; a cell with properties is a `Text`.
+        under: Sentences below the table.
+        lines: Numbers of the rows that follow a line.
+        texts: Numbers of the columns with texts, which are aligned on the left.
+    """
+
+    title: str
+    header: Sequence[str]
+    rows: Sequence[Sequence[Text | str]]
+    under: Sequence[str] = ()
+    lines: Collection[int] = ()
+    texts: Collection[int] = (0,)
+
+    @property
+    def cells(self) -> list[list[Text]]:
+        """All cells by row."""
+        return [[cell if isinstance(cell, Text) else Text(cell) for cell in row] for row in self.rows]
+
+    def rich(self) -> Table:
+        """Return the table for the terminal."""
+        table = Table(title=escape(self.title), title_justify="left")
+        for number, head in enumerate(self.header):
+            is_text = number in self.texts
+            table.add_column(
+                escape(head),
+                justify="left" if is_text else "right",
+                overflow="fold" if is_text else "ellipsis",
+            )
+        for number, row in enumerate(self.cells):
+            if number in self.lines:
+                table.add_section()
+            table.add_row(*(cell.styled() for cell in row))
+        return table
+
+    def markdown(self) -> str:
+        """Return the table as Markdown."""
+        columns = range(len(self.header))
+        texts = [[_mark_cell(cell) for cell in row] for row in self.cells]
+        heads = [_join_lines(head) for head in self.header]
+        width = [max(3, *(len(row[i]) for row in [heads, *texts])) for i in columns]
+        rule = ["-" * w if i in self.texts else f"{'-' * (w - 1)}:" for i, w in enumerate(width)]
+        rows = [[text.ljust(w) for text, w in zip(row, width, strict=True)] for row in [heads, rule, *texts]]
+        under = "".join(f"\n{sentence}\n" for sentence in self.under)
+        return f"{self.title}\n\n" + "".join(f"| {' | '.join(row)} |\n" for row in rows) + under
+
+
+@dataclass(frozen=True)
+class Section:
+    """A part of a report.
+
+    Attributes:
+        title: Title on the page.
+        lines: Sentences before the tables.
+        tables: Tables.
+        pictures: What the pictures of this part show, by their file names.
+        under: Sentences after the tables.
+    """
+
+    title: str = ""
+    lines: Sequence[Text | str] = ()
+    tables: Sequence[ReportTable] = ()
+    pictures: "dict[str, str] | None" = None
+    under: Sequence[Text | str] = ()
+
+
+@dataclass(frozen=True)
+class Report:
+    """What a person reads of a result.
+
+    Attributes:
+        kind: Kind of the analysis, such as "Sizing".
+        name: Name of what was examined.
+        facts: Short facts for the head of the page, such as "200 runs".
+        sections: Parts in the order in which they are read.
+    """
+
+    kind: str
+    name: str
+    facts: Sequence[str]
+    sections: Sequence[Section]
+
+
+def _join_lines(text: str) -> str:
+    return text.replace("\n", " ").replace("|", "\\|")
+
+
+def _mark_cell(cell: Text) -> str:
+    text = _join_lines(cell.text)
+    return f"**{text}**" if cell.is_best else text

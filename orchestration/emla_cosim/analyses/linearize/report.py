@@ -1,0 +1,119 @@
+"""What a linearization writes and shows: margins or poles, how they were measured, Bode and Nyquist plots."""
+
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from ..frame.outputs import Outputs
+from ..frame.report import Report, ReportTable, Section
+from .pictures import draw_bode, draw_nyquist
+from .result import LinearizeResult
+from .state_space import StateSpace
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_BODE, _NYQUIST = "bode.png", "nyquist.png"
+
+_ROWS = (
+    ("phase margin", "phase_deg", "phase_at", "°", 1.0),
+    ("gain margin, up", "gain_up_dB", "gain_up_at", "dB", 1.0),
+    ("gain margin, down", "gain_down_dB", "gain_down_at", "dB", 1.0),
+    ("delay margin", "delay_s", None, "ms", 1e3),
+    ("sensitivity Ms", "Ms", "Ms_at", "", 1.0),
+)
+
+
+def build_report(result: LinearizeResult) -> Report:
+    """Return the report of a linearization."""
+    notes = [f"Note: {text}" for text in result.remarks]
+    if result.matrices is not None:
+        tables = [_point_table(result, result.matrices), _poles_table(result.matrices)]
+        return Report("Linearization", result.name, _facts(result), [Section(tables=tables, under=notes)])
+    how = "restored states" if result.rolled_back else "repeated runs, as not every FMU can restore its state"
+    measured = [
+        f"{name}: pulses of {m.amplitude:.3g}, nonlinearity {100.0 * m.nonlinearity:.2g} %"
+        + ("" if m.step_change is None else f", change by half the step {100.0 * m.step_change:.2g} %")
+        for name, m in result.responses.items()
+    ]
+    pictures = {
+        _BODE: "Gain and phase of the responses over frequency",
+        _NYQUIST: "Loop gains near -1, with the circles that they may not enter",
+    }
+    under = [*notes, *measured, f"Measured with {how}"]
+    section = Section(tables=list(_margin_tables(result)), pictures=pictures, under=under)
+    return Report("Linearization", result.name, _facts(result), [section])
+
+
+def _facts(result: LinearizeResult) -> list[str]:
+    return [f"t = {result.at:g} s", f"step {1e3 * result.step:g} ms"]
+
+
+def _margin_tables(result: LinearizeResult) -> Iterator[ReportTable]:
+    """Yield a table of margins for each loop."""
+    for name, margins in result.margins.items():
+        halved = result.responses[name].margins_at_half_step
+        rows = list[list[str]]()
+        for label, value, at, unit, factor in _ROWS:
+            margin, frequency = getattr(margins, value), None if at is None else getattr(margins, at)
+            is_finite = math.isfinite(margin)
+            rows.append(
+                [
+                    label,
+                    f"{factor * margin:.4g}" if is_finite else "none",
+                    unit if is_finite else "",
+                    f"{frequency:.4g}" if is_finite and frequency is not None else "",
+                    "not judged" if halved is None else _change(factor * (getattr(halved, value) - margin)),
+                ]
+            )
+        header = ("", "margin", "", "at / Hz", "half step")
+        yield ReportTable(f"{name}, t = {result.at:g} s", header, rows, texts=(0, 2))
+
+
+def _change(difference: float) -> str:
+    """Return the change of a margin as text; empty if there is no margin before or after."""
+    return f"{difference:+.2g}" if math.isfinite(difference) else ""
+
+
+def _poles_table(matrices: StateSpace) -> ReportTable:
+    rows = [
+        [
+            f"{pole.real:.5g}",
+            f"±{pole.imag:.5g}" if pole.imag > 0.0 else "0",
+            f"{abs(pole) / (2.0 * math.pi):.4g}",
+            f"{damping:.4g}",
+        ]
+        for pole, damping in zip(matrices.poles, matrices.damping, strict=True)
+        if pole.imag >= 0.0
+    ]
+    header = ("real / s⁻¹", "imaginary / s⁻¹", "frequency / Hz", "damping")
+    return ReportTable("Poles", header, rows, texts=())
+
+
+def _point_table(result: LinearizeResult, matrices: StateSpace) -> ReportTable:
+    """Return a table of states, inputs and outputs at the operating point."""
+    where = f"steady state near t = {result.at:g} s" if result.is_steady else f"t = {result.at:g} s"
+    rows = [
+        [kind.removesuffix("s"), name, f"{value:.6g}", matrices.units[name]]
+        for kind in ("states", "inputs", "outputs")
+        for name, value in zip(getattr(matrices, kind), getattr(matrices, f"at_{kind}"), strict=True)
+    ]
+    return ReportTable(f"Operating point, {where}", ("", "name", "value", "unit"), rows, texts=(0, 1, 3))
+
+
+def _draw(result: LinearizeResult) -> "Iterator[tuple[str, Figure]]":
+    if result.responses:
+        yield _BODE, draw_bode(result)
+    if result.margins:
+        yield _NYQUIST, draw_nyquist(result)
+
+
+OUTPUTS = Outputs[LinearizeResult](
+    what="linearization",
+    name="linearize",
+    record=lambda result: result.record,
+    tables={"responses.csv": lambda result: result.table.write_csv() if result.responses else None},
+    report=build_report,
+    draw=_draw,
+    pictures=(_BODE, _NYQUIST),
+)
