@@ -12,7 +12,7 @@ import emla_cosim as ec
 from emla_cosim.analyses.compare.margin_tables import missed_conditions
 from emla_cosim.analyses.compare.margins import FIGURES
 from emla_cosim.analyses.linearize.margins import compute_margins
-from emla_cosim.analyses.linearize.summary import format_lines, format_margins
+from emla_cosim.analyses.linearize.report import build_report
 from fmublock import Block, DiscreteState, Input, Output
 from tests.support.linear_drive import POSITION, STEP, LinearDrive
 
@@ -148,7 +148,8 @@ def test_loop_gain_below_1_is_reported() -> None:
     result = ec.linearize(system, open="lag.y->gain.u", stop_time=4.0, step_size=1e-2)
     remark, _ = result.remarks  # the step is not judged: the lag has discrete variables
     assert "the loop gain stays below 1 from" in remark and "may cut the loop" in remark
-    assert any(remark in line for line in format_lines(result))
-    (table,) = format_margins(result)
-    texts = [str(cell) for column in table.columns for cell in column.cells]
+    (section,) = build_report(result).sections
+    assert any(remark in line for line in section.under)
+    (table,) = section.tables
+    texts = [cell.text for row in table.cells for cell in row]
     assert "none" in texts and not {"inf", "-inf", "nan"} & set(texts)
