@@ -6,10 +6,9 @@ import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib import import_module
-from importlib.metadata import version
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, cast
 
 import cloudpickle
 
@@ -117,19 +116,26 @@ class Preparation:
 
 @dataclass(frozen=True)
 class PackedPreparation:
-    """A `Preparation` to send: `system` has no FMUs, `fmus` has their content hashes."""
+    """A `Preparation` to send: the FMUs of `system` are paths relative to a folder."""
 
     name: str
     system: System
     options: Options
-    fmus: Mapping[str, str]
 
-    def unpack_system(self, files: Mapping[str, Path]) -> System:
-        """Return the system with the FMU files, which `files` has by content hash."""
-        return replace(
-            self.system,
-            components=tuple(replace(c, fmu=files[self.fmus[c.name]]) for c in self.system.components),
+    @classmethod
+    def of(cls, preparation: Preparation) -> "PackedPreparation":
+        """Return a preparation with its FMUs in a folder for each content hash."""
+        files = {sha: Path(sha[:16], path.name) for sha, path in preparation.files.items()}
+        components = (
+            replace(c, model="", fmu=files[preparation.fmus[c.name]]) for c in preparation.system.components
         )
+        system = replace(preparation.system, components=tuple(components))
+        return cls(preparation.name, system, preparation.options)
+
+    def unpack_system(self, folder: Path) -> System:
+        """Return the system with the FMU files in `folder`."""
+        components = (replace(c, fmu=folder / cast(Path, c.fmu)) for c in self.system.components)
+        return replace(self.system, components=tuple(components))
 
 
 REGISTRIES: Mapping[str, dict[str, Any]] = {
@@ -143,44 +149,46 @@ REGISTRIES: Mapping[str, dict[str, Any]] = {
 
 @dataclass(frozen=True)
 class WorkerPayload:
-    """Everything that workers need.
+    """What processes need to run the variants of an analysis.
 
-    `files` has name and content of FMU files by hash, `registered` the entries of `REGISTRIES`.
+    Attributes:
+        key: Name of the analysis on a cluster.
+        files: Paths of FMU files, relative to a folder, with their contents.
+        content: `PackedPreparation` by group, and the entries of `REGISTRIES`; pickled.
+        timeouts: Longest time of a variant in s by group; None without a limit.
+        patience: Seconds to wait for a cluster without workers.
     """
 
     key: str
-    packed: Sequence[PackedPreparation]
-    files: Mapping[str, tuple[str, bytes]]
-    registered: Mapping[str, Mapping[str, Any]]
-    version: str
+    files: Mapping[str, bytes]
+    content: bytes
+    timeouts: Sequence[float | None]
+    patience: float
 
     @classmethod
     def of(cls, key: str, preparations: Sequence[Preparation]) -> "WorkerPayload":
-        """Return the payload of these preparations. `key` is its name on the workers.
+        """Return the payload of these preparations.
 
         Raises:
             CommandError: A registered object cannot be sent to another process.
         """
-        for kind, known in REGISTRIES.items():
-            check_portable(kind, known)
-        paths = {sha: path for p in preparations for sha, path in p.files.items()}
+        for kind, entries in REGISTRIES.items():
+            check_portable(kind, entries)
+        paths = {f"{sha[:16]}/{path.name}": path for p in preparations for sha, path in p.files.items()}
+        packed = [PackedPreparation.of(p) for p in preparations]
         return cls(
             key,
-            [PackedPreparation(p.name, _remove_files(p.system), p.options, p.fmus) for p in preparations],
-            {sha: (path.name, path.read_bytes()) for sha, path in paths.items()},
-            {kind: dict(known) for kind, known in REGISTRIES.items()},
-            version("emla-cosim"),
+            {name: path.read_bytes() for name, path in paths.items()},
+            cloudpickle.dumps((packed, REGISTRIES)),
+            [p.options.timeout for p in preparations],
+            max(p.options.patience for p in preparations),
         )
 
 
 def check_portable(kind: str, objects: Mapping[str, Any]) -> None:
     """Raise CommandError if one of these objects cannot be sent to another process."""
-    for name, one in objects.items():
+    for name, value in objects.items():
         try:
-            cloudpickle.dumps(one)
+            cloudpickle.dumps(value)
         except Exception as error:
             raise CommandError(f"the {kind} '{name}' cannot be sent to workers: {error}.") from error
-
-
-def _remove_files(system: System) -> System:
-    return replace(system, components=tuple(replace(c, model="", fmu=None) for c in system.components))
