@@ -242,9 +242,6 @@ class ChildPool:
     Args:
         start: Returns a new child.
         count: Number of children to start at once, so that they load meanwhile.
-
-    Raises:
-        OSError: A child cannot start.
     """
 
     def __init__(self, start: Callable[[], Child], count: int = 0) -> None:
@@ -254,7 +251,7 @@ class ChildPool:
         try:
             while len(self._idle) < count:
                 self._idle.append(start())
-        except OSError:
+        except BaseException:
             self.close()
             raise
 

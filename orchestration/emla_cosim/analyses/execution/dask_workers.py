@@ -10,7 +10,7 @@ import pickle
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from importlib.metadata import version
 from queue import SimpleQueue
 from typing import Any, cast
@@ -42,10 +42,6 @@ class DaskWorkers:
         client: A client of the scheduler.
         payload: What the variants need.
         report: Called with notes.
-
-    Raises:
-        CommandError: A worker has another version.
-        RunError: The scheduler does not answer.
     """
 
     def __init__(self, client: Client, payload: WorkerPayload, report: Callable[[str], None]) -> None:
@@ -188,20 +184,29 @@ def _make_call(key: str) -> Callable[[str, bytes], bytes]:
 
 
 @contextmanager
-def open_client(scheduler: str | Client) -> Iterator[Client]:
-    """Yield a client that runs, which stays open, or a new one for an address. Raise RunError if it fails."""
+def connect(
+    scheduler: str | Client, payload: WorkerPayload, report: Callable[[str], None]
+) -> Iterator[DaskWorkers]:
+    """Yield the workers of a scheduler, or of a client, which stays open.
+
+    Raises:
+        RunError: The scheduler does not answer.
+    """
     if isinstance(scheduler, Client):
         if scheduler.status != "running" or scheduler.scheduler is None:
             raise RunError(f"the client in `scheduler` is {scheduler.status}; it must be running.")
-        yield scheduler
-        return
+        opened = nullcontext(scheduler)
+    else:
+        opened = _open_client(scheduler)
+    with opened as client:
+        report(f"Dask's dashboard: {client.dashboard_link}")
+        yield DaskWorkers(client, payload, report)
+
+
+def _open_client(address: str) -> Client:
     try:
-        client = Client(scheduler, timeout=_CONNECT_S, set_as_default=False)
+        return Client(address, timeout=_CONNECT_S, set_as_default=False)
     except Exception as error:  # an invalid address may raise anything
         reason = first_line(error)
-    else:
-        with client:
-            yield client
-        return
     gc.collect()  # now: a half-made client hangs if it is collected while another one is created
-    raise RunError(f"no scheduler answers at '{scheduler}': {reason}.")
+    raise RunError(f"no scheduler answers at '{address}': {reason}.")

@@ -5,11 +5,11 @@ import math
 import pickle
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, closing, contextmanager
 from queue import Empty, SimpleQueue
-from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, Union
+from typing import TYPE_CHECKING, Any, TypeAlias, Union
 
 import cloudpickle
 
@@ -26,6 +26,8 @@ from .worker_payload import WorkerPayload
 
 if TYPE_CHECKING:
     from distributed import Client
+
+    from .dask_workers import DaskWorkers
 
 Scheduler: TypeAlias = Union[str, "Client", VariantHost, None]
 """Address of a Dask scheduler, a client of one, or None for this machine, whose processes may run already."""
@@ -49,97 +51,62 @@ _POLL = 0.2
 """Seconds between two checks for an interruption."""
 
 
+UNFIT = (ImportError, AttributeError, RuntimeError)
+"""Exceptions if another process lacks a package, a version or a module of the user."""
+
+
 class WorkersLostError(Exception):
     """So many workers, the argument, were lost with a chunk, which no other worker gets."""
 
 
-class Workers(Protocol):
-    """What runs the methods of a `VariantHost`."""
-
-    slow: SimpleQueue[tuple[int, float]]
-    """Numbers of variants that still run after a while, and their times in s."""
-
-    def load(self, payload: WorkerPayload) -> None:
-        """Send the payload to all hosts."""
-        ...
-
-    def threads(self) -> int:
-        """Return how many chunks can run at once. Raise RunError if there were none for too long."""
-        ...
-
-    def submit(self, method: str, argument: Any) -> Task:
-        """Call a method of a host: `describe` with a group, or `run` with a `ChunkRequest`."""
-        ...
-
-    def answer(self, task: Task) -> Any:
-        """Return the answer of a task that is done. Raise WorkersLostError, or what the call raised."""
-        ...
-
-    def cancel(self, tasks: Sequence[Task]) -> None:
-        """Let these tasks not begin, if they have not begun."""
-        ...
-
-    def explain(self, error: Exception) -> RunError | None:
-        """Return the message on an exception that concerns all variants; None for any other."""
-        ...
-
-    def close(self) -> None:
-        """End all tasks and processes."""
-        ...
-
-
 class LocalWorkers:
-    """Threads of this process. Each uses one process of the host."""
+    """Threads of this process that call a host."""
 
     def __init__(self, host: VariantHost) -> None:
-        self.slow = SimpleQueue[tuple[int, float]]()
         self._host, self._pool = host, ThreadPoolExecutor(host.count)
+        self.slow = SimpleQueue[tuple[int, float]]()
+        """Numbers of variants that still run after a while, and their times in s."""
 
     def load(self, payload: WorkerPayload) -> None:
-        """See `Workers`."""
+        """Pass the payload to all hosts."""
         self._host.load(payload.files, payload.content)
 
     def threads(self) -> int:
-        """Return the number of threads."""
+        """Return how many chunks can run at once. Raise RunError if there were none for too long."""
         return self._host.count
 
     def submit(self, method: str, argument: Any) -> Task:
-        """See `Workers`."""
-        if method == "describe":
-            return self._pool.submit(self._host.describe, argument)
-        return self._pool.submit(self._host.run, argument, lambda *variant: self.slow.put(variant))
+        """Call a method of a host: `describe` with a group, or `run` with a `ChunkRequest`."""
+        more = [lambda *slow: self.slow.put(slow)] if method == "run" else []
+        return self._pool.submit(getattr(self._host, method), argument, *more)
 
     def answer(self, task: Task) -> Any:
-        """See `Workers`."""
+        """Return the answer of a task that is done. Raise WorkersLostError, or what the call raised."""
         return task.result()
 
     def cancel(self, tasks: Sequence[Task]) -> None:
-        """See `Workers`."""
+        """Let these tasks not begin, if they have not begun."""
         for task in tasks:
             task.cancel()
 
     def explain(self, error: Exception) -> RunError | None:
-        """See `Workers`."""
-        if isinstance(error, OSError):
-            return RunError(f"this machine cannot run variants: {first_line(error)}.")
+        """Return the message on an exception that concerns all variants; None for any other."""
         if isinstance(error, UNFIT):
             return RunError(f"another process cannot run this: {first_line(error)}.")
         return None
 
     def close(self) -> None:
-        """See `Workers`."""
+        """End all tasks and processes."""
         self._host.close()
         self._pool.shutdown(cancel_futures=True)
-
-
-UNFIT = (ImportError, AttributeError, RuntimeError)
-"""Exceptions if another process lacks a package, a version or a module of the user."""
 
 
 class Executor:
     """Runs the variants of an analysis."""
 
-    def __init__(self, workers: Workers, payload: WorkerPayload, report: Callable[[str], None]) -> None:
+    def __init__(
+        self, workers: "LocalWorkers | DaskWorkers", payload: WorkerPayload, report: Callable[[str], None]
+    ) -> None:
         self._workers, self._timeouts, self._report = workers, payload.timeouts, report
         self._slow = _SlowVariants(workers.slow)
         with self._explain_errors():
@@ -222,7 +189,6 @@ class Executor:
                 results = chunks.take_answer(chunk, self._workers.answer(task))
             except WorkersLostError as error:
                 results = chunks.take_loss(chunk, *error.args)
-            self._slow.forget(chunk.variants)
             submit()  # before reading and writing: a worker waits
             return results
 
@@ -231,7 +197,7 @@ class Executor:
                 with self._explain_errors():
                     submit()
                     results = collect()
-                if (slow := self._slow.note(chunks.average_s)) is not None:
+                if (slow := self._slow.note(tasks.values(), chunks.average_s)) is not None:
                     self._report(slow if any(self._timeouts) else f"{slow} --timeout ends slow variants.")
                 for result in results:
                     keep(result)
@@ -253,38 +219,28 @@ class Executor:
 
 
 class _SlowVariants:
-    """The variants that workers report as slow."""
+    """The variants that workers report as slow: numbers, and their times in s."""
 
     def __init__(self, reports: SimpleQueue[tuple[int, float]]) -> None:
-        self._reports = reports
-        self._running: dict[int, float] = {}
-        self._is_new, self._next_note = False, -math.inf
+        self._reports, self._next_note = reports, -math.inf
+        self._seconds: dict[int, float] = {}
 
-    def forget(self, numbers: Sequence[int]) -> None:
-        """Forget variants that do not run any more."""
-        self._read()
-        for number in numbers:
-            self._running.pop(number, None)
-
-    def note(self, average_s: float) -> str | None:
-        """Return a note on variants that take much longer than the average, if it is time for one."""
-        self._read()
+    def note(self, chunks: Collection[WorkPackage], average_s: float) -> str | None:
+        """Return a note on variants of these chunks that take much longer than the average, if it is time."""
         now = time.monotonic()
-        if not self._is_new or now < self._next_note:
+        if self._reports.empty() or now < self._next_note:
             return None
-        slow = {n: s for n, s in sorted(self._running.items()) if s > _SLOW * average_s}
+        while not self._reports.empty():
+            number, self._seconds[number] = self._reports.get()
+        running = {number for chunk in chunks for number in chunk.variants}
+        slow = [n for n in sorted(running & self._seconds.keys()) if self._seconds[n] > _SLOW * average_s]
         if not slow:
             return None
-        self._is_new, self._next_note = False, now + _NOTE_S
-        names = [f"variant {number} for {seconds:.0f} s" for number, seconds in slow.items()]
-        if len(names) > _NAMED:
-            names = [*names[:_NAMED], f"{len(names) - _NAMED} more"]
+        self._next_note = now + _NOTE_S
+        names = [f"variant {number} for {self._seconds[number]:.0f} s" for number in slow[:_NAMED]]
+        if len(slow) > _NAMED:
+            names.append(f"{len(slow) - _NAMED} more")
         return f"Still running: {join_names(names)}."
-
-    def _read(self) -> None:
-        while not self._reports.empty():
-            number, self._running[number] = self._reports.get()
-            self._is_new = True
 
 
 @contextmanager
@@ -312,13 +268,11 @@ def start_workers(scheduler: Scheduler, workers: int | None) -> Iterator[Schedul
 
 @contextmanager
 def _start_host(workers: int | None) -> Iterator[VariantHost]:
-    with temporary_folder("variants") as folder:
-        try:
-            host = VariantHost(folder, workers or count_cores())
-        except OSError as error:
-            raise RunError(f"no process can be started on this machine: {first_line(error)}.") from error
-        with closing(host):
-            yield host
+    with (
+        temporary_folder("variants") as folder,
+        closing(VariantHost(folder, workers or count_cores())) as host,
+    ):
+        yield host
 
 
 @contextmanager
@@ -339,15 +293,13 @@ def open_executor(
     with ExitStack() as stack:
         if scheduler is None or isinstance(scheduler, VariantHost):
             host = scheduler or stack.enter_context(_start_host(workers))
-            opened: Workers = LocalWorkers(host)
+            started = LocalWorkers(host)
         else:
-            from .dask_workers import DaskWorkers, open_client
+            from .dask_workers import connect  # which only some have
 
-            client = stack.enter_context(open_client(scheduler))
-            report(f"Dask's dashboard: {client.dashboard_link}")
-            opened = DaskWorkers(client, payload, report)
-        stack.enter_context(closing(opened))
-        yield Executor(opened, payload, report)
+            started = stack.enter_context(connect(scheduler, payload, report))
+        stack.enter_context(closing(started))
+        yield Executor(started, payload, report)
 
 
 def check_cluster(scheduler: Scheduler, workers: int | None) -> None:

@@ -7,6 +7,7 @@ rest while their caller prepares a scenario.
 
 import math
 import pickle
+import platform
 import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -41,7 +42,7 @@ class VariantHost:
         count: Number of processes. They start now, and read the folder at the first request.
 
     Raises:
-        OSError: A process cannot start.
+        RunError: A process cannot start.
     """
 
     def __init__(self, folder: Path, count: int) -> None:
@@ -49,12 +50,17 @@ class VariantHost:
         self._pool = ChildPool(self._start, count)
 
     def load(self, files: Mapping[str, bytes], content: bytes) -> None:
-        """Write the files of a `WorkerPayload`. Raise OSError if they cannot be written."""
+        """Write the files of a `WorkerPayload`. Raise RunError if they cannot be written."""
         self._is_loaded = True
-        for name, file in {**files, PAYLOAD: content}.items():
-            path = self._folder / name
-            path.parent.mkdir(exist_ok=True)
-            path.write_bytes(file)
+        try:
+            for name, file in {**files, PAYLOAD: content}.items():
+                path = self._folder / name
+                path.parent.mkdir(exist_ok=True)
+                path.write_bytes(file)
+        except OSError as error:
+            raise RunError(
+                f"the FMUs cannot be written to a temporary folder on {platform.node()}: {error}."
+            ) from error
 
     def describe(self, group: int) -> bytes:
         """Return the pickled `SimulationDescription` of a group.
@@ -113,7 +119,10 @@ class VariantHost:
     def _start(self) -> Child:
         # loads more than this process needs; each process has one core
         do = f"{__package__}.variant_process:run_variants"
-        return Child(do, str(self._folder), environment={"POLARS_MAX_THREADS": "1"})
+        try:
+            return Child(do, str(self._folder), environment={"POLARS_MAX_THREADS": "1"})
+        except OSError as error:
+            raise RunError(f"no process can be started on {platform.node()}: {error.strerror}.") from error
 
 
 def _receive(

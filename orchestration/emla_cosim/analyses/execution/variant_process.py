@@ -22,11 +22,13 @@ from ...master.instances.fmu_instance import DiscardedStepError
 from ...recorders.metrics import describe_divergence, explain_verdicts, list_figures
 from ...recorders.table import TimeSeries
 from ...run.half_step import halve_step
+from ...run.options import Options
 from ...run.remarks import describe_lost_values
 from ...run.result import Result
 from ...run.run_setup import steps_per_row
 from ...run.simulation import Simulation
 from ...study.loading import register
+from ...system.model import System
 from ..variants.data import (
     DIVERGED,
     DONE,
@@ -41,7 +43,7 @@ from ..variants.data import (
 from ..variants.measures import MeasureError, Measures
 from .chunk_queue import ChunkRequest
 from .variant_host import ANSWER, ERROR, OUTCOME, PAYLOAD, READY
-from .worker_payload import REGISTRIES, PackedPreparation
+from .worker_payload import REGISTRIES
 
 _PREPARED_AT_MOST = 8
 """Most simulations that a process keeps. The least recently used one is closed."""
@@ -54,14 +56,14 @@ class VariantProcess:
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        self._packed: Sequence[PackedPreparation] = ()
+        self._groups: Sequence[tuple[str, System, Options]] = ()
         self._simulations: dict[int, Simulation] = {}
 
     def answer(self, request: tuple[str, Any], send: Send) -> tuple[str, Any]:
         """Answer a request: `describe` with a group, or `run`. An exception is an answer, too."""
         name, argument = request
         try:
-            if not self._packed:
+            if not self._groups:
                 self._load()
             return ANSWER, self._describe(argument) if name == "describe" else self._run(argument, send)
         except BaseException as error:  # user code may raise SystemExit when it is loaded
@@ -73,7 +75,7 @@ class VariantProcess:
             simulation.close()
 
     def _load(self) -> None:
-        self._packed, registered = pickle.loads((self._folder / PAYLOAD).read_bytes())
+        self._groups, registered = pickle.loads((self._folder / PAYLOAD).read_bytes())
         register()
         for kind, known in REGISTRIES.items():
             known.update(registered[kind])
@@ -84,16 +86,26 @@ class VariantProcess:
         if found is None:
             if len(self._simulations) >= _PREPARED_AT_MOST:
                 self._simulations.pop(next(iter(self._simulations))).close()
-            packed = self._packed[group]
-            alone = replace(packed.options, threads=1)  # other processes use the other cores
-            system = packed.unpack_system(self._folder)
-            found = Simulation(system, alone, packed.name, unpacked=self._folder)
+            name, system, options = self._groups[group]
+            components = [replace(c, fmu=self._folder / str(c.fmu)) for c in system.components]
+            system = replace(system, components=tuple(components))
+            options = replace(options, threads=1)  # other processes use the other cores
+            found = Simulation(system, options, name, unpacked=self._folder)
         self._simulations[group] = found
         return found
 
     def _describe(self, group: int) -> bytes:
-        """Describe the simulation of a group. Raise CosimError if it cannot be prepared."""
-        return cloudpickle.dumps(_describe(self._simulation(group)))
+        """Return the pickled `SimulationDescription` of a group. Raise CosimError if this fails."""
+        simulation = self._simulation(group)
+        simulation.start(recorders=[])  # variants may run although the scenario itself fails in a step
+        result = simulation.so_far()
+        figures = list_figures(result.metrics, result.shown)
+        units, further = (
+            {name: str(unit) if unit is not None else "" for name, unit in units.items()}
+            for units in (simulation.units, simulation.further_units())
+        )
+        rows = 1 + -(-result.times.steps // steps_per_row(simulation.options, result.times))
+        return cloudpickle.dumps(SimulationDescription(units, further, figures, rows))
 
     def _run(self, request: ChunkRequest, send: Send) -> tuple[float, bytes | None]:
         """Run variants in sequence, and send the outcome of each. An error in one becomes its outcome.
@@ -156,18 +168,6 @@ class VariantProcess:
             return VariantOutcome(variant.number, REFUSED, str(error)), None
         except BaseException as error:  # from a user's metrics or algorithm
             return VariantOutcome(variant.number, FAILED, f"the run raised {error!r}."), None
-
-
-def _describe(simulation: Simulation) -> SimulationDescription:
-    simulation.start(recorders=[])  # variants may run although the scenario itself fails in a step
-    result = simulation.so_far()
-    figures = list_figures(result.metrics, result.shown)
-    units, further = (
-        {name: str(unit) if unit is not None else "" for name, unit in units.items()}
-        for units in (simulation.units, simulation.further_units())
-    )
-    rows = 1 + -(-result.times.steps // steps_per_row(simulation.options, result.times))
-    return SimulationDescription(units, further, figures, rows)
 
 
 def _status(error: RunError) -> str:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
-from typing import Any, cast
+from typing import Any
 
 import cloudpickle
 
@@ -108,34 +108,15 @@ class Preparation:
             scenario,
         )
 
+    def system_with(self, files: Mapping[str, Path]) -> System:
+        """Return the system with FMU files, which `files` has by content hash."""
+        components = [replace(c, model="", fmu=files[self.fmus[c.name]]) for c in self.system.components]
+        return replace(self.system, components=tuple(components))
+
     @property
     def identity(self) -> dict[str, Any]:
         """Everything that determines the result of a run, as plain data."""
         return RunDefinition(self.system, self.fmus, self.options).variants_identity
-
-
-@dataclass(frozen=True)
-class PackedPreparation:
-    """A `Preparation` to send: the FMUs of `system` are paths relative to a folder."""
-
-    name: str
-    system: System
-    options: Options
-
-    @classmethod
-    def of(cls, preparation: Preparation) -> "PackedPreparation":
-        """Return a preparation with its FMUs in a folder for each content hash."""
-        files = {sha: Path(sha[:16], path.name) for sha, path in preparation.files.items()}
-        components = (
-            replace(c, model="", fmu=files[preparation.fmus[c.name]]) for c in preparation.system.components
-        )
-        system = replace(preparation.system, components=tuple(components))
-        return cls(preparation.name, system, preparation.options)
-
-    def unpack_system(self, folder: Path) -> System:
-        """Return the system with the FMU files in `folder`."""
-        components = (replace(c, fmu=folder / cast(Path, c.fmu)) for c in self.system.components)
-        return replace(self.system, components=tuple(components))
 
 
 REGISTRIES: Mapping[str, dict[str, Any]] = {
@@ -154,7 +135,7 @@ class WorkerPayload:
     Attributes:
         key: Name of the analysis on a cluster.
         files: Paths of FMU files, relative to a folder, with their contents.
-        content: `PackedPreparation` by group, and the entries of `REGISTRIES`; pickled.
+        content: By group: name, system with these paths, and options; and `REGISTRIES`. Pickled.
         timeouts: Longest time of a variant in s by group; None without a limit.
         patience: Seconds to wait for a cluster without workers.
     """
@@ -174,12 +155,13 @@ class WorkerPayload:
         """
         for kind, entries in REGISTRIES.items():
             check_portable(kind, entries)
-        paths = {f"{sha[:16]}/{path.name}": path for p in preparations for sha, path in p.files.items()}
-        packed = [PackedPreparation.of(p) for p in preparations]
+        files = {sha: path for p in preparations for sha, path in p.files.items()}
+        names = {sha: Path(sha[:16], path.name) for sha, path in files.items()}
+        groups = [(p.name, p.system_with(names), p.options) for p in preparations]
         return cls(
             key,
-            {name: path.read_bytes() for name, path in paths.items()},
-            cloudpickle.dumps((packed, REGISTRIES)),
+            {names[sha].as_posix(): path.read_bytes() for sha, path in files.items()},
+            cloudpickle.dumps((groups, REGISTRIES)),
             [p.options.timeout for p in preparations],
             max(p.options.patience for p in preparations),
         )
