@@ -156,6 +156,28 @@ def test_ended_sweep_leaves_nothing_and_can_be_continued(
 
 
 @pytest.mark.slow
+def test_killed_caller_leaves_nothing_on_workers(cluster: Client, fmu_folder: Path, tmp_path: Path) -> None:
+    address = cluster.scheduler_info()["address"]
+    process = subprocess.Popen(
+        command(fmu_folder, "--scheduler", address), cwd=tmp_path,
+        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+    )  # fmt: skip
+    try:
+        wait_for(lambda: any(tmp_path.glob("out/parts/[0-9]*.parquet")) or process.poll() is not None)
+        assert sum(cluster.run(count_variant_processes).values()) == 2
+    finally:
+        for member in family(process):
+            member.kill()
+        process.wait()
+    wait_for(lambda: sum(cluster.run(count_variant_processes).values()) == 0)
+
+    def list_folders(dask_worker: Any) -> int:
+        return len(list(Path(dask_worker.local_directory).glob("emla-variants-*")))
+
+    wait_for(lambda: sum(cluster.run(list_folders).values()) == 0)
+
+
+@pytest.mark.slow
 def test_sweep_survives_the_loss_of_worker_and_scheduler(system: System, tmp_path: Path) -> None:
     """A worker of it is killed, then the scheduler; this machine goes on with what there is."""
     plan: dict[str, Any] = {

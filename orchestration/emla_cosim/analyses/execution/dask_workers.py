@@ -15,7 +15,7 @@ from importlib.metadata import version
 from queue import SimpleQueue
 from typing import Any, cast
 
-from distributed import Client, Future, KilledWorker, WorkerPlugin, get_worker
+from distributed import Client, Future, KilledWorker, SchedulerPlugin, WorkerPlugin, get_worker
 from distributed.comm.core import CommClosedError
 
 from ...base.errors import RunError
@@ -55,6 +55,7 @@ class DaskWorkers:
         """Send the payload to all workers, also to those that come later."""
         self._client.subscribe_topic(self._key, lambda event: self.slow.put(tuple(event[1])))
         plugin = _make_plugin(self._key, version("emla-cosim"), payload.files, payload.content)
+        self._client.register_plugin(_make_removal(self._key, self._client.id))
         self._client.register_plugin(plugin)
 
     def threads(self) -> int:
@@ -113,6 +114,8 @@ class DaskWorkers:
             self._client.unsubscribe_topic(self._key)
         with suppress(Exception):
             self._client.unregister_worker_plugin(self._key)
+        with suppress(Exception):
+            self._client.unregister_scheduler_plugin(self._key)
 
 
 def _make_plugin(key: str, needed: str, files: Mapping[str, bytes], content: bytes) -> WorkerPlugin:
@@ -168,6 +171,20 @@ def _make_plugin(key: str, needed: str, files: Mapping[str, bytes], content: byt
             return pickle.dumps(self.host.run(pickle.loads(argument), report_slow))
 
     return HostPlugin()
+
+
+def _make_removal(key: str, client_id: str) -> SchedulerPlugin:
+    """Return what removes the payload from all workers when its client was killed."""
+
+    class Removal(SchedulerPlugin):
+        name = key
+
+        def remove_client(self, scheduler: Any, client: str) -> None:
+            if client == client_id:
+                scheduler.loop.add_callback(scheduler.unregister_worker_plugin, None, key)
+                scheduler.loop.add_callback(scheduler.remove_plugin, key)
+
+    return Removal()
 
 
 def _make_call(key: str) -> Callable[[str, bytes], bytes]:
