@@ -21,7 +21,6 @@ from unittest.mock import patch
 import numpy as np
 
 import emla_cosim as ec
-from emla_cosim.analyses.execution.worker_payload import PackedPreparation
 from emla_cosim.analyses.identify import runner
 from emla_cosim.analyses.identify.prediction import Prediction, Predictor, Task
 from emla_cosim.analyses.variants.data import DONE, FAILED
@@ -153,7 +152,7 @@ def make_predictor(task: Any, executor: object, interrupted: Any) -> LocalPredic
     found = LocalPredictor(executor, task.parameters, task.signals, signals, 0, interrupted)  # type: ignore[arg-type]
     found.simulations = [
         Simulation(
-            PackedPreparation(one.name, one.system, one.options, one.fmus).unpack_system(one.files),
+            one.system_with(one.files),
             dataclasses.replace(one.options, threads=1),
             one.name,
         )

@@ -17,7 +17,6 @@ from typing import Any
 
 from distributed import Client, LocalCluster
 
-from emla_cosim.analyses.execution.local_cluster import local_cluster
 from emla_cosim.analyses.sweep.runner import sweep
 from emla_cosim.analyses.variants.data import DIED, DONE
 from tests.support.clusters import outside_cluster
@@ -42,11 +41,13 @@ WAYS = (
 LATE = (Fault.SEGFAULT_TERMINATE, Fault.SEGFAULT_FREE)
 """These end the process after the variant is done: it keeps its results, and no other may be blamed."""
 
-CLUSTERS = ("own", "LocalCluster", "nanny", "no nanny")
-"""The cluster that `emla sweep` starts, Dask's, and `dask scheduler` with `dask worker`."""
+CLUSTERS = ("here", "LocalCluster", "nanny", "no nanny")
+"""This machine without Dask, Dask's own cluster, and `dask scheduler` with `dask worker`."""
 
 ENDS = ("process", "worker")
 """What a killer ends: the process of its variant, as FMUs do, or the worker above, as no memory does."""
+
+Scheduler = Client | str | None
 
 
 def kill_worker(chosen: Sequence[int]) -> Any:
@@ -67,13 +68,12 @@ def kill_worker(chosen: Sequence[int]) -> Any:
 
 
 @contextmanager
-def open_cluster(name: str, workers: int) -> Iterator[Client | str]:
-    """Start a cluster with Dask's defaults."""
+def open_cluster(name: str, workers: int) -> Iterator[Scheduler]:
+    """Start a cluster with Dask's defaults; None is this machine."""
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="killers-")))
-        if name == "own":
-            place = stack.enter_context(local_cluster(workers))
-            yield stack.enter_context(Client(place.address, security=place.security, set_as_default=False))
+        if name == "here":
+            yield None
         elif name == "LocalCluster":
             cluster = LocalCluster(
                 n_workers=workers, threads_per_worker=1, dashboard_address="127.0.0.1:0",
@@ -85,10 +85,12 @@ def open_cluster(name: str, workers: int) -> Iterator[Client | str]:
             yield stack.enter_context(outside_cluster(folder, workers, arguments)).address
 
 
-def count_threads(cluster: Client | str, expected: int) -> int:
+def count_threads(cluster: Scheduler, expected: int) -> int:
     """Return the threads of a cluster; wait until killed workers were started again."""
     with ExitStack() as stack:
         client = cluster
+        if client is None:
+            return expected
         if not isinstance(client, Client):
             client = stack.enter_context(Client(client, set_as_default=False))
         until = time.monotonic() + 30.0
@@ -101,7 +103,7 @@ def _threads(client: Any) -> int:
     return sum(dict(client.nthreads()).values())
 
 
-def sweep_once(cluster: Client | str, fmu: Path, killers: int, ends: str, draw: random.Random) -> str:
+def sweep_once(cluster: Scheduler, fmu: Path, killers: int, ends: str, draw: random.Random) -> str:
     """Run one sweep; return what is wrong."""
     chosen = draw.sample(range(VARIANTS), killers)
     ways = {n: draw.choice(WAYS) for n in chosen}
@@ -160,7 +162,7 @@ def main() -> None:
         fmu = build_faulty_fmu(Path(folder))
         for name in asked.clusters:
             for killers in asked.killers:
-                for ends in asked.ends:
+                for ends in asked.ends if name != "here" else ENDS[:1]:  # the worker is this process
                     count_right(name, killers, ends, asked, fmu)
 
 

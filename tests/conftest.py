@@ -3,8 +3,7 @@
 import gc
 import os
 from collections.abc import Iterator
-from contextlib import ExitStack, chdir, nullcontext
-from importlib import import_module
+from contextlib import ExitStack, chdir
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -25,10 +24,8 @@ from tests.support.sessions import Session, opened
 from tests.support.tiers import NIGHTLY, SLOW, select
 from tests.support.toy_fmu import copy_toy
 
-if TYPE_CHECKING:  # these take a while to load
+if TYPE_CHECKING:  # it takes a while to load
     from distributed import Client
-
-    from emla_cosim.analyses.execution.local_cluster import ClusterAddress
 
 use_memory_disk()
 
@@ -102,42 +99,28 @@ def python_fmu_folder(fmu_folder: Path) -> Path:
 
 
 @pytest.fixture(scope="session")
-def machine() -> "Iterator[ClusterAddress]":
-    """A local cluster of two workers; one that idles costs a twentieth of a core."""
-    from emla_cosim.analyses.execution.local_cluster import local_cluster
+def cluster() -> "Iterator[Client]":
+    """A client of a Dask cluster with one worker of two threads, for sweeps that do not end it."""
+    from tests.support.clusters import shared_cluster
 
     with ExitStack() as stack:
         with chdir(ROOT):  # it outlives the folders of tests
-            place = stack.enter_context(local_cluster(2))
-        yield place
+            client = stack.enter_context(shared_cluster(2))
+        yield client
 
 
 @pytest.fixture(scope="module")
-def cluster(machine: "ClusterAddress") -> "Iterator[Client]":
-    """A client of that cluster, for sweeps that end none of its workers."""
-    from distributed import Client
+def scheduler() -> Iterator[None]:
+    """For sweeps whose variants run in this process."""
+    from tests.support.in_process_workers import run_in_process
 
-    with Client(machine.address, security=machine.security, set_as_default=False) as client:
-        yield client
-
-
-@pytest.fixture(scope="session")
-def scheduler() -> "Iterator[Client]":
-    """A client for sweeps whose variants run in this process."""
-    from tests.support.in_process_workers import InProcessClient
-
-    with InProcessClient() as client:
-        yield client
+    with run_in_process():
+        yield
 
 
 @pytest.fixture
-def on_one_cluster(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let sweeps run their variants in this process instead of on a cluster of this machine."""
-    from tests.support.in_process_workers import InProcessClient
-
-    executor = import_module("emla_cosim.analyses.execution.executor")
-    monkeypatch.setattr(executor, "local_cluster", lambda _: nullcontext(("in-process", None)))
-    monkeypatch.setattr(executor, "Client", InProcessClient)
+def on_one_cluster(scheduler: None) -> None:
+    """Let sweeps run their variants in this process."""
 
 
 @pytest.fixture(scope="session")

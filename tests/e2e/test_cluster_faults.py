@@ -1,8 +1,6 @@
 """A sweep has every variant once, although variants, workers, its scheduler or its caller end."""
 
-import http.client
 import os
-import pickle
 import random
 import re
 import shutil
@@ -21,7 +19,7 @@ import psutil
 import pytest
 from distributed import Client, LocalCluster
 
-from emla_cosim.analyses.sweep import executor, idle_processes, worker, worker_payload
+from emla_cosim.analyses.execution import dask_workers, variant_host
 from emla_cosim.analyses.sweep.result import read_sweep
 from emla_cosim.analyses.sweep.runner import sweep
 from emla_cosim.base.errors import CommandError, RunError
@@ -73,11 +71,11 @@ def numbers(result: Any) -> list[int]:
 
 
 @pytest.mark.slow
-def test_variant_that_ends_its_process_is_reported(cluster: Client, system: System, tmp_path: Path) -> None:
+def test_variant_that_ends_its_process_is_reported(system: System, tmp_path: Path) -> None:
     """One variant's FMU ends every process that it comes to; another's process is killed once."""
     faults = [Fault.NONE] * 2 + [Fault.SEGFAULT] + [Fault.NONE] * 2
     metrics = {"y": killing(tmp_path / "flag", 3.0)}
-    result = sweep(system, runs_with(faults), metrics=metrics, scheduler=cluster, **RUN)
+    result = sweep(system, runs_with(faults), metrics=metrics, **RUN)
     assert (tmp_path / "flag").exists()
     assert numbers(result) == list(range(5)) and result.complete
     assert result.variants["status"].to_list() == ["done"] * 2 + ["died"] + ["done"] * 2
@@ -94,24 +92,24 @@ def command(fmus: Path, *more: str) -> list[str]:
 
 
 @pytest.fixture(scope="module")
-def undisturbed(cluster: Client, fmu_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def undisturbed(fmu_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("undisturbed")
-    lift(cluster, fmu_folder, folder / "out")
+    lift(fmu_folder, folder / "out")
     return folder / "out"
 
 
-def lift(cluster: Client, fmus: Path, output: Path, **more: Any) -> Any:
+def lift(fmus: Path, output: Path, **more: Any) -> Any:
     """The sweep of `command`."""
     kept: dict[str, Any] = {"metrics": ["lift.torque_peak_N_m"], "signals": ["lift.plant.x_L"]}
     vary = {"lift.plant.motor.R_s": "0.1:0.2:100"}
-    return sweep("lift", vary, **kept, scheduler=cluster, stop_time=0.1, fmus=fmus, output=output, **more)
+    return sweep("lift", vary, **kept, stop_time=0.1, fmus=fmus, output=output, **more)
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="Windows does not have the signals of POSIX.")
 @pytest.mark.parametrize("way", ["Ctrl-C", "caller"])
 def test_ended_sweep_leaves_nothing_and_can_be_continued(
-    way: str, cluster: Client, fmu_folder: Path, undisturbed: Path, tmp_path: Path
+    way: str, fmu_folder: Path, undisturbed: Path, tmp_path: Path
 ) -> None:
     temporary = tmp_path / "temporary"
     temporary.mkdir()
@@ -141,14 +139,15 @@ def test_ended_sweep_leaves_nothing_and_can_be_continued(
     assert partial.series is not None and whole.series is not None
     expected = whole.series.filter(polars.col("variant").is_in(there))
     assert partial.series.collect().equals(expected.collect())
-    if way == "caller":  # its folder stays until the next command
+    assert not list(temporary.rglob("emla-variants-*"))
+    if way == "caller":  # its own folder stays until the next command
         command_of_next = [sys.executable, "-m", "emla_cosim", "list"]
         subprocess.run(command_of_next, env=environment, check=True, stdout=subprocess.DEVNULL)
     assert not list(temporary.iterdir())
 
     alone = next(n for n in range(99, -1, -1) if not (out / f"parts/{n:09d}.parquet").exists())
     shutil.copy(next(out.glob("series/*.parquet")), out / f"series/{alone:09d}.parquet")  # killed before
-    done = lift(cluster, fmu_folder, out, resume=True)
+    done = lift(fmu_folder, out, resume=True)
     assert done.complete and numbers(done) == list(range(100))
     assert (out / "variants.parquet").read_bytes() == (undisturbed / "variants.parquet").read_bytes()
     assert done.series is not None and (before := read_sweep(undisturbed).series) is not None
@@ -157,16 +156,36 @@ def test_ended_sweep_leaves_nothing_and_can_be_continued(
 
 
 @pytest.mark.slow
-def test_sweep_survives_the_loss_of_worker_and_scheduler(
-    system: System, cluster: Client, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """A worker of it is killed, then the scheduler; the local cluster goes on with what there is."""
+def test_killed_caller_leaves_nothing_on_workers(cluster: Client, fmu_folder: Path, tmp_path: Path) -> None:
+    address = cluster.scheduler_info()["address"]
+    process = subprocess.Popen(
+        command(fmu_folder, "--scheduler", address), cwd=tmp_path,
+        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+    )  # fmt: skip
+    try:
+        wait_for(lambda: any(tmp_path.glob("out/parts/[0-9]*.parquet")) or process.poll() is not None)
+        assert sum(cluster.run(count_variant_processes).values()) == 2
+    finally:
+        for member in family(process):
+            member.kill()
+        process.wait()
+    wait_for(lambda: sum(cluster.run(count_variant_processes).values()) == 0)
+
+    def list_folders(dask_worker: Any) -> int:
+        return len(list(Path(dask_worker.local_directory).glob("emla-variants-*")))
+
+    wait_for(lambda: sum(cluster.run(list_folders).values()) == 0)
+
+
+@pytest.mark.slow
+def test_sweep_survives_the_loss_of_worker_and_scheduler(system: System, tmp_path: Path) -> None:
+    """A worker of it is killed, then the scheduler; this machine goes on with what there is."""
     plan: dict[str, Any] = {
         "vary": {"j.bad.b": "0.1:0.5:40"},
         "metrics": {"y": killing(tmp_path / "flag", 2.0 + 2.0 * (0.1 + 0.4 * 20 / 39))},
         **RUN,
     }
-    there = sweep(system, **plan, scheduler=cluster, output=tmp_path / "there")
+    there = sweep(system, **plan, output=tmp_path / "there")
     (tmp_path / "flag").unlink()
     with outside_cluster(tmp_path) as outside:
         during: list[Any] = []
@@ -196,7 +215,7 @@ def test_sweep_survives_the_loss_of_worker_and_scheduler(
         assert "\n" not in str(caught.value)
     early = read_sweep(tmp_path / "early")
     assert 10 <= early.variants.height < 40, caught.value
-    done = sweep(system, **plan, scheduler=cluster, output=tmp_path / "early", resume=True)
+    done = sweep(system, **plan, output=tmp_path / "early", resume=True)
     assert done.variants.equals(there.variants)
     one, other = ((tmp_path / n / "variants.parquet").read_bytes() for n in ("early", "there"))
     assert one == other
@@ -214,7 +233,7 @@ def files_of_fmus(folder: Path) -> set[Path]:
 
 
 @pytest.mark.slow
-def test_chunk_of_long_variants_returns_early(cluster: Client, system: System) -> None:
+def test_chunk_of_long_variants_returns_early(system: System) -> None:
     """Long variants after many short ones: no process keeps those that another one could run."""
 
     def process_of(result: Any) -> float:
@@ -225,33 +244,15 @@ def test_chunk_of_long_variants_returns_early(cluster: Client, system: System) -
         return float(os.getpid())
 
     vary = {"j.bad.b": [0.1] * 200 + [0.9] * 8}
-    result = sweep(system, vary, metrics={"process": process_of}, scheduler=cluster, **RUN)
+    result = sweep(system, vary, metrics={"process": process_of}, workers=2, **RUN)
     processes = result.variants["process"].to_list()[200:]
     assert len(set(processes)) == 2 and sorted(map(processes.count, set(processes)))[0] >= 2
-
-
-@pytest.mark.slow
-def test_own_cluster_shows_nothing_to_other_users(cluster: Client) -> None:
-    """Pages of Dask would show them all that runs, and let them call functions."""
-
-    def list_ports() -> list[int]:
-        connections = psutil.Process().net_connections("tcp")
-        return sorted({c.laddr.port for c in connections if c.status == psutil.CONN_LISTEN})
-
-    ports: Any = cluster.run_on_scheduler(list_ports)
-    assert ports
-    for port in ports:
-        for page in ("/", "/status", "/health", "/info/main/workers.html", "/json/identity.json"):
-            with suppress(OSError, http.client.HTTPException):  # it is encrypted
-                connection = http.client.HTTPConnection("127.0.0.1", port, timeout=5.0)
-                connection.request("GET", page)
-                assert connection.getresponse().status == 404, (port, page)
 
 
 def test_unreachable_scheduler_is_reported(
     system: System, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr(executor, "_CONNECT_S", 0.5)
+    monkeypatch.setattr(dask_workers, "_CONNECT_S", 0.5)
     with socket.socket() as closed:
         closed.bind(("127.0.0.1", 0))
         port = closed.getsockname()[1]
@@ -293,48 +294,57 @@ def test_scheduler_without_workers_is_waited_for(system: System, tmp_path: Path)
 
 
 @pytest.mark.slow
-def test_hanging_variant_is_named_and_ended(cluster: Client, system: System, tmp_path: Path) -> None:
+@pytest.mark.parametrize("kind", ["here", "Dask"])
+def test_hanging_variant_is_named_and_ended(
+    kind: str, request: pytest.FixtureRequest, system: System, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """It is named while it runs, and ended in the end, also on resume. Ctrl-C ends it as well."""
-    seen = Notes()
-    cluster.run(set_slow_s, 0.5)
+    seen, scheduler = Notes(), None
+    monkeypatch.setattr(variant_host, "_SLOW_S", 0.5)
+    if kind == "Dask":
+        scheduler = request.getfixturevalue("cluster")
+        scheduler.run(set_slow_s, 0.5)
     faults = [int(Fault.HANG if n in (3, 7) else Fault.NONE) for n in range(12)]
     plan: dict[str, Any] = {"vary": {"j.bad.fault": faults}, "metrics": ["y = last(j.bad.y)"], **RUN}
     out, stopping = tmp_path / "out", At(3, lambda: signal.raise_signal(signal.SIGINT))
-    partial = sweep(system, **plan, scheduler=cluster, output=out, progress=stopping)
+    partial = sweep(system, **plan, scheduler=scheduler, output=out, progress=stopping)
     assert not partial.complete and not {3, 7} & set(numbers(partial))
-    wait_for(lambda: sum(cluster.run(count_lost_processes).values()) == 0)
-    more: dict[str, Any] = {"resume": True, "timeout": "5 s", "progress": seen}
-    result = sweep(system, **plan, scheduler=cluster, output=out, **more)
+    if scheduler is not None:
+        wait_for(lambda: sum(scheduler.run(count_variant_processes).values()) == 0)
+    assert count_variant_processes() == 0
+    more: dict[str, Any] = {"resume": True, "timeout": "3 s", "progress": seen}
+    result = sweep(system, **plan, scheduler=scheduler, output=out, **more)
     assert result.variants["status"].to_list() == ["timed out" if n in (3, 7) else "done" for n in range(12)]
-    assert result.variants["problem"][3] == "it took more than 5 s; see --timeout."
+    assert result.variants["problem"][3] == "it took more than 3 s; see --timeout."
     assert any(re.match(r"Still running: .*variant [37] for \d+ s", note) for note in seen.notes), seen.notes
-    cluster.run(set_slow_s, 10.0)
+    if scheduler is not None:
+        scheduler.run(set_slow_s, 10.0)
 
 
-def count_lost_processes() -> int:
-    """Return how many processes of a worker run variants that no sweep waits for."""
-    found = 0
+def count_variant_processes() -> int:
+    """Return how many children of this process run variants."""
+    count = 0
     for child in psutil.Process().children():
         with suppress(psutil.Error):  # it has just ended
-            found += "emla_cosim.analyses.execution.variant_process:run_variants" in child.cmdline()
-    return found - len(idle_processes.IDLE)
+            count += "emla_cosim.analyses.execution.variant_process:run_variants" in child.cmdline()
+    return count
 
 
 def set_slow_s(seconds: float) -> None:
-    worker._SLOW_S = seconds
+    variant_host._SLOW_S = seconds
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("kind", "killers"), [("here", 1), ("nanny", 3), ("no nanny", 3)])
 def test_variants_that_end_processes_cost_no_worker(
-    kind: str, killers: int, cluster: Client, system: System, tmp_path: Path
+    kind: str, killers: int, system: System, tmp_path: Path
 ) -> None:
     """The scheduler has Dask's defaults, and would send what ends a worker to three others."""
     chosen = random.Random(killers).sample(range(5, 40), killers)
     faults = [Fault.ABORT if n in chosen else Fault.NONE for n in range(40)]
     faults[:3] = [Fault.SEGFAULT_TERMINATE] * 3  # ends the process of the next variant
     with ExitStack() as stack:
-        scheduler: Any = cluster
+        scheduler: Any = None
         if kind != "here":
             more = () if kind == "nanny" else ("--no-nanny",)
             scheduler = stack.enter_context(outside_cluster(tmp_path, arguments=more)).address
@@ -395,26 +405,27 @@ ec.RECORDERS["ceiling"] = Ceiling
 ec.METRICS["rows"] = Rows
 
 if __name__ == "__main__":
-    with distributed.Client(address, security=pickle.loads(security), set_as_default=False) as client:
-        vary = {"plants": ["*.plant", "lift.*"], "ceiling": [0.1, 1.0]}
-        options = {"algorithm": "plants-first", "stop_time": 0.01, "fmus": fmus}
-        found = ec.sweep("lift", vary, scheduler=client, **options)
+    vary = {"plants": ["*.plant", "lift.*"], "ceiling": [0.1, 1.0]}
+    options = {"algorithm": "plants-first", "stop_time": 0.01, "fmus": fmus}
+    found = ec.sweep("lift", vary, scheduler=address, **options)
     print(found.variants["status"].to_list(), found.variants["table.rows"].to_list())
 """
 """Registers a recorder and a metric, after the algorithm of a recipe, and uses all three."""
 
 
 @pytest.mark.slow
-def test_definitions_of_a_script_run_on_workers(cluster: Client, fmu_folder: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("kind", ["here", "Dask"])
+def test_definitions_of_a_script_run_on_workers(
+    kind: str, request: pytest.FixtureRequest, fmu_folder: Path, tmp_path: Path
+) -> None:
     """The algorithm of docs/recipes.md, whose options are fields of a dataclass."""
     page = (ROOT / "docs/recipes.md").read_text(encoding="utf-8")
     recipe = re.search(r"```python\n(from dataclasses .*?)with ec.load", page, re.DOTALL)
     assert recipe is not None and "PlantsFirst" in recipe[1]
-    given = {
-        "address": cluster.scheduler_info()["address"], "fmus": str(fmu_folder),
-        "security": pickle.dumps(cluster.security),
-    }  # fmt: skip
-    lines = ["import pickle", "import distributed", *(f"{name} = {value!r}" for name, value in given.items())]
+    address = None
+    if kind == "Dask":
+        address = request.getfixturevalue("cluster").scheduler_info()["address"]
+    lines = [f"address, fmus = {address!r}, {str(fmu_folder)!r}"]
     (tmp_path / "script.py").write_text("\n".join([*lines, recipe[1], SCRIPT]))
     done = subprocess.run(
         [sys.executable, "script.py"], cwd=tmp_path, env={**os.environ, "PYTHONPATH": CODE},
@@ -430,7 +441,7 @@ def test_worker_of_another_version_is_refused(
 ) -> None:
     """It is refused, and the cluster remains as good as it was."""
     with monkeypatch.context() as patched, pytest.raises(CommandError) as caught:
-        patched.setattr(worker_payload, "version", lambda _: "0.0.1")
+        patched.setattr(dask_workers, "version", lambda _: "0.0.1")
         sweep(system, {"j.bad.b": [0.1]}, scheduler=cluster, **RUN)
     assert re.search(r"has emla-cosim [\w.+-]+, not 0\.0\.1; install that", str(caught.value))
     left: Any = cluster.run_on_scheduler(lambda dask_scheduler: list(dask_scheduler.worker_plugins))
@@ -439,17 +450,25 @@ def test_worker_of_another_version_is_refused(
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(
+    ("kind", "message"),
+    [
+        ("here", "another process cannot run this: .*only_here"),
+        ("Dask", "cannot run this: .*only_here.*; install the same versions"),
+    ],
+)
 def test_modules_that_workers_lack_are_reported(
-    cluster: Client, system: System, monkeypatch: pytest.MonkeyPatch
+    kind: str, message: str, request: pytest.FixtureRequest, system: System, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A metric of a module that only the caller has."""
+    cluster = request.getfixturevalue("cluster") if kind == "Dask" else None
     module = types.ModuleType("only_here")
     exec("def metric(result):\n    return 1.0", module.__dict__)
     monkeypatch.setitem(sys.modules, "only_here", module)
-    with pytest.raises(RunError, match=r"cannot run this: .*only_here.*; install the same versions"):
+    with pytest.raises(RunError, match=message):
         sweep(system, {"j.bad.b": [0.1]}, metrics=[module.metric], scheduler=cluster, **RUN)
     with monkeypatch.context() as patched:
         patched.setitem(METRICS, "mine", module.metric)
-        with pytest.raises(RunError, match=r"cannot run this: .*only_here.*; install the same versions"):
+        with pytest.raises(RunError, match=message):
             sweep(system, {"j.bad.b": [0.1]}, scheduler=cluster, **RUN)
     assert sweep(system, {"j.bad.b": [0.1]}, scheduler=cluster, **RUN).complete

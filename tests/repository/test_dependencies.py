@@ -24,9 +24,6 @@ OURS = {"fmublock", "emla_fmu", "rsba_fmu", "hdrm_fmu", "emla_cosim"}
 EXECUTED = {"ziglang"}
 """Declared for a program that is started, not imported: `python -m ziglang`."""
 
-FOR_DASK = {"cryptography"}
-"""Declared for Dask, which has its encrypted connections only with it."""
-
 
 def sources() -> list[Path]:
     return [file for folder in ("src", "orchestration") for file in (ROOT / folder).rglob("*.py")]
@@ -53,7 +50,7 @@ def normalized(requirement: str) -> str:
     return re.sub(r"[-_.]+", "-", name).lower()
 
 
-EXTRAS = ("control", "mdf", "pandas", "pytest", "tdms")
+EXTRAS = ("cluster", "control", "mdf", "pandas", "pytest", "tdms")
 OPTIONAL = [r for extra in EXTRAS for r in PROJECT["optional-dependencies"][extra]]
 """What is imported only where somebody asks for it by name, or which imports what it finds of ours."""
 
@@ -84,7 +81,7 @@ def test_what_is_imported_is_declared() -> None:
 def test_what_is_declared_is_used() -> None:
     files = sources()
     used = {d for package in imported(files) for d in providers().get(package, {package})}
-    assert DECLARED - used == EXECUTED | FOR_DASK
+    assert DECLARED - used == EXECUTED
     words = {
         node.value
         for file in files
@@ -114,12 +111,9 @@ HEAVY = {
 }
 """Packages that take long to import, or much memory."""
 
-MANY_RUNS = {"dask", "jinja2"}
 TAKEN = {
-    "sweep": MANY_RUNS,
-    "compare": MANY_RUNS | {"networkx"},
-    "tune": MANY_RUNS,
-    "identify": MANY_RUNS | {"scipy"},
+    "compare": {"networkx"},
+    "identify": {"scipy"},
     "trajectory": {"casadi", "scipy"},
 }
 """Those that a command takes with it before it does anything; the others none."""

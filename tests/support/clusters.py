@@ -12,9 +12,8 @@ from pathlib import Path
 from typing import Any
 
 import psutil
-from distributed import Client
+from distributed import Client, LocalCluster
 
-from emla_cosim.analyses.execution.local_cluster import local_cluster
 from emla_cosim.base.progress import Progress
 from tests.support.paths import ROOT
 from tests.support.waiting import wait_for
@@ -23,12 +22,14 @@ CODE = os.pathsep.join([str(ROOT / "src"), str(ROOT / "orchestration"), str(ROOT
 
 
 @contextmanager
-def shared_cluster(workers: int = 2) -> Iterator[Client]:
-    """A client of a local cluster, for the sweeps of a whole module."""
+def shared_cluster(threads: int = 2) -> Iterator[Client]:
+    """A client of a Dask cluster with one worker, in a process of its own."""
     with (
-        local_cluster(workers) as place,
-        Client(place.address, security=place.security, set_as_default=False) as client,
-    ):
+        LocalCluster(
+            n_workers=1, threads_per_worker=threads, dashboard_address="127.0.0.1:0", silence_logs=50
+        ) as cluster,
+        Client(cluster, set_as_default=False) as client,
+    ):  # fmt: skip
         yield client
 
 

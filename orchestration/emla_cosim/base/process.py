@@ -4,6 +4,7 @@ A child is a copy of this process or a fresh interpreter. It leads a session of 
 does not reach it, and all that it started ends with it. It ends when its parent ends.
 """
 
+import gc
 import importlib
 import os
 import signal
@@ -12,7 +13,7 @@ import sys
 import threading
 import time
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, NoReturn
@@ -43,12 +44,19 @@ class Child:
         fork: Whether the child is a copy of this process, if the system has that. It starts at once, and
             signals end it. Default: a fresh interpreter with the import path of this process, which ignores
             Ctrl-C and the like. It also works if this process has threads.
+        environment: Variables that a fresh interpreter has besides those of this process.
 
     Raises:
         OSError: The child cannot start.
     """
 
-    def __init__(self, do: Callable[..., None] | str, *arguments: Any, fork: bool = False) -> None:
+    def __init__(
+        self,
+        do: Callable[..., None] | str,
+        *arguments: Any,
+        fork: bool = False,
+        environment: Mapping[str, str] | None = None,
+    ) -> None:
         (request, outgoing), (incoming, answer) = os.pipe(), os.pipe()
         self._code: int | None = None
         self._channel = Channel(incoming, outgoing, self.is_alive)
@@ -58,7 +66,7 @@ class Child:
                 self._process = _Fork(do, arguments, (request, answer))
             else:
                 name = do if isinstance(do, str) else f"{do.__module__}:{do.__qualname__}"
-                self._process = _start_interpreter(name, (request, answer))
+                self._process = _start_interpreter(name, (request, answer), environment or {})
         except BaseException:
             self._channel.close()
             raise
@@ -161,13 +169,14 @@ class _Fork:
         return os.waitstatus_to_exitcode(status) if pid else None
 
 
-def _start_interpreter(name: str, pipes: tuple[int, int]) -> subprocess.Popen[bytes]:
+def _start_interpreter(
+    name: str, pipes: tuple[int, int], environment: Mapping[str, str]
+) -> subprocess.Popen[bytes]:
     """Start an interpreter that calls a function; its first message has the arguments."""
     command = [sys.executable, "-P", "-c", f"from {__name__} import main; main()", name, str(os.getpid())]
     incoming, outgoing = pipes
-    return subprocess.Popen(
-        command, stdin=incoming, stdout=outgoing, env=_make_environment(), start_new_session=True
-    )
+    variables = {**_make_environment(), **environment}
+    return subprocess.Popen(command, stdin=incoming, stdout=outgoing, env=variables, start_new_session=True)
 
 
 def main() -> None:
@@ -182,7 +191,11 @@ def main() -> None:
         _redirect(os.O_WRONLY, 1)
     with suppress(EOFError):
         arguments = channel.receive()
-        _call(getattr(importlib.import_module(module), function), channel, arguments, int(sys.argv[2]))
+        gc.disable()  # looking for garbage takes a tenth of an import, and finds none
+        do = getattr(importlib.import_module(module), function)
+        gc.freeze()
+        gc.enable()
+        _call(do, channel, arguments, int(sys.argv[2]))
 
 
 def _call(do: Callable[..., None], channel: Channel, arguments: tuple[Any, ...], parent: int) -> NoReturn:
@@ -228,25 +241,40 @@ class ChildPool:
 
     Args:
         start: Returns a new child.
+        count: Number of children to start at once, so that they load meanwhile.
     """
 
-    def __init__(self, start: Callable[[], Child]) -> None:
+    def __init__(self, start: Callable[[], Child], count: int = 0) -> None:
         self._start, self._lock = start, threading.Lock()
         self._idle, self._busy = list[Child](), set[Child]()
         self.is_closed = False
+        try:
+            while len(self._idle) < count:
+                self._idle.append(start())
+        except BaseException:
+            self.close()
+            raise
 
     @contextmanager
-    def member(self) -> Iterator[Child]:
-        """Yield a child that no other thread has; it has ended if the pool is closed. Exceptions end it."""
+    def member(self, alone: bool = False) -> Iterator[Child]:
+        """Yield a child that no other thread has; it has ended if the pool is closed. Exceptions end it.
+
+        Args:
+            alone: Whether to replace an idle child by one that ends afterwards.
+        """
         with self._lock:
-            child = self._idle.pop() if self._idle else self._start()
+            child = self._idle.pop() if self._idle else None
+            if child is None or alone or not child.is_alive():
+                if child is not None:
+                    child.close()
+                child = self._start()
             self._busy.add(child)
             if self.is_closed:
                 child.kill()
         is_usable = False
         try:
             yield child
-            is_usable = child.is_alive()
+            is_usable = not alone and child.is_alive()
         finally:
             with self._lock:
                 self._busy.discard(child)
@@ -255,14 +283,14 @@ class ChildPool:
                 else:
                     child.close()
 
-    def close(self) -> None:
-        """End all children, also those that threads have."""
+    def close(self, timeout: float = 0.0) -> None:
+        """End all children, also those that threads have; idle ones may take `timeout` seconds each."""
         with self._lock:
             self.is_closed = True
             for child in self._busy:
                 child.kill()
             while self._idle:
-                self._idle.pop().close()
+                self._idle.pop().close(timeout)
 
 
 def describe_exit(code: int | None) -> str:

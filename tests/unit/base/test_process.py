@@ -206,6 +206,26 @@ def test_pool_replaces_members(pool: ChildPool) -> None:
         fourth.receive()
 
 
+def test_member_alone_replaces_an_idle_one_and_ends() -> None:
+    started = list[Child]()
+
+    def start() -> Child:
+        started.append(Child(_echo, 2, fork=True))
+        return started[-1]
+
+    pool = ChildPool(start, count=2)
+    assert len(started) == 2
+    with pool.member(alone=True) as alone:
+        assert alone is started[2]
+        assert [child.is_alive() for child in started] == [True, False, True]
+    assert not alone.is_alive()
+    started[0].kill()  # while it is idle
+    with pool.member() as member:
+        assert member is started[3]
+    pool.close(timeout=5.0)
+    assert not any(child.is_alive() for child in started)
+
+
 def test_start_from_a_script_without_a_guard(tmp_path: Path) -> None:
     """A fresh interpreter does not run the script again."""
     script = tmp_path / "script.py"

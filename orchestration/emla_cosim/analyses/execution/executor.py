@@ -1,67 +1,42 @@
-"""Run variants on Dask's workers in chunks."""
+"""Run variants in chunks: on this machine, or on a cluster."""
 
-import contextlib
-import gc
-import itertools
+import importlib.util
 import math
 import pickle
-import threading
+import sys
 import time
-from collections import Counter, deque
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import CancelledError
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Collection, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, closing, contextmanager
 from queue import Empty, SimpleQueue
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, TypeAlias, Union
 
 import cloudpickle
-from distributed import Client, Future, KilledWorker
-from distributed.comm.core import CommClosedError
 
 from ...base.errors import CommandError, CosimError, RunError, join_names
+from ...base.files import temporary_folder
 from ...base.interruption import catch_interrupts
+from ...base.process import count_cores
 from ...base.values import convert_value
-from ..variants.data import DIED, TIMED_OUT, Chunk, SimulationDescription, Variant, VariantOutcome
+from ..variants.data import Chunk, SimulationDescription, Variant
 from ..variants.measures import Measures
-from .local_cluster import local_cluster
-from .worker import ChunkAnswer, ChunkRequest, make_call, make_plugin
+from .chunk_queue import ChunkQueue, ChunkRequest, WorkPackage
+from .variant_host import VariantHost
 from .worker_payload import WorkerPayload
 
-Scheduler = str | Client | None
-"""Address of a scheduler, a client of one, or None for a cluster on this machine."""
+if TYPE_CHECKING:
+    from distributed import Client
 
-_CHUNK_S = 1.0
-"""Target duration of a chunk in s: more than 100 times that of submitting it."""
+    from .dask_workers import DaskWorkers
 
-_CHUNK_S_PER_THREAD = 0.02
-"""The same for each thread of the cluster, so that this process can keep up with collecting chunks."""
+Scheduler: TypeAlias = Union[str, "Client", VariantHost, None]
+"""Address of a Dask scheduler, a client of one, or None for this machine, whose processes may run already."""
 
-_SHARE = 3
-"""A chunk has at most 1 / _SHARE of a thread's part of the rest, so that all threads end together."""
-
-_SHORTEST_S = 0.1
-"""Least duration of a chunk in s, also near the end."""
-
-_OVERRUN = 2.0
-"""Factor of its expected duration after which a chunk comes back with what it has."""
-
-_AHEAD = 6
-"""Chunks to submit for each thread: threads never wait, and adaptive clusters see that more would help."""
-
-_SPARE = 4
-"""Variants to submit beyond one for each thread while their duration is unknown, for the same reason."""
+Task: TypeAlias = Any
+"""A call that has been submitted: a future of Python's or of Dask's."""
 
 _MOST_BYTES = 64 * 2**20
 """Largest size of the signals of a chunk in bytes."""
-
-_TRIES = 2
-"""Number of processes, or of workers, that a variant may end."""
-
-_CONNECT_S = 15.0
-"""Seconds to wait for an answer of a scheduler."""
-
-_TOLD_S = 1.0
-"""Seconds without workers after which a note says what is waited for."""
 
 _SLOW = 5.0
 """A variant is slow if it takes this multiple of the average."""
@@ -72,94 +47,90 @@ _NOTE_S = 10.0
 _NAMED = 3
 """Most slow variants that a note names."""
 
-_GONE = (CommClosedError, OSError, CancelledError, TimeoutError)
-"""Exceptions if no scheduler answers."""
-
-_UNFIT = (ImportError, AttributeError, RuntimeError)
-"""Exceptions if workers lack a package or version."""
-
 _POLL = 0.2
 """Seconds between two checks for an interruption."""
 
 
-@dataclass(frozen=True)
-class WorkPackage:
-    """Variants that one prepared simulation can run.
-
-    Attributes:
-        group: Position of their preparation.
-        variants: Their numbers.
-        suspect: Whether their worker was lost; there is one variant then.
-        alone: Whether the variant needs a process that runs no other: one may have ended for it.
-    """
-
-    group: int
-    variants: Sequence[int]
-    suspect: bool = False
-    alone: bool = False
+UNFIT = (ImportError, AttributeError, RuntimeError)
+"""Exceptions if another process lacks a package, a version or a module of the user."""
 
 
-class ClusterExecutor:
-    """A Dask cluster with the payload of a sweep."""
+class WorkersLostError(Exception):
+    """So many workers, the argument, were lost with a chunk, which no other worker gets."""
+
+
+class LocalWorkers:
+    """Threads of this process that call a host."""
+
+    def __init__(self, host: VariantHost) -> None:
+        self._host, self._pool = host, ThreadPoolExecutor(host.count)
+        self.slow = SimpleQueue[tuple[int, float]]()
+        """Numbers of variants that still run after a while, and their times in s."""
+
+    def load(self, payload: WorkerPayload) -> None:
+        """Pass the payload to all hosts."""
+        self._host.load(payload.files, payload.content)
+
+    def threads(self) -> int:
+        """Return how many chunks can run at once. Raise RunError if there were none for too long."""
+        return self._host.count
+
+    def submit(self, method: str, argument: Any) -> Task:
+        """Call a method of a host: `describe` with a group, or `run` with a `ChunkRequest`."""
+        more = [lambda *slow: self.slow.put(slow)] if method == "run" else []
+        return self._pool.submit(getattr(self._host, method), argument, *more)
+
+    def answer(self, task: Task) -> Any:
+        """Return the answer of a task that is done. Raise WorkersLostError, or what the call raised."""
+        return task.result()
+
+    def cancel(self, tasks: Sequence[Task]) -> None:
+        """Let these tasks not begin, if they have not begun."""
+        for task in tasks:
+            task.cancel()
+
+    def explain(self, error: Exception) -> RunError | None:
+        """Return the message on an exception that concerns all variants; None for any other."""
+        if isinstance(error, UNFIT):
+            return RunError(f"another process cannot run this: {first_line(error)}.")
+        return None
+
+    def close(self) -> None:
+        """End all tasks and processes."""
+        self._host.close()
+        self._pool.shutdown(cancel_futures=True)
+
+
+class Executor:
+    """Runs the variants of an analysis."""
 
     def __init__(
-        self, client: Client, payload: WorkerPayload, address: str, report: Callable[[str], None]
+        self, workers: "LocalWorkers | DaskWorkers", payload: WorkerPayload, report: Callable[[str], None]
     ) -> None:
-        self._client, self._key, self._address, self._report = client, payload.key, address, report
-        self._timeouts = [packed.options.timeout for packed in payload.packed]
-        self._patience = max(packed.options.patience for packed in payload.packed)
-        self._calls = itertools.count()
-        self._known, self._looked, self._seen, self._told = 0, -math.inf, time.monotonic(), False
-        self._slow = _SlowVariants()
-        with self._report_lost_cluster():
-            client.subscribe_topic(self._key, self._slow.take_event)
-            content = cloudpickle.dumps((payload.packed, payload.registered))
-            try:
-                client.register_plugin(make_plugin(self._key, payload.version, payload.files, content))
-            except BaseException:
-                self.close()  # else Dask would send the plugin to every new worker
-                raise
-
-    def _threads(self) -> int:
-        """Return how many variants can run at once. Raise RunError if there were no workers for too long."""
-        now = time.monotonic()
-        if now - self._looked < _POLL:
-            return self._known
-        self._known, self._looked = _threads_of(self._client), now
-        if self._known:
-            self._seen, self._told = now, False
-        elif now - self._seen > self._patience:
-            raise RunError(
-                f"the scheduler at {self._address} had no workers for {self._patience:g} s; start workers, "
-                "or wait longer with --patience."
-            )
-        elif not self._told and now - self._seen > _TOLD_S:
-            self._told = True
-            self._report(
-                f"Waiting for workers: the scheduler at {self._address} has none. --patience limits the time "
-                f"to {self._patience:g} s."
-            )
-        return self._known
+        self._workers, self._timeouts, self._report = workers, payload.timeouts, report
+        self._slow = _SlowVariants(workers.slow)
+        with self._explain_errors():
+            workers.load(payload)
 
     def describe(self, group: int) -> SimulationDescription:
         """Describe the simulation of a group. Raise CosimError if it cannot be prepared."""
-        with catch_interrupts() as interrupted, self._report_lost_cluster():
+        with catch_interrupts() as interrupted, self._explain_errors():
             try:
-                future = self._submit("describe", group)
-                while not future.done():
-                    self._threads()
+                task = self._workers.submit("describe", group)
+                while not task.done():
+                    self._workers.threads()
                     if interrupted():
-                        future.cancel()
                         raise RunError("interrupted before the first run.")
-                    time.sleep(_POLL / 20)
-                return pickle.loads(future.result())
-            except KilledWorker as error:
+                    time.sleep(_POLL / 40)
+                return pickle.loads(self._workers.answer(task))
+            except WorkersLostError as error:
                 raise RunError(
                     "the worker that prepares the scenario ended: memory ran out, or its machine is lost."
                 ) from error
-            except (CosimError, *_GONE, *_UNFIT):
-                raise
-            except Exception as error:  # from a user's metrics
+            except Exception as error:
+                if isinstance(error, CosimError) or self._workers.explain(error) is not None:
+                    raise
+                # from a user's metrics
                 raise RunError(f"the scenario cannot be started on a worker: {error!r}.") from error
 
     def run(
@@ -171,7 +142,7 @@ class ClusterExecutor:
         keep: Callable[[Chunk], None],
         interrupted: Callable[[], bool],
     ) -> bool:
-        """Run variants on the cluster.
+        """Run variants.
 
         Args:
             work: Variants by group.
@@ -188,306 +159,165 @@ class ClusterExecutor:
             RunError: The cluster is lost.
         """
         chunks = ChunkQueue(work, max(_MOST_BYTES // max(bytes_each, 1), 1), self._timeouts)
-        flying: dict[Future, WorkPackage] = {}
-        done = SimpleQueue[Future]()
+        ended, tasks = SimpleQueue[Task](), dict[Task, WorkPackage]()
 
-        def give_out() -> None:
-            while chunks.may_submit(len(flying), threads := self._threads()):
+        def submit() -> None:
+            while chunks.may_submit(len(tasks), threads := self._workers.threads()):
                 chunk, seconds = chunks.next(threads)
-                content = cloudpickle.dumps(([variant(number) for number in chunk.variants], measures))
-                timeout = self._timeouts[chunk.group]
                 request = ChunkRequest(
                     chunk.group,
                     list(chunk.variants),
-                    content,
+                    cloudpickle.dumps(([variant(number) for number in chunk.variants], measures)),
                     bool(measures.signals),
                     seconds,
-                    timeout,
+                    self._timeouts[chunk.group],
                     chunk.alone or chunk.suspect,
                 )
-                future = self._submit("run", pickle.dumps(request))
-                flying[future] = chunk
-                future.add_done_callback(done.put)
+                task = self._workers.submit("run", request)
+                tasks[task] = chunk
+                task.add_done_callback(ended.put)
 
-        def come_back() -> list[Chunk]:
+        def collect() -> list[Chunk]:
             try:
-                future = done.get(timeout=_POLL)
+                task = ended.get(timeout=_POLL)
             except Empty:  # a callback is lost where memory for its thread is missing
-                future = next((one for one in flying if one.done()), None)
-            if future is None or future not in flying:
+                task = next((t for t in tasks if t.done()), None)
+            if task is None or task not in tasks:
                 return []
-            chunk = flying.pop(future)
+            chunk = tasks.pop(task)
             try:
-                found = chunks.take_answer(chunk, pickle.loads(future.result()))
-            except KilledWorker as error:
-                found = chunks.take_loss(chunk, 1 + error.allowed_failures)
-            self._slow.forget(chunk.variants)
-            give_out()  # before reading and writing: a worker waits
-            return found
+                results = chunks.take_answer(chunk, self._workers.answer(task))
+            except WorkersLostError as error:
+                results = chunks.take_loss(chunk, *error.args)
+            submit()  # before reading and writing: a worker waits
+            return results
 
         try:
-            while (chunks or flying) and not interrupted():
-                with self._report_lost_cluster():
-                    give_out()
-                    answers = come_back()
-                    if (slow := self._slow.note(chunks.average_s)) is not None:
-                        self._report(slow if any(self._timeouts) else f"{slow} --timeout ends slow variants.")
-                for answer in answers:
-                    keep(answer)
-            return not (chunks or flying)
+            while (chunks or tasks) and not interrupted():
+                with self._explain_errors():
+                    submit()
+                    results = collect()
+                if (slow := self._slow.note(tasks.values(), chunks.average_s)) is not None:
+                    self._report(slow if any(self._timeouts) else f"{slow} --timeout ends slow variants.")
+                for result in results:
+                    keep(result)
+            return not (chunks or tasks)
         finally:
-            with contextlib.suppress(Exception):
-                self._client.cancel(list(flying), force=True)
+            self._workers.cancel(list(tasks))
 
-    def close(self) -> None:
-        """End what runs on the workers, and remove the payload from them."""
-        with contextlib.suppress(Exception):
-            self._client.unsubscribe_topic(self._key)
-        with contextlib.suppress(Exception):
-            self._client.unregister_worker_plugin(self._key)
-
-    def _submit(self, method: str, argument: Any) -> Future:
-        key = f"{self._key}-{next(self._calls)}"
-        return self._client.submit(make_call(self._key), method, argument, key=key, pure=False)
-
-    @contextlib.contextmanager
-    def _report_lost_cluster(self) -> Iterator[None]:
-        """Turn the exceptions of a lost or unsuitable cluster into RunError."""
+    @contextmanager
+    def _explain_errors(self) -> Iterator[None]:
+        """Turn exceptions that concern all variants into RunError."""
         try:
             yield
         except CosimError:
             raise
-        except _GONE as error:
-            raise RunError(
-                f"the scheduler at {self._address} does not answer: {_first_line(error)}."
-            ) from error
-        except _UNFIT as error:
-            reason = _first_line(error.__cause__ or error)
-            raise RunError(
-                f"the workers of {self._address} cannot run this: {reason}; install the same versions of all "
-                "packages there."
-            ) from error
-
-
-class ChunkQueue:
-    """Variants to submit, and what is known about those submitted.
-
-    Args:
-        work: Variants by group.
-        most: Largest number of variants in a chunk.
-        timeouts: Longest time of a variant in s by group; None without a limit.
-    """
-
-    def __init__(self, work: Sequence[WorkPackage], most: int, timeouts: Sequence[float | None] = ()) -> None:
-        self._waiting = deque(work)
-        self._suspects = deque[WorkPackage]()
-        self._left = sum(len(w.variants) for w in work)
-        self._most, self._timeouts = most, timeouts
-        self._seconds: dict[int, float] = {}
-        self._ended, self._lost = Counter[int](), Counter[int]()
-
-    def __bool__(self) -> bool:
-        return bool(self._waiting or self._suspects)
-
-    @property
-    def average_s(self) -> float:
-        """The longest average duration of a variant in s, over the groups; 0 while it is unknown."""
-        return max(self._seconds.values(), default=0.0)
-
-    def may_submit(self, flying: int, threads: int) -> bool:
-        """Return whether to submit a chunk now, with this many submitted and unfinished.
-
-        Chunks are also submitted while there are no workers: adaptive clusters start workers for them. Near
-        the end there is one chunk for each thread. Variants whose worker was lost come last, one at a time
-        on the whole cluster: if a worker is lost again, there is one variant to blame.
-        """
-        threads = max(threads, 1)
-        if not self._waiting:
-            return bool(self._suspects) and not flying
-        group = self._waiting[0].group
-        if group not in self._seconds:
-            return flying < threads + _SPARE
-        is_whole = self._chunk_length(group, threads) <= self._fair(threads)
-        return flying < (_AHEAD * threads if is_whole else threads)
-
-    def next(self, threads: int) -> tuple[WorkPackage, float]:
-        """Return the variants to run next, and the time in s after which they come back."""
-        threads = max(threads, 1)
-        if not self._waiting:
-            return self._suspects.popleft(), _OVERRUN * _CHUNK_S
-        first = self._waiting.popleft()
-        count = self._count(first.group, threads)
-        chunk = replace(first, variants=first.variants[:count])
-        self._left -= len(chunk.variants)
-        if rest := first.variants[count:]:
-            self._waiting.appendleft(WorkPackage(first.group, rest))
-        expected = count * self._seconds[first.group] if first.group in self._seconds else _CHUNK_S
-        return chunk, _OVERRUN * max(expected, _SHORTEST_S)
-
-    def _count(self, group: int, threads: int) -> int:
-        """Return the number of variants of a chunk; 1 while their duration is unknown."""
-        if group not in self._seconds:
-            return 1
-        fair = max(self._fair(threads), int(_SHORTEST_S / self._each(group)))
-        return max(min(self._chunk_length(group, threads), fair, self._most), 1)
-
-    def _chunk_length(self, group: int, threads: int) -> int:
-        return int(max(_CHUNK_S, _CHUNK_S_PER_THREAD * threads) / self._each(group))
-
-    def _fair(self, threads: int) -> int:
-        return math.ceil(self._left / (_SHARE * threads))
-
-    def _each(self, group: int) -> float:
-        return max(self._seconds[group], 1e-6)
-
-    def take_answer(self, chunk: WorkPackage, answer: ChunkAnswer) -> list[Chunk]:
-        """Return the results of a chunk. What did not run, runs later.
-
-        A variant that ended its process runs again, in a process of its own. Only if that ends, too, it is to
-        blame: the variant before may have left an FMU that ends the process when it is reset.
-        """
-        outcomes = [cast(VariantOutcome, pickle.loads(outcome)) for outcome in answer.outcomes]
-        if outcomes:
-            each = answer.wall_s / len(outcomes)
-            self._seconds[chunk.group] = 0.5 * (self._seconds.get(chunk.group, each) + each)
-        ran = {outcome.number for outcome in outcomes}
-        if answer.timed_out is not None:
-            limit = self._timeouts[chunk.group] or 0.0
-            reason = f"it took more than {limit:g} s; see --timeout."
-            outcomes.append(VariantOutcome(answer.timed_out, TIMED_OUT, reason))
-            ran.add(answer.timed_out)
-        if answer.ended is not None:
-            number, how = answer.ended
-            ran.add(number)
-            self._ended[number] += 1
-            if (times := self._ended[number]) >= _TRIES:
-                reason = (
-                    f"its process ended {times} times ({how}): an FMU crashed it, or it ran out of memory."
-                )
-                outcomes.append(VariantOutcome(number, DIED, reason))
-            else:
-                self._wait(WorkPackage(chunk.group, [number], alone=True), first=False)
-            before = chunk.variants[: chunk.variants.index(number)][-1:]
-            if not ran.issuperset(before):  # its signals are lost; else it could end the process of another
-                ran.update(before)
-                self._wait(WorkPackage(chunk.group, before, alone=True), first=False)
-        if rest := [number for number in chunk.variants if number not in ran]:
-            self._wait(WorkPackage(chunk.group, rest), first=True)
-        return [Chunk(outcomes, answer.wall_s, answer.series)] if outcomes else []
-
-    def take_loss(self, chunk: WorkPackage, workers: int) -> list[Chunk]:
-        """Return the results of a chunk that lost its workers: none, unless one variant is to blame."""
-        if not chunk.suspect:
-            self._suspects.extend(WorkPackage(chunk.group, [n], suspect=True) for n in chunk.variants)
-            return []
-        number = chunk.variants[0]
-        self._lost[number] += workers
-        if (times := self._lost[number]) < _TRIES:
-            self._suspects.append(chunk)
-            return []
-        reason = f"its worker ended {times} times: it ran out of memory, or its machine was lost."
-        return [Chunk([VariantOutcome(number, DIED, reason)], 0.0)]
-
-    def _wait(self, package: WorkPackage, first: bool) -> None:
-        (self._waiting.appendleft if first else self._waiting.append)(package)
-        self._left += len(package.variants)
+        except Exception as error:
+            if (explained := self._workers.explain(error)) is None:
+                raise
+            raise explained from error
 
 
 class _SlowVariants:
-    """The variants that workers report as slow."""
+    """The variants that workers report as slow: numbers, and their times in s."""
 
-    def __init__(self) -> None:
-        self._running: dict[int, float] = {}
-        self._turn = threading.Lock()
-        self._is_new, self._next_note = False, -math.inf
+    def __init__(self, reports: SimpleQueue[tuple[int, float]]) -> None:
+        self._reports, self._next_note = reports, -math.inf
+        self._seconds: dict[int, float] = {}
 
-    def take_event(self, event: tuple[float, Any]) -> None:
-        """Take the message of a worker: number of a variant, and for how long it has run."""
-        number, seconds = event[1]
-        with self._turn:
-            self._running[number] = seconds
-            self._is_new = True
-
-    def forget(self, numbers: Sequence[int]) -> None:
-        """Forget variants that do not run any more."""
-        with self._turn:
-            for number in self._running.keys() & set(numbers):
-                del self._running[number]
-
-    def note(self, average_s: float) -> str | None:
-        """Return a note on variants that take much longer than the average, if it is time for one."""
+    def note(self, chunks: Collection[WorkPackage], average_s: float) -> str | None:
+        """Return a note on variants of these chunks that take much longer than the average, if it is time."""
         now = time.monotonic()
-        with self._turn:
-            slow = {n: s for n, s in sorted(self._running.items()) if s > _SLOW * average_s}
-            if not slow or not self._is_new or now < self._next_note:
-                return None
-            self._is_new, self._next_note = False, now + _NOTE_S
-        names = [f"variant {number} for {seconds:.0f} s" for number, seconds in slow.items()]
-        if len(names) > _NAMED:
-            names = [*names[:_NAMED], f"{len(names) - _NAMED} more"]
+        if self._reports.empty() or now < self._next_note:
+            return None
+        while not self._reports.empty():
+            number, self._seconds[number] = self._reports.get()
+        running = {number for chunk in chunks for number in chunk.variants}
+        slow = [n for n in sorted(running & self._seconds.keys()) if self._seconds[n] > _SLOW * average_s]
+        if not slow:
+            return None
+        self._next_note = now + _NOTE_S
+        names = [f"variant {number} for {self._seconds[number]:.0f} s" for number in slow[:_NAMED]]
+        if len(slow) > _NAMED:
+            names.append(f"{len(slow) - _NAMED} more")
         return f"Still running: {join_names(names)}."
 
 
-@contextlib.contextmanager
-def open_executor(
-    payload: WorkerPayload, scheduler: Scheduler, workers: int | None, report: Callable[[str], None]
-) -> Iterator[ClusterExecutor]:
-    """Open a cluster: that of a scheduler, or one on this machine.
+@contextmanager
+def start_workers(scheduler: Scheduler, workers: int | None) -> Iterator[Scheduler]:
+    """Start the processes of this machine, which load while their caller prepares what to run.
 
     Args:
-        payload: What the workers need.
-        scheduler: Address or client of a scheduler; None for a cluster on this machine.
-        workers: Number of workers on this machine. Default: one for each core.
+        scheduler: Address or client of a scheduler; None for this machine.
+        workers: Number of processes on this machine. Default: one for each core.
+
+    Yields:
+        The argument of `open_executor`.
+
+    Raises:
+        CommandError: The scheduler or workers are invalid.
+        RunError: No process can start.
+    """
+    check_cluster(scheduler, workers)
+    if scheduler is None:
+        with _start_host(workers) as host:
+            yield host
+    else:
+        yield scheduler
+
+
+@contextmanager
+def _start_host(workers: int | None) -> Iterator[VariantHost]:
+    with (
+        temporary_folder("variants") as folder,
+        closing(VariantHost(folder, workers or count_cores())) as host,
+    ):
+        yield host
+
+
+@contextmanager
+def open_executor(
+    payload: WorkerPayload, scheduler: Scheduler, workers: int | None, report: Callable[[str], None]
+) -> Iterator[Executor]:
+    """Open an executor for the variants of one analysis.
+
+    Args:
+        payload: What the variants need.
+        scheduler: Address or client of a scheduler; None for this machine, or what `start_workers` yields.
+        workers: Number of processes on this machine. Default: one for each core.
         report: Called with notes, such as the address of the dashboard.
 
     Raises:
         RunError: The scheduler does not answer.
     """
-    with contextlib.ExitStack() as held:
-        if isinstance(scheduler, Client):
-            if scheduler.status != "running" or scheduler.scheduler is None:
-                raise RunError(f"the client in `scheduler` is {scheduler.status}; it must be running.")
-            client, address = scheduler, str(cast(Any, scheduler.scheduler).addr)
+    with ExitStack() as stack:
+        if scheduler is None or isinstance(scheduler, VariantHost):
+            host = scheduler or stack.enter_context(_start_host(workers))
+            started = LocalWorkers(host)
         else:
-            if scheduler is None:
-                address, security = held.enter_context(local_cluster(workers))
-            else:
-                address, security = scheduler, None
-            client = held.enter_context(_client(address, security))
-        if scheduler is not None:
-            report(f"Dask's dashboard: {client.dashboard_link}")
-        found = ClusterExecutor(client, payload, address, report)
-        try:
-            yield found
-        finally:
-            found.close()
+            from .dask_workers import connect  # which only some have
+
+            started = stack.enter_context(connect(scheduler, payload, report))
+        stack.enter_context(closing(started))
+        yield Executor(started, payload, report)
 
 
 def check_cluster(scheduler: Scheduler, workers: int | None) -> None:
-    """Raise CommandError if scheduler or workers are invalid."""
-    if not isinstance(scheduler, Client):
+    """Raise CommandError if scheduler or workers are invalid, or Dask is missing."""
+    distributed = sys.modules.get("distributed")
+    if distributed is None or not isinstance(scheduler, distributed.Client):
         convert_value(scheduler, str | None, "the scheduler")
-    if workers is None:
-        return
-    if convert_value(workers, int, "the number of workers") < 1:
+    if workers is not None and convert_value(workers, int, "the number of workers") < 1:
         raise CommandError(f"the number of workers {workers} must be at least 1.")
-    if scheduler is not None:
+    if workers is not None and scheduler is not None:
         raise CommandError("a scheduler has its own workers; set either a scheduler or a number of workers.")
+    if scheduler is not None and importlib.util.find_spec("distributed") is None:
+        raise CommandError(
+            "a scheduler needs Dask, which is missing; run: pip install 'emla-cosim[cluster]'."
+        )
 
 
-def _threads_of(client: Client) -> int:
-    return sum(dict(cast(Any, client.nthreads())).values())
-
-
-def _client(address: str, security: Any) -> Client:
-    try:
-        return Client(address, security=security, timeout=_CONNECT_S, set_as_default=False)
-    except Exception as error:  # an invalid address may raise anything
-        reason = _first_line(error)
-    gc.collect()  # now: a half-made client hangs if it is collected while another one is created
-    raise RunError(f"no scheduler answers at '{address}': {reason}.")
-
-
-def _first_line(error: BaseException) -> str:
+def first_line(error: BaseException) -> str:
+    """Return the first line of an exception."""
     text = str(error).strip() or type(error).__name__
     return text.splitlines()[0].rstrip(".")

@@ -1,31 +1,34 @@
-"""The process that prepares simulations and runs variants for a worker: an FMU may end it or never return."""
+"""The process that prepares simulations and runs variants for a host: an FMU may end it or never return."""
 
 import contextlib
 import pickle
-import shutil
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import cloudpickle
 import polars
 
+from fmublock.leftovers import remove_folder
+
 from ...base.channel import Channel
 from ...base.errors import CosimError, RunError
+from ...base.process import silence
 from ...master.instances.fmu_instance import DiscardedStepError
 from ...recorders.metrics import describe_divergence, explain_verdicts, list_figures
 from ...recorders.table import TimeSeries
 from ...run.half_step import halve_step
+from ...run.options import Options
 from ...run.remarks import describe_lost_values
 from ...run.result import Result
 from ...run.run_setup import steps_per_row
 from ...run.simulation import Simulation
 from ...study.loading import register
+from ...system.model import System
 from ..variants.data import (
     DIVERGED,
     DONE,
@@ -35,10 +38,12 @@ from ..variants.data import (
     SimulationDescription,
     Variant,
     VariantOutcome,
+    to_parquet,
 )
 from ..variants.measures import MeasureError, Measures
-from .idle_processes import ANSWER, ERROR, OUTCOME, PAYLOAD, READY
-from .worker_payload import REGISTRIES, PackedPreparation
+from .chunk_queue import ChunkRequest
+from .variant_host import ANSWER, ERROR, OUTCOME, PAYLOAD, READY
+from .worker_payload import REGISTRIES
 
 _PREPARED_AT_MOST = 8
 """Most simulations that a process keeps. The least recently used one is closed."""
@@ -47,52 +52,33 @@ Send = Callable[[tuple[str, Any]], None]
 
 
 class VariantProcess:
-    """Answers the requests of a worker. One sweep is open at a time."""
+    """Answers the requests of a host, with the FMUs and systems in its folder."""
 
-    def __init__(self) -> None:
-        self._folder: Path | None = None
-        self._removal = threading.Lock()
-        self._packed: Sequence[PackedPreparation] = ()
-        self._files: Mapping[str, Path] = {}
-        self._new: Mapping[str, set[str]] = {}
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._groups: Sequence[tuple[str, System, Options]] = ()
         self._simulations: dict[int, Simulation] = {}
 
-    def answer(self, request: tuple[Any, ...], send: Send) -> tuple[str, Any]:
-        """Answer a request, the name of a method with its arguments. An exception is an answer, too."""
-        name, *arguments = request
+    def answer(self, request: tuple[str, Any], send: Send) -> tuple[str, Any]:
+        """Answer a request: `describe` with a group, or `run`. An exception is an answer, too."""
+        name, argument = request
         try:
-            return ANSWER, getattr(self, f"_{name}")(send, *arguments)
+            if not self._groups:
+                self._load()
+            return ANSWER, self._describe(argument) if name == "describe" else self._run(argument, send)
         except BaseException as error:  # user code may raise SystemExit when it is loaded
             return ERROR, _pickle_error(error)
 
-    def remove_files(self) -> None:
-        """Remove the folder of the open sweep: the worker, which would do it, was killed."""
-        with self._removal:  # another thread that removes them would end this process too early
-            if self._folder is not None:
-                shutil.rmtree(self._folder, ignore_errors=True)
-
-    def _open(self, send: Send, folder: str, files: Mapping[str, str]) -> None:
-        """Open the sweep in a folder, with its FMU files by hash."""
-        if self._folder == Path(folder):
-            return
-        self._close(send)
-        self._folder, tempfile.tempdir = Path(folder), folder  # FMUs are unpacked there
-        self._files = {sha: Path(folder) / file for sha, file in files.items()}
-        self._packed, registered = pickle.loads((self._folder / PAYLOAD).read_bytes())
-        register()
-        self._new = {kind: registered[kind].keys() - known for kind, known in REGISTRIES.items()}
-        for kind, known in REGISTRIES.items():
-            known.update(registered[kind])
-
-    def _close(self, send: Send) -> None:
-        """Close the open sweep: simulations and registrations. The next one may be another user's."""
+    def close(self) -> None:
+        """End the FMUs."""
         for simulation in self._simulations.values():
             simulation.close()
-        self._simulations.clear()
-        for kind, names in self._new.items():
-            for name in names:
-                REGISTRIES[kind].pop(name, None)
-        self._folder, tempfile.tempdir, self._new = None, None, {}
+
+    def _load(self) -> None:
+        self._groups, registered = pickle.loads((self._folder / PAYLOAD).read_bytes())
+        register()
+        for kind, known in REGISTRIES.items():
+            known.update(registered[kind])
 
     def _simulation(self, group: int) -> Simulation:
         """Return the simulation of a group. Raise CosimError if it cannot be prepared."""
@@ -100,42 +86,47 @@ class VariantProcess:
         if found is None:
             if len(self._simulations) >= _PREPARED_AT_MOST:
                 self._simulations.pop(next(iter(self._simulations))).close()
-            packed = self._packed[group]
-            alone = replace(packed.options, threads=1)  # other processes use the other cores
-            found = Simulation(packed.unpack_system(self._files), alone, packed.name, unpacked=self._folder)
+            name, system, options = self._groups[group]
+            components = [replace(c, fmu=self._folder / str(c.fmu)) for c in system.components]
+            system = replace(system, components=tuple(components))
+            options = replace(options, threads=1)  # other processes use the other cores
+            found = Simulation(system, options, name, unpacked=self._folder)
         self._simulations[group] = found
         return found
 
-    def _describe(self, send: Send, group: int) -> bytes:
-        """Describe the simulation of a group. Raise CosimError if it cannot be prepared."""
-        return cloudpickle.dumps(_describe(self._simulation(group)))
+    def _describe(self, group: int) -> bytes:
+        """Return the pickled `SimulationDescription` of a group. Raise CosimError if this fails."""
+        simulation = self._simulation(group)
+        simulation.start(recorders=[])  # variants may run although the scenario itself fails in a step
+        result = simulation.so_far()
+        figures = list_figures(result.metrics, result.shown)
+        units, further = (
+            {name: str(unit) if unit is not None else "" for name, unit in units.items()}
+            for units in (simulation.units, simulation.further_units())
+        )
+        rows = 1 + -(-result.times.steps // steps_per_row(simulation.options, result.times))
+        return cloudpickle.dumps(SimulationDescription(units, further, figures, rows))
 
-    def _run(self, send: Send, group: int, request: bytes, seconds: float) -> tuple[float, bytes | None]:
+    def _run(self, request: ChunkRequest, send: Send) -> tuple[float, bytes | None]:
         """Run variants in sequence, and send the outcome of each. An error in one becomes its outcome.
-
-        Args:
-            send: Sends messages to the worker.
-            group: Position of the preparation.
-            request: The variants and measures, pickled.
-            seconds: Time in s after which no further variant begins.
 
         Returns:
             The duration in s, and the signals as a Parquet file.
         """
         variants: Sequence[Variant]
-        variants, measures = pickle.loads(request)
+        variants, measures = pickle.loads(request.content)
         series = list[polars.DataFrame]()
         with contextlib.suppress(CosimError):  # every variant reports it as its outcome
-            self._simulation(group)
+            self._simulation(request.group)
         send((READY, None))
         began = time.perf_counter()  # without the preparation, which happens once
         for variant in variants:
-            outcome, result = self._run_one(group, variant, measures)
+            outcome, result = self._run_one(request.group, variant, measures)
             if measures.signals and result is not None and result.table is not None:
                 number = polars.lit(variant.number, polars.Int64).alias(VARIANT)
                 series.append(measures.series(result).select(number, polars.all()))
             send((OUTCOME, cloudpickle.dumps(outcome)))
-            if time.perf_counter() - began > seconds:
+            if time.perf_counter() - began > request.seconds:
                 break
         kept = to_parquet(polars.concat(series)) if series else None
         return time.perf_counter() - began, kept
@@ -179,18 +170,6 @@ class VariantProcess:
             return VariantOutcome(variant.number, FAILED, f"the run raised {error!r}."), None
 
 
-def _describe(simulation: Simulation) -> SimulationDescription:
-    simulation.start(recorders=[])  # variants may run although the scenario itself fails in a step
-    result = simulation.so_far()
-    figures = list_figures(result.metrics, result.shown)
-    units, further = (
-        {name: str(unit) if unit is not None else "" for name, unit in units.items()}
-        for units in (simulation.units, simulation.further_units())
-    )
-    rows = 1 + -(-result.times.steps // steps_per_row(simulation.options, result.times))
-    return SimulationDescription(units, further, figures, rows)
-
-
 def _status(error: RunError) -> str:
     """Return the status of a failed run that has a result."""
     if isinstance(error.__cause__, DiscardedStepError):
@@ -208,19 +187,21 @@ def _pickle_error(error: BaseException) -> bytes:
     return content
 
 
-def to_parquet(table: polars.DataFrame) -> bytes:
-    """Return a table as the content of a Parquet file."""
-    stream = BytesIO()
-    table.write_parquet(stream)
-    return stream.getvalue()
+def run_variants(channel: Channel, folder: str) -> None:
+    """Answer the requests of a host. At the end, remove its folder: the host closes it, or was killed."""
+    silence()
+    tempfile.tempdir = folder  # FMUs are unpacked there
+    removal = threading.Lock()
 
+    def remove() -> None:
+        with removal:  # another thread that removes it would end this process too early
+            remove_folder(folder)
 
-def run_variants(channel: Channel) -> None:
-    """Answer the requests of a worker. If it was killed, remove the files of its sweep."""
-    process = VariantProcess()
-    channel.at_end_of_parent = process.remove_files
+    channel.at_end_of_parent = remove
+    process = VariantProcess(Path(folder))
     try:
         for request in channel.requests():
             channel.send(process.answer(request, channel.send))
+        process.close()
     finally:
-        process.remove_files()
+        remove()

@@ -6,7 +6,6 @@ import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib import import_module
-from importlib.metadata import version
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -109,27 +108,15 @@ class Preparation:
             scenario,
         )
 
+    def system_with(self, files: Mapping[str, Path]) -> System:
+        """Return the system with FMU files, which `files` has by content hash."""
+        components = [replace(c, model="", fmu=files[self.fmus[c.name]]) for c in self.system.components]
+        return replace(self.system, components=tuple(components))
+
     @property
     def identity(self) -> dict[str, Any]:
         """Everything that determines the result of a run, as plain data."""
         return RunDefinition(self.system, self.fmus, self.options).variants_identity
-
-
-@dataclass(frozen=True)
-class PackedPreparation:
-    """A `Preparation` to send: `system` has no FMUs, `fmus` has their content hashes."""
-
-    name: str
-    system: System
-    options: Options
-    fmus: Mapping[str, str]
-
-    def unpack_system(self, files: Mapping[str, Path]) -> System:
-        """Return the system with the FMU files, which `files` has by content hash."""
-        return replace(
-            self.system,
-            components=tuple(replace(c, fmu=files[self.fmus[c.name]]) for c in self.system.components),
-        )
 
 
 REGISTRIES: Mapping[str, dict[str, Any]] = {
@@ -143,44 +130,47 @@ REGISTRIES: Mapping[str, dict[str, Any]] = {
 
 @dataclass(frozen=True)
 class WorkerPayload:
-    """Everything that workers need.
+    """What processes need to run the variants of an analysis.
 
-    `files` has name and content of FMU files by hash, `registered` the entries of `REGISTRIES`.
+    Attributes:
+        key: Name of the analysis on a cluster.
+        files: Paths of FMU files, relative to a folder, with their contents.
+        content: By group: name, system with these paths, and options; and `REGISTRIES`. Pickled.
+        timeouts: Longest time of a variant in s by group; None without a limit.
+        patience: Seconds to wait for a cluster without workers.
     """
 
     key: str
-    packed: Sequence[PackedPreparation]
-    files: Mapping[str, tuple[str, bytes]]
-    registered: Mapping[str, Mapping[str, Any]]
-    version: str
+    files: Mapping[str, bytes]
+    content: bytes
+    timeouts: Sequence[float | None]
+    patience: float
 
     @classmethod
     def of(cls, key: str, preparations: Sequence[Preparation]) -> "WorkerPayload":
-        """Return the payload of these preparations. `key` is its name on the workers.
+        """Return the payload of these preparations.
 
         Raises:
             CommandError: A registered object cannot be sent to another process.
         """
-        for kind, known in REGISTRIES.items():
-            check_portable(kind, known)
-        paths = {sha: path for p in preparations for sha, path in p.files.items()}
+        for kind, entries in REGISTRIES.items():
+            check_portable(kind, entries)
+        files = {sha: path for p in preparations for sha, path in p.files.items()}
+        names = {sha: Path(sha[:16], path.name) for sha, path in files.items()}
+        groups = [(p.name, p.system_with(names), p.options) for p in preparations]
         return cls(
             key,
-            [PackedPreparation(p.name, _remove_files(p.system), p.options, p.fmus) for p in preparations],
-            {sha: (path.name, path.read_bytes()) for sha, path in paths.items()},
-            {kind: dict(known) for kind, known in REGISTRIES.items()},
-            version("emla-cosim"),
+            {names[sha].as_posix(): path.read_bytes() for sha, path in files.items()},
+            cloudpickle.dumps((groups, REGISTRIES)),
+            [p.options.timeout for p in preparations],
+            max(p.options.patience for p in preparations),
         )
 
 
 def check_portable(kind: str, objects: Mapping[str, Any]) -> None:
     """Raise CommandError if one of these objects cannot be sent to another process."""
-    for name, one in objects.items():
+    for name, value in objects.items():
         try:
-            cloudpickle.dumps(one)
+            cloudpickle.dumps(value)
         except Exception as error:
             raise CommandError(f"the {kind} '{name}' cannot be sent to workers: {error}.") from error
-
-
-def _remove_files(system: System) -> System:
-    return replace(system, components=tuple(replace(c, model="", fmu=None) for c in system.components))

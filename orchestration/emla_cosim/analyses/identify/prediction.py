@@ -13,7 +13,7 @@ from ...base.arrays import Vector
 from ...base.errors import CommandError
 from ...run.half_step import HalfStep
 from ...run.remarks import tells_lost_values
-from ..execution.executor import ClusterExecutor, WorkPackage
+from ..execution.executor import Executor, WorkPackage
 from ..variants.data import DONE, VARIANT, Chunk, Variant
 from ..variants.measures import Measures
 from ..variants.targets import START
@@ -62,7 +62,7 @@ class Predictor:
         half_steps: how experiments were run with half the step, by position.
     """
 
-    executor: ClusterExecutor
+    executor: Executor
     parameters: Parameters
     experiments: Sequence[Sequence[MeasuredSignal]]
     signals: Sequence[str]

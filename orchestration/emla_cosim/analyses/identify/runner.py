@@ -25,7 +25,7 @@ from ...base.wording import format_count
 from ...inputs.input import Input
 from ...run.option_types import SweepOptions
 from ...system.names import Names
-from ..execution.executor import ClusterExecutor, Scheduler, check_cluster, open_executor
+from ..execution.executor import Executor, Scheduler, check_cluster, open_executor
 from ..execution.worker_payload import Preparation, WorkerPayload
 from ..frame.plan_files import Source, load_planned
 from ..frame.scenario_text import scenario_content
@@ -299,7 +299,7 @@ def _check_counts(
         )
 
 
-def _predictor(task: _Task, executor: ClusterExecutor, interrupted: Any) -> Predictor:
+def _predictor(task: _Task, executor: Executor, interrupted: Any) -> Predictor:
     names = list(dict.fromkeys(x.signal for of in task.signals for x in of)) or list(task.sigma)
     rows = max(executor.describe(i).rows for i in range(len(task.preparations)))
     return Predictor(executor, task.parameters, task.signals, names, rows, interrupted)

@@ -13,8 +13,7 @@ import polars
 from ...base.errors import CommandError
 from ...base.files import UNFINISHED, read_text, report_write_errors, write_atomically
 from ...views.folder import Folder
-from ..execution.variant_process import to_parquet
-from ..variants.data import PROBLEM, STATUS, VARIANT, Chunk
+from ..variants.data import PROBLEM, STATUS, VARIANT, Chunk, to_parquet
 from ..variants.measures import Measures
 from .pictures import PICTURES
 

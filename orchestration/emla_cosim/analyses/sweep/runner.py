@@ -18,7 +18,7 @@ from ...base.progress import Progress
 from ...base.values import convert_value
 from ...run.option_types import SweepOptions
 from ...run.run_setup import select_signals
-from ..execution.executor import ClusterExecutor, Scheduler, check_cluster, open_executor
+from ..execution.executor import Executor, Scheduler, open_executor, start_workers
 from ..execution.worker_payload import WorkerPayload, check_portable
 from ..variants.data import Chunk, SimulationDescription
 from ..variants.measures import Measures, Metric, MetricRequest, resolve_measures, with_verdicts
@@ -93,10 +93,10 @@ def sweep(
     given = {"vary": vary, "runs": runs, "seed": seed, "sampling": sampling, "metrics": metrics}
     chosen = {**options, "overwrite": True} if overwrite else {**options}
     plan = load_plan(source).updated({**given, "signals": signals, "options": chosen})
-    check_cluster(scheduler, workers)
     if output is None and resume:
         raise CommandError("to resume a sweep, set `output` to its folder.")
     with contextlib.ExitStack() as held:
+        scheduler = held.enter_context(start_workers(scheduler, workers))
         place = held.enter_context(temporary_folder("sweep")) if output is None else output
         folder = SweepFolder(convert_value(place, Path, "the output folder"), overwrite)
         progress = progress or Progress()
@@ -186,7 +186,7 @@ def _run(
 
 
 def _measures(
-    design: Design, asked: MetricRequest, found: ClusterExecutor
+    design: Design, asked: MetricRequest, found: Executor
 ) -> tuple[Measures, SimulationDescription]:
     """Return the measures, which all groups must have, and the description of the first group."""
     plan, all_ = design.plan, [found.describe(group) for group in range(len(design.groups))]

@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from ..execution.executor import ClusterExecutor, WorkPackage
+from ..execution.executor import Executor, WorkPackage
 from ..variants.data import Chunk, Variant, VariantOutcome
 from ..variants.factors import Factor
 from ..variants.measures import Measures
@@ -22,7 +22,7 @@ class Evaluation:
     The margins of `loops`, one entry for each case, are measured for gains that meet all other conditions.
     """
 
-    executor: ClusterExecutor
+    executor: Executor
     objective: Objective
     measures: Measures
     cases: Sequence[Mapping[str, Any]]

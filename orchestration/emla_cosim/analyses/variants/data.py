@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -100,3 +101,10 @@ class SimulationDescription:
     """Figures by name, before the first step."""
     rows: int
     """Rows of a table with the options of the scenario."""
+
+
+def to_parquet(table: polars.DataFrame) -> bytes:
+    """Return a table as the content of a Parquet file."""
+    stream = BytesIO()
+    table.write_parquet(stream)
+    return stream.getvalue()

@@ -12,8 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from emla_cosim.analyses.execution.executor import ChunkQueue, WorkPackage
-from emla_cosim.analyses.execution.worker import ChunkAnswer
+from emla_cosim.analyses.execution.chunk_queue import ChunkAnswer, ChunkQueue, WorkPackage
 from emla_cosim.analyses.variants.data import DIED, DONE, TIMED_OUT, VariantOutcome
 
 OVERHEAD = 0.005
