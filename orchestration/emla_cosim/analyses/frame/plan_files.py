@@ -68,16 +68,21 @@ class AnalysisPlan:
     ADDED: ClassVar[Sequence[str]] = ()
     """Fields whose values `updated` adds to those of the plan."""
 
-    TYPES_IN_FILES: ClassVar[Mapping[str, Any]] = {}
-    """Further types of fields that differ in files."""
+    UNCHECKED: ClassVar[Sequence[str]] = ()
+    """Fields whose types `check` does not check, besides those of `IN_FILES`."""
 
     NOTHING_VARIES: ClassVar[str] = "varies nothing"
     """What is wrong with a plan without `vary`, and what to do."""
 
     @classmethod
+    def types_in_files(cls) -> Mapping[str, Any]:
+        """Return the types of fields in files that differ from those in Python."""
+        return IN_FILES
+
+    @classmethod
     def struct(cls) -> type[msgspec.Struct]:
         """Return the struct of a plan's file, without options."""
-        return struct_of(cls, {**IN_FILES, **cls.TYPES_IN_FILES}, NOT_IN_FILES)
+        return struct_of(cls, cls.types_in_files(), NOT_IN_FILES)
 
     def updated(self, given: Mapping[str, Any]) -> Self:
         """Return the plan with other values; tables and `ADDED` are extended, None changes nothing.
@@ -92,7 +97,7 @@ class AnalysisPlan:
 
     def check(self) -> None:
         """Raise CommandError for mistakes that can be found without the scenario."""
-        check_fields(self, self.struct(), self.where, (*IN_FILES, *self.TYPES_IN_FILES))
+        check_fields(self, self.struct(), self.where, (*IN_FILES, *self.UNCHECKED))
         check_options(self.options, self.where)
         if not self.vary:
             raise CommandError(f"{self.where} {self.NOTHING_VARIES}.")

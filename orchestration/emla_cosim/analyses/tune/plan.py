@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any
 
 import msgspec
 
@@ -10,7 +10,7 @@ from ...base.errors import CommandError
 from ...base.toml_structs import list_given, quantity, struct_of
 from ...run.options import select_repeatable
 from ...run.scenarios.built_in import TUNINGS
-from ..frame.plan_files import NOT_IN_FILES, AnalysisPlan, Source, read_plan
+from ..frame.plan_files import IN_FILES, NOT_IN_FILES, AnalysisPlan, Source, read_plan
 from ..variants.measures import Metric
 
 DEFAULTS = "usual"
@@ -90,10 +90,15 @@ class TuningPlan(AnalysisPlan):
     where: str = field(default="the tuning", kw_only=True)
 
     ADDED = ("derive", "require")
-    TYPES_IN_FILES: ClassVar[Mapping[str, Any]] = {"cases": list[_CASE]}
+    UNCHECKED = ("cases",)
     NOTHING_VARIES = (
         "varies nothing; add a gain with its range, such as --vary 'tilt.controller.beta[1]=200:4000'"
     )
+
+    @classmethod
+    def types_in_files(cls) -> Mapping[str, Any]:
+        """Return the types of fields in files that differ from those in Python."""
+        return {**IN_FILES, "cases": list[_CASE]}
 
     @property
     def record(self) -> dict[str, Any]:
