@@ -12,6 +12,7 @@ from ...base.errors import CommandError
 from ...base.quantities import read_quantity
 from ...base.units import SiUnit
 from ...base.wording import format_count
+from ...inputs.loaded_input import LoadedInput
 from ...run.options import Options
 from ...system.names import Names
 from ..execution.worker_payload import Preparation
@@ -66,6 +67,10 @@ def prepare_task(plan: IdentificationPlan, session: Session[Any]) -> Identificat
     for one in plan.experiments:
         label = f"the experiment '{one.name}'"
         scenario = load_planned(plan, one.options)
+        begin, stop = scenario.options.start_time or 0.0, scenario.options.stop_time
+        if stop is None and one.measured:  # inputs are compared with it before signals are known
+            end = max(float(LoadedInput.of(source, begin).times[-1]) for source in one.measured)
+            scenario = scenario.with_options({"stop_time": end})
         preparation = session.prepare(scenario)
 
         def find_signal(name: str, of: Preparation = preparation) -> tuple[str, SiUnit | None]:
@@ -73,15 +78,15 @@ def prepare_task(plan: IdentificationPlan, session: Session[Any]) -> Identificat
             units[signal] = unit
             return signal, unit
 
-        begin = preparation.options.start_time or 0.0
         measured, remarks = read_measurements(one.measured, find_signal, label, begin)
         sigma = {find_signal(name)[0]: value for name, value in plan.sigma.items()}
         drivers.append(read_drivers(scenario.options.input, begin))
         notes += [note for note in remarks if note not in notes]
         may_be_late = any(DELAY in name for name in plan.vary)
-        options = replace(
-            preparation.options, require=[], **_choose_times(preparation.options, measured, may_be_late)
-        )
+        options = replace(preparation.options, require=[])
+        if stop is None and options.stop_time == scenario.options.stop_time:
+            options = replace(options, stop_time=None)
+        options = replace(options, **_choose_times(options, measured, may_be_late))
         preparations.append(replace(preparation, options=options))
         inside, left_out = _cut(measured, options, label)
         signals.append(inside)

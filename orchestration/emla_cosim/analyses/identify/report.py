@@ -33,22 +33,23 @@ _MOST = 6
 def build_report(result: IdentificationResult) -> Report:
     """Return the report of an identification."""
     count = format_count(result.runs, "run")
+    duration = [f"{count} in {result.wall_s:.0f} s"]
+    limits: list[Text | str] = [
+        Text(f"{one.name} is not identified: {one.problem}.", is_failure=True)
+        for one in result.estimates
+        if one.problem is not None
+    ]
+    limits += [f"Note: {note.rstrip('.')}." for note in result.notes]
     if result.candidates:
-        sections = [Section(tables=[_candidates_table(result)])]
+        sections = [Section("Experiments", tables=[_candidates_table(result)], under=[*limits, *duration])]
     else:
-        problems = [
-            Text(f"{one.name} is not identified: {one.problem}.", is_failure=True)
-            for one in result.estimates
-            if one.problem is not None
-        ]
         certainty = {_CERTAINTY: "Intervals of the estimates within their ranges, and correlations"}
-        tables = [_estimates_table(result)]
-        sections = [Section("Estimates", tables=tables, under=problems, pictures=certainty)]
-        if result.fits:
-            fit = {_FIT: "Measured and predicted signals, and residuals"}
-            sections.append(Section("Fit", tables=[_fits_table(result)], pictures=fit))
-    notes = [f"Note: {note.rstrip('.')}." for note in result.notes]
-    sections.append(Section("Notes" if notes else "", under=[*notes, f"{count} in {result.wall_s:.0f} s"]))
+        fit = {_FIT: "Measured and predicted signals, and residuals"}
+        fits = [_fits_table(result)] if result.fits else []
+        sections = [
+            Section("Estimates", tables=[_estimates_table(result)], under=limits, pictures=certainty),
+            Section("Fit", tables=fits, pictures=fit, under=duration),
+        ]
     return Report("Identification", result.name, [count], sections)
 
 
@@ -59,7 +60,7 @@ def _estimates_table(result: IdentificationResult) -> ReportTable:
         name = Text(one.name, is_failure=one.problem is not None)
         interval, step_change = _format_interval(one), _format_step_change(one)
         rows.append([name, f"{one.start:.5g}", f"{one.value:.5g}", error, interval, one.unit, step_change])
-    header = ("", "start", "estimate", "std. error", "95 % interval", "", "½ step")
+    header = ("parameter", "start", "estimate", "std. error", "95 % interval", "unit", "½ step /\nerrors")
     return ReportTable(f"Estimates of {result.name}", header, rows, texts=(0, 5))
 
 
@@ -92,7 +93,7 @@ def _fits_table(result: IdentificationResult) -> ReportTable:
         ]
         for one in result.fits
     ]
-    header = ("", "", "samples", "fit / %", "R²", "rms", "", "residuals")
+    header = ("experiment", "signal", "samples", "fit / %", "R²", "rms", "unit", "residuals")
     return ReportTable("Fit", header, rows, texts=(0, 1, 6, 7))
 
 
@@ -112,7 +113,7 @@ def _candidates_table(result: IdentificationResult) -> ReportTable:
         ]
         for one in result.candidates
     ]
-    header = ("", "information / bit", *result.candidates[0].intervals)
+    header = ("experiment", "information / bit", *_shorten_names([*result.candidates[0].intervals]))
     title = "What each experiment would tell: half widths of the intervals of 95 %"
     return ReportTable(title, header, rows)
 

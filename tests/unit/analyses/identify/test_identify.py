@@ -137,6 +137,16 @@ def test_estimates_and_errors_equal_those_of_scipy(identify: Identify) -> None:
     assert found.sigma["Cart.x"] == pytest.approx(fit.rms, rel=0.03)
 
 
+def test_run_ends_where_the_measurement_ends(fmu: Path, identify: Identify, scheduler: Client) -> None:
+    """Data for inputs need a stop time; without any it is that of the measured data."""
+    asked = {"set": {"Cart.b": TRUE["b"], "Cart.c": TRUE["c"]}, **data(noisy())}
+    system = ec.System([ec.Component("Cart", fmu=fmu)], ())
+    ranges = {"Cart.m": "0.2:10"}
+    found = ec.identify(system, ranges, scheduler=scheduler, step_size=STEP, **asked)
+    assert found.samples["time"].max() == 2.0
+    assert found["Cart.m"].value == identify(ranges, **asked)["Cart.m"].value
+
+
 def wave(time: np.ndarray) -> np.ndarray:
     """The force of `Wave` in N."""
     return 4.0 * np.sin(6.0 * time)
