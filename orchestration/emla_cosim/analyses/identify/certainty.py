@@ -281,7 +281,12 @@ def _count_independent(residuals: Vector, lengths: Sequence[int]) -> float:
 
 
 def profile(
-    problem: Problem, point: Vector, i: int, error: float | None, report: Callable[[int], None]
+    problem: Problem,
+    point: Vector,
+    i: int,
+    error: float | None,
+    report: Callable[[int], None],
+    unevenness: float = 0.0,
 ) -> tuple[float | None, float | None]:
     """Return the places of the ends of the interval of 95 % of parameter i.
 
@@ -293,12 +298,14 @@ def profile(
         i: position of the parameter.
         error: standard error of its place, if it is known.
         report: called with the number of evaluations.
+        unevenness: as for `judge`.
     """
     (best,) = problem.residuals([point])
     assert best is not None
     total, count = len(best), len(point)
     smallest = float(best @ best)
-    limit = smallest * (1.0 + fisher.ppf(LEVEL, 1, max(total - count, 1)) / max(total - count, 1))
+    freedom = max(total - count, 1)
+    limit = smallest * (1.0 + (1.0 + 2.0 * unevenness) * fisher.ppf(LEVEL, 1, freedom) / freedom)
     others = np.array([k for k in range(count) if k != i], dtype=int)
 
     def find_end(sign: float) -> float | None:

@@ -191,7 +191,7 @@ class _Identification:
             (residuals,) = problem.residuals([best.point])
             assert residuals is not None
             certainty, remarks = judge_estimates(problem, best.point, residuals, slopes, plan.loss)
-            certainty = self._add_profiles(best.point, certainty)
+            certainty = self._add_profiles(best.point, certainty, slopes.unevenness)
         except InterruptedRunsError:
             return self._keep_unfinished(is_final=True)
         self.session.progress.finish()
@@ -276,7 +276,7 @@ class _Identification:
             )
         return notes
 
-    def _add_profiles(self, point: Vector, certainty: Certainty) -> Certainty:
+    def _add_profiles(self, point: Vector, certainty: Certainty, unevenness: float) -> Certainty:
         """Return the certainty with the intervals of the profile likelihood that the plan asks for."""
         estimates = list(certainty.estimates)
         for name in self.task.plan.profile:
@@ -285,7 +285,7 @@ class _Identification:
             error = None
             if interval is not None:
                 error = max((one.place(interval[1]) - one.place(interval[0])) / 4.0, 1e-6)
-            ends = find_profile(self.problem, point, i, error, self.session.progress.advance)
+            ends = find_profile(self.problem, point, i, error, self.session.progress.advance, unevenness)
             low, high = (None if x is None else one.value(x) for x in ends)
             estimates[i] = replace(estimates[i], profile=(low, high))
         return replace(certainty, estimates=estimates)

@@ -142,13 +142,16 @@ def test_intervals_contain_true_values_of_uneven_responses(kind: str, size: floa
     assert (inside / runs >= 0.9).all() and (naive / runs < 0.9).any(), (inside / runs, naive / runs)
 
 
-def test_profile_of_an_uneven_response_has_ends() -> None:
-    """Searches from elsewhere end in other dents, also those of a value that was tried before."""
-    solved = problem(NEAR, [[measured(TIME, noisy(0, 0.013))]], uneven("noisy", 0.003))
-    point = search(solved).estimate([Parameters(NEAR).start], free=["y"]).point
+@pytest.mark.parametrize("seed", range(2))
+def test_profile_of_an_uneven_response_has_ends(seed: int) -> None:
+    """Searches that begin elsewhere end in other dents; ends are beyond the deepest ones."""
+    solved = problem(NEAR, [[measured(TIME, noisy(seed, 0.013))]], uneven("noisy", 0.003))
+    searching = search(solved)
+    found, slopes = searching.differentiate(searching.estimate([Parameters(NEAR).start], free=["y"]))
     for i in range(2):
-        low, high = profile(solved, point, i, None, lambda n: None)
-        assert low is not None and high is not None and 0.0 < low < point[i] < high < 1.0
+        low, high = profile(solved, found.point, i, None, lambda n: None, slopes.unevenness)
+        assert low is not None and high is not None
+        assert 0.0 < low < found.point[i] - 1e-4 < found.point[i] + 1e-4 < high < 1.0
 
 
 def test_longer_steps_average_an_uneven_response() -> None:
