@@ -8,7 +8,7 @@ observed dynamical models by exploiting the profile likelihood", Bioinformatics 
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from scipy.stats import f as fisher
 from scipy.stats import t as student
 
 from ...base.arrays import Vector
-from .parameters import Parameters
+from .parameters import Parameter, Parameters
 from .problem import Problem
 from .residuals import (
     LINEAR,
@@ -136,7 +136,7 @@ def judge(
         blocked: positions of parameters whose derivatives are not known, because other runs fail.
         unevenness: by how much the cost at nearby points exceeds that of the tangent, in variances of the
             residuals. The search may have ended wherever the cost is larger by less than this.
-        moves: by how much the places would move without a shift in time, shape (p,); see `time_shift`.
+        moves: by how much the places would move without a shift in time, shape (p,); see `find_time_shifts`.
     """
     count, total = len(point), len(residuals)
     pulls, factors = scale_for_loss(loss, residuals)
@@ -188,22 +188,25 @@ def judge(
     width = float(student.ppf(0.5 + LEVEL / 2.0, freedom))
     estimates = list[Estimate]()
     for i, one in enumerate(parameters.items):
-        place, value = float(point[i]), one.value(float(point[i]))
+        place = float(point[i])
         if i not in problems and width * errors[i] > _WIDEST:
             problems[i] = _describe_wide(parameters, i, free, errors[i], noise / sizes[i], jacobian)
         if i in problems:
-            estimates.append(
-                Estimate(one.name, value, one.unit, one.start, one.low, one.high, problem=problems[i])
-            )
+            estimates.append(make_estimate(one, place, problem=problems[i]))
             continue
         half = width * float(errors[i])
         ends = one.extrapolate(place - half), one.extrapolate(place + half)
-        slope = (one.extrapolate(place + 1e-6) - one.extrapolate(place - 1e-6)) / 2e-6
-        error = float(abs(slope) * errors[i])
-        estimates.append(Estimate(one.name, value, one.unit, one.start, one.low, one.high, error, ends))
+        error = float(abs(one.slope(place)) * errors[i])
+        estimates.append(make_estimate(one, place, error=error, interval=ends))
     with np.errstate(invalid="ignore"):
         correlations = covariance / np.outer(errors, errors)
     return Certainty(estimates, correlations, condition, deviation)
+
+
+def make_estimate(parameter: Parameter, place: float, **fields: Any) -> Estimate:
+    """Return the estimate of a parameter at a place, with further fields."""
+    one, value = parameter, parameter.value(float(place))
+    return Estimate(one.name, value, one.unit, one.start, one.low, one.high, **fields)
 
 
 def _describe_wide(

@@ -74,14 +74,11 @@ def rank_experiments(task: IdentificationTask, predictor: Predictor) -> list[Can
 def _judge(parameters: Parameters, point: Vector, name: str, jacobian: NDArray[np.float64]) -> Candidate:
     information = jacobian.T @ jacobian
     sign, logarithm = np.linalg.slogdet(information)
-    intervals: dict[str, float | None] = {}
-    known = sign > 0 and np.linalg.cond(information) < 1e14
-    covariance = np.linalg.inv(information) if known else None
-    for i, one in enumerate(parameters.items):
-        slope = (one.extrapolate(point[i] + 1e-6) - one.extrapolate(point[i] - 1e-6)) / 2e-6
-        width = (
-            None if covariance is None else _HALF * abs(slope) * float(np.sqrt(max(covariance[i, i], 0.0)))
-        )
-        intervals[one.name] = width
-    bits = float(logarithm / np.log(2.0)) if known else -np.inf
-    return Candidate(name, intervals, bits, len(jacobian))
+    if sign <= 0 or np.linalg.cond(information) >= 1e14:
+        return Candidate(name, dict.fromkeys(parameters.names), -np.inf, len(jacobian))
+    variances = np.diag(np.linalg.inv(information))
+    intervals = {
+        one.name: _HALF * abs(one.slope(place)) * float(np.sqrt(max(variance, 0.0)))
+        for one, place, variance in zip(parameters.items, point, variances, strict=True)
+    }
+    return Candidate(name, intervals, float(logarithm / np.log(2.0)), len(jacobian))

@@ -76,6 +76,10 @@ class Parameter:
             return float(self.low * (self.high / self.low) ** place)
         return float(self.low + place * (self.high - self.low))
 
+    def slope(self, place: float) -> float:
+        """Return the derivative of the value by the place."""
+        return (self.extrapolate(place + 1e-6) - self.extrapolate(place - 1e-6)) / 2e-6
+
     def place(self, value: float) -> float:
         """Return the place of a value, within 0 and 1."""
         if self.is_logarithmic:
@@ -306,11 +310,9 @@ def _sensor(
 
 def _with_start(name: str, low: float, high: float, start: float | None, unit: str, **more: Any) -> Parameter:
     """Return a parameter. One whose start is not inside of its range starts in the middle."""
-    found = Parameter(name, low, high, low, unit, **more)
-    inside = start is not None and low < start < high
-    return Parameter(
-        name, low, high, start if inside and start is not None else found.value(0.5), unit, **more
-    )
+    parameter = Parameter(name, low, high, low, unit, **more)
+    is_inside = start is not None and low < start < high
+    return replace(parameter, start=start if is_inside else parameter.value(0.5))
 
 
 def _ends(distribution: Any, label: str) -> tuple[float, float]:

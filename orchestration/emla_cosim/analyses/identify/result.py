@@ -1,5 +1,6 @@
 """The result of an identification."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from importlib.metadata import version
@@ -16,6 +17,10 @@ from .residuals import Fit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+
+SAMPLES = {"experiment": str, "signal": str, "time": float, "measured": float, "predicted": float}
+"""Columns of the table of samples."""
 
 
 @dataclass(frozen=True)
@@ -46,14 +51,14 @@ class IdentificationResult:
     """
 
     name: str
-    estimates: Sequence[Estimate]
-    set: Mapping[str, Any]
     correlations: NDArray[np.float64]
-    condition: float
-    fits: Sequence[Fit]
     sigma: Mapping[str, float]
-    samples: polars.DataFrame
     history: polars.DataFrame
+    estimates: Sequence[Estimate] = ()
+    set: Mapping[str, Any] = field(default_factory=dict)
+    condition: float = math.nan
+    fits: Sequence[Fit] = ()
+    samples: polars.DataFrame = field(default_factory=lambda: polars.DataFrame(schema=SAMPLES))
     candidates: Sequence[Candidate] = ()
     complete: bool = True
     converged: bool = True

@@ -1,6 +1,5 @@
 """Run an identification: prepare the experiments, estimate, and judge what came out."""
 
-import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -22,7 +21,7 @@ from ..frame.plan_files import Source
 from ..frame.scenario_text import scenario_content
 from ..frame.session import Session
 from ..variants.targets import merge_options
-from .certainty import Certainty, Estimate
+from .certainty import Certainty, make_estimate
 from .certainty import profile as find_profile
 from .design import rank_experiments
 from .estimation import Estimator, draw_starting_points
@@ -32,7 +31,7 @@ from .preparation import IdentificationTask, prepare_task
 from .problem import UNSURE, Derivatives, Problem
 from .report import OUTPUTS, read_unfinished
 from .residuals import LINEAR, Fit, assess_fit, list_poor_fits
-from .result import IdentificationResult
+from .result import SAMPLES, IdentificationResult
 from .systematic_errors import judge_estimates
 
 _MEASURED = "measured"
@@ -165,6 +164,7 @@ class _Identification:
     def __post_init__(self) -> None:
         plan = self.task.plan
         fitted = [i for i, one in enumerate(plan.experiments) if not one.held_out]
+        self.content = scenario_content(plan.scenario, plan.options) or {}
         self.problem = Problem(self.predictor, fitted, self._choose_sigma(fitted))
         self.estimator = Estimator(self.problem, plan.loss, plan.evaluations, self._advance)
 
@@ -174,9 +174,7 @@ class _Identification:
         candidates = rank_experiments(self.task, self.predictor)
         self.session.progress.advance(1)
         self.session.progress.finish()
-        count = len(self.task.parameters.items)
-        nothing = Certainty((), np.full((count, count), np.nan), math.nan, math.nan)
-        return self._keep(nothing, set={}, sigma=dict(self.task.sigma), candidates=candidates)
+        return self._keep(sigma=dict(self.task.sigma), candidates=candidates)
 
     def run(self) -> IdentificationResult:
         """Estimate the parameters."""
@@ -202,8 +200,10 @@ class _Identification:
             )
         fits, samples = self._assess_fits(best.point)
         return self._keep(
-            certainty,
             best.point,
+            estimates=certainty.estimates,
+            correlations=certainty.correlations,
+            condition=certainty.condition,
             fits=fits,
             samples=samples,
             converged=best.converged,
@@ -240,22 +240,14 @@ class _Identification:
         best = self.estimator.best
         if best is None:
             raise RunError("interrupted before any values were tried.")
-        items = self.task.parameters.items
-        values = self.task.parameters.values(best.point)
+        parameters = self.task.parameters
         estimates = [
-            Estimate(
-                one.name, values[one.name], one.unit, one.start, one.low, one.high, problem="interrupted"
-            )
-            for one in items
+            make_estimate(parameter, place, problem="interrupted")
+            for parameter, place in zip(parameters.items, best.point, strict=True)
         ]
-        nothing = Certainty(estimates, np.full((len(items), len(items)), np.nan), math.nan, math.nan)
+        notes = self._describe_failures()
         return self._keep(
-            nothing,
-            best.point,
-            is_final,
-            complete=False,
-            converged=False,
-            notes=self._describe_failures(),
+            best.point, is_final, estimates=estimates, complete=False, converged=False, notes=notes
         )
 
     def _describe_unevenness(self, slopes: Derivatives) -> list[str]:
@@ -301,17 +293,9 @@ class _Identification:
             for measured in self.task.signals[i]:
                 residuals = differences[measured.signal]
                 fits.append(assess_fit(one.name, one.held_out, measured, residuals, self.task.drivers[i]))
-                frames.append(
-                    polars.DataFrame(
-                        {
-                            "experiment": [one.name] * len(measured.time),
-                            "signal": [measured.signal] * len(measured.time),
-                            "time": measured.time,
-                            "measured": measured.values,
-                            "predicted": measured.values + residuals,
-                        }
-                    )
-                )
+                values = (measured.time, measured.values, measured.values + residuals)
+                names = [[name] * len(residuals) for name in (one.name, measured.signal)]
+                frames.append(polars.DataFrame(dict(zip(SAMPLES, (*names, *values), strict=True))))
         return fits, polars.concat(frames)
 
     def _describe_failures(self) -> list[str]:
@@ -323,51 +307,27 @@ class _Identification:
         return notes
 
     def _keep(
-        self, certainty: Certainty, point: Vector | None = None, is_final: bool = True, **more: Any
+        self, point: Vector | None = None, is_final: bool = True, **fields: Any
     ) -> IdentificationResult:
-        """Return a result with further fields, and write its files."""
-        plan, parameters = self.task.plan, self.task.parameters
-        estimated: dict[str, Any] = {"set": {}, "scenario": {}}
+        """Return a result with these fields, at a point if it is estimated, and write its files."""
+        parameters = self.task.parameters
         if point is not None:
-            content = scenario_content(plan.scenario, plan.options) or {}
-            estimated = {
-                "set": parameters.start_values(point, 0),
-                "scenario": merge_options([content, parameters.options(point)]),
-            }
-        fields = {
-            "fits": (),
-            "sigma": dict(self.problem.sigma),
-            "samples": _NO_SAMPLES,
-            "history": polars.DataFrame(self.estimator.history),
-            **estimated,
-            **more,
-        }
+            fields["set"] = parameters.start_values(point, 0)
+            fields["scenario"] = merge_options([self.content, parameters.options(point)])
+        unknown = np.full((len(parameters.items), len(parameters.items)), np.nan)
         result = IdentificationResult(
-            name=plan.name,
-            estimates=certainty.estimates,
-            correlations=certainty.correlations,
-            condition=certainty.condition,
+            name=self.task.plan.name,
+            history=polars.DataFrame(self.estimator.history),
             runs=self.predictor.runs.count,
             wall_s=time.monotonic() - self.began,
             folder=self.session.path,
             data_notes=self.task.notes,
-            plan=plan.record,
+            plan=self.task.plan.record,
             systems=[one.identity for one in self.task.preparations],
-            **fields,
+            **{"correlations": unknown, "sigma": dict(self.problem.sigma), **fields},
         )
         self.session.keep(result, is_final)
         return result
-
-
-_NO_SAMPLES = polars.DataFrame(
-    schema={
-        "experiment": polars.String,
-        "signal": polars.String,
-        "time": polars.Float64,
-        "measured": polars.Float64,
-        "predicted": polars.Float64,
-    }
-)
 
 
 def _describe_limits(fits: Sequence[Fit], certainty: Certainty, task: IdentificationTask) -> list[str]:

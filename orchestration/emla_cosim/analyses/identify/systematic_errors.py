@@ -260,7 +260,6 @@ def _with_changes(parameters: Parameters, point: Vector, moves: Vector, found: C
     estimates = list(found.estimates)
     for i, one in enumerate(found.estimates):
         if one.error:
-            item, place = parameters.items[i], float(point[i])
-            slope = (item.extrapolate(place + 1e-6) - item.extrapolate(place - 1e-6)) / 2e-6
+            slope = parameters.items[i].slope(float(point[i]))
             estimates[i] = replace(one, step_change=float(slope * moves[i] / one.error))
     return replace(found, estimates=estimates)

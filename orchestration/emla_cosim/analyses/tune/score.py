@@ -18,7 +18,9 @@ from ...run.requirements import Requirement
 from ..variants.data import VariantOutcome
 from .expressions import Expression
 from .plan import Case
-from .search import Order
+
+Order = tuple[bool, float]
+"""Sort key of a point, smaller is better: whether it is invalid; then its violation or its objective."""
 
 TRACKING_ERROR = "miss"
 """Mean of log10(1 + |x_L - x_d| / 1 µm) over all rows: 1 for 9 µm, 6 for a metre."""

@@ -16,8 +16,8 @@ from distributed import Client
 import emla_cosim as ec
 from emla_cosim.analyses.tune.expressions import parse_expression
 from emla_cosim.analyses.tune.plan import load_tuning_plan
+from emla_cosim.analyses.tune.runner import Search
 from emla_cosim.analyses.tune.score import Objective
-from emla_cosim.analyses.tune.search import Search
 from emla_cosim.analyses.variants.data import DIVERGED, DONE, VariantOutcome
 from emla_cosim.base.errors import CommandError
 from emla_cosim.base.progress import Progress
