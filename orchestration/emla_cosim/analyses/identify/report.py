@@ -60,8 +60,9 @@ def _estimates_table(result: IdentificationResult) -> ReportTable:
         name = Text(one.name, is_failure=one.problem is not None)
         interval, step_change = _format_interval(one), _format_step_change(one)
         rows.append([name, f"{one.start:.5g}", f"{one.value:.5g}", error, interval, one.unit, step_change])
-    header = ("parameter", "start", "estimate", "std. error", "95 % interval", "unit", "½ step /\nerrors")
-    return ReportTable(f"Estimates of {result.name}", header, rows, texts=(0, 5))
+    header = ("", "start", "estimate", "std. error", "95 % interval", "", "½ step")
+    under = ("½ step: change of the estimate by half the step size, in standard errors.",)
+    return ReportTable(f"Estimates of {result.name}", header, rows, under, texts=(0, 5))
 
 
 def _format_interval(one: Estimate) -> str:
@@ -93,7 +94,7 @@ def _fits_table(result: IdentificationResult) -> ReportTable:
         ]
         for one in result.fits
     ]
-    header = ("experiment", "signal", "samples", "fit / %", "R²", "rms", "unit", "residuals")
+    header = ("", "", "samples", "fit / %", "R²", "rms", "", "residuals")
     return ReportTable("Fit", header, rows, texts=(0, 1, 6, 7))
 
 
@@ -113,9 +114,9 @@ def _candidates_table(result: IdentificationResult) -> ReportTable:
         ]
         for one in result.candidates
     ]
-    header = ("experiment", "information / bit", *_shorten_names([*result.candidates[0].intervals]))
-    title = "What each experiment would tell: half widths of the intervals of 95 %"
-    return ReportTable(title, header, rows)
+    header = ("", "information / bit", *_shorten_names([*result.candidates[0].intervals]))
+    under = ("The columns of parameters are half widths of their intervals of 95 %.",)
+    return ReportTable("What each experiment would tell", header, rows, under)
 
 
 def draw_fit(result: IdentificationResult) -> "Figure":
