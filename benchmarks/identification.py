@@ -12,18 +12,20 @@ import dataclasses
 import json
 import sys
 import time
-from collections.abc import Mapping
-from contextlib import nullcontext
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
 import numpy as np
+import polars
 
 import emla_cosim as ec
-from emla_cosim.analyses.identify import runner
-from emla_cosim.analyses.identify.prediction import Prediction, Predictor, Task
-from emla_cosim.analyses.variants.data import DONE, FAILED
+from emla_cosim.analyses.execution.worker_payload import Preparation
+from emla_cosim.analyses.frame.session import Job, Outcomes, Session
+from emla_cosim.analyses.variants.data import DONE, FAILED, SimulationDescription, VariantOutcome
+from emla_cosim.analyses.variants.measures import Measures
 from emla_cosim.base.errors import CosimError
 from emla_cosim.run.simulation import Simulation
 
@@ -128,37 +130,45 @@ def draw_machine(joint: str, seed: int) -> Machine:
     return Machine({**true, "delay": delay}, inputs, measured)
 
 
-class LocalPredictor(Predictor):
-    """A predictor without workers."""
+class LocalRuns:
+    """Runs in this process."""
 
-    simulations: list[Simulation]
+    def __init__(self, preparations: Sequence[Preparation]) -> None:
+        self.count = 0
+        self.simulations = [
+            Simulation(
+                one.system_with(one.files),
+                dataclasses.replace(one.options, threads=1),
+                one.name,
+            )
+            for one in preparations
+        ]
 
-    def _run(self, missing: Mapping[Task, np.ndarray]) -> dict[Task, Prediction]:
-        self.runs += len(missing)
-        return {task: self._predict(point, task[0]) for task, point in missing.items()}
+    def describe(self, group: int) -> SimulationDescription:
+        """Return a description without content: memory for predictions is no matter here."""
+        return SimulationDescription({}, {}, {}, 0)
 
-    def _predict(self, point: np.ndarray, group: int) -> Prediction:
-        try:
-            start_values = self.parameters.start_values(point, group)
-            run = self.simulations[group].run(signals=self.signals, set=start_values)
-        except CosimError as error:
-            return self._judge(FAILED, str(error), None, group)
-        return self._judge(DONE, None, {"time": run.time, **{s: run[s] for s in self.signals}}, group)
+    def run(self, jobs: Sequence[Job], measures: Measures, bytes_each: int) -> Outcomes:
+        """Run jobs, and return their signals."""
+        outcomes = Outcomes(complete=True)
+        self.count += len(jobs)
+        for position, job in enumerate(jobs):
+            outcomes.by_job[position] = VariantOutcome(position, DONE)
+            try:
+                if job.is_halved:
+                    raise CosimError("the step is not judged in this benchmark")
+                run = self.simulations[job.group].run(signals=measures.signals, **job.options)
+                signals = {name: run[name] for name in measures.signals}
+                outcomes.series[position] = polars.DataFrame({"time": run.time, **signals})
+            except CosimError as error:
+                outcomes.by_job[position] = VariantOutcome(position, FAILED, str(error))
+        return outcomes
 
 
-def make_predictor(task: Any, executor: object, interrupted: Any) -> LocalPredictor:
-    """Return the predictor of an identification."""
-    signals = list(dict.fromkeys(one.signal for of in task.signals for one in of))
-    found = LocalPredictor(executor, task.parameters, task.signals, signals, 0, interrupted)  # type: ignore[arg-type]
-    found.simulations = [
-        Simulation(
-            one.system_with(one.files),
-            dataclasses.replace(one.options, threads=1),
-            one.name,
-        )
-        for one in task.preparations
-    ]
-    return found
+@contextmanager
+def open_local_runs(session: object, preparations: Sequence[Preparation]) -> Iterator[LocalRuns]:
+    """Open runs in this process, in place of workers."""
+    yield LocalRuns(preparations)
 
 
 def identify(joint: str, machine: Machine) -> ec.IdentificationResult:
@@ -168,10 +178,7 @@ def identify(joint: str, machine: Machine) -> ec.IdentificationResult:
     known = TESTS[joint].known
     vary = {f"{joint}.plant.{name}": ends for name, ends in RANGES.items() if name not in known}
     certain = {f"{joint}.plant.{name}": machine.true[name] for name in known}
-    with (
-        patch.object(runner, "open_executor", lambda *_: nullcontext()),
-        patch.object(runner, "_predictor", make_predictor),
-    ):
+    with patch.object(Session, "open_runs", open_local_runs):
         return ec.identify(
             plant,
             {**vary, f"delay({joint}.plant.x_L)": DELAY},

@@ -69,7 +69,7 @@ def corners(
         **options: Options of the runs, as for `load`.
     """
     session = Session(OUTPUTS, output=output, plots=plots, report=report, progress=progress)
-    with session.alone():
+    with session.with_workers():
         preparation = session.prepare(ec.load(source, **options))
         factors = resolve_factors(vary, preparation.system, preparation.interfaces, "corners")
         ends = list(itertools.product(*(factor.distribution.ends for factor in factors)))

@@ -22,9 +22,9 @@ from .analyses.sweep.result import read_sweep as read_sweep
 from .analyses.sweep.runner import sweep as sweep
 from .analyses.trajectory.result import TrajectoryResult as TrajectoryResult
 from .analyses.trajectory.runner import trajectory as trajectory
-from .analyses.tune.data import Tuned as Tuned
 from .analyses.tune.plan import Case as Case
 from .analyses.tune.plan import TuningPlan as TuningPlan
+from .analyses.tune.result import Tuned as Tuned
 from .analyses.tune.result import TuneResult as TuneResult
 from .analyses.tune.runner import tune as tune
 from .analyses.variants.kinds import Distribution as Distribution

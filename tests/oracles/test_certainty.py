@@ -7,11 +7,16 @@ from hypothesis import strategies as st
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
-from emla_cosim.analyses.identify.certainty import autocorrelation, count_correlated_lags, judge
-from emla_cosim.analyses.identify.loss import LOSSES, find_cost, scale_for_loss
+from emla_cosim.analyses.identify.certainty import judge, profile
 from emla_cosim.analyses.identify.parameters import Parameter, Parameters
-from emla_cosim.analyses.identify.profile import profile
-from emla_cosim.analyses.identify.time_shift import find_time_shifts
+from emla_cosim.analyses.identify.residuals import (
+    LOSSES,
+    autocorrelation,
+    count_correlated_lags,
+    find_cost,
+    scale_for_loss,
+)
+from emla_cosim.analyses.identify.systematic_errors import find_time_shifts
 from tests.support.known_predictions import measured, parameter, problem
 from tests.support.tiers import mostly_slow
 

@@ -1,17 +1,25 @@
 """What all plans of many runs have in common: their sources, entries of their files, and options."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar, Self
 
 import msgspec
 
 from ...base.errors import CommandError
 from ...base.files import read_text
 from ...base.option import SWEEP
-from ...base.toml_structs import Struct, describe, dotted, list_given, read_toml
+from ...base.toml_structs import (
+    Struct,
+    check_fields,
+    describe,
+    dotted,
+    list_given,
+    read_toml,
+    struct_of,
+)
 from ...base.values import convert_value
 from ...run.options import list_options
 from ...run.scenarios.option_fields import with_options
@@ -35,6 +43,64 @@ IN_FILES: Mapping[str, Any] = {
     "metrics": list[str] | dict[str, str],
 }
 """Types of fields in files of plans that differ from those in Python."""
+
+
+@dataclass(frozen=True)
+class AnalysisPlan:
+    """The plan of an analysis: a scenario, what varies, and options for all runs.
+
+    Args:
+        name: name of the analysis.
+        scenario: what is run: a scenario, its name or its file, or a `System`.
+        vary: what varies, by name.
+        description: one line on its purpose.
+        options: values of options by name, for all runs.
+        where: what error messages call the plan.
+    """
+
+    name: str
+    scenario: Source
+    vary: Mapping[str, Any] = field(default_factory=dict)
+    description: str = field(default="", kw_only=True)
+    options: Mapping[str, Any] = field(default_factory=dict, kw_only=True)
+    where: str = field(default="the plan", kw_only=True)
+
+    ADDED: ClassVar[Sequence[str]] = ()
+    """Fields whose values `updated` adds to those of the plan."""
+
+    UNCHECKED: ClassVar[Sequence[str]] = ()
+    """Fields whose types `check` does not check, besides those of `IN_FILES`."""
+
+    NOTHING_VARIES: ClassVar[str] = "varies nothing"
+    """What is wrong with a plan without `vary`, and what to do."""
+
+    @classmethod
+    def types_in_files(cls) -> Mapping[str, Any]:
+        """Return the types of fields in files that differ from those in Python."""
+        return IN_FILES
+
+    @classmethod
+    def struct(cls) -> type[msgspec.Struct]:
+        """Return the struct of a plan's file, without options."""
+        return struct_of(cls, cls.types_in_files(), NOT_IN_FILES)
+
+    def updated(self, given: Mapping[str, Any]) -> Self:
+        """Return the plan with other values; tables and `ADDED` are extended, None changes nothing.
+
+        Args:
+            given: values of fields by name.
+
+        Raises:
+            CommandError: a value has a wrong type, or the plan has a mistake.
+        """
+        return merge_fields(self, given, *self.ADDED)
+
+    def check(self) -> None:
+        """Raise CommandError for mistakes that can be found without the scenario."""
+        check_fields(self, self.struct(), self.where, (*IN_FILES, *self.UNCHECKED))
+        check_options(self.options, self.where)
+        if not self.vary:
+            raise CommandError(f"{self.where} {self.NOTHING_VARIES}.")
 
 
 def plan_struct(table: type[Struct]) -> type[Struct]:

@@ -16,7 +16,8 @@ from ...base.progress import CompatibilityReport, Progress
 from ...base.values import convert_value
 from ...run.run_setup import run_times
 from ...run.scenarios.scenario import Scenario
-from ..execution.executor import ClusterExecutor, Scheduler, WorkPackage, check_cluster, open_executor
+from ..execution.chunk_queue import WorkPackage
+from ..execution.executor import Executor, Scheduler, check_cluster, open_executor, start_workers
 from ..execution.worker_payload import Preparation, WorkerPayload
 from ..variants.data import VARIANT, Chunk, SimulationDescription, Variant, VariantOutcome
 from ..variants.measures import Measures
@@ -57,7 +58,7 @@ class Runs:
     """
 
     def __init__(
-        self, executor: ClusterExecutor, preparations: Sequence[Preparation], interrupted: Callable[[], bool]
+        self, executor: Executor, preparations: Sequence[Preparation], interrupted: Callable[[], bool]
     ) -> None:
         self.executor, self.interrupted, self.count = executor, interrupted, 0
         steps = [run_times(one.options, one.name).steps for one in preparations]
@@ -161,6 +162,18 @@ class Session(Generic[R]):
     def alone(self) -> Iterator[None]:
         """Reserve the folder. Raises CommandError if another command uses it."""
         with nullcontext() if self.folder is None else self.folder.alone():
+            yield
+
+    @contextmanager
+    def with_workers(self) -> Iterator[None]:
+        """Reserve the folder, and start processes of this machine, which load while scenarios are prepared.
+
+        Raises:
+            CommandError: Another command uses the folder.
+            RunError: No process can start.
+        """
+        with self.alone(), start_workers(*self._cluster) as scheduler:
+            self._cluster = scheduler, None
             yield
 
     def prepare(self, scenario: Scenario) -> Preparation:

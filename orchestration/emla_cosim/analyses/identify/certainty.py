@@ -2,19 +2,30 @@
 
 Source: covariance of least squares with serially correlated residuals, W. K. Newey and K. D. West, "A Simple,
 Positive Semi-definite, Heteroskedasticity and Autocorrelation Consistent Covariance Matrix", Econometrica 55
-(1987).
+(1987); profile likelihood, A. Raue et al., "Structural and practical identifiability analysis of partially
+observed dynamical models by exploiting the profile likelihood", Bioinformatics 25 (2009).
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import brentq, least_squares
+from scipy.stats import f as fisher
 from scipy.stats import t as student
 
 from ...base.arrays import Vector
-from .loss import LINEAR, find_robust_deviation, scale_for_loss
-from .parameters import Parameters
+from .parameters import Parameter, Parameters
+from .problem import Problem
+from .residuals import (
+    LINEAR,
+    autocorrelation,
+    count_correlated_lags,
+    find_robust_deviation,
+    scale_for_loss,
+)
 
 LEVEL = 0.95
 """Probability of the intervals."""
@@ -36,6 +47,19 @@ _CONDITION = 1e6
 
 _SEVERAL = 1.5
 """Factor by which other parameters widen an interval before they are named."""
+
+
+_EVALUATIONS = 20
+"""Most iterations of the other parameters for each value."""
+
+_LOST_COST = 1e6
+"""Cost, relative to the smallest, of values whose run fails."""
+
+_FIRST_DISTANCE = 0.01
+"""First distance from the estimate, as a part of the range, if the standard error is not known."""
+
+_PRECISION = 0.02
+"""Relative precision of the interval's ends."""
 
 
 @dataclass(frozen=True)
@@ -112,7 +136,7 @@ def judge(
         blocked: positions of parameters whose derivatives are not known, because other runs fail.
         unevenness: by how much the cost at nearby points exceeds that of the tangent, in variances of the
             residuals. The search may have ended wherever the cost is larger by less than this.
-        moves: by how much the places would move without a shift in time, shape (p,); see `time_shift`.
+        moves: by how much the places would move without a shift in time, shape (p,); see `find_time_shifts`.
     """
     count, total = len(point), len(residuals)
     pulls, factors = scale_for_loss(loss, residuals)
@@ -164,22 +188,25 @@ def judge(
     width = float(student.ppf(0.5 + LEVEL / 2.0, freedom))
     estimates = list[Estimate]()
     for i, one in enumerate(parameters.items):
-        place, value = float(point[i]), one.value(float(point[i]))
+        place = float(point[i])
         if i not in problems and width * errors[i] > _WIDEST:
             problems[i] = _describe_wide(parameters, i, free, errors[i], noise / sizes[i], jacobian)
         if i in problems:
-            estimates.append(
-                Estimate(one.name, value, one.unit, one.start, one.low, one.high, problem=problems[i])
-            )
+            estimates.append(make_estimate(one, place, problem=problems[i]))
             continue
         half = width * float(errors[i])
         ends = one.extrapolate(place - half), one.extrapolate(place + half)
-        slope = (one.extrapolate(place + 1e-6) - one.extrapolate(place - 1e-6)) / 2e-6
-        error = float(abs(slope) * errors[i])
-        estimates.append(Estimate(one.name, value, one.unit, one.start, one.low, one.high, error, ends))
+        error = float(abs(one.slope(place)) * errors[i])
+        estimates.append(make_estimate(one, place, error=error, interval=ends))
     with np.errstate(invalid="ignore"):
         correlations = covariance / np.outer(errors, errors)
     return Certainty(estimates, correlations, condition, deviation)
+
+
+def make_estimate(parameter: Parameter, place: float, **fields: Any) -> Estimate:
+    """Return the estimate of a parameter at a place, with further fields."""
+    one, value = parameter, parameter.value(float(place))
+    return Estimate(one.name, value, one.unit, one.start, one.low, one.high, **fields)
 
 
 def _describe_wide(
@@ -256,21 +283,88 @@ def _count_independent(residuals: Vector, lengths: Sequence[int]) -> float:
     return found
 
 
-def autocorrelation(values: Vector) -> Vector:
-    """Return the autocorrelation of values about their mean, shape (n,), for lags from 0."""
-    centred = values - values.mean()
-    size = 2 ** int(np.ceil(np.log2(2 * len(values))))
-    spectrum = np.fft.rfft(centred, size)
-    found = np.fft.irfft(spectrum * np.conj(spectrum), size)[: len(values)]
-    return found / found[0] if found[0] > 0.0 else np.zeros_like(found)
+def profile(
+    problem: Problem,
+    point: Vector,
+    i: int,
+    error: float | None,
+    report: Callable[[int], None],
+    unevenness: float = 0.0,
+) -> tuple[float | None, float | None]:
+    """Return the places of the ends of the interval of 95 % of parameter i.
+
+    An end is None where the range ends before.
+
+    Args:
+        problem: the problem.
+        point: places of the estimates, shape (p,).
+        i: position of the parameter.
+        error: standard error of its place, if it is known.
+        report: called with the number of evaluations.
+        unevenness: as for `judge`.
+    """
+    (best,) = problem.residuals([point])
+    assert best is not None
+    total, count = len(best), len(point)
+    smallest = float(best @ best)
+    freedom = max(total - count, 1)
+    limit = smallest * (1.0 + (1.0 + 2.0 * unevenness) * fisher.ppf(LEVEL, 1, freedom) / freedom)
+    others = np.array([k for k in range(count) if k != i], dtype=int)
+
+    def find_end(sign: float) -> float | None:
+        near = point[others].copy()
+        excesses = {
+            0.0: float(smallest - limit)
+        }  # searches that begin elsewhere end in other dents: run each once
+
+        def excess(distance: float) -> float:
+            nonlocal near
+            if distance not in excesses:
+                fixed = point.copy()
+                fixed[i] = point[i] + sign * distance
+                cost, near = _minimize_others(problem, fixed, others, near, report)
+                excesses[distance] = float((_LOST_COST * smallest if cost is None else cost) - limit)
+            return excesses[distance]
+
+        room = 1.0 - point[i] if sign > 0 else point[i]
+        inner, outer = 0.0, min(2.0 * error if error else _FIRST_DISTANCE, room)
+        while excess(outer) < 0.0:
+            if outer >= room:
+                return None
+            inner, outer = outer, min(2.0 * outer, room)
+        return float(point[i] + sign * cast(float, brentq(excess, inner, outer, xtol=_PRECISION * outer)))
+
+    return find_end(-1.0), find_end(1.0)
 
 
-def count_correlated_lags(values: Vector) -> int:
-    """Return up to which lag residuals count as correlated: three times the first lag without correlation."""
-    if len(values) < 4:
-        return 0
-    found = autocorrelation(values)
-    band = 1.96 / np.sqrt(len(values))
-    small = np.flatnonzero(np.abs(found) < band)
-    first = int(small[0]) if len(small) else len(values)
-    return 0 if first <= 1 else min(3 * first, len(values) // 4)
+def _minimize_others(
+    problem: Problem, fixed: Vector, others: np.ndarray, near: Vector, report: Callable[[int], None]
+) -> tuple[float | None, Vector]:
+    """Return the smallest sum of squares with one parameter fixed, and the places of the others."""
+
+    def place(part: Vector) -> Vector:
+        whole = fixed.copy()
+        whole[others] = part
+        return whole
+
+    (first,) = problem.residuals([place(near)])
+    if first is None:
+        return None, near
+    if not len(others):
+        return float(first @ first), near
+
+    def residuals(part: Vector) -> Vector:
+        report(1)
+        (found,) = problem.residuals([place(part)])
+        return 1e3 * (np.abs(first) + 1.0) if found is None else found
+
+    found = least_squares(
+        residuals,
+        np.clip(near, 1e-9, 1.0 - 1e-9),
+        lambda part: problem.jacobian(place(part))[:, others],  # type: ignore[arg-type]
+        bounds=(0.0, 1.0),
+        x_scale="jac",
+        max_nfev=_EVALUATIONS,
+        ftol=1e-6,
+    )
+    return 2.0 * float(found.cost), found.x

@@ -14,9 +14,9 @@ from scipy.stats import qmc
 
 from ...base.arrays import Vector
 from ...base.errors import RunError
-from .loss import LINEAR, find_cost, find_robust_deviation
 from .measurement import EXACT
 from .problem import Derivatives, Problem
+from .residuals import LINEAR, find_cost, find_robust_deviation
 
 _TOLERANCE = 1e-10
 """Relative change of cost and places at which the search ends."""

@@ -2,7 +2,8 @@
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -11,18 +12,24 @@ from ...base.arrays import Vector
 from ...base.errors import CommandError
 from ...base.quantities import parse_unit_name, read_quantity
 from ...base.units import SiUnit
+from ...run.preparation import apply_parameter_files
+from ...run.registered import following_values
+from ...run.scenarios.scenario import Scenario
 from ...system.model import Value
 from ...system.names import Names
 from ..execution.worker_payload import Preparation
+from ..frame.plan_files import load_planned
 from ..variants.distributions import parse_distribution
 from ..variants.factors import Factor, resolve_factors
 from ..variants.kinds import Uniform
 from ..variants.targets import SHEET, START, merge_options
 from .plan import IdentificationPlan
-from .sheet_entries import SheetEntries
 
 DELAY = "delay"
 """Kind of the parameter of a sensor that is late."""
+
+_UNUSED_FILES = ("input",)
+"""Options whose files are not read again for other entries: no start value follows from them."""
 
 _SENSOR = re.compile(rf"\s*(offset|gain|{DELAY})\((.+)\)\s*")
 
@@ -69,6 +76,10 @@ class Parameter:
             return float(self.low * (self.high / self.low) ** place)
         return float(self.low + place * (self.high - self.low))
 
+    def slope(self, place: float) -> float:
+        """Return the derivative of the value by the place."""
+        return (self.extrapolate(place + 1e-6) - self.extrapolate(place - 1e-6)) / 2e-6
+
     def place(self, value: float) -> float:
         """Return the place of a value, within 0 and 1."""
         if self.is_logarithmic:
@@ -76,6 +87,58 @@ class Parameter:
         else:
             found = (value - self.low) / (self.high - self.low)
         return float(np.clip(found, 0.0, 1.0))
+
+
+@dataclass(frozen=True)
+class SheetEntries:
+    """The start values that follow from entries of data sheets, by experiment.
+
+    Attributes:
+        plan: the plan.
+        preparations: the prepared experiments.
+    """
+
+    plan: IdentificationPlan
+    preparations: Sequence[Preparation]
+
+    def start_values(self, experiment: int, entries: Mapping[str, Value]) -> dict[str, Value]:
+        """Return the start values of an experiment that entries change, by full name.
+
+        Values that the experiment sets itself stay, and those that follow from them.
+
+        Args:
+            experiment: Position of the experiment.
+            entries: Values by JOINT.TABLE.ENTRY, as data sheets print them.
+
+        Raises:
+            CommandError: A data sheet with these entries has errors.
+        """
+        before = self._before[experiment]
+        plan = replace(self.plan, options=_without_data(self.plan.options))
+        own = _without_data(plan.experiments[experiment].options)
+        changed = load_planned(plan, merge_options([own, {SHEET: entries}]))
+        after = _all_start_values(changed, self.preparations[experiment])
+        return {name: value for name, value in after.items() if before.get(name) != value}
+
+    @cached_property
+    def _before(self) -> list[dict[str, Value]]:
+        """Return the start values of each experiment without other entries."""
+        return [_all_start_values(one.scenario, one) for one in self.preparations if one.scenario is not None]
+
+
+def _without_data(options: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in options.items() if name not in _UNUSED_FILES}
+
+
+def _all_start_values(scenario: Scenario, preparation: Preparation) -> dict[str, Value]:
+    """Return the start values of a scenario with its options, by full name; `preparation` has its names."""
+    options = scenario.options
+    system = apply_parameter_files(scenario.system, options.parameters, preparation.interfaces)
+    own: dict[str, Any] = {
+        f"{c.name}.{name}": x for c in system.components for name, x in c.parameters.items()
+    }
+    values = Names(preparation.system, preparation.interfaces).start_values(options.set)
+    return own | values | following_values(system, options)
 
 
 @dataclass(frozen=True)
@@ -247,11 +310,9 @@ def _sensor(
 
 def _with_start(name: str, low: float, high: float, start: float | None, unit: str, **more: Any) -> Parameter:
     """Return a parameter. One whose start is not inside of its range starts in the middle."""
-    found = Parameter(name, low, high, low, unit, **more)
-    inside = start is not None and low < start < high
-    return Parameter(
-        name, low, high, start if inside and start is not None else found.value(0.5), unit, **more
-    )
+    parameter = Parameter(name, low, high, low, unit, **more)
+    is_inside = start is not None and low < start < high
+    return replace(parameter, start=start if is_inside else parameter.value(0.5))
 
 
 def _ends(distribution: Any, label: str) -> tuple[float, float]:

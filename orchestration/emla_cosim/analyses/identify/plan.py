@@ -10,12 +10,12 @@ import msgspec
 from ...base.errors import CommandError, check_choice, join_names
 from ...base.option import SWEEP
 from ...base.table_entries import Location
-from ...base.toml_structs import check_fields, describe, list_given, struct_of, type_in_file
+from ...base.toml_structs import describe, list_given, struct_of, type_in_file
 from ...base.values import convert_value
 from ...inputs.input import Input
 from ...run.scenarios.option_fields import with_options
-from ..frame.plan_files import IN_FILES, NOT_IN_FILES, Source, merge_fields, read_plan
-from .loss import LINEAR, LOSSES
+from ..frame.plan_files import IN_FILES, AnalysisPlan, Source, read_plan
+from .residuals import LINEAR, LOSSES
 
 
 @dataclass(frozen=True)
@@ -36,8 +36,27 @@ class Experiment:
     held_out: bool = False
 
 
+def _read_measured(value: Any, at: Location, folder: Path | None) -> Sequence[Input]:
+    sources = [value] if isinstance(value, (str, Mapping)) else value
+    return convert_value(sources, Sequence[Input], at.label, folder)
+
+
+_DATA = type_in_file(Input)
+_EXPERIMENT = struct_of(
+    Experiment,
+    {
+        "name": str | None,
+        "measured": Annotated[
+            _DATA | list[_DATA],  # type: ignore[valid-type]
+            describe("what was measured, as for --measured, one or several", read=_read_measured),
+        ],
+    },
+    ["options"],
+)
+
+
 @dataclass(frozen=True)
-class IdentificationPlan:
+class IdentificationPlan(AnalysisPlan):
     """An identification: a scenario, unknown parameters, and experiments.
 
     Args:
@@ -58,9 +77,6 @@ class IdentificationPlan:
         where: what error messages call the plan.
     """
 
-    name: str
-    scenario: Source
-    vary: Mapping[str, Any] = field(default_factory=dict)
     experiments: Sequence[Experiment] = ()
     sigma: Mapping[str, Any] = field(default_factory=dict)
     loss: str = LINEAR
@@ -69,30 +85,46 @@ class IdentificationPlan:
     profile: Sequence[str] = ()
     seed: Annotated[int, msgspec.Meta(ge=0)] = 0
     design: bool = False
-    description: str = ""
-    options: Mapping[str, Any] = field(default_factory=dict)
-    where: str = "the identification"
+    where: str = field(default="the identification", kw_only=True)
 
-    def updated(self, given: Mapping[str, Any]) -> "IdentificationPlan":
-        """Return the plan with other values. Tables are merged, experiments added; None changes nothing.
+    ADDED = UNCHECKED = ("sigma", "experiments")
+    NOTHING_VARIES = (
+        "has no unknown parameter; add one with its range, such as --vary lift.plant.friction.F_C=0:500"
+    )
 
-        Raises:
-            CommandError: A value has a wrong type.
-        """
-        return merge_fields(self, given, "sigma", "experiments")
+    @classmethod
+    def types_in_files(cls) -> Mapping[str, Any]:
+        """Return the types of fields in files; experiments have options of their own."""
+        experiment = with_options(_EXPERIMENT, "Experiment", SWEEP)
+        return {**IN_FILES, "experiments": list[experiment]}  # type: ignore[valid-type]
+
+    @property
+    def record(self) -> dict[str, Any]:
+        """The plan as plain data."""
+        return {
+            "scenario": self.scenario if isinstance(self.scenario, str) else str(self.name),
+            "vary": {name: str(given) for name, given in self.vary.items()},
+            "loss": self.loss,
+            "starts": self.starts,
+            "evaluations": self.evaluations,
+            "seed": self.seed,
+            "experiments": [
+                {
+                    "name": one.name,
+                    "held_out": one.held_out,
+                    "measured": [source.record() for source in one.measured],
+                }
+                for one in self.experiments
+            ],
+        }
 
     def check(self) -> None:
         """Raise CommandError for mistakes that can be found without the scenario."""
-        check_fields(self, identification_struct(), self.where, (*IN_FILES, "sigma", "experiments"))
+        super().check()
         check_choice("loss", self.loss, LOSSES)
-        if not self.vary:
-            raise CommandError(
-                f"{self.where} has no unknown parameter; add one with its range, such as "
-                "--vary lift.plant.friction.F_C=0:500."
-            )
         if unknown := [name for name in self.profile if name not in self.vary]:
             raise CommandError(
-                f"'{unknown[0]}' in 'profile' of {self.where} is no unknown parameter; use "
+                f"'{unknown[0]}' in 'profile' of {self.where} is not one of the unknown parameters; use "
                 f"{join_names(self.vary)}."
             )
         if self.profile and self.loss != LINEAR:
@@ -117,32 +149,6 @@ class IdentificationPlan:
             )
 
 
-def _read_measured(value: Any, at: Location, folder: Path | None) -> Sequence[Input]:
-    sources = [value] if isinstance(value, (str, Mapping)) else value
-    return convert_value(sources, Sequence[Input], at.label, folder)
-
-
-_DATA = type_in_file(Input)
-_EXPERIMENT = struct_of(
-    Experiment,
-    {
-        "name": str | None,
-        "measured": Annotated[
-            _DATA | list[_DATA],  # type: ignore[valid-type]
-            describe("what was measured, as for --measured, one or several", read=_read_measured),
-        ],
-    },
-    ["options"],
-)
-
-
-def identification_struct() -> type[msgspec.Struct]:
-    """Return the struct of a plan's file; experiments can have options of their own."""
-    experiment = with_options(_EXPERIMENT, "Experiment", SWEEP)
-    tables = {**IN_FILES, "experiments": list[experiment]}  # type: ignore[valid-type]
-    return struct_of(IdentificationPlan, tables, NOT_IN_FILES)
-
-
 def load_identification_plan(source: Source | IdentificationPlan) -> IdentificationPlan:
     """Return a plan, read from a file (.toml with `vary`), or made of a scenario.
 
@@ -151,7 +157,7 @@ def load_identification_plan(source: Source | IdentificationPlan) -> Identificat
     """
     if isinstance(source, IdentificationPlan):
         return source
-    values, _ = read_plan(source, identification_struct(), "identification", "identification", {})
+    values, _ = read_plan(source, IdentificationPlan.struct(), "identification", "identification", {})
     values["experiments"] = [
         _experiment(list_given(table), str(position))
         for position, table in enumerate(values.get("experiments", ()), 1)

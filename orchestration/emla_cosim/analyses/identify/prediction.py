@@ -1,20 +1,16 @@
 """Run experiments with values of the parameters on workers, and predict what was measured."""
 
-import itertools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from io import BytesIO
-from typing import Any
 
 import numpy as np
-import polars
 
 from ...base.arrays import Vector
 from ...base.errors import CommandError
 from ...run.half_step import HalfStep
 from ...run.remarks import tells_lost_values
-from ..execution.executor import Executor, WorkPackage
-from ..variants.data import DONE, VARIANT, Chunk, Variant
+from ..frame.session import Job, Runs
+from ..variants.data import DONE
 from ..variants.measures import Measures
 from ..variants.targets import START
 from .measurement import MeasuredSignal
@@ -23,7 +19,7 @@ from .parameters import Parameters
 _BYTES = 8
 """Size of a value."""
 
-_KEPT = 64
+_CACHED = 64
 """Most predictions of an experiment that are kept for repeated values."""
 
 _MEMORY = 2**28
@@ -50,30 +46,25 @@ class Predictor:
     """Predicts experiments.
 
     Attributes:
-        executor: the workers, with one prepared system for each experiment.
+        runs: runs of the experiments.
         parameters: the parameters.
         experiments: measured signals of each experiment; empty for one that is only planned.
         signals: all signals to record.
-        interrupted: whether the user wants to stop.
         rows: rows of a table, of the experiment that has most.
-        runs: number of runs so far.
         failures: why runs failed, with their numbers.
         lost: remark on start values that an FMU did not take; empty if it took all.
         half_steps: how experiments were run with half the step, by position.
     """
 
-    executor: Executor
+    runs: Runs
     parameters: Parameters
     experiments: Sequence[Sequence[MeasuredSignal]]
     signals: Sequence[str]
     rows: int
-    interrupted: Callable[[], bool]
-    runs: int = 0
     failures: dict[str, int] = field(default_factory=dict)
     lost: str = ""
     half_steps: dict[int, HalfStep] = field(default_factory=dict)
-    _kept: dict[Task, Prediction] = field(default_factory=dict)
-    _numbers: "itertools.count[int]" = field(default_factory=itertools.count)
+    _cache: dict[Task, Prediction] = field(default_factory=dict)
 
     @property
     def _size(self) -> int:
@@ -105,49 +96,38 @@ class Predictor:
         asked = range(len(self.experiments)) if experiments is None else experiments
         keys = [self.parameters.key(point) for point in points]
         tasks = {(i, key, is_halved): point for i in asked for key, point in zip(keys, points, strict=True)}
-        missing = {task: point for task, point in tasks.items() if task not in self._kept}
-        found = {**self._kept, **self._run(missing)}
+        missing = {task: point for task, point in tasks.items() if task not in self._cache}
+        found = {**self._cache, **self._run(missing)}
         if missing:
-            kept = min(_KEPT * len(self.experiments), max(_MEMORY // self._size, 1))
-            self._kept = dict(list(found.items())[-kept:])
+            most = min(_CACHED * len(self.experiments), max(_MEMORY // self._size, 1))
+            self._cache = dict(list(found.items())[-most:])
         return [{i: found[i, key, is_halved] for i in asked} for key in keys]
 
     def _run(self, missing: Mapping[Task, Vector]) -> dict[Task, Prediction]:
-        found, jobs = dict[Task, Prediction](), dict[int, tuple[Task, dict[str, Any]]]()
+        predictions, tasks = dict[Task, Prediction](), dict[Task, Job]()
         for task, point in missing.items():
+            experiment, _, is_halved = task
             try:
-                options = {START: self.parameters.start_values(point, task[0])}
-                jobs[next(self._numbers)] = task, options
+                options = {START: self.parameters.start_values(point, experiment)}
+                tasks[task] = Job(options, experiment, is_halved)
             except CommandError as error:  # entries of a data sheet that contradict each other
-                found[task] = self._fail(task, str(error))
-        if not jobs:
-            return found
-        work = [
-            WorkPackage(group, numbers)
-            for group in range(len(self.experiments))
-            if (numbers := [number for number, (task, _) in jobs.items() if task[0] == group])
-        ]
+                predictions[task] = self._fail(task, str(error))
+        if not tasks:
+            return predictions
+        jobs = list(tasks.values())
         measures = Measures(signals=list(self.signals), read=list(self.signals))
-
-        def keep(chunk: Chunk) -> None:
-            series = {} if chunk.series is None else _split_series(chunk.series)
-            for outcome in chunk.outcomes:
-                task, _ = jobs[outcome.number]
-                data = series.get(outcome.number)
-                if tells_lost_values(outcome.problem):
-                    self.lost = self.lost or str(outcome.problem)
-                if outcome.half_step is not None:
-                    self.half_steps[task[0]] = outcome.half_step
-                found[task] = self._judge(outcome.status, outcome.problem, data, task)
-
-        def variant(number: int) -> Variant:
-            (_, _, is_halved), options = jobs[number]
-            return Variant(number, options, is_halved)
-
-        if not self.executor.run(work, variant, measures, self._size, keep, self.interrupted):
+        outcomes = self.runs.run(jobs, measures, bytes_each=self._size)
+        if not outcomes.complete:
             raise InterruptedRunsError
-        self.runs += len(jobs)
-        return found
+        for position, task in enumerate(tasks):
+            outcome, series = outcomes.by_job[position], outcomes.series.get(position)
+            if tells_lost_values(outcome.problem):
+                self.lost = self.lost or str(outcome.problem)
+            if outcome.half_step is not None:
+                self.half_steps[task[0]] = outcome.half_step
+            data = None if series is None else {s.name: np.asarray(s, dtype=float) for s in series}
+            predictions[task] = self._judge(outcome.status, outcome.problem, data, task)
+        return predictions
 
     def _judge(
         self, status: str, problem: str | None, data: Mapping[str, Vector] | None, task: Task
@@ -173,16 +153,6 @@ class Predictor:
         if not task[2]:
             self.failures[reason] = self.failures.get(reason, 0) + 1
         return reason
-
-
-def _split_series(content: bytes) -> dict[int, dict[str, Vector]]:
-    """Return the signals of each variant of a Parquet file."""
-    frame = polars.read_parquet(BytesIO(content))
-    parts = frame.partition_by(VARIANT, as_dict=True, include_key=False)
-    return {
-        int(key[0]): {name: np.asarray(part[name], dtype=float) for name in part.columns}
-        for key, part in parts.items()
-    }
 
 
 def predict_samples(

@@ -1,18 +1,30 @@
 """The result of an identification."""
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import polars
+from numpy.typing import NDArray
 
 from .certainty import Estimate
-from .data import IdentificationData
-from .pictures import draw_fit
+from .design import Candidate
+from .residuals import Fit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+SAMPLES = {"experiment": str, "signal": str, "time": float, "measured": float, "predicted": float}
+"""Columns of the table of samples."""
+
+
 @dataclass(frozen=True)
-class IdentificationResult(IdentificationData):
+class IdentificationResult:
     """Estimates with their certainty, and how well they predict what was measured.
 
     Attributes:
@@ -32,7 +44,32 @@ class IdentificationResult(IdentificationData):
         wall_s: wall time in s.
         notes: what to read before the estimates.
         folder: output folder; None without one.
+        data_notes: how the measured data were read.
+        plan: the plan as plain data.
+        systems: what determines the result of a run, as plain data, for each experiment.
+        scenario: content of a scenario file with the estimates.
     """
+
+    name: str
+    correlations: NDArray[np.float64]
+    sigma: Mapping[str, float]
+    history: polars.DataFrame
+    estimates: Sequence[Estimate] = ()
+    set: Mapping[str, Any] = field(default_factory=dict)
+    condition: float = math.nan
+    fits: Sequence[Fit] = ()
+    samples: polars.DataFrame = field(default_factory=lambda: polars.DataFrame(schema=SAMPLES))
+    candidates: Sequence[Candidate] = ()
+    complete: bool = True
+    converged: bool = True
+    runs: int = 0
+    wall_s: float = 0.0
+    notes: Sequence[str] = field(default_factory=list)
+    folder: Path | None = None
+    data_notes: Sequence[str] = ()
+    plan: Mapping[str, Any] = field(default_factory=dict, repr=False)
+    systems: Sequence[Mapping[str, Any]] = field(default=(), repr=False)
+    scenario: Mapping[str, Any] = field(default_factory=dict, repr=False)
 
     def __getitem__(self, name: str) -> Estimate:
         """Return the estimate of a parameter. Raises KeyError."""
@@ -45,4 +82,28 @@ class IdentificationResult(IdentificationData):
 
     def plot(self) -> "Figure":
         """Draw measured over predicted signals, and their residuals."""
+        from .report import draw_fit  # loads what only reports need
+
         return draw_fit(self)
+
+    @property
+    def record(self) -> dict[str, Any]:
+        """Content of `identify.json`: what determines the result, and the result."""
+        return {
+            "format": "emla-identification",
+            "name": self.name,
+            "status": "completed" if self.complete else "unfinished",
+            "converged": self.converged,
+            "estimates": [asdict(one) for one in self.estimates],
+            "correlations": [[None if x != x else x for x in row] for row in self.correlations.tolist()],
+            "condition": self.condition,
+            "fits": [asdict(one) for one in self.fits],
+            "candidates": [asdict(one) for one in self.candidates],
+            "sigma": dict(self.sigma),
+            "notes": [*self.data_notes, *self.notes],
+            "plan": self.plan,
+            "systems": self.systems,
+            "runs": self.runs,
+            "wall_s": self.wall_s,
+            "version": version("emla-cosim"),
+        }

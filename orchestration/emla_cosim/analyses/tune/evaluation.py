@@ -1,38 +1,48 @@
-"""Evaluate sets of gains on workers: every case with every seed."""
+"""Evaluate sets of gains: every case with every seed, also with half the step."""
 
 import itertools
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
-from ..execution.executor import Executor, WorkPackage
-from ..variants.data import Chunk, Variant, VariantOutcome
-from ..variants.factors import Factor
-from ..variants.measures import Measures
+from ...run.half_step import HalfStep
+from ..frame.session import Job, Runs
+from ..variants.data import VariantOutcome
 from ..variants.targets import merge_options
-from .loop_margins import LoopMargins
-from .score import Objective, Score
-from .step_influence import HalvedScore, score_halved
+from .preparation import TuningTask
+from .result import Tuned
+from .score import Objective, Score, format_figure
+
+LARGEST_CHANGE = 0.01
+"""Relative change of the objective by half the step above which it is reported.
+
+Gains are usually searched to about a percent, and a smaller change seldom decides between two of them.
+"""
 
 
-@dataclass
-class Evaluation:
-    """Evaluates gains; `cases` has the options of each case, `seeds` the start values that are seeds.
+@dataclass(frozen=True)
+class HalvedScore:
+    """The score of gains with half the step.
 
-    The margins of `loops`, one entry for each case, are measured for gains that meet all other conditions.
+    Attributes:
+        score: The score over the cases that can be judged; None if the objective cannot.
+        half_step: How these runs were made; None without a run.
+        reasons: Why cases were not judged, by case.
     """
 
-    executor: Executor
-    objective: Objective
-    measures: Measures
-    cases: Sequence[Mapping[str, Any]]
-    seeds: Factor | None
-    interrupted: Callable[[], bool]
-    loops: Sequence[LoopMargins | None] = ()
-    runs: int = 0
-    _numbers: Any = field(default_factory=itertools.count)
+    score: Score | None
+    half_step: HalfStep | None
+    reasons: Mapping[str, str]
 
-    def scores(
+
+@dataclass(frozen=True)
+class Evaluation:
+    """Evaluates gains; margins of loops are measured for gains that meet all other conditions."""
+
+    runs: Runs
+    task: TuningTask
+
+    def score(
         self, candidates: Sequence[Mapping[str, Any]], seeds: Sequence[int | None]
     ) -> list[Score] | None:
         """Return the score of each candidate on these seeds; None after an interrupt.
@@ -47,60 +57,102 @@ class Evaluation:
         outcomes = self._run(candidates, seeds)
         if outcomes is None:
             return None
-        found = list[Score]()
-        for gains, ours in zip(candidates, outcomes, strict=True):
-            if any(self.loops) and self.objective.meets_measured(ours):
-                if self.interrupted():
+        scores = list[Score]()
+        for gains, by_case in zip(candidates, outcomes, strict=True):
+            if any(self.task.loops) and self.task.objective.meets_measured(by_case):
+                if self.runs.interrupted():
                     return None
-                ours = self._with_margins(gains.get("set", {}), ours)
-            found.append(self.objective.score(ours))
-        return found
+                by_case = self._add_margins(gains.get("set", {}), by_case)
+            scores.append(self.task.objective.score(by_case))
+        return scores
 
     def halve_step(self, gains: Mapping[str, Any], seeds: Sequence[int | None]) -> HalvedScore | None:
         """Return the score of gains with half the step, without margins of loops; None after an interrupt.
 
         Args:
             gains: The options of the gains.
-            seeds: As for `scores`.
+            seeds: As for `score`.
 
         Raises:
             RunError: The cluster is lost.
         """
         outcomes = self._run([gains], seeds, is_halved=True)
-        return None if outcomes is None else score_halved(self.objective, outcomes[0])
+        return None if outcomes is None else _score_halved(self.task.objective, outcomes[0])
 
     def _run(
         self, candidates: Sequence[Mapping[str, Any]], seeds: Sequence[int | None], is_halved: bool = False
     ) -> list[list[list[VariantOutcome]]] | None:
         """Return the outcomes of each candidate by case and seed; None after an interrupt."""
-        variants = {
-            next(self._numbers): merge_options([gains, self._with_seed(seed), case])
-            for gains, case, seed in itertools.product(candidates, self.cases, seeds)
-        }
-        outcomes = dict[int, VariantOutcome]()
-
-        def keep(chunk: Chunk) -> None:
-            outcomes.update({outcome.number: outcome for outcome in chunk.outcomes})
-
-        def variant(number: int) -> Variant:
-            return Variant(number, variants[number], is_halved)
-
-        work = [WorkPackage(0, list(variants))]
-        if not self.executor.run(work, variant, self.measures, 0, keep, self.interrupted):
+        jobs = [
+            Job(merge_options([gains, self._list_options(seed), case]), is_halved=is_halved)
+            for gains, case, seed in itertools.product(candidates, self.task.cases, seeds)
+        ]
+        outcomes = self.runs.run(jobs, self.task.measures)
+        if not outcomes.complete:
             return None
-        self.runs += len(variants)
-        ordered = iter(variants)
-        return [[[outcomes[next(ordered)] for _ in seeds] for _ in self.cases] for _ in candidates]
+        ordered = (outcomes.by_job[position] for position in range(len(jobs)))
+        return [[[next(ordered) for _ in seeds] for _ in self.task.cases] for _ in candidates]
 
-    def _with_margins(
+    def _list_options(self, seed: int | None) -> dict[str, Any]:
+        """Return the options that set a seed."""
+        return {} if seed is None or self.task.seeds is None else self.task.seeds.options(seed)
+
+    def _add_margins(
         self, gains: Mapping[str, Any], outcomes: Sequence[Sequence[VariantOutcome]]
     ) -> list[list[VariantOutcome]]:
         """Return the outcomes of all cases with the margins of their loops, the same for each seed."""
-        found = list[list[VariantOutcome]]()
-        for loops, ours in zip(self.loops, outcomes, strict=True):
+        extended = list[list[VariantOutcome]]()
+        for loops, by_seed in zip(self.task.loops, outcomes, strict=True):
             margins = {} if loops is None else loops.measure(gains)
-            found.append([replace(one, figures={**one.figures, **margins}) for one in ours])
-        return found
+            extended.append([replace(one, figures={**one.figures, **margins}) for one in by_seed])
+        return extended
 
-    def _with_seed(self, seed: int | None) -> dict[str, Any]:
-        return {} if seed is None or self.seeds is None else self.seeds.options(seed)
+
+def _score_halved(objective: Objective, outcomes: Sequence[Sequence[VariantOutcome]]) -> HalvedScore:
+    """Return the score of runs with half the step, without conditions on figures that they do not have."""
+    reasons, judged = dict[str, str](), list[int]()
+    for i, (case, by_seed) in enumerate(zip(objective.cases, outcomes, strict=True)):
+        lost = next((outcome for outcome in by_seed if not outcome.complete), None)
+        if lost is None:
+            judged.append(i)
+        else:
+            reasons[case.name] = (lost.problem or lost.status).splitlines()[0].rstrip(".")
+    half = next((o.half_step for by_seed in outcomes for o in by_seed if o.half_step is not None), None)
+    if half is None or any(case.weight and case.name in reasons for case in objective.cases):
+        return HalvedScore(None, half, reasons)
+    smaller = replace(
+        objective,
+        cases=[objective.cases[i] for i in judged],
+        required=[[r for r in objective.required[i] if r.figure in outcomes[i][0].figures] for i in judged],
+    )
+    return HalvedScore(smaller.score([outcomes[i] for i in judged]), half, reasons)
+
+
+def describe_step(start: Tuned, best: Tuned, halved: HalvedScore) -> list[str]:
+    """Return remarks on what half the step changes in the score of the best gains."""
+    remarks = [f"The step is not judged in the case '{case}': {why}." for case, why in halved.reasons.items()]
+    score, half = halved.score, halved.half_step
+    if score is None or half is None:
+        return remarks
+    before, change = best.training.objective, score.objective - best.training.objective
+    gained = 0.0 if start.training.violation else start.training.objective - before
+    relative = abs(change / before) if before else 0.0
+    if 0.0 < gained <= abs(change):
+        remarks.append(
+            f"The step, not the gains, made the difference: half the step changes the objective by "
+            f"{change:+.3g}, and the tuning by {-gained:+.3g}; {half.suggest(abs(change) / gained)}."
+        )
+    elif relative > LARGEST_CHANGE:
+        remarks.append(
+            f"Half the step changes the objective by {100.0 * change / abs(before):+.2g} %; "
+            f"{half.suggest(relative / LARGEST_CHANGE)}."
+        )
+    unmet = [
+        f"{case}: {condition}, but it is {format_figure(worst['figure'])}"
+        for case, conditions in score.worst.items()
+        for condition, worst in conditions.items()
+        if best.training.worst[case][condition]["met"] and not worst["met"]
+    ]
+    if unmet:
+        remarks.append(f"With half the step, conditions do not hold: {'; '.join(unmet)}.")
+    return remarks

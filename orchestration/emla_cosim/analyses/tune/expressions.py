@@ -3,13 +3,13 @@
 import ast
 import math
 import operator
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from ...base.errors import CommandError, join_names
 
-_OPERATIONS = {
+_OPERATIONS: Mapping[type, Callable[..., Any]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
     ast.Mult: operator.mul,
@@ -18,7 +18,7 @@ _OPERATIONS = {
     ast.USub: operator.neg,
     ast.UAdd: operator.pos,
 }
-_FUNCTIONS = {
+_FUNCTIONS: Mapping[str, Callable[..., Any]] = {
     "abs": abs,
     "exp": math.exp,
     "log": math.log,
@@ -27,6 +27,9 @@ _FUNCTIONS = {
     "sqrt": math.sqrt,
 }
 
+_Compute = Callable[[Mapping[str, float]], Any]
+"""Function that returns the value of a part of an expression, from the values of names."""
+
 
 @dataclass(frozen=True)
 class Expression:
@@ -34,12 +37,12 @@ class Expression:
 
     text: str
     names: frozenset[str]
-    tree: ast.expr
+    compute: _Compute
 
-    def value(self, known: Mapping[str, float]) -> float:
+    def value(self, values: Mapping[str, float]) -> float:
         """Return the value of the expression; NaN if it is undefined, as for log(0)."""
         try:
-            return float(_value(self.tree, known))
+            return float(self.compute(values))
         except (ArithmeticError, ValueError):
             return math.nan
 
@@ -54,64 +57,56 @@ def parse_expression(text: str, where: str) -> Expression:
     Raises:
         CommandError: The text is not such an expression.
     """
+    names = set[str]()
     try:
-        tree = ast.parse(text.strip(), mode="eval").body
-        names = frozenset(_names(tree))
+        compute = _compile(ast.parse(text.strip(), mode="eval").body, names)
     except (SyntaxError, TypeError, ValueError, RecursionError, MemoryError):
         raise CommandError(
             f"{where}: '{text}' is not an expression; use numbers, names, + - * / ** and "
             f"{join_names(_FUNCTIONS)}.",
             expression=text,
         ) from None
-    return Expression(text, names, tree)
+    return Expression(text, frozenset(names), compute)
 
 
-def _names(tree: ast.expr) -> set[str]:
-    """Return the names in a tree.
+def _compile(tree: ast.expr, names: set[str]) -> _Compute:
+    """Return the function of a tree, and add its names to `names`.
 
     Raises:
         ValueError: The tree is not arithmetic.
         TypeError: A function has too few or too many arguments.
     """
     if isinstance(tree, ast.Constant) and type(tree.value) in (int, float):
-        return set()
-    if (name := _name(tree)) is not None:
-        return {name}
+        return lambda _: tree.value
+    if (name := _read_name(tree)) is not None:
+        names.add(name)
+        return operator.itemgetter(name)
     if isinstance(tree, ast.BinOp) and type(tree.op) in _OPERATIONS:
-        return _names(tree.left) | _names(tree.right)
-    if isinstance(tree, ast.UnaryOp) and type(tree.op) in _OPERATIONS:
-        return _names(tree.operand)
-    if isinstance(tree, ast.Call) and not tree.keywords and (function := _function(tree)) is not None:
-        function(*(2.0 for _ in tree.args))  # raises TypeError if the number of arguments is wrong
-        return set[str]().union(*map(_names, tree.args))
-    raise ValueError
+        operands, function = [tree.left, tree.right], _OPERATIONS[type(tree.op)]
+    elif isinstance(tree, ast.UnaryOp) and type(tree.op) in _OPERATIONS:
+        operands, function = [tree.operand], _OPERATIONS[type(tree.op)]
+    elif (
+        isinstance(tree, ast.Call)
+        and not tree.keywords
+        and isinstance(tree.func, ast.Name)
+        and tree.func.id in _FUNCTIONS
+    ):
+        operands, function = tree.args, _FUNCTIONS[tree.func.id]
+        function(*(2.0 for _ in operands))  # raises TypeError if the number of arguments is wrong
+    else:
+        raise ValueError
+    parts = [_compile(operand, names) for operand in operands]
+    return lambda values: function(*(part(values) for part in parts))
 
 
-def _name(tree: ast.expr) -> str | None:
+def _read_name(tree: ast.expr) -> str | None:
     """Return the name that a tree represents: `a`, `a.b[1].c`; None for anything else."""
     if isinstance(tree, ast.Name):
         return tree.id
     if isinstance(tree, ast.Attribute):
-        before = _name(tree.value)
+        before = _read_name(tree.value)
         return None if before is None else f"{before}.{tree.attr}"
     if isinstance(tree, ast.Subscript):
-        before = _name(tree.value)
+        before = _read_name(tree.value)
         return None if before is None else f"{before}[{ast.unparse(tree.slice).replace(' ', '')}]"
     return None
-
-
-def _function(call: ast.Call) -> Any:
-    return _FUNCTIONS.get(call.func.id) if isinstance(call.func, ast.Name) else None
-
-
-def _value(tree: ast.expr, known: Mapping[str, float]) -> Any:
-    if isinstance(tree, ast.Constant):
-        return tree.value
-    if (name := _name(tree)) is not None:
-        return known[name]
-    if isinstance(tree, ast.BinOp):
-        return _OPERATIONS[type(tree.op)](_value(tree.left, known), _value(tree.right, known))
-    if isinstance(tree, ast.UnaryOp):
-        return _OPERATIONS[type(tree.op)](_value(tree.operand, known))
-    assert isinstance(tree, ast.Call)
-    return _function(tree)(*(_value(argument, known) for argument in tree.args))

@@ -1,21 +1,20 @@
 """The plan of a tuning: a scenario, gains with their ranges, objective, conditions and cases."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields
 from typing import Annotated, Any
 
 import msgspec
 
 from ...base.errors import CommandError
-from ...base.toml_structs import check_fields, list_given, quantity, struct_of
+from ...base.toml_structs import list_given, quantity, struct_of
+from ...run.options import select_repeatable
 from ...run.scenarios.built_in import TUNINGS
-from ..frame.plan_files import IN_FILES, NOT_IN_FILES, Source, check_options, merge_fields, read_plan
+from ..frame.plan_files import IN_FILES, NOT_IN_FILES, AnalysisPlan, Source, read_plan
 from ..variants.measures import Metric
 
 DEFAULTS = "usual"
 """The name of the only case in a plan without cases: the scenario unchanged."""
-
-_NOT_PLAIN = (*IN_FILES, "cases")
 
 
 @dataclass(frozen=True)
@@ -40,8 +39,11 @@ class Case:
     at: Annotated[float, quantity("s")] | None = None
 
 
+_CASE: Any = struct_of(Case, {"name": str | None})
+
+
 @dataclass(frozen=True)
-class TuningPlan:
+class TuningPlan(AnalysisPlan):
     """A tuning: a scenario, gains and their ranges, an objective and conditions.
 
     Args:
@@ -73,9 +75,6 @@ class TuningPlan:
         200
     """
 
-    name: str
-    scenario: Source
-    vary: Mapping[str, Any] = field(default_factory=dict)
     objective: str = ""
     derive: Mapping[str, Any] = field(default_factory=dict)
     require: Sequence[str] = ()
@@ -88,38 +87,40 @@ class TuningPlan:
     seed: Annotated[int, msgspec.Meta(ge=0)] = 0
     tolerance: Annotated[float, msgspec.Meta(ge=0.0)] | None = None
     margin: Annotated[float, msgspec.Meta(ge=0.0)] = 0.0
-    description: str = ""
-    options: Mapping[str, Any] = field(default_factory=dict)
-    where: str = "the tuning"
+    where: str = field(default="the tuning", kw_only=True)
 
-    def updated(self, given: Mapping[str, Any]) -> "TuningPlan":
-        """Return the plan with other values; tables are merged, conditions are added, None changes nothing.
+    ADDED = ("derive", "require")
+    UNCHECKED = ("cases",)
+    NOTHING_VARIES = (
+        "varies nothing; add a gain with its range, such as --vary 'tilt.controller.beta[1]=200:4000'"
+    )
 
-        Args:
-            given: values of fields by name.
+    @classmethod
+    def types_in_files(cls) -> Mapping[str, Any]:
+        """Return the types of fields in files that differ from those in Python."""
+        return {**IN_FILES, "cases": list[_CASE]}
 
-        Raises:
-            CommandError: a value has a wrong type.
-        """
-        return merge_fields(self, given, "derive", "require")
+    @property
+    def record(self) -> dict[str, Any]:
+        """The plan as plain data."""
+        plain = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in NOT_IN_FILES}
+        return {
+            **plain,
+            "scenario": self.scenario if isinstance(self.scenario, str) else str(self.name),
+            "vary": {name: str(given) for name, given in self.vary.items()},
+            "cases": [asdict(case) for case in self.cases],
+            "metrics": [str(metric) for metric in self.metrics],
+            "options": {name: str(given) for name, given in select_repeatable(self.options).items()},
+        }
 
     def check(self) -> None:
         """Raise CommandError for mistakes that can be found without the scenario."""
-        check_fields(self, TUNING_PLAN, self.where, _NOT_PLAIN)
-        check_options(self.options, self.where)
-        if not self.vary:
-            raise CommandError(
-                f"{self.where} varies nothing; add a gain with its range, such as "
-                "--vary 'tilt.controller.beta[1]=200:4000'."
-            )
+        super().check()
         if not self.objective:
             raise CommandError(
                 f"{self.where} has no objective; add a figure to minimise, such as "
                 "--objective tilt.position_error_m."
             )
-        self._check_cases()
-
-    def _check_cases(self) -> None:
         if not self.cases:
             raise CommandError(f"'cases' of {self.where} is empty; remove it to use the scenario unchanged.")
         names = [case.name for case in self.cases]
@@ -134,15 +135,6 @@ class TuningPlan:
             raise CommandError(f"no case of {self.where} has a weight; set one to a weight above 0.")
 
 
-_TABLES = {**IN_FILES, "cases": list[struct_of(Case, {"name": str | None})]}  # type: ignore[misc]
-TUNING_PLAN = struct_of(TuningPlan, _TABLES, NOT_IN_FILES)
-"""The struct of a plan's file, without options."""
-
-
-PLAIN_FIELDS = [f.name for f in fields(TuningPlan) if f.name not in (*_NOT_PLAIN, *NOT_IN_FILES)]
-"""Fields that are plain data."""
-
-
 def load_tuning_plan(source: Source | TuningPlan) -> TuningPlan:
     """Return a plan, read by name or from a file (.toml with `vary`), or made of a scenario without gains.
 
@@ -151,7 +143,7 @@ def load_tuning_plan(source: Source | TuningPlan) -> TuningPlan:
     """
     if isinstance(source, TuningPlan):
         return source
-    values, _ = read_plan(source, TUNING_PLAN, "tuning", "tuning", TUNINGS)
+    values, _ = read_plan(source, TuningPlan.struct(), "tuning", "tuning", TUNINGS)
     if "cases" in values:
         values["cases"] = [
             Case(**{"name": str(position), **list_given(case)})

@@ -1,41 +1,45 @@
 """Run a tuning: a search proposes gains, workers evaluate them, and other seeds validate the result."""
 
+import math
 import time
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, nullcontext
-from dataclasses import asdict, dataclass, field, replace
-from importlib.metadata import version
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Unpack
 
+import numpy as np
 import polars
 
+from ...base.arrays import Vector
 from ...base.errors import RunError
-from ...base.files import hash_plain_data
-from ...base.interruption import catch_interrupts
 from ...base.progress import Progress
-from ...base.values import convert_value
 from ...run.option_types import TuneOptions
-from ...run.options import select_repeatable
 from ...run.requirements import check_no_condition
-from ...run.scenarios.scenario import Scenario
 from ...system.model import Value
-from ..execution.executor import Scheduler, check_cluster, open_executor
-from ..execution.worker_payload import Preparation, WorkerPayload
+from ..execution.executor import Scheduler
 from ..frame.plan_files import Source, load_planned
 from ..frame.scenario_text import scenario_content
+from ..frame.session import Session
 from ..variants.measures import Metric
 from ..variants.sampling import draw_seeds
-from .data import Tuned
-from .evaluation import Evaluation
-from .folder import TuneFolder
-from .plan import PLAIN_FIELDS, TuningPlan, load_tuning_plan
+from .evaluation import Evaluation, describe_step
+from .plan import TuningPlan, load_tuning_plan
 from .preparation import TuningTask, prepare_task
-from .result import TuneResult
-from .score import Score
-from .search import Search
-from .step_influence import describe_step
-from .tracking import record_tracking_error
+from .report import OUTPUTS
+from .result import Tuned, TuneResult
+from .score import Order, Score, record_tracking_error
+
+_SPREAD = 0.25
+"""Standard deviation of the first generation; 1 is the whole range of a gain."""
+
+_INSIDE = 0.02
+"""Least distance of the first point from the ends of its range."""
+
+_ENOUGH = 1e-4
+"""Tolerance of convergence (`tolx` of CMA-ES), as a part of the range."""
+
+_NEVER = 10**9
 
 
 def tune(
@@ -56,6 +60,7 @@ def tune(
     output: str | Path | None = None,
     overwrite: bool = False,
     plots: bool = True,
+    report: bool = False,
     progress: Progress | None = None,
     **options: Unpack[TuneOptions],
 ) -> TuneResult:
@@ -81,6 +86,7 @@ def tune(
         output: folder for the results. Default: no files.
         overwrite: replace files that emla did not write.
         plots: draw pictures into the folder.
+        report: write a page, tune.html, into the folder.
         progress: receives progress and notes.
         **options: values by name, for all runs.
 
@@ -118,45 +124,73 @@ def tune(
         "options": {**options, "overwrite": True} if overwrite else {**options},
     }
     plan = load_tuning_plan(source).updated(given)
-    check_cluster(scheduler, workers)
-    folder = (
-        None if output is None else TuneFolder(convert_value(output, Path, "the output folder"), overwrite)
+    session = Session(
+        OUTPUTS,
+        output=output,
+        overwrite=overwrite,
+        plots=plots,
+        report=report,
+        scheduler=scheduler,
+        workers=workers,
+        progress=progress,
     )
-    reporter = progress or Progress()
-    with nullcontext() if folder is None else folder.alone():
+    with session.with_workers(), record_tracking_error():
         scenario = load_planned(plan)
         check_no_condition(scenario.options.stop_when, "tune")
-        for note in scenario.notes:
-            reporter.note(f"Note: {note}.")
-        preparation = Preparation.of(scenario, reporter)
-        with (
-            record_tracking_error(),
-            _open_evaluation(plan, scenario, preparation, (scheduler, workers), reporter) as (
-                task,
-                evaluation,
-            ),
-        ):
-            return _Tuning(task, evaluation, folder, reporter, scenario.notes).run(plots)
+        prepared = session.prepare(scenario)
+        conditions = [*plan.require, *prepared.options.require]
+        preparation = replace(prepared, options=replace(prepared.options, require=[]))
+        with session.open_runs([preparation]) as runs:
+            task = prepare_task(replace(plan, require=conditions), preparation, runs.describe(), scenario)
+            return _Tuning(task, Evaluation(runs, task), session, scenario.notes).run()
 
 
-@contextmanager
-def _open_evaluation(
-    plan: TuningPlan,
-    scenario: Scenario,
-    preparation: Preparation,
-    cluster: tuple[Scheduler, int | None],
-    reporter: Progress,
-) -> Iterator[tuple[TuningTask, Evaluation]]:
-    """Open workers with all that a tuning needs; yield its task and its evaluation."""
-    conditions = [*plan.require, *preparation.options.require]
-    free = replace(preparation, options=replace(preparation.options, require=[]))
-    shipment = WorkerPayload.of(f"emla-tune-{hash_plain_data((plan.where, time.time_ns()))}", [free])
-    with catch_interrupts() as interrupted, open_executor(shipment, *cluster, reporter.note) as found:
-        task = prepare_task(replace(plan, require=conditions), free, found.describe(0), scenario)
-        yield (
-            task,
-            Evaluation(found, task.objective, task.measures, task.cases, task.seeds, interrupted, task.loops),
-        )
+class Search:
+    """Points of the unit cube to try, by CMA-ES of pycma, which uses only their order.
+
+    Each restart doubles the size of a generation. The same seed and the same order give the same points.
+    """
+
+    def __init__(self, start: Sequence[float], seed: int) -> None:
+        self._random = np.random.default_rng(seed)
+        self._dimension = len(start)
+        self._begin(np.clip(start, _INSIDE, 1 - _INSIDE), None)
+
+    def ask(self) -> list[Vector]:
+        """Return the next generation."""
+        if self._strategy.stop():
+            self._begin(self._random.random(self._dimension), 2 * self._strategy.popsize)
+        self._asked = self._strategy.ask()
+        return [np.array(point) for point in self._asked]
+
+    def tell(self, orders: Sequence[Order]) -> None:
+        """Take the sort keys of the points of this generation, in the same order."""
+        known = [(bad, math.inf if math.isnan(value) else value) for bad, value in orders]
+        places = {order: place for place, order in enumerate(sorted(set(known)))}
+        self._strategy.tell(self._asked, [float(places[order]) for order in known])
+
+    def _begin(self, start: Vector, size: int | None) -> None:
+        import cma  # slow to import
+
+        options = {
+            "bounds": [0.0, 1.0],
+            "randn": lambda *shape: self._random.standard_normal(shape),
+            "seed": math.nan,  # any number would seed the global generator of NumPy
+            "tolx": _ENOUGH,
+            # CMA-ES sees ranks, for which tolerances of values mean nothing
+            "tolfun": 0,
+            "tolfunhist": 0,
+            "tolfunrel": 0,
+            "tolflatfitness": _NEVER,
+            "tolstagnation": _NEVER,
+            "verbose": -9,
+            "verb_log": 0,
+            **({} if size is None else {"popsize": size}),
+            **({"maxstd": math.inf} if len(start) == 1 else {}),  # cma raises if this limits one dimension
+        }
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # one dimension works
+            self._strategy = cma.CMAEvolutionStrategy(start.tolist(), _SPREAD, options)
 
 
 @dataclass
@@ -165,55 +199,57 @@ class _Tuning:
 
     task: TuningTask
     evaluation: Evaluation
-    folder: TuneFolder | None
-    reporter: Progress
+    session: Session[TuneResult]
     notes: Sequence[str]
     rows: list[dict[str, Any]] = field(default_factory=list)
     began: float = field(default_factory=time.monotonic)
     remarks: Sequence[str] = ()
 
-    def run(self, plots: bool) -> TuneResult:
+    def run(self) -> TuneResult:
         """Run the whole tuning."""
         plan, space = self.task.plan, self.task.space
-        training, validation = self._seeds()
-        self.drawn = {"training": _known(training), "validation": _known(validation)}
-        self.reporter.begin("tuning", plan.evaluations, "gains")
-        first = self.evaluation.scores([{}], training)
+        training, validation = self._draw_seeds()
+        self.drawn = {
+            kind: [seed for seed in seeds if seed is not None]
+            for kind, seeds in (("training", training), ("validation", validation))
+        }
+        self.session.progress.begin("tuning", plan.evaluations, "gains")
+        first = self.evaluation.score([{}], training)
         if first is None:
             raise RunError("interrupted before any gains were tried.")
         self.start = self.best = Tuned(dict(space.start), {}, first[0])
-        self._note_tried(0, [(dict(space.start), first[0])])
-        whole = self._search(training)
-        if whole and validation:
-            whole = self._validate(validation)
-        if whole and not self.best.training.lost:
-            whole = self._judge_step(training)
-        return self._save_progress(whole, plots)
+        self._add_rows(0, [(dict(space.start), first[0])])
+        complete = self._search(training)
+        if complete and validation:
+            complete = self._validate(validation)
+        if complete and not self.best.training.lost:
+            complete = self._judge_step(training)
+        return self._keep(complete, is_final=True)
 
     def _search(self, seeds: Sequence[int | None]) -> bool:
         """Try what the search asks for while evaluations are left; return False after an interrupt."""
         plan, space = self.task.plan, self.task.space
         search = Search(space.places(), plan.seed)
         generation, left = 0, plan.evaluations - 1
-        while len(asked := search.ask()) <= left:
+        while len(points := search.ask()) <= left:
             generation += 1
-            values = [space.values(point) for point in asked]
+            values = [space.values(point) for point in points]
             gains = [space.options(v) for v in values]
-            scores = self.evaluation.scores(gains, seeds)
+            scores = self.evaluation.score(gains, seeds)
             if scores is None:
                 return False
             search.tell([score.order for score in scores])
-            left -= len(asked)
-            self._note_tried(generation, list(zip(values, scores, strict=True)))
-            place = min(range(len(scores)), key=[_comparison_key(score) for score in scores].__getitem__)
-            if _comparison_key(scores[place]) < _comparison_key(self.best.training):
-                self.best = Tuned(values[place], gains[place]["set"], scores[place])
-            self._save_progress(False)
+            left -= len(points)
+            self._add_rows(generation, list(zip(values, scores, strict=True)))
+            first = min(range(len(scores)), key=[_comparison_key(score) for score in scores].__getitem__)
+            if _comparison_key(scores[first]) < _comparison_key(self.best.training):
+                self.best = Tuned(values[first], gains[first]["set"], scores[first])
+            self._keep(False, is_final=False)
         return True
 
     def _validate(self, seeds: Sequence[int | None]) -> bool:
         """Run start and best with other seeds; return False after an interrupt."""
-        scores = self.evaluation.scores([{}, {"set": self.best.set}], seeds)
+        scores = self.evaluation.score([{}, {"set": self.best.set}], seeds)
         if scores is None:
             return False
         self.start, self.best = (
@@ -231,7 +267,7 @@ class _Tuning:
         self.remarks = describe_step(self.start, self.best, halved)
         return True
 
-    def _seeds(self) -> tuple[list[int | None], list[int | None]]:
+    def _draw_seeds(self) -> tuple[list[int | None], list[int | None]]:
         """Return the seeds of training and of validation; [None] and [] without random sequences."""
         plan = self.task.plan
         if self.task.seeds is None:
@@ -239,10 +275,11 @@ class _Tuning:
         drawn: list[int | None] = [*draw_seeds(plan.seed, plan.training + plan.validation)]
         return drawn[: plan.training], drawn[plan.training :]
 
-    def _note_tried(self, generation: int, tried: Sequence[tuple[Mapping[str, Value | None], Score]]) -> None:
+    def _add_rows(self, generation: int, tried: Sequence[tuple[Mapping[str, Value | None], Score]]) -> None:
+        """Add gains and their scores to the history."""
         for values, score in tried:
             before = self.rows[-1]["best"] if self.rows else float("inf")
-            known = score.objective if not score.violation else float("inf")
+            objective = score.objective if not score.violation else float("inf")
             self.rows.append(
                 {
                     "evaluation": len(self.rows),
@@ -251,13 +288,13 @@ class _Tuning:
                     "objective": score.objective,
                     "violation": score.violation,
                     "lost": score.lost,
-                    "best": min(before, known),
+                    "best": min(before, objective),
                 }
             )
-        self.reporter.advance(len(tried))
+        self.session.progress.advance(len(tried))
 
-    def _save_progress(self, whole: bool, draw: bool = False) -> TuneResult:
-        """Return the result so far, and write it to the folder."""
+    def _keep(self, complete: bool, is_final: bool) -> TuneResult:
+        """Return the result so far, and write its files."""
         plan = self.task.plan
         history = polars.DataFrame(self.rows, infer_schema_length=None)
         result = TuneResult(
@@ -269,60 +306,21 @@ class _Tuning:
             self.task.units,
             self.drawn,
             plan.tolerance,
-            whole,
-            self.evaluation.runs,
+            complete,
+            self.evaluation.runs.count,
             time.monotonic() - self.began,
-            None if self.folder is None else self.folder.path,
+            self.session.path,
             self.notes,
             self.remarks,
+            plan.record,
+            self.task.identity,
+            scenario_content(plan.scenario, plan.options),
         )
-        if self.folder is not None:
-            self.folder.keep(
-                result, _record(self.task, result), scenario_content(plan.scenario, plan.options)
-            )
-            if draw:
-                self.folder.draw_result(result)
+        self.session.keep(result, is_final)
         return result
-
-
-def _known(seeds: Sequence[int | None]) -> list[int]:
-    return [seed for seed in seeds if seed is not None]
 
 
 def _comparison_key(score: Score) -> tuple[bool, float]:
     """Return the sort key of a score; a score without a number is last."""
-    bad, value = score.order
-    return bad, value if value == value else float("inf")
-
-
-def _record(task: TuningTask, result: TuneResult) -> dict[str, Any]:
-    """Return the content of tune.json: everything that determines the result, and the result."""
-    plan = task.plan
-    asked = {
-        **{name: getattr(plan, name) for name in PLAIN_FIELDS},
-        "scenario": plan.scenario if isinstance(plan.scenario, str) else str(plan.name),
-        "vary": {name: str(given) for name, given in plan.vary.items()},
-        "cases": [asdict(case) for case in plan.cases],
-        "metrics": [str(metric) for metric in plan.metrics],
-        "options": {name: str(given) for name, given in select_repeatable(plan.options).items()},
-    }
-    return {
-        "name": plan.name,
-        "status": "completed" if result.complete else "unfinished",
-        "problem": result.problem(),
-        "notes": list(result.notes),
-        "remarks": list(result.remarks),
-        "plan": asked,
-        "seeds": result.seeds,
-        "start": _gains(result.start),
-        "best": _gains(result.best),
-        "units": result.units,
-        "runs": result.runs,
-        "wall_s": result.wall_s,
-        "system": task.identity,
-        "version": version("emla-cosim"),
-    }
-
-
-def _gains(gains: Tuned) -> dict[str, Any]:
-    return {**asdict(gains), "ratio": gains.ratio}
+    is_invalid, value = score.order
+    return is_invalid, value if value == value else float("inf")

@@ -1,19 +1,40 @@
-"""Score sets of gains: their objective if all conditions hold, else how far they are from it."""
+"""Score sets of gains: their objective if all conditions hold, else how far they are from it.
+
+A joint that is lost is the farther from it the larger its tracking error, which tunings record for this.
+"""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
+from ...base.arrays import Vector
+from ...recorders.metrics import METRICS, TRACKED, Figures, Metrics
+from ...recorders.recorder import Outline
 from ...run.requirements import Requirement
 from ..variants.data import VariantOutcome
 from .expressions import Expression
 from .plan import Case
-from .search import Order
 
-LOST = 20.0
+Order = tuple[bool, float]
+"""Sort key of a point, smaller is better: whether it is invalid; then its violation or its objective."""
+
+TRACKING_ERROR = "miss"
+"""Mean of log10(1 + |x_L - x_d| / 1 µm) over all rows: 1 for 9 µm, 6 for a metre."""
+
+_KIND = "tuning"
+"""Name of the tracking errors among the metrics of a run."""
+
+_SCALE = 1e-6
+"""Tracking error in m that counts as small."""
+
+_FARTHEST = 12.0
+"""Value of a row that is not a number or is farther away than anything."""
+
+_LOST = 20.0
 """Violation of a run that ended early or has no objective, larger than that of missed conditions."""
 
 _MOST = 10.0
@@ -32,6 +53,7 @@ class Score:
         violation: 0 if all conditions hold in all runs, with the margin of the plan.
         lost: The number of runs that ended early or have no objective.
         runs: The number of all runs.
+        met: The number of seeds with which all conditions hold, without any margin.
         by_case: The objective of each case.
         worst: For each case and condition, the figure that is farthest from it.
     """
@@ -40,6 +62,7 @@ class Score:
     violation: float
     lost: int
     runs: int
+    met: int = 0
     by_case: Mapping[str, float] = field(default_factory=dict)
     worst: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
@@ -96,6 +119,7 @@ class Objective:
         objectives = dict[str, float]()
         worst = dict[str, Mapping[str, Any]]()
         violation, lost, runs = 0.0, 0, 0
+        met = np.ones(len(outcomes[0]), dtype=bool)
         for case, required, ours in zip(self.cases, self.required, outcomes, strict=True):
             values = [self._objective(case, outcome) for outcome in ours]
             missing = [x != x for x in values]
@@ -104,11 +128,15 @@ class Objective:
             violation += sum(each) / len(each)
             lost += sum(missing)
             runs += len(ours)
+            met &= [
+                not gone and all(r.met_by(outcome.figures.get(r.figure)) for r in required)
+                for outcome, gone in zip(ours, missing, strict=True)
+            ]
             worst[case.name] = {str(r): _worst(r, ours) for r in required}
         total = sum(case.weight for case in self.cases)
         objective = sum(c.weight * objectives[c.name] for c in self.cases if c.weight) / total
         by_case = {name: value for name, value in objectives.items() if value == value}
-        return Score(objective, violation, lost, runs, by_case, worst)
+        return Score(objective, violation, lost, runs, int(met.sum()), by_case, worst)
 
     def meets_measured(self, outcomes: Sequence[Sequence[VariantOutcome]]) -> bool:
         """Return whether runs meet all conditions on figures that they have; margins come later."""
@@ -137,7 +165,7 @@ class Objective:
         """Return the violation of a run; among lost runs, too, a smaller one is nearer to the conditions."""
         found = sum(_excess(r, outcome.figures.get(r.figure), self.margin) for r in required)
         if is_lost:
-            found += LOST + LOST * self._missing_part(outcome)
+            found += _LOST + _LOST * self._missing_part(outcome)
         return found + self._distance(outcome) if found else 0.0
 
     def _distance(self, outcome: VariantOutcome) -> float:
@@ -177,3 +205,53 @@ def _worst(required: Requirement, outcomes: Sequence[VariantOutcome]) -> dict[st
         return {"figure": None if figure != figure else figure, "met": False}
     low = required.sign in (">", ">=")
     return {"figure": min(numbers) if low else max(numbers), "met": True}
+
+
+class _TrackingErrorMetrics(Metrics):
+    def __init__(self, columns: Mapping[str, tuple[int, int]]) -> None:
+        self._columns = columns
+        self._sums = dict.fromkeys(columns, 0.0)
+        self._rows = 0
+
+    def write(self, rows: Vector) -> None:
+        """Take the next rows."""
+        self._rows += len(rows)
+        for joint, (position, reference) in self._columns.items():
+            error = np.abs(rows[:, position] - rows[:, reference])
+            logarithms = np.log10(1.0 + error / _SCALE)
+            self._sums[joint] += float(
+                np.nan_to_num(logarithms, nan=_FARTHEST, posinf=_FARTHEST).clip(0, _FARTHEST).sum()
+            )
+
+    def figures(self) -> Figures:
+        """Return the mean by joint."""
+        return {joint: {TRACKING_ERROR: total / max(self._rows, 1)} for joint, total in self._sums.items()}
+
+    def memory(self) -> Any:
+        """Return sums by joint and the number of rows."""
+        return {"sums": self._sums, "rows": self._rows}
+
+    def remember(self, memory: Any) -> None:
+        """Continue from a checkpoint."""
+        self._sums, self._rows = dict(memory["sums"]), int(memory["rows"])
+
+
+def tracking_error(outline: Outline) -> Metrics | None:
+    """Return the metrics of all joints of a run; None if it has none."""
+    column = {name: i + 1 for i, name in enumerate(outline.names)}
+    found = {
+        joint: (column[position], column[reference])
+        for find in TRACKED.values()
+        for joint, (position, reference) in find(column, outline.roles).items()
+    }
+    return _TrackingErrorMetrics(found) if found else None
+
+
+@contextmanager
+def record_tracking_error() -> Iterator[None]:
+    """Record the tracking error meanwhile, here and on workers that start meanwhile."""
+    METRICS[_KIND] = tracking_error
+    try:
+        yield
+    finally:
+        METRICS.pop(_KIND, None)

@@ -126,11 +126,8 @@ def _check_start_values(found: Sequence[Factor], where: str) -> None:
 def _is_free(name: str, given: Any, system: System) -> bool:
     """Return whether a name in `vary` is neither a target in the system nor an option."""
     is_component = any(c.name == name for c in system.components)
-    return "." not in name and name not in list_options() and not is_component and not _has_targets(given)
-
-
-def _has_targets(given: Any) -> bool:
-    return isinstance(given, Mapping) and "of" in given
+    has_targets = isinstance(given, Mapping) and "of" in given
+    return "." not in name and name not in list_options() and not is_component and not has_targets
 
 
 def _range(given: Any, units: Sequence[FmuUnits]) -> Any:

@@ -20,6 +20,8 @@ def show_result(outputs: Outputs[Any], result: Any, folder: Path) -> None:
 def show_report(report: Report) -> None:
     """Show the sentences and tables of a report."""
     for section in report.sections:
+        if section.is_detail:
+            continue
         _show_lines(section.lines)
         for table in section.tables:
             show(table.rich())

@@ -6,17 +6,16 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from ...analyses.identify.folder import CERTAINTY, FIT, HISTORY, PAGE, RECORD, SAMPLES, SCENARIO
-from ...analyses.identify.loss import LOSSES
 from ...analyses.identify.plan import load_identification_plan
+from ...analyses.identify.report import OUTPUTS, SCENARIO
+from ...analyses.identify.residuals import LOSSES
 from ...analyses.identify.runner import identify
-from ...analyses.identify.summary import format_lines, format_tables
 from ...base.errors import CosimError
-from ...base.option import OUTPUT, SWEEP, argument, option, switch
+from ...base.option import SWEEP, argument, option, switch
 from ...views.output_folder import results_folder
 from ...views.progress_bars import BarProgress
-from ...views.terminal import print_line, show
-from .options import scheduler, workers
+from .analysis import show_result
+from .options import report, scheduler, workers
 
 OPTIONS = SWEEP
 
@@ -63,26 +62,18 @@ class Parameters:
     )
     seed: int | None = _search(help="Seed of the random starting points. Default: 0.")
     design: bool = switch("Rank the plan's experiments by what they would tell; estimate nothing.", _SEARCH)
-    report: bool = switch(f"Write a page, {PAGE}.", OUTPUT)
+    report: bool = report()
     scheduler: str | None = scheduler()
     workers: int | None = workers()
 
 
 def command(chosen: Parameters, given: dict[str, Any]) -> None:
     """Estimate parameters from measured data."""
-    found = load_identification_plan(chosen.plan)
-    place = Path(given.get("output") or results_folder(f"identify-{found.name}"))
-    plots = given.get("plots", True)
-    given |= vars(chosen) | {"plan": found, "output": place, "design": chosen.design or None}
+    loaded = load_identification_plan(chosen.plan)
+    folder = Path(given.get("output") or results_folder(f"identify-{loaded.name}"))
+    given |= vars(chosen) | {"plan": loaded, "output": folder, "design": chosen.design or None}
     with BarProgress() as progress:
         result = identify(given.pop("plan"), progress=progress, **given)
-    for part in format_tables(result):
-        show(part)
-    files = [RECORD]
-    if result.estimates:
-        files = [SCENARIO, RECORD, SAMPLES, HISTORY, *((FIT, CERTAINTY) if plots and result.fits else ())]
-        files += [PAGE] if chosen.report and result.fits else []
-    for line in (*format_lines(result), f"Wrote {place}/: {', '.join(files)}"):
-        print_line(line)
+    show_result(OUTPUTS, result, folder)
     if not result.complete:
-        raise CosimError(f"interrupted; the best values so far are in {place / SCENARIO}.")
+        raise CosimError(f"interrupted; the best values so far are in {folder / SCENARIO}.")

@@ -9,9 +9,9 @@ import msgspec
 from rich.table import Table
 
 from ...analyses.frame.plan_files import plan_struct
-from ...analyses.identify.plan import identification_struct
+from ...analyses.identify.plan import IdentificationPlan
 from ...analyses.sweep.plan import SWEEP_PLAN
-from ...analyses.tune.plan import TUNING_PLAN
+from ...analyses.tune.plan import TuningPlan
 from ...base.errors import check_choice
 from ...base.option import argument
 from ...base.schemas import make_schema
@@ -45,8 +45,8 @@ FILE_KINDS: Mapping[str, FileKind] = {
     "joint": FileKind("Joint: actuator, gains, motion and load", joint_struct),
     "actuator": FileKind("Data sheet of an actuator", lambda: ACTUATOR),
     "sweep": FileKind("Plan of emla sweep", lambda: plan_struct(SWEEP_PLAN)),
-    "tune": FileKind("Plan of emla tune", lambda: plan_struct(TUNING_PLAN)),
-    "identify": FileKind("Plan of emla identify", lambda: plan_struct(identification_struct())),
+    "tune": FileKind("Plan of emla tune", lambda: plan_struct(TuningPlan.struct())),
+    "identify": FileKind("Plan of emla identify", lambda: plan_struct(IdentificationPlan.struct())),
     "trajectory": FileKind("Problem of emla trajectory", _trajectory_struct),
     "reference": FileKind("What belongs to a reference solution, MODEL_ref.toml", lambda: ReferenceTable),
 }

@@ -8,7 +8,7 @@ import pytest
 from scipy.optimize import least_squares
 
 from emla_cosim.analyses.identify import estimation
-from emla_cosim.analyses.identify.certainty import judge
+from emla_cosim.analyses.identify.certainty import judge, profile
 from emla_cosim.analyses.identify.estimation import Estimator, _find_offset, draw_starting_points
 from emla_cosim.analyses.identify.parameters import Parameter, Parameters
 from emla_cosim.analyses.identify.prediction import predict_samples
@@ -140,6 +140,18 @@ def test_intervals_contain_true_values_of_uneven_responses(kind: str, size: floa
                         for one, x in zip(got.estimates, (2.0, 3.0), strict=True)]  # fmt: skip
     assert np.median(excess) > 0.2
     assert (inside / runs >= 0.9).all() and (naive / runs < 0.9).any(), (inside / runs, naive / runs)
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_profile_of_an_uneven_response_has_ends(seed: int) -> None:
+    """Searches that begin elsewhere end in other dents; ends are beyond the deepest ones."""
+    solved = problem(NEAR, [[measured(TIME, noisy(seed, 0.013))]], uneven("noisy", 0.003))
+    searching = search(solved)
+    found, slopes = searching.differentiate(searching.estimate([Parameters(NEAR).start], free=["y"]))
+    for i in range(2):
+        low, high = profile(solved, found.point, i, None, lambda n: None, slopes.unevenness)
+        assert low is not None and high is not None
+        assert 0.0 < low < found.point[i] - 1e-4 < found.point[i] + 1e-4 < high < 1.0
 
 
 def test_longer_steps_average_an_uneven_response() -> None:

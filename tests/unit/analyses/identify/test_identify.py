@@ -137,6 +137,16 @@ def test_estimates_and_errors_equal_those_of_scipy(identify: Identify) -> None:
     assert found.sigma["Cart.x"] == pytest.approx(fit.rms, rel=0.03)
 
 
+def test_run_ends_where_the_measurement_ends(fmu: Path, identify: Identify, scheduler: Client) -> None:
+    """Data for inputs need a stop time; without any it is that of the measured data."""
+    asked = {"set": {"Cart.b": TRUE["b"], "Cart.c": TRUE["c"]}, **data(noisy())}
+    system = ec.System([ec.Component("Cart", fmu=fmu)], ())
+    ranges = {"Cart.m": "0.2:10"}
+    found = ec.identify(system, ranges, scheduler=scheduler, step_size=STEP, **asked)
+    assert found.samples["time"].max() == 2.0
+    assert found["Cart.m"].value == identify(ranges, **asked)["Cart.m"].value
+
+
 def wave(time: np.ndarray) -> np.ndarray:
     """The force of `Wave` in N."""
     return 4.0 * np.sin(6.0 * time)
@@ -376,7 +386,7 @@ def test_negative_delay_of_a_sensor_is_estimated(identify: Identify) -> None:
 
 @pytest.mark.parametrize("value", ["NaN", '"a lot"', "null", "1e999"])
 def test_corrupt_record_is_not_a_start(value: str, tmp_path: Path) -> None:
-    from emla_cosim.analyses.identify.folder import read_unfinished
+    from emla_cosim.analyses.identify.report import read_unfinished
 
     good = '{"status": "unfinished", "estimates": [{"name": "p", "value": 2.5}]}'
     (tmp_path / "identify.json").write_text(good)
@@ -418,7 +428,7 @@ def test_interrupted_search_can_be_continued(
     x, place, whole = noisy(), tmp_path / "out", prediction.Predictor.predict
 
     def limited(self: prediction.Predictor, *asked: Any, **how: Any) -> Any:
-        if self.runs > 12:
+        if self.runs.count > 12:
             raise prediction.InterruptedRunsError
         return whole(self, *asked, **how)
 
@@ -460,7 +470,9 @@ def test_command_writes_a_scenario_that_runs(
     """)
     result = emla("identify", "plan.toml", "--workers", "1", "--output", "found", "--report")
     assert result.exit_code == 0, result.output
-    assert "95 % interval" in result.output and "Wrote found/: identified.toml" in result.output
+    assert (
+        "95 % interval" in result.output and "Wrote found/: identify.json, identified.toml" in result.output
+    )
     names = {p.name for p in Path("found").iterdir() if not p.name.startswith(".")}
     assert names == {"identified.toml", "identify.json", "samples.csv", "history.csv", "fit.png",
                      "certainty.png", "identify.html"}  # fmt: skip

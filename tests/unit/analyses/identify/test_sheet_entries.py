@@ -9,8 +9,8 @@ from distributed import Client
 import emla_cosim as ec
 from emla_cosim.analyses.execution.worker_payload import Preparation
 from emla_cosim.analyses.frame.plan_files import load_planned
+from emla_cosim.analyses.identify.parameters import SheetEntries
 from emla_cosim.analyses.identify.plan import IdentificationPlan
-from emla_cosim.analyses.identify.sheet_entries import SheetEntries
 from emla_cosim.base.errors import CommandError
 
 pytestmark = pytest.mark.usefixtures("on_one_cluster")

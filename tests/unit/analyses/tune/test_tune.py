@@ -16,8 +16,8 @@ from distributed import Client
 import emla_cosim as ec
 from emla_cosim.analyses.tune.expressions import parse_expression
 from emla_cosim.analyses.tune.plan import load_tuning_plan
+from emla_cosim.analyses.tune.runner import Search
 from emla_cosim.analyses.tune.score import Objective
-from emla_cosim.analyses.tune.search import Search
 from emla_cosim.analyses.variants.data import DIVERGED, DONE, VariantOutcome
 from emla_cosim.base.errors import CommandError
 from emla_cosim.base.progress import Progress
@@ -224,6 +224,22 @@ def test_validation_seeds_differ_from_training_seeds(valley: System, scheduler: 
     assert (result.problem() is None) == (best.ratio <= 1.0)
 
 
+def test_statement_counts_validation_seeds_that_meet_all_conditions(
+    valley: System, scheduler: Client
+) -> None:
+    """The bias grows with the seed: a limit between the validation seeds is met with some of them."""
+    plan = _plan(valley, objective="bias", evaluations=1)
+    seeds = sorted(ec.tune(plan, scheduler=scheduler).seeds["validation"])
+    limit = 1e-9 * (seeds[2] + seeds[3]) / 2.0
+    result = ec.tune(plan, require=[f"bias < {limit!r}"], scheduler=scheduler)
+    assert result.best.validation is not None and result.best.validation.met == 3
+    assert result.statement is not None
+    assert result.statement.startswith("3 of 4 validation seeds meet all conditions: 75 %, ")
+    met = ec.tune(plan, require=["bias < 1e9"], scheduler=scheduler).statement
+    # four of four: (1 - 0.95)^(1/4)
+    assert met == "All 4 validation seeds meet all conditions: above 47.3 % with 95 % confidence."
+
+
 def test_interrupted_tuning_keeps_the_best_gains(valley: System, scheduler: Client, tmp_path: Path) -> None:
     class Ending(Progress):
         tried = 0
@@ -249,10 +265,13 @@ def test_written_scenario_repeats_the_best_run(emla: Emla, tmp_path: Path, fmu_f
     result = emla(
         *TUNE_TILT,
         *("--require", "tilt.torque_peak_N_m < 140", "--evaluations", "9", "--training", "1"),
-        *("--validation", "1", "--stop-time", "0.4", "--output", "found", "--workers", "1"),
+        *("--validation", "1", "--stop-time", "0.4", "--output", "found", "--workers", "1", "--report"),
     )
     assert result.exit_code == 0, result.output
     assert "better" in result.stdout or "worse" in result.stdout
+    page = (tmp_path / "found/tune.html").read_text()
+    assert "Conditions, with the worst figures" in page and "tilt.torque_peak_N_m &lt; 140" in page
+    assert page.count("data:image/png") == 1 and "What was asked for" not in result.stdout
     assert (tmp_path / "found/tuning.png").read_bytes().startswith(b"\x89PNG")
     record = json.loads((tmp_path / "found/tune.json").read_text())
     seed = record["seeds"]["training"][0]

@@ -1,0 +1,188 @@
+"""Prepare an identification: its experiments, what was measured in them, and the unknown parameters."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ...base.arrays import Vector
+from ...base.errors import CommandError
+from ...base.quantities import read_quantity
+from ...base.units import SiUnit
+from ...base.wording import format_count
+from ...inputs.loaded_input import LoadedInput
+from ...run.options import Options
+from ...system.names import Names
+from ..execution.worker_payload import Preparation
+from ..frame.plan_files import load_planned
+from ..frame.session import Session
+from .measurement import MeasuredSignal, read_drivers, read_measurements
+from .parameters import DELAY, Parameters, resolve_parameters
+from .plan import IdentificationPlan
+
+_ROWS = 10
+"""Rows of the simulation from one sample to the next if sensors may be late: straight lines between rows are
+too coarse for them.
+"""
+
+
+@dataclass(frozen=True)
+class IdentificationTask:
+    """A prepared identification.
+
+    Attributes:
+        plan: the plan.
+        preparations: the prepared experiments.
+        signals: what was measured in each experiment.
+        parameters: the unknown parameters.
+        sigma: standard deviations that the plan gives, by signal, in its unit.
+        drivers: times and values of the data that drive inputs, by column, for each experiment.
+        notes: how the measured data were read.
+    """
+
+    plan: IdentificationPlan
+    preparations: Sequence[Preparation]
+    signals: Sequence[Sequence[MeasuredSignal]]
+    parameters: Parameters
+    sigma: Mapping[str, float]
+    drivers: Sequence[Mapping[str, tuple[Vector, Vector]]]
+    notes: Sequence[str]
+
+
+def prepare_task(plan: IdentificationPlan, session: Session[Any]) -> IdentificationTask:
+    """Prepare the experiments of a plan, and read what was measured.
+
+    Raises:
+        CommandError: A name does not exist, data are wrong, or the folder of the session has the data.
+        RunError: An FMU cannot be built.
+    """
+    session.check_unread(
+        [{data.file: "the measured data" for one in plan.experiments for data in one.measured if data.file}]
+    )
+    preparations, signals, notes = list[Preparation](), list[list[MeasuredSignal]](), list[str]()
+    units, sigma = dict[str, SiUnit | None](), dict[str, Any]()
+    drivers = list[dict[str, tuple[Vector, Vector]]]()
+    for one in plan.experiments:
+        label = f"the experiment '{one.name}'"
+        scenario = load_planned(plan, one.options)
+        begin, stop = scenario.options.start_time or 0.0, scenario.options.stop_time
+        if stop is None and one.measured:  # inputs are compared with it before signals are known
+            end = max(float(LoadedInput.of(source, begin).times[-1]) for source in one.measured)
+            scenario = scenario.with_options({"stop_time": end})
+        preparation = session.prepare(scenario)
+
+        def find_signal(name: str, of: Preparation = preparation) -> tuple[str, SiUnit | None]:
+            signal, unit = _find_signal(of, name)
+            units[signal] = unit
+            return signal, unit
+
+        measured, remarks = read_measurements(one.measured, find_signal, label, begin)
+        sigma = {find_signal(name)[0]: value for name, value in plan.sigma.items()}
+        drivers.append(read_drivers(scenario.options.input, begin))
+        notes += [note for note in remarks if note not in notes]
+        may_be_late = any(DELAY in name for name in plan.vary)
+        options = replace(preparation.options, require=[])
+        if stop is None and options.stop_time == scenario.options.stop_time:
+            options = replace(options, stop_time=None)
+        options = replace(options, **_choose_times(options, measured, may_be_late))
+        preparations.append(replace(preparation, options=options))
+        inside, left_out = _cut(measured, options, label)
+        signals.append(inside)
+        notes += left_out
+    parameters = resolve_parameters(plan, preparations, units)
+    deviations = _read_sigma(sigma, units)
+    if not plan.design:
+        _check_samples(plan, signals, parameters, deviations)
+    for note in notes:
+        session.progress.note(f"Note: {note}")
+    return IdentificationTask(
+        plan, _extend(preparations, parameters), signals, parameters, deviations, drivers, notes
+    )
+
+
+def _cut(
+    measured: Sequence[MeasuredSignal], options: Options, label: str
+) -> tuple[list[MeasuredSignal], list[str]]:
+    """Return the samples during a run, and notes on those outside of it."""
+    start, stop = options.start_time or 0.0, options.stop_time or 0.0
+    inside, notes = [signal.between(start, stop) for signal in measured], list[str]()
+    for whole, part in zip(measured, inside, strict=True):
+        if len(part.time) < 2:
+            raise CommandError(
+                f"{whole.label} has no samples between {start:g} s and {stop:g} s, the times of {label}."
+            )
+        if (left := len(whole.time) - len(part.time)) > 0:
+            notes.append(f"{format_count(left, 'sample')} of {whole.label} outside of the run: not used.")
+    return inside, notes
+
+
+def _extend(preparations: Sequence[Preparation], parameters: Parameters) -> list[Preparation]:
+    """Return preparations whose runs are so long that a sensor ahead of time can be predicted to the end."""
+    ahead = max((-one.low for one in parameters.items if one.sensor and one.sensor[0] == DELAY), default=0.0)
+    found = list[Preparation]()
+    for one in preparations:
+        options = one.options
+        if ahead > 0.0 and options.stop_time is not None:
+            step = options.step_size or ahead
+            stop = options.stop_time + step * math.ceil(ahead / step - 1e-9)
+            options = replace(options, stop_time=stop)
+        found.append(replace(one, options=options))
+    return found
+
+
+def _find_signal(preparation: Preparation, signal: str) -> tuple[str, SiUnit | None]:
+    """Return full name and unit of a signal; raise CommandError if it does not exist, or is no number."""
+    found = Names(preparation.system, preparation.interfaces).find(signal)
+    if found.variable.type not in ("Real", "Integer"):
+        raise CommandError(f"{signal} is of the type {found.variable.type}; measured signals are numbers.")
+    return found.full_name, found.unit
+
+
+def _choose_times(options: Options, measured: Sequence[MeasuredSignal], may_be_late: bool) -> dict[str, Any]:
+    """Return stop time and output interval that suit the measurement, where the user gave none.
+
+    Samples of a sensor that may be late are between rows, which are nearer to each other then.
+    """
+    changed: dict[str, Any] = {}
+    if not measured:
+        return changed
+    last = max(float(one.time[-1]) for one in measured)
+    start, step = options.start_time or 0.0, options.step_size
+    if options.stop_time is None or options.stop_time > last:
+        changed["stop_time"] = last if not step else start + step * np.ceil((last - start) / step - 1e-9)
+    if options.output_interval is None and step:
+        between = min(float(np.median(np.diff(one.time))) for one in measured)
+        rows = _ROWS if may_be_late else 1
+        changed["output_interval"] = step * max(round(min(between, 1e-3) / rows / step), 1)
+    return {name: float(value) for name, value in changed.items()}
+
+
+def _read_sigma(asked: Mapping[str, Any], units: Mapping[str, SiUnit | None]) -> dict[str, float]:
+    found = {}
+    for signal, given in asked.items():
+        label = f"the standard deviation of {signal}"
+        value = read_quantity(str(given), label, units[signal])
+        if not 0.0 < value < float("inf"):
+            raise CommandError(f"{label} is {given}; it must be positive.", signal=signal)
+        found[signal] = value
+    return found
+
+
+def _check_samples(
+    plan: IdentificationPlan,
+    signals: Sequence[Sequence[MeasuredSignal]],
+    parameters: Parameters,
+    sigma: Mapping[str, float],
+) -> None:
+    """Raise CommandError if there are too few samples, or a standard deviation is of no measured signal."""
+    fitted = [x for one, of in zip(plan.experiments, signals, strict=True) if not one.held_out for x in of]
+    samples = sum(len(signal.time) for signal in fitted)
+    if samples <= len(parameters.items):
+        raise CommandError(
+            f"{plan.where} has {samples} samples for {len(parameters.items)} parameters; more are needed."
+        )
+    measured = {signal.signal for of in signals for signal in of}
+    if idle := [signal for signal in sigma if signal not in measured]:
+        raise CommandError(f"{idle[0]} in 'sigma' of {plan.where} is not measured.", signal=idle[0])

@@ -1,0 +1,265 @@
+"""What standard errors do not show: how much of each estimate a shift in time makes, and the step size.
+
+Inputs and measurements are compared at the times that their files name. A sensor with a filter, a controller
+that samples, or a recorder that writes a sample late shift them against each other. A model without it
+fits a part of the shift with its parameters. Standard errors do not show that: it is the same in each cycle.
+"""
+
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...base.arrays import Vector
+from ...base.errors import join_names
+from ...run.half_step import HalfStep
+from .certainty import Certainty, find_covariance, judge
+from .measurement import MeasuredSignal
+from .parameters import DELAY, Parameters
+from .problem import Derivatives, Problem
+from .residuals import scale_for_loss
+
+_CERTAIN = 3.0
+"""Shift in its standard errors from which it is taken as real."""
+
+_MOST = 1.0
+"""Change in standard errors above which the step makes an estimate."""
+
+
+@dataclass(frozen=True)
+class TimeShift:
+    """A measured signal that is later than predicted, or earlier if negative.
+
+    Attributes:
+        signal: the signal.
+        seconds: by how much.
+        error: standard error of that in s.
+    """
+
+    signal: str
+    seconds: float
+    error: float
+
+    def __str__(self) -> str:
+        way = "later" if self.seconds > 0.0 else "earlier"
+        return (
+            f"{self.signal} is {1e3 * abs(self.seconds):.3g} ± {1e3 * self.error:.1g} ms {way} than predicted"
+        )
+
+
+def judge_estimates(
+    problem: Problem, point: Vector, residuals: Vector, slopes: Derivatives, loss: str
+) -> tuple[Certainty, list[str]]:
+    """Return the certainty of estimates, and notes on what else than the machine makes them.
+
+    Args:
+        problem: the problem.
+        point: places of the estimates, shape (p,).
+        residuals: residuals in standard deviations, shape (n,).
+        slopes: their derivatives.
+        loss: the loss function, a name of `LOSSES`.
+    """
+    parameters = problem.predictor.parameters
+    lengths = [len(one.time) for one in problem.samples]
+
+    def assess(of: Vector, moves: Vector | None = None) -> Certainty:
+        return judge(
+            parameters,
+            point,
+            of,
+            slopes.matrix,
+            lengths,
+            slopes.change,
+            loss,
+            problem.blocked,
+            slopes.unevenness,
+            moves,
+        )
+
+    if problem.is_exact(residuals):
+        return assess(residuals), ["the step is not judged: the fit is exact, residuals are rounding"]
+    sensors = [one.sensor for one in parameters.items if one.sensor is not None]
+    shifts, moves = find_time_shifts(
+        problem.samples,
+        residuals,
+        slopes.matrix,
+        [problem.sigma[one.signal] for one in problem.samples],
+        loss,
+        known={signal for kind, signal in sensors if kind == DELAY},
+    )
+    notes = _describe_shifts(shifts, parameters, point, moves, assess(residuals))
+    shifted = partial(assess, moves=moves)
+    halved = problem.halve_step(point)
+    if isinstance(halved, str):
+        return shifted(residuals), [*notes, f"the step is not judged: {halved.rstrip('.')}"]
+    half = max(problem.predictor.half_steps.values(), key=lambda half: half.step)
+    judged = (parameters, point, residuals, halved, slopes.matrix, loss, half)
+    found, made = _judge_step(*judged, assess)
+    if made or not shifts:  # a shift that the step makes is not one of the machine
+        return found, made
+    found, made = _judge_step(*judged, shifted)
+    return found, [*notes, *made]
+
+
+def find_time_shifts(
+    samples: Sequence[MeasuredSignal],
+    residuals: Vector,
+    jacobian: NDArray[np.float64],
+    sigma: Sequence[float],
+    loss: str,
+    known: Collection[str],
+) -> tuple[list[TimeShift], Vector]:
+    """Return the shifts that the residuals show, and by how much the estimates would move without them.
+
+    Shifts and parameters are estimated together, by one Gauss-Newton step.
+
+    Args:
+        samples: the measured signals, in the order of the residuals.
+        residuals: prediction minus measurement in standard deviations, shape (n,).
+        jacobian: derivatives of the residuals by the places, shape (n, p).
+        sigma: standard deviation of each signal in its unit.
+        loss: the loss function, a name of `LOSSES`.
+        known: signals whose delay is a parameter.
+
+    Returns:
+        The shifts, and the moves of the places, shape (p,).
+    """
+    pulls, factors = scale_for_loss(loss, residuals)
+    lengths = [len(one.time) for one in samples]
+    ends = np.cumsum([0, *lengths])
+    slopes = np.zeros((len(residuals), len(samples)))
+    for k, (one, deviation) in enumerate(zip(samples, sigma, strict=True)):
+        part = slice(ends[k], ends[k + 1])
+        predicted = one.values / deviation + residuals[part]
+        if one.signal not in known and len(one.time) > 2:
+            with np.errstate(all="ignore"):  # two samples at one time, where the signal jumps, have no slope
+                slope = np.gradient(predicted, one.time)
+            slopes[part, k] = np.where(np.isfinite(slope), slope, 0.0)
+    moved = [k for k in range(len(samples)) if slopes[:, k].any()]
+    free = np.flatnonzero(np.linalg.norm(jacobian, axis=0) > 0.0)
+    while moved:
+        every = np.column_stack([jacobian[:, free], slopes[:, moved]])
+        sizes = np.linalg.norm(every, axis=0)
+        every = every / sizes
+        curvature = (every * factors[:, None] ** 2).T @ every
+        change = np.linalg.lstsq(curvature, -every.T @ pulls, rcond=None)[0]
+        try:
+            # what is left: the shift itself is no noise that would hide it
+            rest, weights = scale_for_loss(loss, residuals + every @ change)
+            covariance = find_covariance(every * weights[:, None], every * rest[:, None], rest, lengths)
+        except np.linalg.LinAlgError:  # a shift that the parameters can make as well
+            break
+        errors = np.sqrt(np.diag(covariance))
+        certain = np.abs(change) > _CERTAIN * errors
+        if certain[len(free) :].all():
+            moves = np.zeros(jacobian.shape[1])
+            moves[free] = (change / sizes)[: len(free)]
+            seconds, of = (change / sizes)[len(free) :], (errors / sizes)[len(free) :]
+            shifts = [
+                TimeShift(samples[k].signal, float(-s), float(e))
+                for k, s, e in zip(moved, seconds, of, strict=True)
+            ]
+            return shifts, moves
+        moved = [k for k, is_certain in zip(moved, certain[len(free) :], strict=True) if is_certain]
+    return [], np.zeros(jacobian.shape[1])
+
+
+def _describe_shifts(
+    shifts: Sequence[TimeShift], parameters: Parameters, point: Vector, moves: Vector, found: Certainty
+) -> list[str]:
+    """Return a note on shifts in time.
+
+    Args:
+        shifts: the shifts.
+        parameters: the parameters.
+        point: places of the estimates, shape (p,).
+        moves: by how much these would move without the shifts, shape (p,).
+        found: the certainty without regard to the shifts.
+    """
+    if not shifts:
+        return []
+    changes = [
+        abs(item.extrapolate(float(x + move)) - item.extrapolate(float(x))) / one.error
+        for item, x, move, one in zip(parameters.items, point, moves, found.estimates, strict=True)
+        if one.error
+    ]
+    most = max(changes, default=0.0)
+    return [
+        f"{' and '.join(map(str, shifts))}. Without this shift in time, estimates would change by up to "
+        f"{most:.2g} standard errors; these contain that. Check the times of the data; a sensor that is late "
+        "is 'delay(SIGNAL)' in --vary"
+    ]
+
+
+def _judge_step(
+    parameters: Parameters,
+    point: Vector,
+    residuals: Vector,
+    halved: Vector,
+    jacobian: NDArray[np.float64],
+    loss: str,
+    half: HalfStep,
+    assess: Callable[[Vector], Certainty],
+) -> tuple[Certainty, list[str]]:
+    """Return the certainty with the change of each identified estimate by half the step, and a note.
+
+    The change is one Gauss-Newton step from the residuals at half the step. It needs no further runs, and
+    what a search has left of the way to its minimum is in both residuals.
+
+    Args:
+        parameters: the parameters.
+        point: places of the estimates, shape (p,).
+        residuals: residuals in standard deviations, shape (n,).
+        halved: residuals of the runs with half the step, shape (n,).
+        jacobian: derivatives of the residuals by the places, shape (n, p).
+        loss: the loss function, a name of `LOSSES`.
+        half: how the runs with half the step were made.
+        assess: returns the certainty for residuals.
+
+    Returns:
+        The certainty for `residuals`, and a note on the estimates that the step makes, if there are any.
+    """
+    found = assess(residuals)
+    free = [i for i, one in enumerate(found.estimates) if one.error]
+    moves = np.zeros(len(point))
+    moves[free] = _find_moves(residuals, halved, jacobian[:, free], loss)
+    found = _with_changes(parameters, point, moves, found)
+    changes = {one.name: abs(one.step_change) for one in found.estimates if one.step_change is not None}
+    made = [name for name, change in changes.items() if change > _MOST]
+    if not made:
+        return found, []
+    # the error of the step is part of the residuals, and so of the standard errors: a good step has less
+    rest = residuals + (halved - residuals + jacobian @ moves) / (1.0 - 0.5**half.order)
+    in_the_limit = _with_changes(parameters, point, moves, assess(rest)).estimates
+    least = [abs(one.step_change) for one in in_the_limit if one.step_change is not None]
+    worst = max(changes.values())
+    return found, [
+        f"the step, not the machine, made the {'estimate' if len(made) == 1 else 'estimates'} of "
+        f"{join_names(made)}: half the step changes {'it' if len(made) == 1 else 'them'} by "
+        f"{'' if len(made) == 1 else 'up to '}{worst:.3g} standard errors; "
+        f"{half.suggest(max(worst, *least) / _MOST)}"
+    ]
+
+
+def _find_moves(
+    residuals: Vector, halved: Vector, jacobian: NDArray[np.float64], loss: str
+) -> NDArray[np.float64]:
+    """Return how far the places of the minimum move with half the step."""
+    pulls, factors = scale_for_loss(loss, residuals)
+    change = scale_for_loss(loss, halved)[0] - pulls
+    sizes = np.linalg.norm(jacobian, axis=0)
+    slopes = jacobian / sizes
+    curvature = (slopes * factors[:, None] ** 2).T @ slopes
+    return np.linalg.lstsq(curvature, -slopes.T @ change, rcond=None)[0] / sizes
+
+
+def _with_changes(parameters: Parameters, point: Vector, moves: Vector, found: Certainty) -> Certainty:
+    """Return the certainty with the moves of the places, in standard errors of the estimates."""
+    estimates = list(found.estimates)
+    for i, one in enumerate(found.estimates):
+        if one.error:
+            slope = parameters.items[i].slope(float(point[i]))
+            estimates[i] = replace(one, step_change=float(slope * moves[i] / one.error))
+    return replace(found, estimates=estimates)
