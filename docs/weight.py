@@ -28,7 +28,6 @@ PARTS = {
     "pictures and pages": ("matplotlib", "pillow", "bokeh", "jinja2", "markupsafe"),
     "tuning, trajectories, samplings": ("scipy", "cma"),
     "sweeps, on all cores and on clusters": ("dask", "distributed", "cloudpickle", "cryptography"),
-    "sensitivities of sweeps": ("salib",),
     "loops of connections": ("networkx",),
     "verifying binaries": ("lief",),
 }

@@ -1,6 +1,7 @@
 """Read columns of a sweep's table as arrays: figures, factors, outcomes."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import polars
@@ -8,7 +9,10 @@ import polars
 from ...base.arrays import Indices, Vector
 from ...base.errors import CommandError, suggest_names
 from ...recorders.metrics import HELD, MetricDisplay
-from ..variants.data import DONE, STATUS, VARIANT, SweepData
+from ..variants.data import DONE, STATUS, VARIANT
+
+if TYPE_CHECKING:
+    from .result import SweepResult
 
 LARGEST = 1e150
 """Numbers beyond this count as missing: their squares overflow."""
@@ -31,7 +35,7 @@ class FactorColumn:
         return _varies(self.values)
 
 
-def read_factor(result: SweepData, name: str) -> FactorColumn:
+def read_factor(result: "SweepResult", name: str) -> FactorColumn:
     """Return a factor by name. One that is not numeric has levels, in the order of first occurrence."""
     column = result.variants[name]
     if column.dtype.is_numeric():
@@ -42,7 +46,7 @@ def read_factor(result: SweepData, name: str) -> FactorColumn:
     return FactorColumn(name, np.array([position[text] for text in texts]), levels)
 
 
-def check_figure(result: SweepData, figure: str) -> None:
+def check_figure(result: "SweepResult", figure: str) -> None:
     """Raise CommandError for a figure that a sweep does not have."""
     if figure in result.figures:
         return
@@ -50,7 +54,7 @@ def check_figure(result: SweepData, figure: str) -> None:
     raise CommandError(f"the sweep '{result.name}' has no figure '{figure}'; {meant}", name=figure)
 
 
-def figure_values(result: SweepData, figure: str) -> Vector:
+def figure_values(result: "SweepResult", figure: str) -> Vector:
     """Return a figure for each row of the table, Booleans as 0 and 1.
 
     It is NaN if missing, not finite, beyond `LARGEST`, or of a variant that is not done.
@@ -64,30 +68,30 @@ def figure_values(result: SweepData, figure: str) -> Vector:
     return values
 
 
-def figure_by_variant(result: SweepData, figure: str, count: int) -> Vector:
+def figure_by_variant(result: "SweepResult", figure: str, count: int) -> Vector:
     """Return a figure for the variants 0 to `count` - 1; NaN for one without a row. See `figure_values`."""
     values = np.full(count, np.nan)
     values[variant_numbers(result)] = figure_values(result, figure)
     return values
 
 
-def variant_numbers(result: SweepData) -> Indices:
+def variant_numbers(result: "SweepResult") -> Indices:
     """Return the variant number of each row."""
     return result.variants[VARIANT].to_numpy().astype(np.intp)
 
 
-def is_truth(result: SweepData, figure: str) -> bool:
+def is_truth(result: "SweepResult", figure: str) -> bool:
     """Return whether a figure is Boolean."""
     return result.variants[figure].dtype == polars.Boolean
 
 
-def find_varying_figures(result: SweepData) -> list[str]:
+def find_varying_figures(result: "SweepResult") -> list[str]:
     """Return the figures that differ between variants that are done: numbers first, labelled ones before."""
     found = [figure for figure in result.figures if _varies(figure_values(result, figure))]
     return sorted(found, key=lambda figure: (is_truth(result, figure), figure not in result.shown))
 
 
-def nothing_varies_error(result: SweepData, what: str) -> CommandError:
+def nothing_varies_error(result: "SweepResult", what: str) -> CommandError:
     """Return the error for a sweep without such a figure or factor to draw."""
     return CommandError(
         f"no {what} varies between the variants of the sweep '{result.name}' that are done; there is nothing "
@@ -95,22 +99,22 @@ def nothing_varies_error(result: SweepData, what: str) -> CommandError:
     )
 
 
-def main_figure(result: SweepData) -> str | None:
+def main_figure(result: "SweepResult") -> str | None:
     """Return the default figure: the first that varies, or else the first."""
     return next(iter([*find_varying_figures(result), *result.figures]), None)
 
 
-def is_done(result: SweepData) -> np.ndarray:
+def is_done(result: "SweepResult") -> np.ndarray:
     """Return for each row whether the variant is done."""
     return _statuses(result) == DONE
 
 
-def good_outcome(result: SweepData) -> str:
+def good_outcome(result: "SweepResult") -> str:
     """Return the name of the good outcome: held, or done if the sweep has no verdict."""
     return HELD if result.verdicts else DONE
 
 
-def read_outcomes(result: SweepData) -> np.ndarray:
+def read_outcomes(result: "SweepResult") -> np.ndarray:
     """Return the outcome of each variant: its status, or `NOT_HELD`.
 
     A variant that is done is not held if one of its verdicts is false or missing.
@@ -121,7 +125,7 @@ def read_outcomes(result: SweepData) -> np.ndarray:
     return outcomes
 
 
-def display_of(result: SweepData, figure: str) -> MetricDisplay:
+def display_of(result: "SweepResult", figure: str) -> MetricDisplay:
     """Return label, factor and unit for displaying a figure. The label begins with the subsystem."""
     known = result.shown.get(figure)
     if known is None:
@@ -152,7 +156,7 @@ def influence(one: FactorColumn, values: Vector) -> float:
     return float(np.sqrt(max(1.0 - unexplained, 0.0)))
 
 
-def _statuses(result: SweepData) -> np.ndarray:
+def _statuses(result: "SweepResult") -> np.ndarray:
     return np.array(result.variants[STATUS].to_list(), dtype=object)
 
 

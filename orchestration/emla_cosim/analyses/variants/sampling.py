@@ -63,8 +63,8 @@ def sample(
     - `one-at-a-time` takes the nominal variant, then the low and high end of each distribution with all
       others nominal.
     - `random`, `latin-hypercube` and `sobol` (scrambled) draw `runs` variants.
-    - `saltelli` draws `runs` base samples with len(distributions) + 2 variants each, in the order of
-      SALib.analyze.sobol without second order.
+    - `saltelli` draws `runs` base samples with len(distributions) + 2 variants each: a row of a matrix A,
+      the same with each value in turn from a matrix B, and the row of B.
 
     `grid` and `one-at-a-time` have no `runs`. `sobol` and `saltelli` converge best with a power of two. The
     same seed gives bitwise the same values.
@@ -174,13 +174,16 @@ def _sobol(distributions: Sequence[Distribution], runs: int, seed: int) -> Colum
 
 
 def _saltelli(distributions: Sequence[Distribution], runs: int, seed: int) -> Columns:
-    from SALib.sample import sobol
+    from scipy.stats import qmc
 
-    names = [str(i) for i in range(len(distributions))]
-    problem = {"num_vars": len(names), "names": names, "bounds": [[0.0, 1.0]] * len(names)}
-    size = 2 ** _exponent(runs)  # cut to `runs` below: SciPy warns about other sizes
-    points = sobol.sample(problem, size, calc_second_order=False, seed=_generator(seed))
-    return _at(distributions, points[: _saltelli_count(distributions, runs)])
+    factors = len(distributions)
+    # two matrices A and B, side by side
+    base = qmc.Sobol(2 * factors, rng=_generator(seed)).random_base2(_exponent(runs))[:runs]
+    rows = np.repeat(base[:, None, :factors], factors + 2, axis=1)
+    for i in range(factors):
+        rows[:, 1 + i, i] = base[:, factors + i]
+    rows[:, -1] = base[:, factors:]
+    return _at(distributions, rows.reshape(-1, factors))
 
 
 def _saltelli_count(distributions: Sequence[Distribution], runs: int) -> int:

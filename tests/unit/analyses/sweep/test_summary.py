@@ -1,16 +1,16 @@
 """The terminal shows counts, figures, worst variants and sensitivities of a sweep."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import polars
 import pytest
-from rich.console import Console, RenderableType
+from rich.console import Console
 
+from emla_cosim.analyses.frame.report import Report
+from emla_cosim.analyses.sweep.report import build_report, find_worst_variants, list_worst_commands
 from emla_cosim.analyses.sweep.result import SweepResult
-from emla_cosim.analyses.sweep.summary import find_worst_variants, format_summary, list_worst_commands
 from emla_cosim.analyses.variants.targets import Target
 from emla_cosim.base.errors import CommandError
 from emla_cosim.recorders.metrics import MetricDisplay
@@ -39,19 +39,21 @@ def made(**others: Any) -> SweepResult:
     )
 
 
-def lines(parts: Sequence[RenderableType], width: int = 100) -> list[str]:
-    """What is printed, the cells of tables parted by single spaces."""
+def lines(report: Report, width: int = 100) -> list[str]:
+    """What the terminal shows, the cells of tables parted by single spaces."""
     console = Console(width=width, record=True, force_terminal=False)
     with console.capture() as capture:
-        for part in parts:
-            console.print(part)
+        for section in report.sections:
+            if not section.is_on_page_only:
+                for part in (*section.lines, *(table.rich() for table in section.tables), *section.under):
+                    console.print(part, soft_wrap=isinstance(part, str))
     return [
         " ".join(line.translate(str.maketrans("│┃", "  ")).split()) for line in capture.get().splitlines()
     ]
 
 
 def test_counts_by_status_and_figures_in_display_units() -> None:
-    printed = lines(format_summary(made()))
+    printed = lines(build_report(made(sampling="grid")))
     assert printed[0] == "11 variants: 9 done (1 of them not held), 1 diverged, 1 died"
     assert printed[1] == "Figures of the variants that are done (9)"
     assert printed[3] == "least median 95 % largest"
@@ -75,7 +77,7 @@ def test_worst_variants_are_failed_ones_first() -> None:
 
 
 def test_worst_variants_have_their_problem() -> None:
-    printed = lines(format_summary(made(), "lift.error_m", 4))
+    printed = lines(build_report(made(), "lift.error_m", 4))
     start = printed.index("variant status lift error / µm")
     assert printed[start + 2 :] == [
         "8 diverged 9 m it diverged at 0.3 s.",
@@ -84,7 +86,7 @@ def test_worst_variants_have_their_problem() -> None:
         "4 done none",
         printed[-1],
     ]
-    printed = lines(format_summary(made(), "lift.held", 3))
+    printed = lines(build_report(made(), "lift.held", 3))
     assert "3 not held no" in printed
 
 
@@ -102,7 +104,7 @@ def test_summary_of_a_saltelli_sample() -> None:
     a, b = np.random.default_rng(0).random((2, 3000))
     rows = np.column_stack([a, b, a, b]).ravel()  # a, then with the first factor of b, the second, b
     values = [None, *rows[1:]]
-    printed = lines(format_summary(swept({"x[red]": rows, "y": rows}, {"f": values}, "saltelli")))
+    printed = lines(build_report(swept({"x[red]": rows, "y": rows}, {"f": values}, "saltelli")))
     assert "Sobol indices of f, from 2999 base samples, 1 left out" in printed
     found = [line.split() for line in printed if line.startswith(("x[red]", "y "))]
     assert [row[0] for row in found] == ["x[red]", "y"]
@@ -111,7 +113,7 @@ def test_summary_of_a_saltelli_sample() -> None:
 
 
 def test_too_few_base_samples_are_reported() -> None:
-    printed = " ".join(lines(format_summary(swept({"x": range(3)}, {"f": range(3)}, "saltelli"))))
+    printed = " ".join(lines(build_report(swept({"x": range(3)}, {"f": range(3)}, "saltelli"))))
     assert "1 of 1 base samples of the sweep 'made-up' have the figure 'f'" in printed
 
 
@@ -122,26 +124,26 @@ def test_summary_of_one_at_a_time() -> None:
         "one-at-a-time",
         shown=SHOWN,
     )
-    printed = lines(format_summary(result))
+    printed = lines(build_report(result))
     start = printed.index("lift error in µm, each factor alone")
     assert printed[start + 2] == "low nominal high"
     assert printed[start + 4 : start + 6] == ["y[b] 4 1 none", "x 2 1 1"]
 
 
-@pytest.mark.parametrize("sampling", ["random", "saltelli", "one-at-a-time"])
+@pytest.mark.parametrize("sampling", ["grid", "one-at-a-time"])
 def test_summaries_of_empty_sweeps(sampling: str) -> None:
-    assert lines(format_summary(swept({"a": []}, {"f": []}, sampling))) == ["0 variants: none"]
-    assert lines(format_summary(swept({"a": [1, 2]}, {}, sampling))) == ["2 variants: 2 done"]
-    failed = lines(format_summary(swept({"a": [1]}, {"f": [None]}, sampling, ["refused"])))
+    assert lines(build_report(swept({"a": []}, {"f": []}, sampling))) == ["0 variants: none"]
+    assert lines(build_report(swept({"a": [1, 2]}, {}, sampling))) == ["2 variants: 2 done"]
+    failed = lines(build_report(swept({"a": [1]}, {"f": [None]}, sampling, ["refused"])))
     assert failed[:2] == ["1 variant: 1 refused", "The worst variants"]
 
 
 def test_long_names_are_complete_and_not_markup() -> None:
     name = "[bold]a_<$" + "long.name" * 9
-    printed = lines(format_summary(swept({name: [1, 2]}, {name + "!": [1.0, 2.0]}, name=name)), 60)
+    printed = lines(build_report(swept({name: [1, 2]}, {name + "!": [1.0, 2.0]}, name=name)), 60)
     assert name + "!" in "".join(line.split(" ")[0] for line in printed[5:])
 
 
 def test_unknown_figure_gives_one_message() -> None:
     with pytest.raises(CommandError, match=r"no figure 'lift.eror_m'; did you mean lift.error_m"):
-        format_summary(made(), "lift.eror_m")
+        build_report(made(), "lift.eror_m")

@@ -6,16 +6,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ....base.arrays import Vector
-from ....views.plots.style import BLUE, GREY, ORANGE, PURPLE, RED, new_figure
-from ...variants.data import DIED, DIVERGED, DONE, FAILED, REFUSED, TIMED_OUT, SweepData
-from ..columns import NOT_HELD, FactorColumn, display_of
+from ...base.arrays import Vector
+from ...views.plots.style import BLUE, GREY, ORANGE, PURPLE, RED, new_figure
+from ..variants.data import DIED, DIVERGED, DONE, FAILED, REFUSED, TIMED_OUT
+from .columns import NOT_HELD, FactorColumn, display_of
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.axis import Axis
     from matplotlib.figure import Figure
+
+    from .result import SweepResult
 
 _DECADES = 2.0
 """Positive numbers get a logarithmic axis if 90 % of them span more decades than this."""
@@ -57,12 +59,12 @@ def label_with_unit(name: str, unit: str) -> str:
     return f"{name} / ({unit})" if re.search(r"[ /.*]", unit) else f"{name} / {unit}"
 
 
-def factor_label(result: SweepData, name: str) -> str:
+def factor_label(result: "SweepResult", name: str) -> str:
     """Return the label of a factor with its unit."""
     return label_with_unit(name, result.units.get(name) or "")
 
 
-def figure_label(result: SweepData, name: str) -> str:
+def figure_label(result: "SweepResult", name: str) -> str:
     """Return the label of a figure with its display unit."""
     shown = display_of(result, name)
     return label_with_unit(shown.label, shown.unit)

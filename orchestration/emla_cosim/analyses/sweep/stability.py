@@ -5,13 +5,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ....base.arrays import Vector
-from ....base.errors import CommandError
-from ....base.wording import format_number
-from ....recorders.metrics import HELD
-from ....views.plots.style import new_figure, tidy_axes
-from ...variants.data import DONE, SweepData
-from ..columns import (
+from ...base.arrays import Vector
+from ...base.errors import CommandError
+from ...base.wording import format_number
+from ...recorders.metrics import HELD
+from ...views.plots.style import new_figure, tidy_axes
+from ..variants.data import DONE
+from .columns import (
     FactorColumn,
     display_of,
     figure_values,
@@ -41,6 +41,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from .result import SweepResult
+
 _ROOM = 80
 """Characters that fit below the map."""
 
@@ -51,7 +53,7 @@ _TITLES = {HELD: "where it is held", DONE: "which variants are done"}
 """Titles of maps by the name of the good outcome."""
 
 
-def draw_map(result: SweepData, figures: Sequence[str] = ()) -> "Figure":
+def draw_map(result: "SweepResult", figures: Sequence[str] = ()) -> "Figure":
     """Draw which variants are held, shaded by a figure.
 
     If the sweep has no verdict, the map shows which variants are done. A grid of two factors has a cell for
@@ -95,7 +97,7 @@ def draw_map(result: SweepData, figures: Sequence[str] = ()) -> "Figure":
 
 
 def _two_factors(
-    result: SweepData, outcomes: np.ndarray, values: Vector
+    result: "SweepResult", outcomes: np.ndarray, values: Vector
 ) -> tuple[FactorColumn, FactorColumn]:
     """Return the two factors with the largest influence, in the order of the sweep."""
     factors = [one for name in result.factors if (one := read_factor(result, name)).varies]
@@ -113,7 +115,7 @@ def _splits(outcomes: np.ndarray) -> bool:
     return 0 < int((outcomes == DONE).sum()) < len(outcomes)
 
 
-def _note(result: SweepData, outcomes: np.ndarray, good: str) -> str:
+def _note(result: "SweepResult", outcomes: np.ndarray, good: str) -> str:
     what = f"being {good}" if _splits(outcomes) else "the figure"
     return f"The two of {len(result.factors)} factors with the largest rank correlation with {what}."
 

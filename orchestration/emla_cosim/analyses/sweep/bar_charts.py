@@ -5,19 +5,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ....base.errors import CommandError
-from ....views.plots.style import BLUE, GREY, ORANGE, tidy_axes
-from ...variants.data import SweepData
-from ..columns import display_of, find_varying_figures, is_truth, nothing_varies_error
-from ..sensitivity import (
-    ONE_AT_A_TIME,
-    SALTELLI,
-    LocalSensitivity,
-    SobolIndices,
-    check_sampling,
-    local_sensitivities,
-    sobol_indices,
-)
+from ...base.errors import CommandError
+from ...views.plots.style import BLUE, GREY, ORANGE, tidy_axes
+from .columns import display_of, find_varying_figures, is_truth, nothing_varies_error
 from .labels import (
     figure_label,
     new_panels,
@@ -27,18 +17,29 @@ from .labels import (
     scale,
     wrap_text,
 )
+from .sensitivity import (
+    ONE_AT_A_TIME,
+    SALTELLI,
+    LocalSensitivity,
+    SobolIndices,
+    check_sampling,
+    local_sensitivities,
+    sobol_indices,
+)
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from .result import SweepResult
+
 _MOST_PANELS, _MOST_BARS = 12, 12
 _NAME = 38
 """Most characters of a factor's name."""
 
 
-def draw_tornado(result: SweepData, figures: Sequence[str] = ()) -> "Figure":
+def draw_tornado(result: "SweepResult", figures: Sequence[str] = ()) -> "Figure":
     """Draw a panel for each figure with its change when a factor alone is low or high.
 
     The largest effect comes first. A cross marks a missing figure. Figures that the nominal variant does not
@@ -58,7 +59,7 @@ def draw_tornado(result: SweepData, figures: Sequence[str] = ()) -> "Figure":
     return figure
 
 
-def draw_sobol(result: SweepData, figures: Sequence[str] = ()) -> "Figure":
+def draw_sobol(result: "SweepResult", figures: Sequence[str] = ()) -> "Figure":
     """Draw a panel for each figure: first-order and total indices, 95 % confidence, largest total first."""
     check_sampling(result, SALTELLI, "Sobol indices")
     found = _panels(result, figures, sobol_indices)
@@ -72,7 +73,7 @@ def draw_sobol(result: SweepData, figures: Sequence[str] = ()) -> "Figure":
 
 
 def _panels(
-    result: SweepData, figures: Sequence[str], found: Callable[[SweepData, str], Any]
+    result: "SweepResult", figures: Sequence[str], found: Callable[["SweepResult", str], Any]
 ) -> dict[str, Any]:
     """Compute panels for these figures, by default the first that vary. Raise CommandError without any."""
     if figures:
@@ -91,7 +92,7 @@ def _panels(
 
 
 def _figure(
-    result: SweepData, panels: Mapping[str, Any], draw: Callable[["Axes", str, Any], None]
+    result: "SweepResult", panels: Mapping[str, Any], draw: Callable[["Axes", str, Any], None]
 ) -> "Figure":
     bars = min(len(result.factors), _MOST_BARS)
     titles = [wrap_text(figure_label(result, name), 50) for name in panels]
@@ -101,7 +102,7 @@ def _figure(
     return figure
 
 
-def _note(result: SweepData, more: int) -> str:
+def _note(result: "SweepResult", more: int) -> str:
     notes = []
     if len(result.factors) > _MOST_BARS:
         notes.append(f"The {_MOST_BARS} strongest of {len(result.factors)} factors.")
@@ -110,7 +111,7 @@ def _note(result: SweepData, more: int) -> str:
     return " ".join(notes)
 
 
-def _draw_tornado(axes: "Axes", result: SweepData, name: str, rows: Sequence[LocalSensitivity]) -> None:
+def _draw_tornado(axes: "Axes", result: "SweepResult", name: str, rows: Sequence[LocalSensitivity]) -> None:
     rows, factor = rows[:_MOST_BARS], display_of(result, name).factor
     nominal = factor * (rows[0].nominal or 0.0)
     for place, row in enumerate(rows):

@@ -7,17 +7,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 import polars
 
-from ....base.arrays import Vector
-from ....base.errors import CommandError, check_choice
-from ....views.plots.style import BLUE, tidy_axes
-from ...variants.data import VARIANT, SweepData
-from ..columns import LARGEST, is_done
+from ...base.arrays import Vector
+from ...base.errors import CommandError, check_choice
+from ...views.plots.style import BLUE, tidy_axes
+from ..variants.data import VARIANT
+from .columns import LARGEST, is_done
 from .labels import label_with_unit, new_panels, put_legend, put_title, wrap_text
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from .result import SweepResult
 
 PERCENTILES = (5, 25, 50, 75, 95)
 _MOST_TIMES = 400
@@ -36,7 +38,7 @@ class PercentileBands:
     values: Vector
 
 
-def compute_bands(result: SweepData, signal: str) -> PercentileBands:
+def compute_bands(result: "SweepResult", signal: str) -> PercentileBands:
     """Return percentiles of a signal, at no more than 400 times of the variant that ran longest.
 
     Variants with other times are interpolated linearly, from their first row to their last. Variants are
@@ -72,7 +74,7 @@ def compute_bands(result: SweepData, signal: str) -> PercentileBands:
     return PercentileBands(times, np.column_stack([_percentiles(column) for column in values.T]))
 
 
-def _series(result: SweepData) -> polars.LazyFrame:
+def _series(result: "SweepResult") -> polars.LazyFrame:
     if result.series is None or not result.signals:
         raise CommandError(f"the sweep '{result.name}' kept no signals over time.")
     return result.series
@@ -97,7 +99,7 @@ def _percentiles(values: Vector) -> Vector:
     return np.percentile(known, PERCENTILES) if len(known) else np.full(len(PERCENTILES), np.nan)
 
 
-def draw_bands(result: SweepData, signals: Sequence[str] = ()) -> "Figure":
+def draw_bands(result: "SweepResult", signals: Sequence[str] = ()) -> "Figure":
     """Draw a panel for each signal that has values; default: the first 12 recorded signals."""
     _series(result)
     chosen = list(signals or result.signals[:_MOST_PANELS])
@@ -136,7 +138,7 @@ def _handles() -> "dict[str, Artist]":
     }
 
 
-def _note(result: SweepData, left_out: int) -> str:
+def _note(result: "SweepResult", left_out: int) -> str:
     variants, done = len(result.variants), int(is_done(result).sum())
     note = f"{variants} variant{'s' if variants != 1 else ''}"
     if done < variants:

@@ -5,11 +5,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ....base.arrays import Vector
-from ....base.errors import join_names
-from ....views.plots.style import new_figure, tidy_axes
-from ...variants.data import SweepData
-from ..columns import (
+from ...base.arrays import Vector
+from ...base.errors import join_names
+from ...views.plots.style import new_figure, tidy_axes
+from .columns import (
     FactorColumn,
     display_of,
     figure_values,
@@ -40,6 +39,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from .result import SweepResult
+
 _MOST_FIGURES, _MOST_FACTORS = 4, 6
 _NAMED = 6
 """Most omitted factors that the note names; of more it gives the number."""
@@ -48,7 +49,7 @@ _ROOM = 30
 """Characters that fit below a panel."""
 
 
-def draw_figures(result: SweepData, figures: Sequence[str] = ()) -> "Figure":
+def draw_figures(result: "SweepResult", figures: Sequence[str] = ()) -> "Figure":
     """Draw figures in rows and factors in columns.
 
     The default is the first 4 figures that vary, against the 6 strongest factors. Marks at the bottom of a
@@ -83,7 +84,7 @@ def draw_figures(result: SweepData, figures: Sequence[str] = ()) -> "Figure":
 
 
 def _draw_panel(
-    axes: "Axes", result: SweepData, one: FactorColumn, name: str, values: Vector, outcomes: np.ndarray
+    axes: "Axes", result: "SweepResult", one: FactorColumn, name: str, values: Vector, outcomes: np.ndarray
 ) -> None:
     shown = display_of(result, name).factor * values
     truth = is_truth(result, name)
@@ -118,7 +119,7 @@ def _draw_panel(
         scale(axes, axes.yaxis, shown)
 
 
-def _notes(result: SweepData, factors: Sequence[FactorColumn], figures_left: int) -> Iterator[str]:
+def _notes(result: "SweepResult", factors: Sequence[FactorColumn], figures_left: int) -> Iterator[str]:
     if len(factors) > _MOST_FACTORS:
         rest = [one.name for one in factors[_MOST_FACTORS:]]
         named = join_names(rest) if len(rest) <= _NAMED else f"{len(rest)} factors"
