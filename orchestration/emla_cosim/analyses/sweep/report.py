@@ -21,7 +21,6 @@ from .bands import draw_bands
 from .bar_charts import draw_sobol, draw_tornado
 from .columns import (
     NOT_HELD,
-    check_figure,
     display_of,
     figure_values,
     is_done,
@@ -46,8 +45,8 @@ _MOST_LETTERS = 1600
 
 _WORST_FILE = "worst.txt"
 
-WORST = 5
-"""Default number of the worst variants shown."""
+_MOST_WORST = 5
+"""Most of the worst variants to show."""
 
 PICTURES: dict[str, tuple["Callable[[SweepResult, Sequence[str]], Figure]", str]] = {
     "bands": (draw_bands, "Percentiles of the signals over time"),
@@ -80,37 +79,23 @@ def draw_pictures(result: SweepResult) -> "Iterator[tuple[str, Figure]]":
         yield f"{kind}.png", figure
 
 
-def build_report(result: SweepResult, figure: str | None = None, count: int = WORST) -> Report:
-    """Return the report of a sweep.
-
-    Args:
-        result: The sweep.
-        figure: Figure for sensitivities and worst variants. Default: the first that varies.
-        count: Number of the worst variants.
-
-    Raises:
-        CommandError: The sweep does not have the figure.
-    """
-    figure = figure or main_figure(result)
-    statements = make_statements(result)
-    sentences = [] if statements is None else statements.sentences
-    summary = Section(lines=[status_line(result), *sentences])
-    sections = [summary]
-    if figure is not None:
-        check_figure(result, figure)
-        if is_done(result).any():
-            sections.append(Section(tables=[figures_table(result)]))
-            if statements is not None and statements.quantiles:
-                intervals = [_intervals_table(result, statements)]
-                sections.append(Section(tables=intervals, is_on_page_only=True))
-            sections += _sensitivities(result, figure)
-        if len(result.variants):
-            under = list_worst_commands(result, figure, count)
-            sections.append(Section(tables=[worst_table(result, figure, count)], under=under))
+def build_report(result: SweepResult) -> Report:
+    """Return the report of a sweep."""
+    figure, statements = main_figure(result), make_statements(result)
+    sections = [Section(lines=[status_line(result), *([] if statements is None else statements.sentences)])]
+    if figure is not None and is_done(result).any():
+        sections.append(Section(tables=[figures_table(result)]))
+        if statements is not None and statements.quantiles:
+            sections.append(Section(tables=[_intervals_table(result, statements)], is_on_page_only=True))
+        sections += _sensitivities(result, figure)
+    if figure is not None and len(result.variants):
+        commands = list_worst_commands(result)
+        if result.folder is not None and _are_long(commands):
+            commands = [f"Commands to run each of them alone are in {result.folder / _WORST_FILE}."]
+        sections.append(Section(tables=[_worst_table(result, figure)], under=commands))
     pictures = {f"{kind}.png": shown for kind, (_, shown) in PICTURES.items()}
     sections.append(Section("Plots", pictures=pictures, is_on_page_only=True))
-    if result.notes:
-        sections.append(Section("Notes", [f"{note}." for note in result.notes], is_on_page_only=True))
+    sections.append(Section("Notes", [f"{note}." for note in result.notes], is_on_page_only=True))
     factors = format_count(len(result.factors), "factor")
     facts = [format_count(result.variants.height, "variant"), factors, f"sampling {result.sampling}"]
     return Report("Sweep", result.name, facts, sections)
@@ -220,7 +205,7 @@ def _strongest(rows: list[list[str]]) -> list[list[str]]:
     return [*rows[:_MOST_FACTORS], [f"and {rest} with less effect", *[""] * (len(rows[0]) - 1)]]
 
 
-def find_worst_variants(result: SweepResult, figure: str, count: int = WORST) -> polars.DataFrame:
+def find_worst_variants(result: SweepResult, figure: str, count: int) -> polars.DataFrame:
     """Return the rows of the worst variants: not done, then not held, then without the figure.
 
     Then follow the largest numbers, or false before true. Equal variants are sorted by number.
@@ -235,8 +220,7 @@ def find_worst_variants(result: SweepResult, figure: str, count: int = WORST) ->
     return result.variants[order[:count]]
 
 
-def worst_table(result: SweepResult, figure: str, count: int = WORST) -> ReportTable:
-    """Tabulate the worst variants (see `find_worst_variants`), each with its problem."""
+def _worst_table(result: SweepResult, figure: str) -> ReportTable:
     shown = display_of(result, figure)
     ended = dict(zip(result.variants[VARIANT], read_outcomes(result), strict=True))
     rows = [
@@ -246,28 +230,18 @@ def worst_table(result: SweepResult, figure: str, count: int = WORST) -> ReportT
             _format_figure(result, figure, row[figure]),
             row[PROBLEM] or "",
         ]
-        for row in find_worst_variants(result, figure, count).iter_rows(named=True)
+        for row in find_worst_variants(result, figure, _MOST_WORST).iter_rows(named=True)
     ]
     head = f"{shown.label} / {shown.unit}" if shown.unit else shown.label
     return ReportTable("The worst variants", ("variant", "status", head, ""), rows, texts=(1, 3))
 
 
-def list_worst_commands(result: SweepResult, figure: str | None = None, count: int = WORST) -> list[str]:
-    """Return lines with the commands that run the worst variants, or the file that has them if they are long.
-
-    `figure` is as in `build_report`.
-    """
-    lines = _worst_commands(result, figure, count)
-    if result.folder is not None and _are_long(lines):
-        return [f"Commands to run each of them alone are in {result.folder / _WORST_FILE}."]
-    return lines
-
-
-def _worst_commands(result: SweepResult, figure: str | None = None, count: int = WORST) -> list[str]:
-    figure = figure or main_figure(result)
-    if figure is None:
+def list_worst_commands(result: SweepResult) -> list[str]:
+    """Return lines with the commands that run the worst variants alone."""
+    if (figure := main_figure(result)) is None:
         return []
-    lines = [line for n in find_worst_variants(result, figure, count)[VARIANT] if (line := result.command(n))]
+    worst = find_worst_variants(result, figure, _MOST_WORST)[VARIANT]
+    lines = [line for number in worst if (line := result.command(number))]
     return [f"What runs {'it' if len(lines) == 1 else 'each'} alone:", *lines] if lines else []
 
 
@@ -277,7 +251,7 @@ def _are_long(lines: Sequence[str]) -> bool:
 
 def _worst_file(result: SweepResult) -> str | None:
     """Return the file with the commands that run the worst variants, if they are long."""
-    lines = _worst_commands(result)
+    lines = list_worst_commands(result)
     return "\n".join([f"# {lines[0]}", *lines[1:], ""]) if _are_long(lines) else None
 
 

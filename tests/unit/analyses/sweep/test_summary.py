@@ -1,6 +1,7 @@
 """The terminal shows counts, figures, worst variants and sensitivities of a sweep."""
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,10 +10,9 @@ import pytest
 from rich.console import Console
 
 from emla_cosim.analyses.frame.report import Report
-from emla_cosim.analyses.sweep.report import build_report, find_worst_variants, list_worst_commands
+from emla_cosim.analyses.sweep.report import OUTPUTS, build_report, find_worst_variants
 from emla_cosim.analyses.sweep.result import SweepResult
 from emla_cosim.analyses.variants.targets import Target
-from emla_cosim.base.errors import CommandError
 from emla_cosim.recorders.metrics import MetricDisplay
 from tests.support.sweep_results import swept
 
@@ -77,27 +77,30 @@ def test_worst_variants_are_failed_ones_first() -> None:
 
 
 def test_worst_variants_have_their_problem() -> None:
-    printed = lines(build_report(made(), "lift.error_m", 4))
+    printed = lines(build_report(made()))
     start = printed.index("variant status lift error / µm")
-    assert printed[start + 2 :] == [
+    assert printed[start + 2 : start + 7] == [
         "8 diverged 9 m it diverged at 0.3 s.",
         "10 died none it died at 0.3 s.",
         "3 not held 3",
         "4 done none",
-        printed[-1],
+        "7 done 0.02 m",
     ]
-    printed = lines(build_report(made(), "lift.held", 3))
-    assert "3 not held no" in printed
 
 
 def test_worst_variants_have_their_command() -> None:
     result = replace(made(), base=["emla", "run", "my study"], targets={"a": [Target("x.y[1]")]})
-    assert list_worst_commands(result, "lift.error_m", 2) == [
-        "What runs each alone:",
-        "emla run 'my study' --set 'x.y[1]=8'",
-        "emla run 'my study' --set 'x.y[1]=10'",
-    ]
-    assert list_worst_commands(made(), "lift.error_m") == []
+    commands = [f"emla run 'my study' --set 'x.y[1]={n}'" for n in (8, 10, 3, 4, 7)]
+    assert lines(build_report(result))[-6:] == ["What runs each alone:", *commands]
+    assert lines(build_report(made()))[-1].startswith("└")
+
+
+def test_long_commands_have_a_file(tmp_path: Path) -> None:
+    many = replace(made(), base=["emla", "run", "x" * 400], targets={"a": [Target("y")]}, folder=tmp_path)
+    text = OUTPUTS.tables["worst.txt"](many)
+    assert isinstance(text, str) and text.startswith("# What runs each alone:\nemla run xxx")
+    assert lines(build_report(many))[-1] == f"Commands to run each of them alone are in {tmp_path}/worst.txt."
+    assert OUTPUTS.tables["worst.txt"](made()) is None
 
 
 def test_summary_of_a_saltelli_sample() -> None:
@@ -142,8 +145,3 @@ def test_long_names_are_complete_and_not_markup() -> None:
     name = "[bold]a_<$" + "long.name" * 9
     printed = lines(build_report(swept({name: [1, 2]}, {name + "!": [1.0, 2.0]}, name=name)), 60)
     assert name + "!" in "".join(line.split(" ")[0] for line in printed[5:])
-
-
-def test_unknown_figure_gives_one_message() -> None:
-    with pytest.raises(CommandError, match=r"no figure 'lift.eror_m'; did you mean lift.error_m"):
-        build_report(made(), "lift.eror_m")

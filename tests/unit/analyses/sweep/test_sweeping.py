@@ -105,7 +105,7 @@ def test_pictures_and_page_are_written_on_request(
     assert {path.name for path in (tmp_path / "none").iterdir()} == {"sweep.json", "variants.parquet"}
     result = sweep("lift", vary, **options, output=tmp_path / "out", plots=True, report=True)
     names = {path.name for path in (tmp_path / "out").iterdir()}
-    assert names == {"sweep.json", "variants.parquet", "figures.png", "map.png", "sweep.html"}
+    assert names == {"sweep.json", "variants.parquet", "figures.png", "sweep.html"}
     page = (tmp_path / "out/sweep.html").read_text()
     for text in (
         "with 95 % confidence.",
@@ -114,7 +114,7 @@ def test_pictures_and_page_are_written_on_request(
         "The worst variants",
     ):
         assert text in page
-    assert all(str(result.command(i)) in page for i in range(3)) and page.count("<img") == 2
+    assert all(str(result.command(i)) in page for i in range(3)) and page.count("<img") == 1
 
 
 def test_fmu_of_a_component_varies(scheduler: Client, fmu_folder: Path, foreign_plant: Path) -> None:
