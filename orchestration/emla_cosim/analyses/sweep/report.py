@@ -29,9 +29,8 @@ from .columns import (
     read_outcomes,
 )
 from .result import RECORD, SERIES, TABLE, SweepResult
-from .scatter import draw_figures
+from .scatter import draw_figures, draw_map
 from .sensitivity import ONE_AT_A_TIME, SALTELLI, all_sobol_indices, local_sensitivities, sobol_indices
-from .stability import draw_map
 from .statements import QuantileInterval, Statements, make_statements
 
 if TYPE_CHECKING:
