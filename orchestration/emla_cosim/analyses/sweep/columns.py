@@ -46,14 +46,6 @@ def read_factor(result: "SweepResult", name: str) -> FactorColumn:
     return FactorColumn(name, np.array([position[text] for text in texts]), levels)
 
 
-def check_figure(result: "SweepResult", figure: str) -> None:
-    """Raise CommandError for a figure that a sweep does not have."""
-    if figure in result.figures:
-        return
-    meant = suggest_names(str(figure), result.figures)
-    raise CommandError(f"the sweep '{result.name}' has no figure '{figure}'; {meant}", name=figure)
-
-
 def figure_values(result: "SweepResult", figure: str) -> Vector:
     """Return a figure for each row of the table, Booleans as 0 and 1.
 
@@ -62,7 +54,9 @@ def figure_values(result: "SweepResult", figure: str) -> Vector:
     Raises:
         CommandError: The sweep does not have the figure.
     """
-    check_figure(result, figure)
+    if figure not in result.figures:
+        meant = suggest_names(str(figure), result.figures)
+        raise CommandError(f"the sweep '{result.name}' has no figure '{figure}'; {meant}", name=figure)
     values = _numbers(result.variants[figure])
     values[~is_done(result)] = np.nan
     return values
