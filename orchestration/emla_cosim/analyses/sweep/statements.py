@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -14,8 +14,7 @@ from .sensitivity import SALTELLI
 if TYPE_CHECKING:
     from .result import SweepResult
 
-QUANTILES = {"median": 0.5, "95 %": 0.95}
-"""Quantiles with intervals, by name."""
+_QUANTILES = {"median": 0.5, "95 %": 0.95}
 
 _EVEN = ("latin-hypercube", "sobol", SALTELLI)
 """Samplings that spread their draws more evenly than independent ones."""
@@ -26,8 +25,7 @@ _ASSUMPTION = (
 )
 
 
-@dataclass(frozen=True)
-class QuantileInterval:
+class QuantileInterval(NamedTuple):
     """A quantile of a figure, and the ends of its interval, which can be infinite."""
 
     value: float
@@ -42,8 +40,7 @@ class Statements:
     Attributes:
         event: What a variant must not be, such as "not held".
         count: Number of variants that are.
-        total: Number of variants that count: of a Saltelli sample those of matrix A, whose draws alone are
-            not related to each other.
+        total: Number of variants that count.
         sentences: How probable it is, and the assumption.
         quantiles: Quantiles of the figures over variants that are done, by figure and name of the quantile.
     """
@@ -58,45 +55,41 @@ class Statements:
         """Return the entries for sweep.json."""
         low, high = share_interval(self.count, self.total)
         share = {"count": self.count, "total": self.total, "low": low, "high": high}
-        return {
-            "statements": {"texts": self.sentences, self.event: share},
-            "quantiles": {
-                figure: {name: vars(interval) for name, interval in intervals.items()}
-                for figure, intervals in self.quantiles.items()
-            },
+        quantiles = {
+            figure: {name: interval._asdict() for name, interval in intervals.items()}
+            for figure, intervals in self.quantiles.items()
         }
+        return {"statements": {"texts": self.sentences, self.event: share}, "quantiles": quantiles}
 
 
 def make_statements(result: "SweepResult") -> Statements | None:
-    """Return the statements of a sweep; None if it is not complete, or its variants are not drawn at random.
+    """Return the statements of a sweep; None if its variants are not random draws.
 
-    Variants that were not finished before an interrupt may be the slow ones, so that the others are no
-    random draw.
+    Variants that are finished before an interrupt are not: those that take long may be missing. The rows of
+    a Saltelli sample are related to each other. Its statements use the rows of the matrix A only.
     """
-    is_random = result.sampling == "random"
+    is_random, is_saltelli = result.sampling == "random", result.sampling == SALTELLI
     if not (result.complete and result.variants.height and (is_random or result.sampling in _EVEN)):
         return None
-    outcomes, what = read_outcomes(result), "variants"
-    if result.sampling == SALTELLI:
+    outcomes = read_outcomes(result)
+    if is_saltelli:
         outcomes = outcomes[variant_numbers(result) % (len(result.factors) + 2) == 0]
-        what = "base samples"
-    event, total = f"not {good_outcome(result)}", len(outcomes)
-    count = int((outcomes != DONE).sum())
+    event, total, count = f"not {good_outcome(result)}", len(outcomes), int((outcomes != DONE).sum())
+    what = "base samples" if is_saltelli else "variants"
     sentences = [f"{describe_share(count, total, f'{what} {event}')}."]
     if not is_random:
         sentences.append(_ASSUMPTION.format(result.sampling))
-    return Statements(event, count, total, sentences, _intervals(result))
+    return Statements(event, count, total, sentences, {} if is_saltelli else _compute_intervals(result))
 
 
-def _intervals(result: "SweepResult") -> dict[str, dict[str, QuantileInterval]]:
-    """Return intervals of quantiles; none for a Saltelli sample, whose draws are related to each other."""
+def _compute_intervals(result: "SweepResult") -> dict[str, dict[str, QuantileInterval]]:
     intervals = dict[str, dict[str, QuantileInterval]]()
-    for figure in result.figures if result.sampling != SALTELLI else ():
+    for figure in result.figures:
         values = figure_values(result, figure)
         values = values[~np.isnan(values)]
         if len(values) and not is_truth(result, figure):
             intervals[figure] = {
                 name: QuantileInterval(float(np.quantile(values, q)), *quantile_interval(values, q))
-                for name, q in QUANTILES.items()
+                for name, q in _QUANTILES.items()
             }
     return intervals

@@ -93,13 +93,25 @@ def _check_method(method: str, distributions: Sequence[Distribution], runs: Any)
     sampling = SAMPLINGS[method]
     if not distributions:
         raise CommandError("nothing varies; a sampling needs at least one distribution.")
-    if sampling.takes_runs:
-        _check_runs(method, runs, sampling)
-    elif runs is not None:
+    dimensions = sampling.dimensions * len(distributions)
+    if not sampling.takes_runs:
+        if runs is not None:
+            raise CommandError(
+                f"the sampling '{method}' has no number of runs: {sampling.own_size}.",
+                method=method,
+                runs=runs,
+            )
+    elif runs is None:
+        raise CommandError(f"the sampling '{method}' needs a number of runs, 1 or more.", method=method)
+    elif convert_value(runs, int, "the number of runs") < 1:
+        raise CommandError(f"the number of runs is {runs}; it must be 1 or more.", runs=runs)
+    elif dimensions and runs > _MOST_SOBOL_RUNS:
         raise CommandError(
-            f"the sampling '{method}' has no number of runs: {sampling.own_size}.", method=method, runs=runs
+            f"the sampling '{method}' has at most {_MOST_SOBOL_RUNS} runs, the length of Sobol's sequence; "
+            f"the plan has {runs}.",
+            runs=runs,
         )
-    if sampling.dimensions * len(distributions) > _MOST_SOBOL_DIMENSIONS:
+    if dimensions > _MOST_SOBOL_DIMENSIONS:
         most = _MOST_SOBOL_DIMENSIONS // sampling.dimensions
         raise CommandError(
             f"the sampling '{method}' can vary at most {most} factors, as Sobol's sequence has no more "
@@ -107,19 +119,6 @@ def _check_method(method: str, distributions: Sequence[Distribution], runs: Any)
             method=method,
         )
     return sampling
-
-
-def _check_runs(method: str, runs: Any, sampling: Sampling) -> None:
-    if runs is None:
-        raise CommandError(f"the sampling '{method}' needs a number of runs, 1 or more.", method=method)
-    if convert_value(runs, int, "the number of runs") < 1:
-        raise CommandError(f"the number of runs is {runs}; it must be 1 or more.", runs=runs)
-    if sampling.dimensions and runs > _MOST_SOBOL_RUNS:
-        raise CommandError(
-            f"the sampling '{method}' has at most {_MOST_SOBOL_RUNS} runs, the length of Sobol's sequence; "
-            f"the plan has {runs}.",
-            runs=runs,
-        )
 
 
 def _generator(seed: int) -> np.random.Generator:
