@@ -12,14 +12,13 @@ from ...base.errors import CommandError, check_choice
 from ...base.wording import format_count
 from ...views.plots.style import BLUE, tidy_axes
 from ..variants.data import VARIANT
-from .columns import LARGEST, is_done
+from .columns import LARGEST
 from .labels import label_with_unit, new_panels, put_legend, put_title, wrap_text
+from .result import SweepResult
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-    from .result import SweepResult
 
 PERCENTILES = (5, 25, 50, 75, 95)
 _MOST_TIMES = 400
@@ -38,7 +37,7 @@ class PercentileBands:
     values: Vector
 
 
-def compute_bands(result: "SweepResult", signal: str) -> PercentileBands:
+def compute_bands(result: SweepResult, signal: str) -> PercentileBands:
     """Return percentiles of a signal, at no more than 400 times of the variant that ran longest.
 
     Variants with other times are interpolated linearly, from their first row to their last. Variants are
@@ -95,7 +94,7 @@ def _percentiles(values: Vector) -> Vector:
     return np.percentile(known, PERCENTILES) if len(known) else np.full(len(PERCENTILES), np.nan)
 
 
-def draw_bands(result: "SweepResult", signals: Sequence[str] = ()) -> "Figure":
+def draw_bands(result: SweepResult, signals: Sequence[str] = ()) -> "Figure":
     """Draw a panel for each signal that has values; default: the first 12 recorded signals."""
     computed = [(name, compute_bands(result, name)) for name in signals or result.signals[:_MOST_PANELS]]
     panels = [(name, bands) for name, bands in computed if not np.isnan(bands.values).all()]
@@ -121,12 +120,12 @@ def _draw_panel(axes: "Axes", bands: PercentileBands) -> None:
     axes.yaxis.get_offset_text().set_fontsize(8)
 
 
-def _put_legend(figure: "Figure", result: "SweepResult", left_out: int) -> None:
+def _put_legend(figure: "Figure", result: SweepResult, left_out: int) -> None:
     """Put a legend, and a note on variants and signals, of which `left_out` have no panel."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    early = len(result.variants) - int(is_done(result).sum())
+    early = len(result.variants) - int(result.is_done.sum())
     note = format_count(len(result.variants), "variant")
     if early:
         note += f"; {early} that ended early count up to their end"

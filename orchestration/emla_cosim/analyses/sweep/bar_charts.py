@@ -9,6 +9,7 @@ from ...base.errors import CommandError
 from ...views.plots.style import BLUE, GREY, ORANGE, tidy_axes
 from .columns import display_of, find_varying_figures, is_truth, nothing_varies_error
 from .labels import figure_label, new_panels, put_legend, put_levels, put_title, scale, wrap_text
+from .result import SweepResult
 from .sensitivity import (
     ONE_AT_A_TIME,
     SALTELLI,
@@ -23,8 +24,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from .result import SweepResult
-
 _MOST_PANELS, _MOST_BARS = 12, 12
 _NAME = 38
 """Most characters of a factor's name."""
@@ -33,7 +32,7 @@ _OFFSETS = {BLUE: -0.18, ORANGE: 0.18}
 """Colours and offsets of the two bars of a factor."""
 
 
-def draw_tornado(result: "SweepResult", figures: Sequence[str] = ()) -> "Figure":
+def draw_tornado(result: SweepResult, figures: Sequence[str] = ()) -> "Figure":
     """Draw a panel for each figure with its change when a factor alone is low or high.
 
     The largest effect comes first. A cross marks a missing figure. Figures that the nominal variant does not
@@ -52,7 +51,7 @@ def draw_tornado(result: "SweepResult", figures: Sequence[str] = ()) -> "Figure"
     )
 
 
-def draw_sobol(result: "SweepResult", figures: Sequence[str] = ()) -> "Figure":
+def draw_sobol(result: SweepResult, figures: Sequence[str] = ()) -> "Figure":
     """Draw a panel for each figure: first-order and total indices, 95 % confidence, largest total first."""
     check_sampling(result, SALTELLI, "Sobol indices")
     panels = _compute_panels(result, figures, sobol_indices)
@@ -63,7 +62,7 @@ def draw_sobol(result: "SweepResult", figures: Sequence[str] = ()) -> "Figure":
 
 
 def _compute_panels(
-    result: "SweepResult", figures: Sequence[str], compute: Callable[["SweepResult", str], Any]
+    result: SweepResult, figures: Sequence[str], compute: Callable[[SweepResult, str], Any]
 ) -> dict[str, Any]:
     """Compute panels for these figures, by default the first that vary. Raise CommandError without any."""
     if figures:
@@ -82,9 +81,9 @@ def _compute_panels(
 
 
 def _draw_panels(
-    result: "SweepResult",
+    result: SweepResult,
     panels: dict[str, Any],
-    draw: Callable[["SweepResult", "Axes", str, Any], None],
+    draw: Callable[[SweepResult, "Axes", str, Any], None],
     title: str,
     labels: tuple[str, str],
     more: int,
@@ -119,7 +118,7 @@ def _draw_panels(
     return figure
 
 
-def _draw_tornado(result: "SweepResult", axes: "Axes", name: str, rows: Sequence[LocalSensitivity]) -> None:
+def _draw_tornado(result: SweepResult, axes: "Axes", name: str, rows: Sequence[LocalSensitivity]) -> None:
     rows, factor = rows[:_MOST_BARS], display_of(result, name).factor
     nominal = factor * (rows[0].nominal or 0.0)
     for index, row in enumerate(rows):
@@ -138,7 +137,7 @@ def _draw_tornado(result: "SweepResult", axes: "Axes", name: str, rows: Sequence
         scale(axes, axes.xaxis, np.array([factor * v for row in rows for v in row[1:] if v is not None]))
 
 
-def _draw_sobol(_: "SweepResult", axes: "Axes", name: str, indices: SobolIndices) -> None:
+def _draw_sobol(_: SweepResult, axes: "Axes", name: str, indices: SobolIndices) -> None:
     from matplotlib.ticker import MultipleLocator
 
     order = np.argsort(-indices.total, kind="stable")[:_MOST_BARS]

@@ -9,14 +9,13 @@ import numpy as np
 from ...base.arrays import Vector
 from ...views.plots.style import new_figure
 from .columns import display_of
+from .result import SweepResult
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.axis import Axis
     from matplotlib.figure import Figure
-
-    from .result import SweepResult
 
 _DECADES = 2.0
 """Positive numbers get a logarithmic axis if 90 % of them span more decades than this."""
@@ -58,12 +57,12 @@ def label_with_unit(name: str, unit: str) -> str:
     return f"{name} / ({unit})" if re.search(r"[ /.*]", unit) else f"{name} / {unit}"
 
 
-def factor_label(result: "SweepResult", name: str) -> str:
+def factor_label(result: SweepResult, name: str) -> str:
     """Return the label of a factor with its unit."""
     return label_with_unit(name, result.units.get(name) or "")
 
 
-def figure_label(result: "SweepResult", name: str) -> str:
+def figure_label(result: SweepResult, name: str) -> str:
     """Return the label of a figure with its display unit."""
     shown = display_of(result, name)
     return label_with_unit(shown.label, shown.unit)

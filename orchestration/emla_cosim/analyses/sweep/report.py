@@ -20,15 +20,12 @@ from ..variants.data import DIED, DIVERGED, DONE, FAILED, PROBLEM, REFUSED, STAT
 from .bands import draw_bands
 from .bar_charts import draw_sobol, draw_tornado
 from .columns import (
-    NOT_HELD,
     display_of,
     figure_values,
-    is_done,
     is_truth,
     main_figure,
-    read_outcomes,
 )
-from .result import RECORD, SERIES, TABLE, SweepResult
+from .result import NOT_HELD, RECORD, SERIES, TABLE, SweepResult
 from .scatter import draw_figures, draw_map
 from .sensitivity import ONE_AT_A_TIME, SALTELLI, all_sobol_indices, local_sensitivities, sobol_indices
 from .statements import QuantileInterval, Statements, make_statements
@@ -82,7 +79,7 @@ def build_report(result: SweepResult) -> Report:
     """Return the report of a sweep."""
     figure, statements = main_figure(result), make_statements(result)
     sections = [Section(lines=[status_line(result), *([] if statements is None else statements.sentences)])]
-    if figure is not None and is_done(result).any():
+    if figure is not None and result.is_done.any():
         sections.append(Section(tables=[figures_table(result)]))
         if statements is not None and statements.quantiles:
             sections.append(Section(tables=[_intervals_table(result, statements)], is_on_page_only=True))
@@ -105,7 +102,7 @@ def status_line(result: SweepResult) -> str:
     statuses = [str(status) for status in result.variants[STATUS].to_list()]
     names = dict.fromkeys([DONE, DIVERGED, REFUSED, FAILED, DIED, *statuses])
     counts = {name: f"{statuses.count(name)} {name}" for name in names if name in statuses}
-    if wrong := int((read_outcomes(result) == NOT_HELD).sum()):
+    if wrong := int((result.outcomes == NOT_HELD).sum()):
         counts[DONE] += f" ({wrong} of them {NOT_HELD})"
     line = f"{format_count(len(statuses), 'variant')}: {', '.join(counts.values()) or 'none'}"
     if ended := sum(tells_requested_end(problem) for problem in result.variants[PROBLEM].to_list()):
@@ -130,7 +127,7 @@ def figures_table(result: SweepResult) -> ReportTable:
             numbers = np.percentile(values, [0, 50, 95, 100]) if len(values) else np.full(4, np.nan)
             cells = [format_figure(float(number), shown) for number in numbers]
         rows.append([shown.label, *cells, shown.unit])
-    title = f"Figures of the variants that are done ({int(is_done(result).sum())})"
+    title = f"Figures of the variants that are done ({int(result.is_done.sum())})"
     return ReportTable(title, ("", "least", "median", "95 %", "largest", ""), rows, texts=(0, 5))
 
 
@@ -214,14 +211,14 @@ def find_worst_variants(result: SweepResult, figure: str, count: int) -> polars.
     """
     values = figure_values(result, figure)
     badness = np.where(np.isnan(values), np.inf, -values if is_truth(result, figure) else values)
-    held = read_outcomes(result) != NOT_HELD
-    order = np.lexsort((result.variants[VARIANT].to_numpy(), -badness, held, is_done(result)))
+    held = result.outcomes != NOT_HELD
+    order = np.lexsort((result.variants[VARIANT].to_numpy(), -badness, held, result.is_done))
     return result.variants[order[:count]]
 
 
 def _worst_table(result: SweepResult, figure: str) -> ReportTable:
     shown = display_of(result, figure)
-    ended = dict(zip(result.variants[VARIANT], read_outcomes(result), strict=True))
+    ended = dict(zip(result.variants[VARIANT], result.outcomes, strict=True))
     rows = [
         [
             str(row[VARIANT]),

@@ -8,18 +8,24 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import polars
 
+from ...base.arrays import Mask
 from ...base.errors import CommandError
 from ...base.files import read_text
 from ...base.values import convert_value
 from ...recorders.metrics import HELD, MetricDisplay
-from ..variants.data import PROBLEM, STATUS, VARIANT
+from ..variants.data import DONE, PROBLEM, STATUS, VARIANT
 from ..variants.targets import Target, assign_value, format_arguments, merge_options
-from .sensitivity import SobolIndices, sobol_indices
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from .sensitivity import SobolIndices
+
+NOT_HELD = "not held"
+"""Outcome of a variant that is done but has a verdict `held` that is not true."""
 
 TABLE, RECORD, SERIES, PARTS = "variants.parquet", "sweep.json", "series", "parts"
 DESIGN = "design.parquet"
@@ -82,6 +88,28 @@ class SweepResult:
     record: Mapping[str, Any] = field(default_factory=dict, repr=False)
     resources: object = field(default=None, compare=False, repr=False)
 
+    @property
+    def is_done(self) -> Mask:
+        """Whether the variant of each row is done."""
+        return (self.variants[STATUS] == DONE).to_numpy()
+
+    @property
+    def good_outcome(self) -> str:
+        """The name of the good outcome: held, or done if the sweep has no verdict."""
+        return HELD if self.verdicts else DONE
+
+    @property
+    def outcomes(self) -> "np.ndarray[Any, Any]":
+        """The outcome of the variant of each row: its status; "not held" if done but not held.
+
+        A variant is not held if one of its verdicts is false or missing.
+        """
+        outcomes = np.array(self.variants[STATUS].to_list(), dtype=object)
+        for figure in self.verdicts:
+            is_held = (self.variants[figure].cast(polars.Float64) == 1.0).fill_null(False).to_numpy()
+            outcomes[self.is_done & ~is_held] = NOT_HELD
+        return outcomes
+
     def options(self, variant: int) -> dict[str, Any]:
         """Return the options of one variant, by name.
 
@@ -100,7 +128,7 @@ class SweepResult:
             return None
         return shlex.join([*self.base, *own])
 
-    def sobol(self, figure: str) -> SobolIndices:
+    def sobol(self, figure: str) -> "SobolIndices":
         """Return the Sobol indices of a metric. The sampling must be `saltelli`.
 
         Args:
@@ -115,10 +143,12 @@ class SweepResult:
         Warns:
             UserWarning: base samples are left out because variants failed, which biases the indices.
         """
-        found = sobol_indices(self, figure)
-        if found.warning is not None:
-            warnings.warn(found.warning, stacklevel=2)
-        return found
+        from .sensitivity import sobol_indices
+
+        indices = sobol_indices(self, figure)
+        if indices.warning is not None:
+            warnings.warn(indices.warning, stacklevel=2)
+        return indices
 
     def plot(self, kind: str, *names: str) -> "Figure":
         """Draw a picture of the sweep.

@@ -12,17 +12,14 @@ from ...recorders.metrics import HELD
 from ...views.plots.style import BLUE, GREY, ORANGE, PURPLE, RED, new_figure, tidy_axes
 from ..variants.data import DIED, DIVERGED, DONE, FAILED, REFUSED, TIMED_OUT
 from .columns import (
-    NOT_HELD,
     FactorColumn,
     display_of,
     figure_values,
     find_varying_figures,
-    good_outcome,
     influence,
     is_truth,
     nothing_varies_error,
     read_factor,
-    read_outcomes,
 )
 from .labels import (
     factor_label,
@@ -34,13 +31,12 @@ from .labels import (
     scale,
     wrap_text,
 )
+from .result import NOT_HELD, SweepResult
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.axis import Axis
     from matplotlib.figure import Figure
-
-    from .result import SweepResult
 
 _MOST_FIGURES, _MOST_FACTORS = 4, 6
 _NAMED = 6
@@ -83,7 +79,7 @@ def _group_outcomes(outcomes: np.ndarray) -> list[_OutcomeGroup]:
     return [group for group in groups if group.variants.any()]
 
 
-def draw_figures(result: "SweepResult", figures: Sequence[str] = ()) -> "Figure":
+def draw_figures(result: SweepResult, figures: Sequence[str] = ()) -> "Figure":
     """Draw figures in rows and factors in columns.
 
     The default is the first 4 figures that vary, against the 6 strongest factors. Marks at the bottom of a
@@ -97,7 +93,7 @@ def draw_figures(result: "SweepResult", figures: Sequence[str] = ()) -> "Figure"
     )
     if not (chosen and factors):
         raise nothing_varies_error(result, "factor" if chosen else "figure")
-    groups, shown = _group_outcomes(read_outcomes(result)), factors[:_MOST_FACTORS]
+    groups, shown = _group_outcomes(result.outcomes), factors[:_MOST_FACTORS]
     figure, grid = new_figure(len(chosen), len(shown), 2.5 if len(shown) > 1 else 5.0, 1.9, sharex="none")
     for row, name in zip(grid, chosen, strict=True):
         for axes, factor in zip(row, shown, strict=True):
@@ -117,13 +113,13 @@ def draw_figures(result: "SweepResult", figures: Sequence[str] = ()) -> "Figure"
     return figure
 
 
-def _varying_factors(result: "SweepResult") -> list[FactorColumn]:
+def _varying_factors(result: SweepResult) -> list[FactorColumn]:
     return [factor for name in result.factors if (factor := read_factor(result, name)).varies]
 
 
 def _draw_panel(
     axes: "Axes",
-    result: "SweepResult",
+    result: SweepResult,
     factor: FactorColumn,
     name: str,
     values: Vector,
@@ -170,13 +166,13 @@ def _put_factor(axes: "Axes", axis: "Axis", factor: FactorColumn, room: int, mos
     (axes.set_xlim if is_x else axes.set_ylim)(-0.5, len(factor.levels) - 0.5)
 
 
-def _put_legend(figure: "Figure", result: "SweepResult", groups: Sequence[_OutcomeGroup], note: str) -> None:
+def _put_legend(figure: "Figure", result: SweepResult, groups: Sequence[_OutcomeGroup], note: str) -> None:
     """Put a legend with the number of variants of each outcome, and a note."""
     from matplotlib.lines import Line2D
 
     style: Any = {"marker": "o", "linestyle": "", "markersize": 5}
     handles = {
-        f"{good_outcome(result) if name == DONE else name} ({variants.sum()})": Line2D(
+        f"{result.good_outcome if name == DONE else name} ({variants.sum()})": Line2D(
             [], [], color=color, **style
         )
         for name, variants, color in groups
@@ -185,7 +181,7 @@ def _put_legend(figure: "Figure", result: "SweepResult", groups: Sequence[_Outco
 
 
 def _describe_omissions(
-    result: "SweepResult", factors: Sequence[FactorColumn], figures_left: int
+    result: SweepResult, factors: Sequence[FactorColumn], figures_left: int
 ) -> Iterator[str]:
     if len(factors) > _MOST_FACTORS:
         rest = [factor.name for factor in factors[_MOST_FACTORS:]]
@@ -197,7 +193,7 @@ def _describe_omissions(
         yield f"{figures_left} more figures vary."
 
 
-def draw_map(result: "SweepResult", figures: Sequence[str] = ()) -> "Figure":
+def draw_map(result: SweepResult, figures: Sequence[str] = ()) -> "Figure":
     """Draw which variants are held, shaded by a figure.
 
     If the sweep has no verdict, the map shows which variants are done. A grid of two factors has a cell for
@@ -206,7 +202,7 @@ def draw_map(result: "SweepResult", figures: Sequence[str] = ()) -> "Figure":
     """
     if len(figures) > 1:
         raise CommandError(f"a map shows one figure, not {len(figures)}.")
-    outcomes, good = read_outcomes(result), good_outcome(result)
+    outcomes, good = result.outcomes, result.good_outcome
     varying = (figure for figure in find_varying_figures(result) if not is_truth(result, figure))
     name = next(iter(figures or varying), None)
     values = np.full(len(outcomes), np.nan)

@@ -3,16 +3,14 @@
 import contextlib
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ...base.arrays import Vector
 from ...base.errors import CommandError
 from .columns import figure_by_variant, figure_values, find_varying_figures, variant_numbers
-
-if TYPE_CHECKING:
-    from .result import SweepResult
+from .result import SweepResult
 
 SALTELLI, ONE_AT_A_TIME = "saltelli", "one-at-a-time"
 """The samplings for Sobol indices and local sensitivities."""
@@ -85,7 +83,7 @@ class LocalSensitivity(NamedTuple):
         return max(values) - min(values) if values else 0.0
 
 
-def sobol_indices(result: "SweepResult", figure: str) -> SobolIndices:
+def sobol_indices(result: SweepResult, figure: str) -> SobolIndices:
     """Return the Sobol indices of a figure from a Saltelli sample: N (d + 2) rows for d factors.
 
     A base sample counts only if all of its d + 2 variants have the figure (see `figure_values`). All indices
@@ -120,7 +118,7 @@ def sobol_indices(result: "SweepResult", figure: str) -> SobolIndices:
     return SobolIndices(figure, tuple(result.factors), *indices, groups=len(complete), left_out=left_out)
 
 
-def all_sobol_indices(result: "SweepResult") -> dict[str, SobolIndices]:
+def all_sobol_indices(result: SweepResult) -> dict[str, SobolIndices]:
     """Return the Sobol indices of every figure that varies and has them, by its name."""
     indices = dict[str, SobolIndices]()
     for figure in find_varying_figures(result):
@@ -168,7 +166,7 @@ def _estimate(a: Vector, ab: Vector, b: Vector) -> tuple[Vector, Vector]:
     return share(b * (ab - a)), share(0.5 * (a - ab) ** 2)
 
 
-def local_sensitivities(result: "SweepResult", figure: str) -> list[LocalSensitivity]:
+def local_sensitivities(result: SweepResult, figure: str) -> list[LocalSensitivity]:
     """Return a figure with each factor alone low and high, the factor with the largest effect first.
 
     Variant 0 is the nominal one. Low and high of each factor follow.
@@ -194,7 +192,7 @@ def local_sensitivities(result: "SweepResult", figure: str) -> list[LocalSensiti
     return sorted(rows, key=lambda row: -row.effect)
 
 
-def check_sampling(result: "SweepResult", sampling: str, what: str) -> None:
+def check_sampling(result: SweepResult, sampling: str, what: str) -> None:
     """Raise CommandError if a sweep has another sampling. `what` is what needs it, for the message."""
     if result.sampling != sampling:
         raise CommandError(

@@ -2,17 +2,15 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..frame.confidence import describe_share, quantile_interval, share_interval
 from ..variants.data import DONE
-from .columns import figure_values, good_outcome, is_truth, read_outcomes, variant_numbers
+from .columns import figure_values, is_truth, variant_numbers
+from .result import SweepResult
 from .sensitivity import SALTELLI
-
-if TYPE_CHECKING:
-    from .result import SweepResult
 
 _QUANTILES = {"median": 0.5, "95 %": 0.95}
 
@@ -62,7 +60,7 @@ class Statements:
         return {"statements": {"texts": self.sentences, self.event: share}, "quantiles": quantiles}
 
 
-def make_statements(result: "SweepResult") -> Statements | None:
+def make_statements(result: SweepResult) -> Statements | None:
     """Return the statements of a sweep; None if its variants are not random draws.
 
     Variants that are finished before an interrupt are not: those that take long may be missing. The rows of
@@ -71,10 +69,10 @@ def make_statements(result: "SweepResult") -> Statements | None:
     is_random, is_saltelli = result.sampling == "random", result.sampling == SALTELLI
     if not (result.complete and result.variants.height and (is_random or result.sampling in _EVEN)):
         return None
-    outcomes = read_outcomes(result)
+    outcomes = result.outcomes
     if is_saltelli:
         outcomes = outcomes[variant_numbers(result) % (len(result.factors) + 2) == 0]
-    event, total, count = f"not {good_outcome(result)}", len(outcomes), int((outcomes != DONE).sum())
+    event, total, count = f"not {result.good_outcome}", len(outcomes), int((outcomes != DONE).sum())
     what = "base samples" if is_saltelli else "variants"
     sentences = [f"{describe_share(count, total, f'{what} {event}')}."]
     if not is_random:
@@ -82,7 +80,7 @@ def make_statements(result: "SweepResult") -> Statements | None:
     return Statements(event, count, total, sentences, {} if is_saltelli else _compute_intervals(result))
 
 
-def _compute_intervals(result: "SweepResult") -> dict[str, dict[str, QuantileInterval]]:
+def _compute_intervals(result: SweepResult) -> dict[str, dict[str, QuantileInterval]]:
     intervals = dict[str, dict[str, QuantileInterval]]()
     for figure in result.figures:
         values = figure_values(result, figure)
