@@ -27,7 +27,6 @@ PARTS = {
     "documents in FMUs, SSP": ("latex2mathml", "markdown-it-py", "mdit-py-plugins", "lxml"),
     "pictures and pages": ("matplotlib", "pillow", "bokeh", "jinja2", "markupsafe"),
     "sweeps, tuning, trajectories": ("cloudpickle", "cma", "scipy"),
-    "sensitivities of sweeps": ("salib",),
     "loops of connections": ("networkx",),
     "verifying binaries": ("lief",),
 }

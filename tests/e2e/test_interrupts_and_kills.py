@@ -16,7 +16,7 @@ import psutil
 import pytest
 from click.testing import CliRunner
 
-from emla_cosim.analyses.sweep import runner
+from emla_cosim.analyses.frame import session
 from emla_cosim.analyses.variants.data import STATUS
 from emla_cosim.cli.app import app
 from emla_cosim.master.stepping.checkpoint import load_checkpoint
@@ -212,7 +212,7 @@ def test_sweep_without_a_finished_variant_is_interrupted(
     def interrupt_at_once() -> Iterator[Any]:
         yield lambda: True
 
-    monkeypatch.setattr(runner, "catch_interrupts", interrupt_at_once)
+    monkeypatch.setattr(session, "catch_interrupts", interrupt_at_once)
     vary = ("--vary", "lift.plant.motor.R_s=0.1,0.2")
     result = emla("sweep", "lift", *vary, *SHORT, "--output", "out")
     assert "interrupted; the results so far are in out" in sentence(result, 1)

@@ -391,7 +391,7 @@ CHANGES: list[tuple[Sequence[str], type[Any], str, Callable[[Path, Path], None]]
     (QUICK, OutputFolder, "keep", remove),
     (QUICK, OutputFolder, "keep", replace_by_link),
     ((*RUN, "--output", "out"), OutputFolder, "draw", replace_by_folder),
-    ((*SWEEP, "--output", "out"), SweepFolder, "merge", replace_by_link),
+    ((*SWEEP, "--output", "out"), SweepFolder, "finish", replace_by_link),
 ]
 """A command, the method before which its folder changes, and how."""
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import emla_cosim as ec
-from emla_cosim.analyses.sweep.summary import status_line
+from emla_cosim.analyses.sweep.report import status_line
 from emla_cosim.base.errors import CommandError, RunError
 from emla_cosim.base.units import LinearTransformation
 from emla_cosim.system.model import Alias, Component, Connection, System
@@ -167,7 +167,7 @@ def test_sweep_reports_variants_that_lost_a_value(
         "The FMU of Reluctant did not take 1 start value: share is 1.0 instead of 1.5.",
         None,
     ]
-    assert "In 1 of them, FMUs did not take start values" in status_line(result).plain
+    assert "In 1 of them, FMUs did not take start values" in status_line(result)
     result = ec.sweep(
         str(reluctant),
         stop_time=1.0,

@@ -7,7 +7,7 @@ import pytest
 
 import emla_cosim as ec
 from emla_cosim.analyses.compare.rows import read_verdict
-from emla_cosim.analyses.sweep.summary import status_line
+from emla_cosim.analyses.sweep.report import status_line
 from emla_cosim.analyses.variants.data import DONE, VariantOutcome
 from emla_cosim.base.errors import CommandError, RunError
 from tests.support.faulty_systems import Fault
@@ -68,7 +68,7 @@ def test_sweeps_count_these_variants(faulty_fmu: Path, on_one_cluster: None) -> 
     swept = ec.sweep(ec.load(system, **OPTIONS), {"a.at": [0.3, 5.0]}, metrics=["x = last(a.y)"])
     assert swept.variants["status"].to_list() == ["done", "done"]
     assert swept.variants["end_s"].to_list() == pytest.approx([0.3, 1.0])
-    assert "FMUs ended 1 of them before the stop time" in status_line(swept).plain
+    assert "FMUs ended 1 of them before the stop time" in status_line(swept)
 
 
 def test_comparisons_do_not_call_the_joint_held() -> None:

@@ -30,6 +30,7 @@ class Outputs(Generic[R]):
         report: Returns the report.
         draw: Returns the pictures by file name.
         pictures: Names of the pictures that are known before the analysis.
+        folders: Names of folders with further files.
         record_file: Name of the record. Default: `name`.json.
     """
 
@@ -40,6 +41,7 @@ class Outputs(Generic[R]):
     report: Callable[[R], Report]
     draw: "Callable[[R], Iterable[tuple[str, Figure]]]" = lambda _: ()
     pictures: Sequence[str] = ()
+    folders: Sequence[str] = ()
     record_file: str = ""
 
     @property

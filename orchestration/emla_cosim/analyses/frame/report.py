@@ -4,8 +4,10 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from rich.console import Group
 from rich.markup import escape
 from rich.table import Table
+from rich.text import Text as Title
 
 
 class Text(NamedTuple):
@@ -47,9 +49,9 @@ class ReportTable:
         """All cells by row."""
         return [[cell if isinstance(cell, Text) else Text(cell) for cell in row] for row in self.rows]
 
-    def rich(self) -> Table:
-        """Return the table for the terminal."""
-        table = Table(title=escape(self.title), title_justify="left", show_header=any(self.header))
+    def rich(self) -> Group:
+        """Return the table for the terminal, with its title, which may be wider."""
+        table = Table(show_header=any(self.header))
         for number, head in enumerate(self.header):
             is_text = number in self.texts
             table.add_column(
@@ -61,7 +63,7 @@ class ReportTable:
             if number in self.lines:
                 table.add_section()
             table.add_row(*(cell.styled() for cell in row))
-        return table
+        return Group(Title(self.title, style="table.title"), table)
 
     def markdown(self) -> str:
         """Return the table as Markdown."""

@@ -119,6 +119,7 @@ class Session(Generic[R]):
         overwrite: Whether to replace files that emla did not write.
         plots: Whether to draw pictures into the folder.
         report: Whether to write a page into the folder.
+        folder: Folder of an own kind, instead of `output`.
         scheduler: Address or client of a Dask scheduler; None for this machine.
         workers: Number of processes on this machine. Default: one for each core.
         progress: Receives the progress; each note only once.
@@ -135,6 +136,7 @@ class Session(Generic[R]):
         overwrite: bool = False,
         plots: bool = True,
         report: bool = False,
+        folder: AnalysisFolder[R] | None = None,
         scheduler: Scheduler = None,
         workers: int | None = None,
         progress: Progress | None = None,
@@ -143,7 +145,7 @@ class Session(Generic[R]):
         self.progress = NotesOnce(progress or Progress())
         self.began = time.monotonic()
         self._what, self._cluster = outputs.what, (scheduler, workers)
-        self.folder: AnalysisFolder[R] | None = None
+        self.folder = folder
         if output is not None:
             path = convert_value(output, Path, "the output folder")
             self.folder = AnalysisFolder(outputs, path, overwrite, plots, report)

@@ -1,4 +1,4 @@
-"""Read columns of a sweep's table as arrays: figures, factors, outcomes."""
+"""Read columns of a sweep's table as arrays: figures and factors."""
 
 from dataclasses import dataclass
 
@@ -7,14 +7,12 @@ import polars
 
 from ...base.arrays import Indices, Vector
 from ...base.errors import CommandError, suggest_names
-from ...recorders.metrics import HELD, MetricDisplay
-from ..variants.data import DONE, STATUS, VARIANT, SweepData
+from ...recorders.metrics import MetricDisplay
+from ..variants.data import VARIANT
+from .result import SweepResult
 
 LARGEST = 1e150
 """Numbers beyond this count as missing: their squares overflow."""
-
-NOT_HELD = "not held"
-"""Outcome of a variant that is done but has a verdict `held` that is not true."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +29,7 @@ class FactorColumn:
         return _varies(self.values)
 
 
-def read_factor(result: SweepData, name: str) -> FactorColumn:
+def read_factor(result: SweepResult, name: str) -> FactorColumn:
     """Return a factor by name. One that is not numeric has levels, in the order of first occurrence."""
     column = result.variants[name]
     if column.dtype.is_numeric():
@@ -42,15 +40,7 @@ def read_factor(result: SweepData, name: str) -> FactorColumn:
     return FactorColumn(name, np.array([position[text] for text in texts]), levels)
 
 
-def check_figure(result: SweepData, figure: str) -> None:
-    """Raise CommandError for a figure that a sweep does not have."""
-    if figure in result.figures:
-        return
-    meant = suggest_names(str(figure), result.figures)
-    raise CommandError(f"the sweep '{result.name}' has no figure '{figure}'; {meant}", name=figure)
-
-
-def figure_values(result: SweepData, figure: str) -> Vector:
+def figure_values(result: SweepResult, figure: str) -> Vector:
     """Return a figure for each row of the table, Booleans as 0 and 1.
 
     It is NaN if missing, not finite, beyond `LARGEST`, or of a variant that is not done.
@@ -58,36 +48,38 @@ def figure_values(result: SweepData, figure: str) -> Vector:
     Raises:
         CommandError: The sweep does not have the figure.
     """
-    check_figure(result, figure)
+    if figure not in result.figures:
+        meant = suggest_names(str(figure), result.figures)
+        raise CommandError(f"the sweep '{result.name}' has no figure '{figure}'; {meant}", name=figure)
     values = _numbers(result.variants[figure])
-    values[~is_done(result)] = np.nan
+    values[~result.is_done] = np.nan
     return values
 
 
-def figure_by_variant(result: SweepData, figure: str, count: int) -> Vector:
+def figure_by_variant(result: SweepResult, figure: str, count: int) -> Vector:
     """Return a figure for the variants 0 to `count` - 1; NaN for one without a row. See `figure_values`."""
     values = np.full(count, np.nan)
     values[variant_numbers(result)] = figure_values(result, figure)
     return values
 
 
-def variant_numbers(result: SweepData) -> Indices:
+def variant_numbers(result: SweepResult) -> Indices:
     """Return the variant number of each row."""
     return result.variants[VARIANT].to_numpy().astype(np.intp)
 
 
-def is_truth(result: SweepData, figure: str) -> bool:
+def is_truth(result: SweepResult, figure: str) -> bool:
     """Return whether a figure is Boolean."""
     return result.variants[figure].dtype == polars.Boolean
 
 
-def find_varying_figures(result: SweepData) -> list[str]:
+def find_varying_figures(result: SweepResult) -> list[str]:
     """Return the figures that differ between variants that are done: numbers first, labelled ones before."""
     found = [figure for figure in result.figures if _varies(figure_values(result, figure))]
     return sorted(found, key=lambda figure: (is_truth(result, figure), figure not in result.shown))
 
 
-def nothing_varies_error(result: SweepData, what: str) -> CommandError:
+def nothing_varies_error(result: SweepResult, what: str) -> CommandError:
     """Return the error for a sweep without such a figure or factor to draw."""
     return CommandError(
         f"no {what} varies between the variants of the sweep '{result.name}' that are done; there is nothing "
@@ -95,33 +87,12 @@ def nothing_varies_error(result: SweepData, what: str) -> CommandError:
     )
 
 
-def main_figure(result: SweepData) -> str | None:
+def main_figure(result: SweepResult) -> str | None:
     """Return the default figure: the first that varies, or else the first."""
     return next(iter([*find_varying_figures(result), *result.figures]), None)
 
 
-def is_done(result: SweepData) -> np.ndarray:
-    """Return for each row whether the variant is done."""
-    return _statuses(result) == DONE
-
-
-def good_outcome(result: SweepData) -> str:
-    """Return the name of the good outcome: held, or done if the sweep has no verdict."""
-    return HELD if result.verdicts else DONE
-
-
-def read_outcomes(result: SweepData) -> np.ndarray:
-    """Return the outcome of each variant: its status, or `NOT_HELD`.
-
-    A variant that is done is not held if one of its verdicts is false or missing.
-    """
-    outcomes = _statuses(result)
-    for figure in result.verdicts:
-        outcomes[is_done(result) & (figure_values(result, figure) != 1.0)] = NOT_HELD
-    return outcomes
-
-
-def display_of(result: SweepData, figure: str) -> MetricDisplay:
+def display_of(result: SweepResult, figure: str) -> MetricDisplay:
     """Return label, factor and unit for displaying a figure. The label begins with the subsystem."""
     known = result.shown.get(figure)
     if known is None:
@@ -150,10 +121,6 @@ def influence(one: FactorColumn, values: Vector) -> float:
     means = np.bincount(group, ranks) / count
     unexplained = np.var(ranks - means[group]) / np.var(ranks) * (len(y) - 1) / (len(y) - len(count))
     return float(np.sqrt(max(1.0 - unexplained, 0.0)))
-
-
-def _statuses(result: SweepData) -> np.ndarray:
-    return np.array(result.variants[STATUS].to_list(), dtype=object)
 
 
 def _ranks(values: Vector) -> Vector:

@@ -4,48 +4,39 @@ import contextlib
 import json
 import re
 import shutil
-from collections.abc import Mapping, Sequence
-from pathlib import Path
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import polars
 
 from ...base.errors import CommandError
-from ...base.files import UNFINISHED, read_text, report_write_errors, write_atomically
-from ...views.folder import Folder
-from ..variants.data import PROBLEM, STATUS, VARIANT, Chunk, to_parquet
+from ...base.files import UNFINISHED, report_write_errors, write_atomically
+from ..frame.outputs import AnalysisFolder
+from ..variants.data import VARIANT, Chunk, to_parquet
 from ..variants.measures import Measures
-from .pictures import PICTURES
-
-TABLE, RECORD, SERIES, PARTS = "variants.parquet", "sweep.json", "series", "parts"
-WORST = "worst.txt"
-DESIGN = "design.parquet"
-"""In `PARTS`: the columns of all variants that are known before they run."""
-
-COMPLETED, UNFINISHED_SWEEP = "completed", "unfinished"
+from .result import (
+    COMPLETED,
+    DESIGN,
+    ENDS,
+    NUMBERED,
+    PARTS,
+    RECORD,
+    SERIES,
+    UNFINISHED_SWEEP,
+    SweepResult,
+    read_record,
+    read_sweep,
+)
 
 _OURS = re.compile(rf"[0-9]{{9,}}\.parquet|{re.escape(DESIGN)}|{re.escape(UNFINISHED)}.*")
 """Names of parts, finished or being written."""
 
-_NUMBERED = "[0-9]*.parquet"
-"""Pattern of parts."""
 
-_ENDS = {
-    VARIANT: polars.Int64,
-    STATUS: polars.String,
-    PROBLEM: polars.String,
-    "end_s": polars.Float64,
-}
+class SweepFolder(AnalysisFolder[SweepResult]):
+    """The output folder of a sweep; it has `parts/` while the sweep is not complete."""
 
-
-class SweepFolder(Folder):
-    """The files of a sweep: `variants.parquet`, `series/`, `sweep.json`, and `parts/` while incomplete."""
-
-    what = "sweep"
-    files = (TABLE, WORST, RECORD)
-    pictures = tuple(f"{kind}.png" for kind in PICTURES)
     inner = (PARTS, SERIES)
-    record_file = RECORD
 
     def check(self, identity: Mapping[str, Any], resume: bool) -> None:
         """Check that a sweep with this identity can start or resume here.
@@ -53,29 +44,29 @@ class SweepFolder(Folder):
         Raises:
             CommandError: The folder has an unfinished sweep and `resume` is not set, or a different sweep.
         """
-        found = self.record()
-        self._check_places(begun=bool(found))
-        if resume and not found:
+        record = self._record()
+        self._check_inner_folders(begun=bool(record))
+        if resume and not record:
             raise CommandError(f"'{self.path}' has no sweep to resume; run without --resume.")
-        if resume and (differing := _describe_difference(found.get("identity"), identity)):
+        if resume and (differing := _describe_difference(record.get("identity"), identity)):
             raise CommandError(
                 f"the sweep in '{self.path}' cannot be resumed: it has different {differing}; "
                 "name another folder."
             )
-        if not resume and found and not self.is_complete and not self.overwrite:
+        if not resume and record and not self.is_complete and not self.overwrite:
             raise CommandError(
                 f"'{self.path}' has an unfinished sweep; --resume continues it, --overwrite replaces it, or "
                 "name another folder."
             )
 
-    def _check_places(self, begun: bool) -> None:
+    def _check_inner_folders(self, begun: bool) -> None:
         """Raise CommandError if an inner folder has files that do not belong to a sweep."""
         for name in (PARTS, SERIES):
-            place = self._place / name
+            path = self._place / name
             with report_write_errors(self.path):
-                there = list(place.iterdir()) if place.is_dir() else []
-            strange = [file for file in there if not begun or not _OURS.fullmatch(file.name)]
-            if strange or place.is_symlink() or (place.exists() and not place.is_dir()):
+                files = list(path.iterdir()) if path.is_dir() else []
+            strange = [file for file in files if not begun or not _OURS.fullmatch(file.name)]
+            if strange or path.is_symlink() or (path.exists() and not path.is_dir()):
                 raise CommandError(
                     f"'{self.path / name}' does not belong to a sweep; move it, or name another folder."
                 )
@@ -83,7 +74,10 @@ class SweepFolder(Folder):
     @property
     def is_complete(self) -> bool:
         """Whether the folder has a complete sweep."""
-        return self.record().get("status") == COMPLETED
+        return self._record().get("status") == COMPLETED
+
+    def _record(self) -> dict[str, Any]:
+        return read_record(self._place) if self.has_own_record() else {}
 
     def check_room(self, variants: int, figures: int, values_each: int) -> None:
         """Raise CommandError if the disk is too small. `values_each` counts values over time per variant."""
@@ -97,11 +91,11 @@ class SweepFolder(Folder):
             )
 
     def begin(self, record: Mapping[str, Any], about: polars.DataFrame, resume: bool) -> None:
-        """Start a sweep, or resume it (see `check`).
+        """Write the record and the columns that are known before the variants run.
 
         Args:
-            record: Content of sweep.json.
-            about: Columns by variant that are known before the run.
+            record: The record, without status.
+            about: These columns, by variant.
             resume: Whether to keep finished variants.
 
         Raises:
@@ -111,9 +105,9 @@ class SweepFolder(Folder):
             if not resume:
                 for name in (PARTS, SERIES):
                     self._remove_parts(name)
-                self.remove((*self.pictures, TABLE, WORST))
+                self.remove((*self.pictures, *self.outputs.tables))
             # the record first: without it, the parts would be files of the user's
-            earlier = self.record() if resume else {}
+            earlier = self._record() if resume else {}
             self.write_json(RECORD, {**earlier, **record, "status": UNFINISHED_SWEEP})
             for name in (PARTS, SERIES):
                 (self._place / name).mkdir(exist_ok=True)
@@ -126,32 +120,13 @@ class SweepFolder(Folder):
     def _remove_parts(self, name: str) -> None:
         """Remove a folder of parts, but keep other files in it. May raise OSError."""
         files = sorted((self._place / name).glob("*.parquet"), key=lambda file: file.name != DESIGN)
-        for file in files:  # the design first: `read_unfinished` then notices
+        for file in files:  # the design first: `read_sweep` then notices
             if _OURS.fullmatch(file.name):
                 file.unlink()
         with contextlib.suppress(OSError):
             (self._place / name).rmdir()
 
-    def record(self) -> dict[str, Any]:
-        """Read sweep.json; return nothing if there is no record. Raise CommandError if it cannot be read."""
-        return self.record_of(self._place) if self.has_own_record() else {}
-
-    @staticmethod
-    def record_of(folder: Path) -> dict[str, Any]:
-        """Read sweep.json in a folder. Raise CommandError if it cannot be read."""
-        try:
-            found = json.loads(read_text(folder / RECORD, "the record of the sweep"))
-        except ValueError as error:
-            raise CommandError(f"'{folder / RECORD}' cannot be read: {error}.") from error
-        if not isinstance(found, dict):
-            raise CommandError(f"'{folder / RECORD}' is not the record of a sweep.")
-        return found
-
-    def write_record(self, entries: Mapping[str, Any]) -> None:
-        """Add entries to sweep.json. Raise RunError if writing fails."""
-        self.write_json(RECORD, {**self.record(), **entries})
-
-    def keep(self, chunk: Chunk, measures: Measures) -> None:
+    def keep_chunk(self, chunk: Chunk, measures: Measures) -> None:
         """Write the results of a chunk atomically. Raise RunError if writing fails."""
         name = f"{chunk.outcomes[0].number:09d}.parquet"
         with report_write_errors(self.path):
@@ -163,66 +138,39 @@ class SweepFolder(Folder):
 
     def finished(self) -> set[int]:
         """Return the numbers of finished variants. Raise CommandError if a part cannot be read."""
-        parts = self._parts()
-        return set() if parts is None else set(parts[VARIANT])
+        numbers = set[int]()
+        for file in (self._place / PARTS).glob(NUMBERED):
+            try:
+                numbers.update(polars.read_parquet(file)[VARIANT])
+            except Exception as error:
+                raise CommandError(
+                    f"'{self.path / PARTS / file.name}' cannot be read; remove it to run its variants again."
+                ) from error
+        return numbers
 
-    def merge(self, about: polars.DataFrame, measures: Measures) -> None:
-        """Write variants.parquet: `about` (columns by variant) joined with the results of all parts."""
-        parts = self._parts()
-        if parts is None:
-            parts = _frame(Chunk([], 0.0), measures)
-        found = about.join(parts, on=VARIANT, how="inner").sort(VARIANT)
-        self.write(TABLE, to_parquet(found))
+    def finish(self, whole: bool, wall_s: float) -> None:
+        """Merge the parts to the table, and write the record. If all variants are done, remove the parts.
 
-    def close(self, whole: bool, wall_s: float) -> None:
-        """Record the duration in s and the status. If all variants are done, remove the parts."""
-        earlier = self.record()
-        spent = earlier.get("wall_s", 0.0) + wall_s
-        self.write_record({"wall_s": spent, "status": COMPLETED if whole else UNFINISHED_SWEEP})
-        if whole:
+        Args:
+            whole: Whether all variants are done.
+            wall_s: Further duration in s.
+
+        Raises:
+            RunError: Writing fails.
+        """
+        result = read_sweep(self.path)
+        record = {**result.record, "wall_s": result.wall_s + wall_s}
+        self.keep(replace(result, complete=whole, record=record), is_final=False)
+        if whole:  # from now on the table counts
+            self.write_json(RECORD, {**self._record(), "status": COMPLETED})
             with contextlib.suppress(OSError):
                 self._remove_parts(PARTS)
             with contextlib.suppress(OSError):
                 (self._place / SERIES).rmdir()  # where there are none
 
-    def _parts(self) -> polars.DataFrame | None:
-        files = sorted((self._place / PARTS).glob(_NUMBERED))
-        tables = [self._part(file) for file in files]
-        return polars.concat(tables, how="vertical") if tables else None
-
-    def _part(self, file: Path) -> polars.DataFrame:
-        try:
-            return polars.read_parquet(file)
-        except Exception as error:
-            raise CommandError(
-                f"'{self.path / PARTS / file.name}' cannot be read; remove it to run its variants again."
-            ) from error
-
-
-def read_unfinished(folder: Path, figures: Sequence[str]) -> tuple[polars.DataFrame, list[Path]] | None:
-    """Read the finished variants of a sweep that runs, or that was killed.
-
-    Args:
-        folder: The folder of the sweep.
-        figures: Names of the figures.
-
-    Returns:
-        The table so far, and the files of its signals; None if the parts are gone: the sweep is complete.
-    """
-    parts = sorted((folder / PARTS).glob(_NUMBERED))
-    empty = polars.DataFrame(schema=_ENDS | dict.fromkeys(figures, polars.Float64))
-    try:
-        tables = [polars.read_parquet(file) for file in parts] or [empty]
-        about = polars.read_parquet(folder / PARTS / DESIGN)
-    except FileNotFoundError:
-        return None
-    signals = [file for part in parts if (file := folder / SERIES / part.name).exists()]
-    return about.join(polars.concat(tables), on=VARIANT, how="inner").sort(VARIANT), signals
-
 
 def _frame(chunk: Chunk, measures: Measures) -> polars.DataFrame:
     rows = [(o.number, o.status, o.problem, o.end_s) for o in chunk.outcomes]
-    ends = polars.DataFrame(rows, schema=_ENDS, orient="row")
     columns = [
         polars.Series(
             name,
@@ -232,7 +180,7 @@ def _frame(chunk: Chunk, measures: Measures) -> polars.DataFrame:
         )
         for name in measures.names
     ]
-    return ends.with_columns(columns)
+    return polars.DataFrame(rows, schema=ENDS, orient="row").with_columns(columns)
 
 
 def _describe_difference(before: Any, now: Mapping[str, Any]) -> str:
@@ -240,5 +188,4 @@ def _describe_difference(before: Any, now: Mapping[str, Any]) -> str:
     if not isinstance(before, Mapping):
         return "contents"
     names = sorted(set(before) | set(now))
-    found = [n for n in names if before.get(n) != json.loads(json.dumps(now.get(n)))]
-    return " and ".join(found)
+    return " and ".join(n for n in names if before.get(n) != json.loads(json.dumps(now.get(n))))

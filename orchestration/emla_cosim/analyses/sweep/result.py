@@ -1,28 +1,47 @@
 """The result of a sweep: one row for every variant, and recorded signals over time."""
 
+import json
 import shlex
 import warnings
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import polars
 
+from ...base.arrays import Mask
 from ...base.errors import CommandError
+from ...base.files import read_text
 from ...base.values import convert_value
 from ...recorders.metrics import HELD, MetricDisplay
-from ..variants.data import VARIANT, SweepData
+from ..variants.data import DONE, PROBLEM, STATUS, VARIANT
 from ..variants.targets import Target, assign_value, format_arguments, merge_options
-from .folder import COMPLETED, SERIES, TABLE, SweepFolder, read_unfinished
-from .pictures import draw_picture
-from .sensitivity import SobolIndices, sobol_indices
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from .sensitivity import SobolIndices
+
+NOT_HELD = "not held"
+"""Outcome of a variant that is done but has a verdict `held` that is not true."""
+
+TABLE, RECORD, SERIES, PARTS = "variants.parquet", "sweep.json", "series", "parts"
+DESIGN = "design.parquet"
+"""In `PARTS`: the columns of all variants that are known before they run."""
+
+NUMBERED = "[0-9]*.parquet"
+"""Pattern of parts."""
+
+COMPLETED, UNFINISHED_SWEEP = "completed", "unfinished"
+
+ENDS = {VARIANT: polars.Int64, STATUS: polars.String, PROBLEM: polars.String, "end_s": polars.Float64}
+"""Columns of every part, before those of the figures."""
+
 
 @dataclass(frozen=True)
-class SweepResult(SweepData):
+class SweepResult:
     """Variants of a sweep with their metrics, and the signals that were kept.
 
     Attributes:
@@ -45,7 +64,51 @@ class SweepResult(SweepData):
         targets: start values and options that each factor sets.
         wall_s: wall time in s.
         notes: notes to read before the metrics, without full stops.
+        record: content of `sweep.json`.
     """
+
+    name: str
+    sampling: str
+    seed: int
+    factors: Sequence[str]
+    figures: Sequence[str]
+    variants: polars.DataFrame
+    signals: Sequence[str] = ()
+    series: polars.LazyFrame | None = None
+    units: Mapping[str, str] = field(default_factory=dict)
+    shown: Mapping[str, MetricDisplay] = field(default_factory=dict)
+    verdicts: Sequence[str] = ()
+    folder: Path | None = None
+    complete: bool = True
+    required: Sequence[str] = ()
+    base: Sequence[str] | None = None
+    targets: Mapping[str, Sequence[Target]] = field(default_factory=dict)
+    wall_s: float = 0.0
+    notes: Sequence[str] = ()
+    record: Mapping[str, Any] = field(default_factory=dict, repr=False)
+    resources: object = field(default=None, compare=False, repr=False)
+
+    @property
+    def is_done(self) -> Mask:
+        """Whether the variant of each row is done."""
+        return (self.variants[STATUS] == DONE).to_numpy()
+
+    @property
+    def good_outcome(self) -> str:
+        """The name of the good outcome: held, or done if the sweep has no verdict."""
+        return HELD if self.verdicts else DONE
+
+    @property
+    def outcomes(self) -> "np.ndarray[Any, Any]":
+        """The outcome of the variant of each row: its status; "not held" if done but not held.
+
+        A variant is not held if one of its verdicts is false or missing.
+        """
+        outcomes = np.array(self.variants[STATUS].to_list(), dtype=object)
+        for figure in self.verdicts:
+            is_held = (self.variants[figure].cast(polars.Float64) == 1.0).fill_null(False).to_numpy()
+            outcomes[self.is_done & ~is_held] = NOT_HELD
+        return outcomes
 
     def options(self, variant: int) -> dict[str, Any]:
         """Return the options of one variant, by name.
@@ -65,7 +128,7 @@ class SweepResult(SweepData):
             return None
         return shlex.join([*self.base, *own])
 
-    def sobol(self, figure: str) -> SobolIndices:
+    def sobol(self, figure: str) -> "SobolIndices":
         """Return the Sobol indices of a metric. The sampling must be `saltelli`.
 
         Args:
@@ -80,10 +143,12 @@ class SweepResult(SweepData):
         Warns:
             UserWarning: base samples are left out because variants failed, which biases the indices.
         """
-        found = sobol_indices(self, figure)
-        if found.warning is not None:
-            warnings.warn(found.warning, stacklevel=2)
-        return found
+        from .sensitivity import sobol_indices
+
+        indices = sobol_indices(self, figure)
+        if indices.warning is not None:
+            warnings.warn(indices.warning, stacklevel=2)
+        return indices
 
     def plot(self, kind: str, *names: str) -> "Figure":
         """Draw a picture of the sweep.
@@ -98,6 +163,8 @@ class SweepResult(SweepData):
         Raises:
             CommandError: a name does not exist, or the sampling does not allow this kind.
         """
+        from .report import draw_picture
+
         return draw_picture(self, kind, names)
 
 
@@ -120,16 +187,14 @@ def read_sweep(folder: str | Path) -> SweepResult:
         >>> ec.read_sweep("kept").variants.height
         2
     """
-    place = convert_value(folder, Path, "the folder of the sweep")
-    record = SweepFolder.record_of(place)
+    path = convert_value(folder, Path, "the folder of the sweep")
+    record = read_record(path)
     try:
-        found = None
-        if record["status"] != COMPLETED:
-            found = read_unfinished(place, record["figures"])
-        if found is None:
-            record = SweepFolder.record_of(place)  # it may be complete by now
-            found = polars.read_parquet(place / TABLE), sorted((place / SERIES).glob("*.parquet"))
-        variants, signals = found
+        parts = None if record["status"] == COMPLETED else _read_parts(path, record["figures"])
+        if parts is None:
+            record = read_record(path)  # it may be complete by now
+            parts = polars.read_parquet(path / TABLE), sorted((path / SERIES).glob("*.parquet"))
+        variants, signals = parts
         series = None
         if signals:  # each is sorted by variant, but retried chunks come late
             series = polars.scan_parquet(signals).sort(VARIANT, maintain_order=True)
@@ -146,13 +211,41 @@ def read_sweep(folder: str | Path) -> SweepResult:
             units=record["units"],
             shown={name: MetricDisplay(**shown) for name, shown in record["shown"].items()},
             verdicts=record.get("verdicts", former),
-            folder=place,
+            folder=path,
             complete=record["status"] == COMPLETED,
             required=record["required"],
             base=record["base"],
             targets={name: [Target(**t) for t in targets] for name, targets in record["factors"].items()},
             wall_s=record.get("wall_s", 0.0),
             notes=record.get("notes", ()),
+            record=record,
         )
     except (OSError, KeyError, TypeError, ValueError, polars.exceptions.PolarsError) as error:
-        raise CommandError(f"'{place}' has no readable sweep: {error}.") from error
+        raise CommandError(f"'{path}' has no readable sweep: {error}.") from error
+
+
+def read_record(folder: Path) -> dict[str, Any]:
+    """Read sweep.json in a folder. Raise CommandError if it cannot be read."""
+    try:
+        record = json.loads(read_text(folder / RECORD, "the record of the sweep"))
+    except ValueError as error:
+        raise CommandError(f"'{folder / RECORD}' cannot be read: {error}.") from error
+    if not isinstance(record, dict):
+        raise CommandError(f"'{folder / RECORD}' is not the record of a sweep.")
+    return record
+
+
+def _read_parts(folder: Path, figures: Sequence[str]) -> tuple[polars.DataFrame, list[Path]] | None:
+    """Return the finished variants of a sweep that is not complete, and the files of its signals.
+
+    The result is None if the parts are gone: the sweep is complete.
+    """
+    parts = sorted((folder / PARTS).glob(NUMBERED))
+    empty = polars.DataFrame(schema=ENDS | dict.fromkeys(figures, polars.Float64))
+    try:
+        tables = [polars.read_parquet(file) for file in parts] or [empty]
+        about = polars.read_parquet(folder / PARTS / DESIGN)
+    except FileNotFoundError:
+        return None
+    signals = [file for part in parts if (file := folder / SERIES / part.name).exists()]
+    return about.join(polars.concat(tables), on=VARIANT, how="inner").sort(VARIANT), signals

@@ -12,25 +12,22 @@ from typing import Any, Unpack
 import polars
 
 from ...base.errors import CommandError
-from ...base.files import hash_plain_data, temporary_folder
-from ...base.interruption import catch_interrupts
+from ...base.files import temporary_folder
 from ...base.progress import Progress
 from ...base.values import convert_value
 from ...run.option_types import SweepOptions
 from ...run.run_setup import select_signals
-from ..execution.executor import Executor, Scheduler, open_executor, start_workers
-from ..execution.worker_payload import WorkerPayload, check_portable
+from ..execution.executor import Scheduler
+from ..execution.worker_payload import check_portable
+from ..frame.session import Runs, Session
 from ..variants.data import Chunk, SimulationDescription
 from ..variants.measures import Measures, Metric, MetricRequest, resolve_measures, with_verdicts
 from ..variants.targets import format_arguments, merge_options, needs_preparation
 from .design import Design, VariantGroup, design_variants
 from .folder import SweepFolder
 from .plan import Plan, Source, load_plan
+from .report import OUTPUTS
 from .result import SweepResult, read_sweep
-from .sensitivity import SALTELLI, all_sobol_indices
-
-SOBOL = "sobol"
-"""Key of the Sobol indices in sweep.json."""
 
 _NUMBER = re.compile(r"[-+]?[0-9][0-9.,]*(e[-+]?[0-9]+)?")
 
@@ -49,6 +46,8 @@ def sweep(
     output: str | Path | None = None,
     overwrite: bool = False,
     resume: bool = False,
+    plots: bool = False,
+    report: bool = False,
     progress: Progress | None = None,
     **options: Unpack[SweepOptions],
 ) -> SweepResult:
@@ -74,6 +73,8 @@ def sweep(
         output: folder for the results. Default: a temporary one, deleted together with the result.
         overwrite: replace files that emla did not write.
         resume: continue the unfinished sweep in `output`.
+        plots: draw plots into `output`.
+        report: write a page, sweep.html, into `output`.
         progress: receives progress and notes.
         **options: values by name, for all variants.
 
@@ -96,21 +97,22 @@ def sweep(
     if output is None and resume:
         raise CommandError("to resume a sweep, set `output` to its folder.")
     with contextlib.ExitStack() as held:
-        scheduler = held.enter_context(start_workers(scheduler, workers))
-        place = held.enter_context(temporary_folder("sweep")) if output is None else output
-        folder = SweepFolder(convert_value(place, Path, "the output folder"), overwrite)
-        progress = progress or Progress()
-        design = design_variants(plan, progress)
-        notes = _sweep_notes(design)
-        for note in notes:
-            progress.note(f"Note: {note}.")
-        folder.check_unread(group.preparation.read for group in design.groups)
-        with folder.alone():
-            _run(design, notes, folder, (scheduler, workers), resume, progress)
+        path = held.enter_context(temporary_folder("sweep")) if output is None else output
+        path = convert_value(path, Path, "the output folder")
+        folder = SweepFolder(OUTPUTS, path, overwrite, plots, report)
+        session = Session(OUTPUTS, folder=folder, scheduler=scheduler, workers=workers, progress=progress)
+        with session.with_workers():
+            design = design_variants(plan, session.progress)
+            notes = _sweep_notes(design)
+            for note in notes:
+                session.progress.note(f"Note: {note}.")
+            session.check_unread([group.preparation.read for group in design.groups])
+            _run(design, notes, folder, session, resume)
             result = read_sweep(folder.path)
-            if result.complete and result.sampling == SALTELLI and SOBOL not in folder.record():
-                indices = {name: found.record() for name, found in all_sobol_indices(result).items()}
-                folder.write_record({SOBOL: indices})
+            if output is not None and (plots or report) and result.variants.height:
+                session.progress.begin("drawing plots", 1)
+                folder.draw_result(result)
+                session.progress.advance(1)
         return replace(result, folder=None, resources=held.pop_all()) if output is None else result
 
 
@@ -143,24 +145,17 @@ def _notes(group: VariantGroup) -> Iterator[str]:
 
 
 def _run(
-    design: Design,
-    notes: Sequence[str],
-    folder: SweepFolder,
-    cluster: tuple[Scheduler, int | None],
-    resume: bool,
-    progress: Progress,
+    design: Design, notes: Sequence[str], folder: SweepFolder, session: Session[SweepResult], resume: bool
 ) -> None:
-    """Run the variants that are not finished, and write all results."""
-    asked = MetricRequest.of(design.plan.metrics, design.plan.where)
-    check_portable("metric", asked.functions)
-    identity = design.identity(asked.identity(design.plan.signals))
+    """Run the variants that are not finished, and write all results but pictures and page."""
+    request = MetricRequest.of(design.plan.metrics, design.plan.where)
+    check_portable("metric", request.functions)
+    identity = design.identity(request.identity(design.plan.signals))
     folder.check(identity, resume)
     if resume and folder.is_complete:
         return
-    key = f"emla-sweep-{hash_plain_data((identity, time.time_ns()))}"
-    payload = WorkerPayload.of(key, [group.preparation for group in design.groups])
-    with catch_interrupts() as interrupted, open_executor(payload, *cluster, progress.note) as found:
-        measures, described = _measures(design, asked, found)
+    with session.open_runs([group.preparation for group in design.groups]) as runs:
+        measures, described = _measures(design, request, runs)
         folder.check_room(design.count, len(measures.names), described.rows * len(measures.signals))
         about = design.table().with_columns(
             polars.lit(design.plan.seed, polars.Int64).alias("seed"),
@@ -168,43 +163,40 @@ def _run(
         )
         folder.begin(_record(design, notes, measures, described, identity), about, resume)
         finished = folder.finished()
-        progress.begin("sweeping", design.count, "variants")
-        progress.advance(len(finished))
+        session.progress.begin("sweeping", design.count, "variants")
+        session.progress.advance(len(finished))
 
         def keep(chunk: Chunk) -> None:
-            folder.keep(chunk, measures)
-            progress.advance(len(chunk.outcomes))
+            folder.keep_chunk(chunk, measures)
+            session.progress.advance(len(chunk.outcomes))
 
         each = 8 * described.rows * (2 + len(measures.signals)) if measures.signals else 0
-        began = time.monotonic()
+        began, is_whole = time.monotonic(), False
+        work = design.work(finished)
         try:
-            whole = found.run(design.work(finished), design.variant, measures, each, keep, interrupted)
-        finally:
-            wall_s = time.monotonic() - began
-            folder.merge(about, measures)
-    folder.close(whole, wall_s)
+            is_whole = runs.executor.run(work, design.variant, measures, each, keep, runs.interrupted)
+        finally:  # also without workers
+            folder.finish(is_whole, time.monotonic() - began)
 
 
-def _measures(
-    design: Design, asked: MetricRequest, found: Executor
-) -> tuple[Measures, SimulationDescription]:
+def _measures(design: Design, request: MetricRequest, runs: Runs) -> tuple[Measures, SimulationDescription]:
     """Return the measures, which all groups must have, and the description of the first group."""
-    plan, all_ = design.plan, [found.describe(group) for group in range(len(design.groups))]
-    each, main = [], design.groups[0].preparation.system.main_name
-    for described in all_:
+    plan, descriptions = design.plan, [runs.describe(group) for group in range(len(design.groups))]
+    measures, main = list[Measures](), design.groups[0].preparation.system.main_name
+    for described in descriptions:
         names, further = list(described.units), list(described.further)
-        kept = select_signals(plan.signals, names, further, main) if plan.signals else []
-        found_here = resolve_measures(asked, described.figures, names, further, kept, plan.where)
-        each.append(with_verdicts(found_here, described.figures))
-    if any(m.names != each[0].names or m.signals != each[0].signals for m in each):
+        signals = select_signals(plan.signals, names, further, main) if plan.signals else []
+        resolved = resolve_measures(request, described.figures, names, further, signals, plan.where)
+        measures.append(with_verdicts(resolved, described.figures))
+    if any(m.names != measures[0].names or m.signals != measures[0].signals for m in measures):
         raise CommandError(
             f"the variants of {plan.where} differ in their figures or signals; name those to keep."
         )
-    if both := {f.name for f in design.factors} & set(each[0].names):
+    if shared := {f.name for f in design.factors} & set(measures[0].names):
         raise CommandError(
-            f"'{min(both)}' of {plan.where} is the name of a factor and of a figure; rename one of them."
+            f"'{min(shared)}' of {plan.where} is the name of a factor and of a figure; rename one of them."
         )
-    return each[0], all_[0]
+    return measures[0], descriptions[0]
 
 
 def _record(

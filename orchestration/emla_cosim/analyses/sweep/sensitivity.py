@@ -2,7 +2,6 @@
 
 import contextlib
 import math
-import warnings
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -10,11 +9,14 @@ import numpy as np
 
 from ...base.arrays import Vector
 from ...base.errors import CommandError
-from ..variants.data import SweepData
 from .columns import figure_by_variant, figure_values, find_varying_figures, variant_numbers
+from .result import SweepResult
 
 SALTELLI, ONE_AT_A_TIME = "saltelli", "one-at-a-time"
 """The samplings for Sobol indices and local sensitivities."""
+
+_RESAMPLES = 100
+"""Resamples of a bootstrap."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,8 +61,8 @@ class SobolIndices:
         numbers = {
             name: [x if math.isfinite(x) else None for x in getattr(self, name).tolist()] for name in _INDICES
         }
-        kept = {"factors": list(self.factors), **numbers, "groups": self.groups, "left_out": self.left_out}
-        return {**kept, "warning": self.warning}
+        rest = {"groups": self.groups, "left_out": self.left_out, "warning": self.warning}
+        return {"factors": list(self.factors), **numbers, **rest}
 
 
 _INDICES = ("first", "first_confidence", "total", "total_confidence")
@@ -77,11 +79,11 @@ class LocalSensitivity(NamedTuple):
     @property
     def effect(self) -> float:
         """The difference between the largest and the smallest of the three values."""
-        known = [value for value in self[1:] if value is not None]
-        return max(known) - min(known) if known else 0.0
+        values = [value for value in self[1:] if value is not None]
+        return max(values) - min(values) if values else 0.0
 
 
-def sobol_indices(result: SweepData, figure: str) -> SobolIndices:
+def sobol_indices(result: SweepResult, figure: str) -> SobolIndices:
     """Return the Sobol indices of a figure from a Saltelli sample: N (d + 2) rows for d factors.
 
     A base sample counts only if all of its d + 2 variants have the figure (see `figure_values`). All indices
@@ -94,53 +96,77 @@ def sobol_indices(result: SweepData, figure: str) -> SobolIndices:
     rows = len(result.factors) + 2
     count = -(-(int(variant_numbers(result).max(initial=-1)) + 1) // rows)
     values = figure_by_variant(result, figure, count * rows).reshape(count, rows)
-    whole = values[~np.isnan(values).any(axis=1)]
-    if len(whole) < 2:
+    complete = values[~np.isnan(values).any(axis=1)]
+    if len(complete) < 2:
         raise CommandError(
-            f"{len(whole)} of {count} base samples of the sweep '{result.name}' have the figure '{figure}' "
-            f"in all of their {rows} variants; Sobol indices need at least 2, for useful results hundreds.",
+            f"{len(complete)} of {count} base samples of the sweep '{result.name}' have the figure "
+            f"'{figure}' in all of their {rows} variants; Sobol indices need at least 2, for useful results "
+            "hundreds.",
             figure=figure,
         )
-    indices = _indices(result, figure, whole)
-    return SobolIndices(
-        figure, tuple(result.factors), *indices, groups=len(whole), left_out=count - len(whole)
-    )
+    indices = [np.zeros(len(result.factors)) for _ in _INDICES]
+    largest = float(np.max(np.abs(complete)))
+    if np.ptp(complete) > 1e-12 * largest:
+        if np.ptp(complete[:, [0, -1]]) <= 1e-12 * largest:
+            raise CommandError(
+                f"the figure '{figure}' of the sweep '{result.name}' varies in too few variants for Sobol "
+                "indices; use more samples.",
+                figure=figure,
+            )
+        indices = _compute_indices(complete / largest, result.seed + 1)
+    left_out = count - len(complete)
+    return SobolIndices(figure, tuple(result.factors), *indices, groups=len(complete), left_out=left_out)
 
 
-def all_sobol_indices(result: SweepData) -> dict[str, SobolIndices]:
+def all_sobol_indices(result: SweepResult) -> dict[str, SobolIndices]:
     """Return the Sobol indices of every figure that varies and has them, by its name."""
-    found = dict[str, SobolIndices]()
+    indices = dict[str, SobolIndices]()
     for figure in find_varying_figures(result):
         with contextlib.suppress(CommandError):  # too few variants have it
-            found[figure] = sobol_indices(result, figure)
-    return found
+            indices[figure] = sobol_indices(result, figure)
+    return indices
 
 
-def _indices(result: SweepData, figure: str, values: Vector) -> list[Vector]:
-    """Return first-order indices, their confidence, total indices, and their confidence."""
-    largest = float(np.max(np.abs(values)))
-    if np.ptp(values) <= 1e-12 * largest:
-        return [np.zeros(len(result.factors)) for _ in range(4)]
-    if np.ptp(values[:, [0, -1]]) <= 1e-12 * largest:
-        raise CommandError(
-            f"the figure '{figure}' of the sweep '{result.name}' varies in too few variants for Sobol "
-            "indices; use more samples.",
-            figure=figure,
-        )
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # from SALib's imports, and for constant resamples
-        from SALib.analyze import sobol
+def _compute_indices(values: Vector, seed: int) -> list[Vector]:
+    """Return first-order indices, their confidence, total indices, and their confidence.
 
-        found = sobol.analyze(
-            {"num_vars": len(result.factors), "names": list(result.factors)},
-            values.ravel() / largest,
-            calc_second_order=False,
-            seed=result.seed + 1,  # SALib treats 0 as no seed
-        )
-    return [np.asarray(found[key], float) for key in ("S1", "S1_conf", "ST", "ST_conf")]
+    SciPy's `sobol_indices` takes powers of two only, but base samples can be left out.
+
+    Args:
+        values: A figure for A, A with each factor of B, and B, shape (base samples, d + 2).
+        seed: Seed of the bootstrap.
+    """
+    from scipy.special import ndtri
+
+    values = (values - values.mean()) / values.std()
+    drawn = np.random.default_rng(seed).integers(len(values), size=(len(values), _RESAMPLES))
+    a, b = values[:, 0], values[:, -1]
+    rows = list[list[Any]]()
+    for ab in values.T[1:-1]:
+        indices = _estimate(a, ab, b)
+        resampled = _estimate(a[drawn], ab[drawn], b[drawn])
+        rows.append([x for y, z in zip(indices, resampled, strict=True) for x in (y, z.std(ddof=1))])
+    first, first_deviation, total, total_deviation = np.array(rows).T
+    width = ndtri(0.975)
+    return [first, width * first_deviation, total, width * total_deviation]
 
 
-def local_sensitivities(result: SweepData, figure: str) -> list[LocalSensitivity]:
+def _estimate(a: Vector, ab: Vector, b: Vector) -> tuple[Vector, Vector]:
+    """Return first-order and total index of a factor from values for A, A with the factor of B, and B.
+
+    References:
+        A. Saltelli et al., Computer Physics Communications 181 (2010), p. 259, table 2, (b) and (f).
+    """
+    variance = np.var(np.concatenate([a, b]), axis=0)
+    varies = variance > np.finfo(float).eps
+
+    def share(parts: Vector) -> Vector:
+        return np.divide(parts.mean(axis=0), variance, out=np.zeros_like(variance), where=varies)
+
+    return share(b * (ab - a)), share(0.5 * (a - ab) ** 2)
+
+
+def local_sensitivities(result: SweepResult, figure: str) -> list[LocalSensitivity]:
     """Return a figure with each factor alone low and high, the factor with the largest effect first.
 
     Variant 0 is the nominal one. Low and high of each factor follow.
@@ -159,14 +185,14 @@ def local_sensitivities(result: SweepData, figure: str) -> list[LocalSensitivity
     nominal, *others = (
         None if np.isnan(value) else float(value) for value in figure_by_variant(result, figure, count)
     )
-    found = [
+    rows = [
         LocalSensitivity(name, low, high, nominal)
         for name, low, high in zip(result.factors, others[::2], others[1::2], strict=True)
     ]
-    return sorted(found, key=lambda one: -one.effect)
+    return sorted(rows, key=lambda row: -row.effect)
 
 
-def check_sampling(result: SweepData, sampling: str, what: str) -> None:
+def check_sampling(result: SweepResult, sampling: str, what: str) -> None:
     """Raise CommandError if a sweep has another sampling. `what` is what needs it, for the message."""
     if result.sampling != sampling:
         raise CommandError(

@@ -1,16 +1,12 @@
-"""Variants of a sweep, their outcomes, and the data of a sweep's result."""
+"""Variants and their outcomes."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from io import BytesIO
-from pathlib import Path
 from typing import Any
 
-import polars
-
-from ...recorders.metrics import Figure, MetricDisplay
+from ...recorders.metrics import Figure
 from ...run.half_step import HalfStep
-from .targets import Target
 
 DONE, DIVERGED, REFUSED, FAILED, DIED = "done", "diverged", "refused", "failed", "died"
 TIMED_OUT = "timed out"
@@ -22,31 +18,6 @@ VARIANT, STATUS, PROBLEM = "variant", "status", "problem"
 
 RESERVED = (VARIANT, STATUS, PROBLEM, "end_s", "seed", "provenance", "time")
 """Columns of every table of variants. Factors and figures must not have these names."""
-
-
-@dataclass(frozen=True)
-class SweepData:
-    """The data of a sweep's result. `SweepResult` explains the fields."""
-
-    name: str
-    sampling: str
-    seed: int
-    factors: Sequence[str]
-    figures: Sequence[str]
-    variants: polars.DataFrame
-    signals: Sequence[str] = ()
-    series: polars.LazyFrame | None = None
-    units: Mapping[str, str] = field(default_factory=dict)
-    shown: Mapping[str, MetricDisplay] = field(default_factory=dict)
-    verdicts: Sequence[str] = ()
-    folder: Path | None = None
-    complete: bool = True
-    required: Sequence[str] = ()
-    base: Sequence[str] | None = None
-    targets: Mapping[str, Sequence[Target]] = field(default_factory=dict)
-    wall_s: float = 0.0
-    notes: Sequence[str] = ()
-    resources: object = field(default=None, compare=False, repr=False)
 
 
 @dataclass(frozen=True)

@@ -1,13 +1,12 @@
 """Parse distributions of plans and of the command line."""
 
 import contextlib
-import difflib
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, fields
 from typing import Any, NoReturn
 
-from ...base.errors import CommandError, join_names
+from ...base.errors import CommandError, join_names, suggest_names
 from ...base.quantities import has_unit
 from ...base.table_entries import unknown_entry
 from ...system.model import Value
@@ -142,8 +141,7 @@ def _read(value: Any) -> _Fields:
 def _kind(name: Any) -> type[Distribution]:
     if isinstance(name, str) and name in DISTRIBUTIONS:
         return DISTRIBUTIONS[name]
-    near = difflib.get_close_matches(str(name), DISTRIBUTIONS, n=1)
-    meant = f"did you mean '{near[0]}'?" if near else f"choose from {join_names(DISTRIBUTIONS)}."
+    meant = suggest_names(str(name), DISTRIBUTIONS)
     raise CommandError(f"there is no distribution '{name}'; {meant}", name=name, choices=list(DISTRIBUTIONS))
 
 

@@ -63,8 +63,8 @@ def sample(
     - `one-at-a-time` takes the nominal variant, then the low and high end of each distribution with all
       others nominal.
     - `random`, `latin-hypercube` and `sobol` (scrambled) draw `runs` variants.
-    - `saltelli` draws `runs` base samples with len(distributions) + 2 variants each, in the order of
-      SALib.analyze.sobol without second order.
+    - `saltelli` draws `runs` base samples with len(distributions) + 2 variants each: a row of a matrix A,
+      the same with each value in turn from a matrix B, and the row of B.
 
     `grid` and `one-at-a-time` have no `runs`. `sobol` and `saltelli` converge best with a power of two. The
     same seed gives bitwise the same values.
@@ -93,13 +93,25 @@ def _check_method(method: str, distributions: Sequence[Distribution], runs: Any)
     sampling = SAMPLINGS[method]
     if not distributions:
         raise CommandError("nothing varies; a sampling needs at least one distribution.")
-    if sampling.takes_runs:
-        _check_runs(method, runs, sampling)
-    elif runs is not None:
+    dimensions = sampling.dimensions * len(distributions)
+    if not sampling.takes_runs:
+        if runs is not None:
+            raise CommandError(
+                f"the sampling '{method}' has no number of runs: {sampling.own_size}.",
+                method=method,
+                runs=runs,
+            )
+    elif runs is None:
+        raise CommandError(f"the sampling '{method}' needs a number of runs, 1 or more.", method=method)
+    elif convert_value(runs, int, "the number of runs") < 1:
+        raise CommandError(f"the number of runs is {runs}; it must be 1 or more.", runs=runs)
+    elif dimensions and runs > _MOST_SOBOL_RUNS:
         raise CommandError(
-            f"the sampling '{method}' has no number of runs: {sampling.own_size}.", method=method, runs=runs
+            f"the sampling '{method}' has at most {_MOST_SOBOL_RUNS} runs, the length of Sobol's sequence; "
+            f"the plan has {runs}.",
+            runs=runs,
         )
-    if sampling.dimensions * len(distributions) > _MOST_SOBOL_DIMENSIONS:
+    if dimensions > _MOST_SOBOL_DIMENSIONS:
         most = _MOST_SOBOL_DIMENSIONS // sampling.dimensions
         raise CommandError(
             f"the sampling '{method}' can vary at most {most} factors, as Sobol's sequence has no more "
@@ -107,19 +119,6 @@ def _check_method(method: str, distributions: Sequence[Distribution], runs: Any)
             method=method,
         )
     return sampling
-
-
-def _check_runs(method: str, runs: Any, sampling: Sampling) -> None:
-    if runs is None:
-        raise CommandError(f"the sampling '{method}' needs a number of runs, 1 or more.", method=method)
-    if convert_value(runs, int, "the number of runs") < 1:
-        raise CommandError(f"the number of runs is {runs}; it must be 1 or more.", runs=runs)
-    if sampling.dimensions and runs > _MOST_SOBOL_RUNS:
-        raise CommandError(
-            f"the sampling '{method}' has at most {_MOST_SOBOL_RUNS} runs, the length of Sobol's sequence; "
-            f"the plan has {runs}.",
-            runs=runs,
-        )
 
 
 def _generator(seed: int) -> np.random.Generator:
@@ -174,13 +173,16 @@ def _sobol(distributions: Sequence[Distribution], runs: int, seed: int) -> Colum
 
 
 def _saltelli(distributions: Sequence[Distribution], runs: int, seed: int) -> Columns:
-    from SALib.sample import sobol
+    from scipy.stats import qmc
 
-    names = [str(i) for i in range(len(distributions))]
-    problem = {"num_vars": len(names), "names": names, "bounds": [[0.0, 1.0]] * len(names)}
-    size = 2 ** _exponent(runs)  # cut to `runs` below: SciPy warns about other sizes
-    points = sobol.sample(problem, size, calc_second_order=False, seed=_generator(seed))
-    return _at(distributions, points[: _saltelli_count(distributions, runs)])
+    factors = len(distributions)
+    # two matrices A and B, side by side
+    base = qmc.Sobol(2 * factors, rng=_generator(seed)).random_base2(_exponent(runs))[:runs]
+    rows = np.repeat(base[:, None, :factors], factors + 2, axis=1)
+    for i in range(factors):
+        rows[:, 1 + i, i] = base[:, factors + i]
+    rows[:, -1] = base[:, factors:]
+    return _at(distributions, rows.reshape(-1, factors))
 
 
 def _saltelli_count(distributions: Sequence[Distribution], runs: int) -> int:

@@ -12,7 +12,8 @@ from ...views.terminal import print_line, show
 def show_result(outputs: Outputs[Any], result: Any, folder: Path) -> None:
     """Show the report of a result, then its files in a folder."""
     show_report(outputs.report(result))
-    possible = [outputs.record_name, *outputs.tables, *outputs.pictures, outputs.page_name]
+    files = (outputs.record_name, *outputs.tables, *outputs.folders)
+    possible = [*files, *outputs.pictures, outputs.page_name]
     names = [name for name in possible if (folder / name).exists()]
     print_line(f"Wrote {folder}/: {', '.join(names)}")
 

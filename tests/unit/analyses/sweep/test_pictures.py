@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from emla_cosim.analyses.sweep.drawing import bands as bands_module
-from emla_cosim.analyses.sweep.drawing.bands import PERCENTILES, compute_bands
-from emla_cosim.analyses.sweep.drawing.labels import label_with_unit, shorten_text, wrap_text
-from emla_cosim.analyses.sweep.pictures import draw_pictures
+from emla_cosim.analyses.sweep import bands as bands_module
+from emla_cosim.analyses.sweep.bands import PERCENTILES, compute_bands
+from emla_cosim.analyses.sweep.labels import label_with_unit, shorten_text, wrap_text
+from emla_cosim.analyses.sweep.report import draw_pictures
 from emla_cosim.analyses.sweep.result import SweepResult
 from emla_cosim.base.errors import CommandError
 from emla_cosim.recorders.metrics import MetricDisplay

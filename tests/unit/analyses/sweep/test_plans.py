@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 
 from emla_cosim.analyses.sweep.folder import SweepFolder
 from emla_cosim.analyses.sweep.plan import Plan, load_plan
+from emla_cosim.analyses.sweep.report import OUTPUTS
 from emla_cosim.analyses.sweep.result import SweepResult
 from emla_cosim.analyses.sweep.runner import sweep
 from emla_cosim.analyses.variants.data import Chunk, VariantOutcome
@@ -169,15 +170,26 @@ def _basic(text: str) -> str:
 MEASURES = Measures(figures=["y"])
 
 
-def folder_with(parts: list[list[int]], path: Path) -> SweepFolder:
-    """A folder with these variants in parts."""
-    folder = SweepFolder(path)
+def merge(parts: list[list[int]], path: Path) -> None:
+    """A folder with these variants in parts, merged."""
+    folder = SweepFolder(OUTPUTS, path)
     path.mkdir(parents=True)
-    folder.begin({"identity": {}}, polars.DataFrame({"variant": range(12)}), resume=False)
+    about = polars.DataFrame({"variant": range(12), "x": [float(n) for n in range(12)]})
+    record = {
+        "identity": {},
+        "name": "12",
+        "sampling": "grid",
+        "seed": 0,
+        "factors": {"x": []},
+        "figures": ["y"],
+    }
+    record |= {"signals": [], "units": {}, "shown": {}, "required": [], "base": None}
+    folder.begin(record, about, resume=False)
     for part in parts:
         outcomes = [VariantOutcome(n, "done", None, 1.0, {"y": math.sqrt(n)}) for n in part]
-        folder.keep(Chunk(outcomes, 0.1), MEASURES)
-    return folder
+        folder.keep_chunk(Chunk(outcomes, 0.1), MEASURES)
+    assert folder.finished() == set(range(12))
+    folder.finish(True, 1.0)
 
 
 @settings(max_examples=20)
@@ -188,12 +200,9 @@ def test_table_does_not_depend_on_its_parts(
     order = data.draw(st.permutations(range(12)))
     cuts = sorted(data.draw(st.sets(st.integers(1, 11))))
     parts = [order[i:j] for i, j in zip([0, *cuts], [*cuts, 12], strict=True)]
-    about = polars.DataFrame({"variant": range(12), "x": [float(n) for n in range(12)]})
     base = tmp_path_factory.mktemp("parts")
     for name, split in (("one", [list(range(12))]), ("many", parts)):
-        folder = folder_with(split, base / name)
-        assert folder.finished() == set(range(12))
-        folder.merge(about, MEASURES)
+        merge(split, base / name)
     one, many = ((base / name / "variants.parquet").read_bytes() for name in ("one", "many"))
     assert one == many
 
@@ -235,7 +244,7 @@ def test_content_of_a_folder_decides_what_can_be_resumed(sweep_lift: SweepLift, 
     (empty / "sweep.json").touch()
     assert sweep_lift(**{**plan, "output": empty}).complete
     (out / "sweep.json").write_text("[]")
-    with pytest.raises(CommandError, match=r"has 'variants\.parquet', which was not written by emla"):
+    with pytest.raises(CommandError, match=r"has 'sweep\.json', which was not written by emla"):
         sweep_lift(**plan)
     assert sweep_lift(**plan, overwrite=True).complete
 

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from SALib.sample import sobol as sobol_sample
 from scipy import stats
 from scipy.stats import qmc
 
@@ -103,10 +102,15 @@ def test_one_at_a_time_varies_one_factor() -> None:
     assert count_variants("one-at-a-time", factors, None) == 7
 
 
-def test_saltelli_sample_equals_that_of_salib() -> None:
-    problem = {"num_vars": 3, "names": ["x", "y", "z"], "bounds": [[0, 1]] * 3}
-    expected = sobol_sample.sample(problem, 64, calc_second_order=False, seed=np.random.default_rng(9))
-    np.testing.assert_array_equal(points("saltelli", 64, 9), expected)
+@pytest.mark.parametrize("runs", [64, 41])
+def test_saltelli_sample_has_rows_of_two_matrices_and_mixed_ones(runs: int) -> None:
+    base = qmc.Sobol(6, rng=np.random.default_rng(9)).random(64)[:runs]
+    expected = [
+        row
+        for *a, x, y, z in base.tolist()
+        for row in (a, [x, a[1], a[2]], [a[0], y, a[2]], [a[0], a[1], z], [x, y, z])
+    ]
+    np.testing.assert_array_equal(points("saltelli", runs, 9), expected)
 
 
 INVALID = [

@@ -5,11 +5,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.stats import sobol_indices as scipy_indices
 from scipy.stats import spearmanr
 
 from emla_cosim.analyses.sweep.columns import FactorColumn, influence
 from emla_cosim.analyses.sweep.result import SweepResult
 from emla_cosim.analyses.sweep.sensitivity import local_sensitivities, sobol_indices
+from emla_cosim.analyses.variants.kinds import Uniform
+from emla_cosim.analyses.variants.sampling import sample
 from emla_cosim.base.errors import CommandError
 from tests.support.sweep_results import swept
 
@@ -18,19 +21,8 @@ pytestmark = pytest.mark.filterwarnings("error")
 
 @pytest.fixture(scope="module")
 def ishigami() -> SweepResult:
-    """f = sin x_1 + 7 sin² x_2 + 0.1 x_3⁴ sin x_1 for angles from -π to π, by a sample of SALib."""
-    import warnings
-
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        from SALib.sample import sobol
-
-        x = sobol.sample(
-            {"num_vars": 3, "names": ["x_1", "x_2", "x_3"], "bounds": [[-np.pi, np.pi]] * 3},
-            1024,
-            calc_second_order=False,
-            seed=1,
-        )
+    """f = sin x_1 + 7 sin² x_2 + 0.1 x_3⁴ sin x_1 for angles from -π to π."""
+    x = np.transpose(np.array(sample("saltelli", [Uniform(-np.pi, np.pi)] * 3, 1024, 1)))
     f = np.sin(x[:, 0]) + 7 * np.sin(x[:, 1]) ** 2 + 0.1 * x[:, 2] ** 4 * np.sin(x[:, 0])
     return swept({"x_1": x[:, 0], "x_2": x[:, 1], "x_3": x[:, 2]}, {"f": f}, "saltelli", seed=3)
 
@@ -49,6 +41,14 @@ def test_sobol_indices_of_the_ishigami_function(ishigami: SweepResult) -> None:
     assert np.all(np.abs(found.total - total) <= found.total_confidence)
     assert max(*found.first_confidence, *found.total_confidence) < 0.12
     assert (found.factors, found.groups, found.left_out) == (("x_1", "x_2", "x_3"), 1024, 0)
+
+
+def test_sobol_indices_equal_those_of_scipy(ishigami: SweepResult) -> None:
+    found, f = sobol_indices(ishigami, "f"), ishigami.variants["f"].to_numpy().reshape(-1, 5)
+    expected = scipy_indices(func={"f_A": f[:, :1].T, "f_B": f[:, 4:].T, "f_AB": f.T[1:4, None]}, n=1024)
+    # both subtract a mean first, here that of all variants, there that of A and B
+    assert found.first == pytest.approx(expected.first_order, abs=1e-3)
+    assert found.total == pytest.approx(expected.total_order, rel=1e-12)
 
 
 @pytest.mark.parametrize("seed", [0, 5])

@@ -10,8 +10,8 @@ import pytest
 from distributed import Client
 
 import emla_cosim as ec
+from emla_cosim.analyses.sweep.report import sobol_table
 from emla_cosim.analyses.sweep.result import SweepResult
-from emla_cosim.analyses.sweep.summary import sobol_table
 from emla_cosim.analyses.variants.kinds import Uniform
 from emla_cosim.analyses.variants.sampling import sample
 from emla_cosim.system.model import Component, System
@@ -48,9 +48,9 @@ def test_biased_indices_have_a_warning() -> None:
 def plain(result: SweepResult) -> str:
     from rich.console import Console
 
-    console = Console(width=400)
+    console, table = Console(width=400), sobol_table(result, "g")
     with console.capture() as capture:
-        console.print(sobol_table(result, "g"))
+        console.print(table.rich(), *table.under)
     return capture.get()
 
 

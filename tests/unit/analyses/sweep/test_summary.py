@@ -1,18 +1,18 @@
 """The terminal shows counts, figures, worst variants and sensitivities of a sweep."""
 
-from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import polars
 import pytest
-from rich.console import Console, RenderableType
+from rich.console import Console
 
+from emla_cosim.analyses.frame.report import Report
+from emla_cosim.analyses.sweep.report import OUTPUTS, build_report, find_worst_variants
 from emla_cosim.analyses.sweep.result import SweepResult
-from emla_cosim.analyses.sweep.summary import find_worst_variants, format_summary, list_worst_commands
 from emla_cosim.analyses.variants.targets import Target
-from emla_cosim.base.errors import CommandError
 from emla_cosim.recorders.metrics import MetricDisplay
 from tests.support.sweep_results import swept
 
@@ -39,19 +39,21 @@ def made(**others: Any) -> SweepResult:
     )
 
 
-def lines(parts: Sequence[RenderableType], width: int = 100) -> list[str]:
-    """What is printed, the cells of tables parted by single spaces."""
+def lines(report: Report, width: int = 100) -> list[str]:
+    """What the terminal shows, the cells of tables parted by single spaces."""
     console = Console(width=width, record=True, force_terminal=False)
     with console.capture() as capture:
-        for part in parts:
-            console.print(part)
+        for section in report.sections:
+            if not section.is_on_page_only:
+                for part in (*section.lines, *(table.rich() for table in section.tables), *section.under):
+                    console.print(part, soft_wrap=isinstance(part, str))
     return [
         " ".join(line.translate(str.maketrans("│┃", "  ")).split()) for line in capture.get().splitlines()
     ]
 
 
 def test_counts_by_status_and_figures_in_display_units() -> None:
-    printed = lines(format_summary(made()))
+    printed = lines(build_report(made(sampling="grid")))
     assert printed[0] == "11 variants: 9 done (1 of them not held), 1 diverged, 1 died"
     assert printed[1] == "Figures of the variants that are done (9)"
     assert printed[3] == "least median 95 % largest"
@@ -75,34 +77,37 @@ def test_worst_variants_are_failed_ones_first() -> None:
 
 
 def test_worst_variants_have_their_problem() -> None:
-    printed = lines(format_summary(made(), "lift.error_m", 4))
+    printed = lines(build_report(made()))
     start = printed.index("variant status lift error / µm")
-    assert printed[start + 2 :] == [
+    assert printed[start + 2 : start + 7] == [
         "8 diverged 9 m it diverged at 0.3 s.",
         "10 died none it died at 0.3 s.",
         "3 not held 3",
         "4 done none",
-        printed[-1],
+        "7 done 0.02 m",
     ]
-    printed = lines(format_summary(made(), "lift.held", 3))
-    assert "3 not held no" in printed
 
 
 def test_worst_variants_have_their_command() -> None:
     result = replace(made(), base=["emla", "run", "my study"], targets={"a": [Target("x.y[1]")]})
-    assert list_worst_commands(result, "lift.error_m", 2) == [
-        "What runs each alone:",
-        "emla run 'my study' --set 'x.y[1]=8'",
-        "emla run 'my study' --set 'x.y[1]=10'",
-    ]
-    assert list_worst_commands(made(), "lift.error_m") == []
+    commands = [f"emla run 'my study' --set 'x.y[1]={n}'" for n in (8, 10, 3, 4, 7)]
+    assert lines(build_report(result))[-6:] == ["What runs each alone:", *commands]
+    assert lines(build_report(made()))[-1].startswith("└")
+
+
+def test_long_commands_have_a_file(tmp_path: Path) -> None:
+    many = replace(made(), base=["emla", "run", "x" * 400], targets={"a": [Target("y")]}, folder=tmp_path)
+    text = OUTPUTS.tables["worst.txt"](many)
+    assert isinstance(text, str) and text.startswith("# What runs each alone:\nemla run xxx")
+    assert lines(build_report(many))[-1] == f"Commands to run each of them alone are in {tmp_path}/worst.txt."
+    assert OUTPUTS.tables["worst.txt"](made()) is None
 
 
 def test_summary_of_a_saltelli_sample() -> None:
     a, b = np.random.default_rng(0).random((2, 3000))
     rows = np.column_stack([a, b, a, b]).ravel()  # a, then with the first factor of b, the second, b
     values = [None, *rows[1:]]
-    printed = lines(format_summary(swept({"x[red]": rows, "y": rows}, {"f": values}, "saltelli")))
+    printed = lines(build_report(swept({"x[red]": rows, "y": rows}, {"f": values}, "saltelli")))
     assert "Sobol indices of f, from 2999 base samples, 1 left out" in printed
     found = [line.split() for line in printed if line.startswith(("x[red]", "y "))]
     assert [row[0] for row in found] == ["x[red]", "y"]
@@ -111,7 +116,7 @@ def test_summary_of_a_saltelli_sample() -> None:
 
 
 def test_too_few_base_samples_are_reported() -> None:
-    printed = " ".join(lines(format_summary(swept({"x": range(3)}, {"f": range(3)}, "saltelli"))))
+    printed = " ".join(lines(build_report(swept({"x": range(3)}, {"f": range(3)}, "saltelli"))))
     assert "1 of 1 base samples of the sweep 'made-up' have the figure 'f'" in printed
 
 
@@ -122,26 +127,21 @@ def test_summary_of_one_at_a_time() -> None:
         "one-at-a-time",
         shown=SHOWN,
     )
-    printed = lines(format_summary(result))
+    printed = lines(build_report(result))
     start = printed.index("lift error in µm, each factor alone")
     assert printed[start + 2] == "low nominal high"
     assert printed[start + 4 : start + 6] == ["y[b] 4 1 none", "x 2 1 1"]
 
 
-@pytest.mark.parametrize("sampling", ["random", "saltelli", "one-at-a-time"])
+@pytest.mark.parametrize("sampling", ["grid", "one-at-a-time"])
 def test_summaries_of_empty_sweeps(sampling: str) -> None:
-    assert lines(format_summary(swept({"a": []}, {"f": []}, sampling))) == ["0 variants: none"]
-    assert lines(format_summary(swept({"a": [1, 2]}, {}, sampling))) == ["2 variants: 2 done"]
-    failed = lines(format_summary(swept({"a": [1]}, {"f": [None]}, sampling, ["refused"])))
+    assert lines(build_report(swept({"a": []}, {"f": []}, sampling))) == ["0 variants: none"]
+    assert lines(build_report(swept({"a": [1, 2]}, {}, sampling))) == ["2 variants: 2 done"]
+    failed = lines(build_report(swept({"a": [1]}, {"f": [None]}, sampling, ["refused"])))
     assert failed[:2] == ["1 variant: 1 refused", "The worst variants"]
 
 
 def test_long_names_are_complete_and_not_markup() -> None:
     name = "[bold]a_<$" + "long.name" * 9
-    printed = lines(format_summary(swept({name: [1, 2]}, {name + "!": [1.0, 2.0]}, name=name)), 60)
+    printed = lines(build_report(swept({name: [1, 2]}, {name + "!": [1.0, 2.0]}, name=name)), 60)
     assert name + "!" in "".join(line.split(" ")[0] for line in printed[5:])
-
-
-def test_unknown_figure_gives_one_message() -> None:
-    with pytest.raises(CommandError, match=r"no figure 'lift.eror_m'; did you mean lift.error_m"):
-        format_summary(made(), "lift.eror_m")

@@ -96,6 +96,27 @@ def test_command_of_a_variant_gives_its_figures(scheduler: Client, emla: Emla, f
         assert all(row[n] == own[n[5:]] or (_none(row[n]) and own[n[5:]] is None) for n in result.figures)
 
 
+def test_pictures_and_page_are_written_on_request(
+    scheduler: Client, fmu_folder: Path, tmp_path: Path
+) -> None:
+    vary = {R_S: "±10%", "lift.plant.motor.L_q": "±10%"}
+    options: dict[str, Any] = {"runs": 3, "scheduler": scheduler, "fmus": fmu_folder, **TABLE}
+    sweep("lift", vary, **options, output=tmp_path / "none")
+    assert {path.name for path in (tmp_path / "none").iterdir()} == {"sweep.json", "variants.parquet"}
+    result = sweep("lift", vary, **options, output=tmp_path / "out", plots=True, report=True)
+    names = {path.name for path in (tmp_path / "out").iterdir()}
+    assert names == {"sweep.json", "variants.parquet", "figures.png", "sweep.html"}
+    page = (tmp_path / "out/sweep.html").read_text()
+    for text in (
+        "with 95 % confidence.",
+        "Figures of the variants",
+        "intervals of 95 %",
+        "The worst variants",
+    ):
+        assert text in page
+    assert all(str(result.command(i)) in page for i in range(3)) and page.count("<img") == 1
+
+
 def test_fmu_of_a_component_varies(scheduler: Client, fmu_folder: Path, foreign_plant: Path) -> None:
     """Another plant in the place of ours, which a mapping fits, beside the same one under another name."""
     copy = foreign_plant.with_name("Copy.fmu")

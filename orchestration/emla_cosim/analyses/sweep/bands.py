@@ -7,15 +7,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 import polars
 
-from ....base.arrays import Vector
-from ....base.errors import CommandError, check_choice
-from ....views.plots.style import BLUE, tidy_axes
-from ...variants.data import VARIANT, SweepData
-from ..columns import LARGEST, is_done
+from ...base.arrays import Vector
+from ...base.errors import CommandError, check_choice
+from ...base.wording import format_count
+from ...views.plots.style import BLUE, tidy_axes
+from ..variants.data import VARIANT
+from .columns import LARGEST
 from .labels import label_with_unit, new_panels, put_legend, put_title, wrap_text
+from .result import SweepResult
 
 if TYPE_CHECKING:
-    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -36,7 +37,7 @@ class PercentileBands:
     values: Vector
 
 
-def compute_bands(result: SweepData, signal: str) -> PercentileBands:
+def compute_bands(result: SweepResult, signal: str) -> PercentileBands:
     """Return percentiles of a signal, at no more than 400 times of the variant that ran longest.
 
     Variants with other times are interpolated linearly, from their first row to their last. Variants are
@@ -45,7 +46,9 @@ def compute_bands(result: SweepData, signal: str) -> PercentileBands:
     Raises:
         CommandError: The signal was not recorded.
     """
-    series = _series(result)
+    if result.series is None or not result.signals:
+        raise CommandError(f"the sweep '{result.name}' kept no signals over time.")
+    series = result.series
     check_choice("kept signal", signal, result.signals)
     extents = (
         series.group_by(VARIANT)
@@ -72,12 +75,6 @@ def compute_bands(result: SweepData, signal: str) -> PercentileBands:
     return PercentileBands(times, np.column_stack([_percentiles(column) for column in values.T]))
 
 
-def _series(result: SweepData) -> polars.LazyFrame:
-    if result.series is None or not result.signals:
-        raise CommandError(f"the sweep '{result.name}' kept no signals over time.")
-    return result.series
-
-
 def _times(series: polars.LazyFrame, extents: polars.DataFrame) -> Vector:
     furthest = extents.sort(["end", "rows", VARIANT], descending=[True, True, False])[VARIANT][0]
     rows = series.filter(polars.col(VARIANT) == furthest).select("time").collect()["time"]
@@ -97,48 +94,46 @@ def _percentiles(values: Vector) -> Vector:
     return np.percentile(known, PERCENTILES) if len(known) else np.full(len(PERCENTILES), np.nan)
 
 
-def draw_bands(result: SweepData, signals: Sequence[str] = ()) -> "Figure":
+def draw_bands(result: SweepResult, signals: Sequence[str] = ()) -> "Figure":
     """Draw a panel for each signal that has values; default: the first 12 recorded signals."""
-    _series(result)
-    chosen = list(signals or result.signals[:_MOST_PANELS])
-    found = [(signal, compute_bands(result, signal)) for signal in chosen]
-    found = [(signal, one) for signal, one in found if not np.isnan(one.values).all()]
-    if not found:
-        raise CommandError(f"the signals of the sweep '{result.name}' have no values.")
-    labels = [label_with_unit(signal, result.units.get(signal) or "") for signal, _ in found]
+    computed = [(name, compute_bands(result, name)) for name in signals or result.signals[:_MOST_PANELS]]
+    panels = [(name, bands) for name, bands in computed if not np.isnan(bands.values).all()]
+    if not panels:
+        raise CommandError(f"the sweep '{result.name}' kept no signals over time that have values.")
+    labels = [label_with_unit(name, result.units.get(name) or "") for name, _ in panels]
     figure, grid = new_panels([wrap_text(label, 54) for label in labels], 4.4)
-    for axes, (_, one) in zip(grid.flat, found, strict=False):
-        _draw_panel(axes, one)
-    for axes in grid.flat[max(len(found) - grid.shape[1], 0) : len(found)]:
+    for axes, (_, bands) in zip(grid.flat, panels, strict=False):
+        _draw_panel(axes, bands)
+    for axes in grid.flat[max(len(panels) - grid.shape[1], 0) : len(panels)]:
         axes.set_xlabel("time / s", fontsize=8)
     put_title(figure, f"{result.name}: signals over time")
-    put_legend(figure, _handles(), _note(result, len(result.signals) - len(found) if not signals else 0))
+    _put_legend(figure, result, 0 if signals else len(result.signals) - len(panels))
     return figure
 
 
-def _draw_panel(axes: "Axes", one: PercentileBands) -> None:
-    low, low_middle, median, high_middle, high = one.values
-    axes.fill_between(one.times, low, high, color=BLUE, alpha=0.18, linewidth=0)
-    axes.fill_between(one.times, low_middle, high_middle, color=BLUE, alpha=0.35, linewidth=0)
-    axes.plot(one.times, median, color=BLUE, linewidth=1.2)
+def _draw_panel(axes: "Axes", bands: PercentileBands) -> None:
+    low, low_middle, median, high_middle, high = bands.values
+    axes.fill_between(bands.times, low, high, color=BLUE, alpha=0.18, linewidth=0)
+    axes.fill_between(bands.times, low_middle, high_middle, color=BLUE, alpha=0.35, linewidth=0)
+    axes.plot(bands.times, median, color=BLUE, linewidth=1.2)
     tidy_axes(axes)
     axes.yaxis.get_offset_text().set_fontsize(8)
 
 
-def _handles() -> "dict[str, Artist]":
+def _put_legend(figure: "Figure", result: SweepResult, left_out: int) -> None:
+    """Put a legend, and a note on variants and signals, of which `left_out` have no panel."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    return {
+    early = len(result.variants) - int(result.is_done.sum())
+    note = format_count(len(result.variants), "variant")
+    if early:
+        note += f"; {early} that ended early count up to their end"
+    if left_out:
+        note += f"; {left_out} more signals have no panel"
+    handles = {
         "median": Line2D([], [], color=BLUE, linewidth=1.2),
         "25 to 75 %": Patch(color=BLUE, alpha=0.5, linewidth=0),
         "5 to 95 %": Patch(color=BLUE, alpha=0.18, linewidth=0),
     }
-
-
-def _note(result: SweepData, left_out: int) -> str:
-    variants, done = len(result.variants), int(is_done(result).sum())
-    note = f"{variants} variant{'s' if variants != 1 else ''}"
-    if done < variants:
-        note += f"; {variants - done} that ended early count up to their end"
-    return f"{note}; {left_out} more signals have no panel" if left_out else note
+    put_legend(figure, handles, note)

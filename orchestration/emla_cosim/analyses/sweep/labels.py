@@ -1,4 +1,4 @@
-"""Format names, numbers, levels and outcomes in pictures, shortened to the space available."""
+"""Format names, numbers and levels in pictures, shortened to the space available."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ....base.arrays import Vector
-from ....views.plots.style import BLUE, GREY, ORANGE, PURPLE, RED, new_figure
-from ...variants.data import DIED, DIVERGED, DONE, FAILED, REFUSED, TIMED_OUT, SweepData
-from ..columns import NOT_HELD, FactorColumn, display_of
+from ...base.arrays import Vector
+from ...views.plots.style import new_figure
+from .columns import display_of
+from .result import SweepResult
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -57,12 +57,12 @@ def label_with_unit(name: str, unit: str) -> str:
     return f"{name} / ({unit})" if re.search(r"[ /.*]", unit) else f"{name} / {unit}"
 
 
-def factor_label(result: SweepData, name: str) -> str:
+def factor_label(result: SweepResult, name: str) -> str:
     """Return the label of a factor with its unit."""
     return label_with_unit(name, result.units.get(name) or "")
 
 
-def figure_label(result: SweepData, name: str) -> str:
+def figure_label(result: SweepResult, name: str) -> str:
     """Return the label of a figure with its display unit."""
     shown = display_of(result, name)
     return label_with_unit(shown.label, shown.unit)
@@ -103,21 +103,6 @@ def put_levels(
     turn = {"rotation": 30, "ha": "right", "rotation_mode": "anchor"} if turned else {}
     axis.set_ticks([first + i for i in places], names, parse_math=False, **turn)
     axis.set_tick_params(labelsize=8)
-
-
-def put_factor(axes: "Axes", axis: "Axis", one: FactorColumn, room: int, most: int = 24) -> None:
-    """Prepare an axis for a factor: set its scale, or put the names of its levels (see `put_levels`)."""
-    if one.levels is None:
-        scale(axes, axis, one.values)
-        return
-    is_x = axis is axes.xaxis
-    put_levels(axis, one.levels, most, room=room if is_x else None)
-    (axes.set_xlim if is_x else axes.set_ylim)(-0.5, len(one.levels) - 0.5)
-
-
-def spread(values: Vector, axis: int) -> Vector:
-    """Spread the positions of levels randomly by up to 0.25. The `axis`, 0 or 1, is the seed."""
-    return values + np.random.default_rng(axis).uniform(-0.25, 0.25, len(values))
 
 
 def put_title(figure: "Figure", title: str) -> None:
@@ -167,37 +152,3 @@ def new_panels(titles: Sequence[str], width: float, **size: Any) -> tuple["Figur
     for axes in grid.flat[len(titles) :]:
         axes.set_visible(False)
     return figure, grid
-
-
-_COLORS = {
-    DONE: BLUE,
-    NOT_HELD: ORANGE,
-    DIVERGED: RED,
-    FAILED: PURPLE,
-    REFUSED: GREY,
-    TIMED_OUT: "#8a6d3b",
-    DIED: "#222222",
-}
-
-
-def color_of(outcome: str) -> str:
-    """Return the colour of an outcome."""
-    return _COLORS.get(outcome, GREY)
-
-
-def count_outcomes(outcomes: np.ndarray) -> dict[str, int]:
-    """Return the number of variants with each outcome, in the order of severity."""
-    found = {name: int((outcomes == name).sum()) for name in dict.fromkeys([*_COLORS, *outcomes])}
-    return {name: count for name, count in found.items() if count}
-
-
-def make_legend_handles(outcomes: np.ndarray, done: str) -> "dict[str, Artist]":
-    """Return legend handles: each outcome with its number. `done` is the name of the good outcome."""
-    from matplotlib.lines import Line2D
-
-    return {
-        f"{done if name == DONE else name} ({count})": Line2D(
-            [], [], color=color_of(name), marker="o", linestyle="", markersize=5
-        )
-        for name, count in count_outcomes(outcomes).items()
-    }

@@ -1,1 +1,0 @@
-"""Draw the pictures of sweeps, one module for each."""

@@ -1,0 +1,291 @@
+"""What a sweep writes and shows: statuses, figures, sensitivities, the worst variants, pictures."""
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import polars
+
+from ...base.errors import CommandError, check_choice
+from ...base.wording import format_count
+from ...master.instances.fmu_instance import tells_requested_end
+from ...recorders.metrics import MetricDisplay
+from ...run.remarks import tells_lost_values
+from ...views.formatting import format_figure
+from ..frame.outputs import Outputs
+from ..frame.report import Report, ReportTable, Section
+from ..variants.data import (
+    DIED,
+    DIVERGED,
+    DONE,
+    FAILED,
+    PROBLEM,
+    REFUSED,
+    STATUS,
+    VARIANT,
+    to_parquet,
+)
+from .bands import draw_bands
+from .bar_charts import draw_sobol, draw_tornado
+from .columns import (
+    display_of,
+    figure_values,
+    is_truth,
+    main_figure,
+)
+from .result import NOT_HELD, RECORD, SERIES, TABLE, SweepResult
+from .scatter import draw_figures, draw_map
+from .sensitivity import ONE_AT_A_TIME, SALTELLI, all_sobol_indices, local_sensitivities, sobol_indices
+from .statements import QuantileInterval, Statements, make_statements
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_MOST_FACTORS = 12
+"""Most factors in a table of sensitivities."""
+
+_MOST_LETTERS = 1600
+"""Most letters of commands to show; more have a file."""
+
+_WORST_FILE = "worst.txt"
+
+_MOST_WORST = 5
+"""Most of the worst variants to show."""
+
+PICTURES: dict[str, tuple["Callable[[SweepResult, Sequence[str]], Figure]", str]] = {
+    "bands": (draw_bands, "Percentiles of the signals over time"),
+    "figures": (draw_figures, "Figures against the strongest factors, a point for each variant"),
+    "tornado": (draw_tornado, "Figures with each factor alone low and high"),
+    "sobol": (draw_sobol, "Sobol indices with their confidence"),
+    "map": (draw_map, "Outcomes over the two strongest factors"),
+}
+"""Functions that draw the pictures of `SweepResult.plot` from a result and names, and what these show.
+
+They raise CommandError if the result has no data for the picture.
+"""
+
+_PICTURES_ONE_AT_A_TIME = ("bands", "tornado")  # a tornado shows all figures
+
+
+def draw_picture(result: SweepResult, kind: str, names: Sequence[str] = ()) -> "Figure":
+    """Draw one picture. Raise CommandError for an unknown kind or name, or if there is nothing to draw."""
+    check_choice("picture", kind, PICTURES)
+    return PICTURES[kind][0](result, names)
+
+
+def draw_pictures(result: SweepResult) -> "Iterator[tuple[str, Figure]]":
+    """Yield each picture that suits a result, with its file name."""
+    for kind in _PICTURES_ONE_AT_A_TIME if result.sampling == ONE_AT_A_TIME else PICTURES:
+        try:
+            figure = draw_picture(result, kind)
+        except CommandError:  # the result has nothing for it
+            continue
+        yield f"{kind}.png", figure
+
+
+def build_report(result: SweepResult) -> Report:
+    """Return the report of a sweep."""
+    figure, statements = main_figure(result), make_statements(result)
+    sections = [Section(lines=[status_line(result), *([] if statements is None else statements.sentences)])]
+    if figure is not None and result.is_done.any():
+        sections.append(Section(tables=[figures_table(result)]))
+        if statements is not None and statements.quantiles:
+            sections.append(Section(tables=[_intervals_table(result, statements)], is_detail=True))
+        sections += _sensitivities(result, figure)
+    if figure is not None and len(result.variants):
+        commands = list_worst_commands(result)
+        if result.folder is not None and _are_long(commands):
+            commands = [f"Commands to run each of them alone are in {result.folder / _WORST_FILE}."]
+        sections.append(Section(tables=[_worst_table(result, figure)], under=commands))
+    pictures = {f"{kind}.png": shown for kind, (_, shown) in PICTURES.items()}
+    sections.append(Section("Plots", pictures=pictures, is_detail=True))
+    sections.append(Section("Notes", [f"{note}." for note in result.notes], is_detail=True))
+    factors = format_count(len(result.factors), "factor")
+    facts = [format_count(result.variants.height, "variant"), factors, f"sampling {result.sampling}"]
+    return Report("Sweep", result.name, facts, sections)
+
+
+def status_line(result: SweepResult) -> str:
+    """Return the number of variants, in total and for each status."""
+    statuses = [str(status) for status in result.variants[STATUS].to_list()]
+    names = dict.fromkeys([DONE, DIVERGED, REFUSED, FAILED, DIED, *statuses])
+    counts = {name: f"{statuses.count(name)} {name}" for name in names if name in statuses}
+    if wrong := int((result.outcomes == NOT_HELD).sum()):
+        counts[DONE] += f" ({wrong} of them {NOT_HELD})"
+    line = f"{format_count(len(statuses), 'variant')}: {', '.join(counts.values()) or 'none'}"
+    if ended := sum(tells_requested_end(problem) for problem in result.variants[PROBLEM].to_list()):
+        line += f". FMUs ended {ended} of them before the stop time: their figures are of shorter runs"
+    if lost := sum(tells_lost_values(problem) for problem in result.variants[PROBLEM].to_list()):
+        line += f". In {lost} of them, FMUs did not take start values: the column '{PROBLEM}' says which"
+    return line
+
+
+def figures_table(result: SweepResult) -> ReportTable:
+    """Tabulate minimum, median, 95 % quantile and maximum of figures over variants that are done.
+
+    Booleans have counts. Verdicts come first, since the other figures depend on them.
+    """
+    rows = list[list[str]]()
+    for figure in dict.fromkeys([*result.verdicts, *result.figures]):
+        shown, values = display_of(result, figure), figure_values(result, figure)
+        values = values[~np.isnan(values)]
+        if is_truth(result, figure):
+            cells = ["", "", "", f"{int(values.sum())} of {len(values)} yes"]
+        else:
+            numbers = np.percentile(values, [0, 50, 95, 100]) if len(values) else np.full(4, np.nan)
+            cells = [format_figure(float(number), shown) for number in numbers]
+        rows.append([shown.label, *cells, shown.unit])
+    title = f"Figures of the variants that are done ({int(result.is_done.sum())})"
+    return ReportTable(title, ("", "least", "median", "95 %", "largest", ""), rows, texts=(0, 5))
+
+
+def _intervals_table(result: SweepResult, statements: Statements) -> ReportTable:
+    rows = list[list[str]]()
+    for figure, intervals in statements.quantiles.items():
+        shown = display_of(result, figure)
+        cells = [text for x in intervals.values() for text in _format_interval(x, shown)]
+        rows.append([shown.label, *cells, shown.unit])
+    names = next(iter(statements.quantiles.values()))
+    header = ["", *(head for name in names for head in (name, "interval")), ""]
+    title = "Quantiles of the figures, with intervals of 95 % confidence"
+    return ReportTable(title, header, rows, texts=(0, len(header) - 1))
+
+
+def _format_interval(interval: QuantileInterval, shown: MetricDisplay) -> tuple[str, str]:
+    """Return a quantile and its interval as texts."""
+    value, low, high = (format_figure(x, shown) for x in (interval.value, interval.low, interval.high))
+    if math.isinf(interval.low):
+        return value, "too few variants" if math.isinf(interval.high) else f"up to {high}"
+    return value, f"from {low}" if math.isinf(interval.high) else f"{low} to {high}"
+
+
+def _sensitivities(result: SweepResult, figure: str) -> list[Section]:
+    tables = {SALTELLI: sobol_table, ONE_AT_A_TIME: local_table}
+    if result.sampling not in tables:
+        return []
+    try:
+        return [Section(tables=[tables[result.sampling](result, figure)])]
+    except CommandError as error:  # there are too few variants
+        return [Section(lines=[str(error)])]
+
+
+def sobol_table(result: SweepResult, figure: str) -> ReportTable:
+    """Tabulate the Sobol indices of a figure, the largest total first. Errors: as `sobol_indices`."""
+    indices = sobol_indices(result, figure)
+    rows = [
+        [
+            indices.factors[i],
+            f"{indices.first[i]:.2f} ± {indices.first_confidence[i]:.2f}",
+            f"{indices.total[i]:.2f} ± {indices.total_confidence[i]:.2f}",
+        ]
+        for i in np.argsort(-indices.total, kind="stable")
+    ]
+    left_out = f", {indices.left_out} left out" if indices.left_out else ""
+    label = display_of(result, figure).label
+    title = f"Sobol indices of {label}, from {indices.groups} base samples{left_out}"
+    under = [] if indices.warning is None else [f"Warning: {indices.warning}"]
+    return ReportTable(title, ("", "first order", "total"), _strongest(rows), under)
+
+
+def local_table(result: SweepResult, figure: str) -> ReportTable:
+    """Tabulate a figure with each factor alone low and high, the largest effect first.
+
+    Errors are those of `local_sensitivities`.
+    """
+    shown = display_of(result, figure)
+    unit = f" in {shown.unit}" if shown.unit else ""
+    rows = [
+        [row.factor, *(_format_figure(result, figure, x) for x in (row.low, row.nominal, row.high))]
+        for row in local_sensitivities(result, figure)
+    ]
+    title = f"{shown.label}{unit}, each factor alone"
+    return ReportTable(title, ("", "low", "nominal", "high"), _strongest(rows))
+
+
+def _strongest(rows: list[list[str]]) -> list[list[str]]:
+    """Return the first rows; of more, a last row has the number."""
+    if (rest := len(rows) - _MOST_FACTORS) <= 0:
+        return rows
+    return [*rows[:_MOST_FACTORS], [f"and {rest} with less effect", *[""] * (len(rows[0]) - 1)]]
+
+
+def find_worst_variants(result: SweepResult, figure: str, count: int) -> polars.DataFrame:
+    """Return the rows of the worst variants: not done, then not held, then without the figure.
+
+    Then follow the largest numbers, or false before true. Equal variants are sorted by number.
+
+    Raises:
+        CommandError: The sweep does not have the figure.
+    """
+    values = figure_values(result, figure)
+    badness = np.where(np.isnan(values), np.inf, -values if is_truth(result, figure) else values)
+    held = result.outcomes != NOT_HELD
+    order = np.lexsort((result.variants[VARIANT].to_numpy(), -badness, held, result.is_done))
+    return result.variants[order[:count]]
+
+
+def _worst_table(result: SweepResult, figure: str) -> ReportTable:
+    shown = display_of(result, figure)
+    ended = dict(zip(result.variants[VARIANT], result.outcomes, strict=True))
+    rows = [
+        [
+            str(row[VARIANT]),
+            str(ended[row[VARIANT]]),
+            _format_figure(result, figure, row[figure]),
+            row[PROBLEM] or "",
+        ]
+        for row in find_worst_variants(result, figure, _MOST_WORST).iter_rows(named=True)
+    ]
+    head = f"{shown.label} / {shown.unit}" if shown.unit else shown.label
+    return ReportTable("The worst variants", ("variant", "status", head, ""), rows, texts=(1, 3))
+
+
+def list_worst_commands(result: SweepResult) -> list[str]:
+    """Return lines with the commands that run the worst variants alone."""
+    if (figure := main_figure(result)) is None:
+        return []
+    worst = find_worst_variants(result, figure, _MOST_WORST)[VARIANT]
+    lines = [line for number in worst if (line := result.command(number))]
+    return [f"What runs {'it' if len(lines) == 1 else 'each'} alone:", *lines] if lines else []
+
+
+def _are_long(lines: Sequence[str]) -> bool:
+    return sum(map(len, lines)) > _MOST_LETTERS
+
+
+def _worst_file(result: SweepResult) -> str | None:
+    """Return the file with the commands that run the worst variants, if they are long."""
+    lines = list_worst_commands(result)
+    return "\n".join([f"# {lines[0]}", *lines[1:], ""]) if _are_long(lines) else None
+
+
+def _format_figure(result: SweepResult, figure: str, value: float | bool | None) -> str:
+    if value is None:
+        return "none"
+    return format_figure(
+        bool(value) if is_truth(result, figure) else float(value), display_of(result, figure)
+    )
+
+
+def _record(result: SweepResult) -> dict[str, Any]:
+    """Return the record with what follows from all variants: statements and Sobol indices."""
+    record = dict(result.record)
+    if (statements := make_statements(result)) is not None:
+        record |= statements.record()
+    if result.complete and result.sampling == SALTELLI:
+        record["sobol"] = {name: indices.record() for name, indices in all_sobol_indices(result).items()}
+    return record
+
+
+OUTPUTS = Outputs[SweepResult](
+    what="sweep",
+    name="sweep",
+    record=_record,
+    tables={TABLE: lambda result: to_parquet(result.variants), _WORST_FILE: _worst_file},
+    report=build_report,
+    draw=draw_pictures,
+    pictures=tuple(f"{kind}.png" for kind in PICTURES),
+    folders=(SERIES,),
+    record_file=RECORD,
+)
