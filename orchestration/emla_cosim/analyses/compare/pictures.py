@@ -1,4 +1,4 @@
-"""Pictures of a comparison: figures side by side, errors over time, and maps of points that hold."""
+"""Pictures of a comparison: figures side by side, errors and motion over time, and maps."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
@@ -12,19 +12,24 @@ from ...recorders.metrics import HELD
 from ...study.paper import PRINTED
 from ...views.plots.style import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, new_figure, tidy_axes
 from .cases import stability_maps
-from .data import PAPER, ROBUSTNESS, STABILITY, CompareData
-from .remarks import describe_inequality
-from .rows import SHOWN, Row, label_variant
-from .statistics import SeedStatistics, format_lost, group_by_variant, rank
-from .tables import group_rows
+from .result import PAPER, ROBUSTNESS, SHOWN, STABILITY, CompareResult, Row, group_rows, label_variant
+from .statistics import SeedStatistics, describe_inequality, format_lost, group_by_variant, rank
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-FIGURES, ERRORS = "comparison-figures", "comparison-errors"
-NAMES = (FIGURES, ERRORS, "comparison-robustness", "comparison-stability-1", "comparison-stability-2")
-"""Names of the pictures."""
+FIGURES, ERRORS, MOTION = "comparison-figures", "comparison-errors", "comparison-motion"
+CASES, MAP = "comparison-robustness", "comparison-stability-{}"
+PICTURES = {
+    FIGURES: "Figures of each joint with each controller",
+    ERRORS: "Position errors of each joint over time with each controller",
+    CASES: "Position errors of each joint with each controller in all cases",
+    MAP.format(1): "Points at which each joint is held with each controller, first map",
+    MAP.format(2): "Points at which each joint is held with each controller, second map",
+    MOTION: "Position of the reference and load force of each joint over time",
+}
+"""What the pictures show, by their names."""
 
 _BARS = ("position_error_m", "velocity_error_m_s", "torque_effort_N_m")
 _WIDE = {"position_error_m", "velocity_error_m_s"}
@@ -37,29 +42,31 @@ _SMALLEST = 1e-9
 _COLORS = (BLUE, ORANGE, GREEN, RED, PURPLE, GREY, "#1d8a99", "#c77cae", "#8c6d31", "#444444")
 
 
-def draw_pictures(result: CompareData) -> "dict[str, Figure]":
+def draw_pictures(result: CompareResult) -> "dict[str, Figure]":
     """Return the pictures that suit the table, by name; none if nothing was run."""
     if not len(result.rows):
         return {}
     if result.table == ROBUSTNESS:
-        return {"comparison-robustness": _robustness(result)}
+        return {CASES: _robustness(result)}
     if result.table == STABILITY:
-        return {f"comparison-{name}": figure for name, figure in _maps(result).items()}
-    found = {FIGURES: _bars(result)}
+        return _maps(result)
+    pictures = {FIGURES: _bars(result)}
     if result.errors:
-        found[ERRORS] = _errors(result)
-    return found
+        pictures[ERRORS] = _errors(result)
+    if result.motions:
+        pictures[MOTION] = _motions(result)
+    return pictures
 
 
-def _places(result: CompareData) -> dict[tuple[Any, ...], list[Row]]:
+def _places(result: CompareResult) -> dict[tuple[Any, ...], list[Row]]:
     return group_rows(result.rows.rows(named=True), "scenario", "joint")
 
 
-def _color(result: CompareData, variant: str) -> str:
+def _color(result: CompareResult, variant: str) -> str:
     return _COLORS[list(result.entrants).index(variant) % len(_COLORS)]
 
 
-def _bars(result: CompareData) -> "Figure":
+def _bars(result: CompareResult) -> "Figure":
     """Draw a bar for each joint, figure and controller, and a line for the RSBA of the paper.
 
     Bars are means over seeds, with their standard deviations.
@@ -153,7 +160,7 @@ def _printed(scenario: str, joint: str, figure: str) -> float | None:
     return None
 
 
-def _errors(result: CompareData) -> "Figure":
+def _errors(result: CompareResult) -> "Figure":
     """Draw the position error of each joint over time, for each controller."""
     places = _places(result)
     figure, grid = new_figure(len(places), 1, 8.0, 1.9, sharex="none")
@@ -184,7 +191,25 @@ def _draw_error(axes: "Axes", errors: polars.DataFrame, joint: str, color: str) 
     axes.plot(time[:whole:every], 1e6 * np.fmax(largest, _SMALLEST), color=color, lw=1.0)
 
 
-def _robustness(result: CompareData) -> "Figure":
+def _motions(result: CompareResult) -> "Figure":
+    """Draw reference and load of each joint over time; both are the same for all controllers."""
+    has_load = any("load" in motion.columns for motion in result.motions.values())
+    figure, grid = new_figure(len(result.motions), 1 + has_load, 4.0, 1.5, sharex="none")
+    for axes_row, ((scenario, joint), motion) in zip(grid, result.motions.items(), strict=True):
+        for axes, (name, factor) in zip(axes_row, (("reference", 1.0), ("load", 1e-3)), strict=False):
+            if name in motion.columns:
+                axes.plot(motion["time"], factor * motion[name], color=BLUE, lw=1.0)
+            tidy_axes(axes)
+        axes_row[0].set_ylabel("\n".join(dict.fromkeys([scenario, joint])), fontsize=9)
+    for axes, title in zip(grid[0], ("position of the reference / m", "load force / kN"), strict=False):
+        axes.set_title(title, fontsize=9)
+    for axes in grid[-1]:
+        axes.set_xlabel("time / s", fontsize=9)
+    figure.suptitle("Motion and load, equal for all controllers", fontsize=12, fontweight="bold")
+    return figure
+
+
+def _robustness(result: CompareResult) -> "Figure":
     """Draw for each joint a table of cases and controllers, shaded by the position error."""
     from matplotlib.colors import LinearSegmentedColormap, LogNorm
 
@@ -251,7 +276,7 @@ def _label(axes: "Axes", columns: Sequence[str], rows: Sequence[str] | None) -> 
     axes.spines[:].set_visible(False)
 
 
-def _maps(result: CompareData) -> "dict[str, Figure]":
+def _maps(result: CompareResult) -> "dict[str, Figure]":
     """Draw for each map a panel for each joint and controller that shows which points hold."""
     found = {}
     for number, one in enumerate(stability_maps(), start=1):
@@ -269,7 +294,7 @@ def _maps(result: CompareData) -> "dict[str, Figure]":
             axes_row[0].set_ylabel(f"{joint}\n{one.y.label}", fontsize=8)
         figure.supxlabel(one.x.label, fontsize=9)
         figure.suptitle(f"{one.name}\nblue: holds, red: not held", fontsize=10)
-        found[f"stability-{number}"] = figure
+        found[MAP.format(number)] = figure
     return found
 
 

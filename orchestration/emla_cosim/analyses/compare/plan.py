@@ -1,25 +1,35 @@
-"""The plan of a comparison: all runs, and the prepared simulations that they use."""
+"""The plan of a comparison: all runs, and the independent subsystems that they use."""
 
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
+
+import networkx
 
 from ...base.errors import CommandError
 from ...base.progress import Progress
-from ...run.run_setup import plan_run, run_times
+from ...run.choices import resolve
+from ...run.run_setup import plan_run
 from ...study.loading import load
 from ...study.roles import find_joints
-from ..execution.executor import WorkPackage
+from ...system.model import System
 from ..execution.worker_payload import Preparation
-from ..variants.data import Variant
+from ..frame.session import Job
 from ..variants.targets import changed_in_run, format_arguments, merge_options
 from .cases import ComparisonCase, describe_left_out
 from .controller_variants import ControllerVariant
-from .held_out_seeds import HeldOutSeeds, random_seeds
-from .observers import find_equal_gains, list_observers
-from .reserves import CURRENT, VOLTAGE, Reserves, describe_reserves, reserve_values
-from .subsystems import find_independent_subsystems
+from .terms import (
+    CURRENT,
+    VOLTAGE,
+    HeldOutSeeds,
+    Reserves,
+    describe_reserves,
+    find_equal_gains,
+    list_observers,
+    random_seeds,
+    reserve_values,
+)
 
 
 @dataclass(frozen=True)
@@ -61,18 +71,10 @@ class ComparisonPlan:
     options: Mapping[str, Any]
     notes: Sequence[str]
 
-    def variant(self, number: int) -> Variant:
-        """Return a run as a variant of a sweep."""
-        return Variant(number, changed_in_run(self.runs[number].own))
-
-    def work(self) -> list[WorkPackage]:
-        """Return all runs by group, the longest first, so that workers end at about the same time."""
-        numbers: list[list[int]] = [[] for _ in self.groups]
-        for number, run in enumerate(self.runs):
-            numbers[run.group].append(number)
-        steps = [run_times(group.options, group.name).steps for group in self.groups]
-        order = sorted(range(len(self.groups)), key=lambda group: -steps[group])
-        return [WorkPackage(group, numbers[group]) for group in order if numbers[group]]
+    @property
+    def jobs(self) -> list[Job]:
+        """All runs for the workers."""
+        return [Job(changed_in_run(run.own), run.group) for run in self.runs]
 
     def command(self, number: int) -> list[str] | None:
         """Return the command that repeats a run; None if an option is a Python object."""
@@ -230,3 +232,47 @@ def _parts(
 
 def _joints(part: Preparation) -> list[str]:
     return find_joints([c.name for c in part.system.components])
+
+
+def find_independent_subsystems(prepared: Preparation) -> list[Preparation]:
+    """Return one subsystem for each joint, or for each group of joints that connections link."""
+    graph = networkx.Graph()
+    system = prepared.system
+    branch = {c.name: c.branch for c in system.components}
+    graph.add_nodes_from(branch.values())
+    graph.add_edges_from((branch[x.source], branch[x.target]) for x in system.connections)
+    found = list(networkx.connected_components(graph))
+    if len(found) == 1:
+        return [prepared]
+    return [_make_subsystem(prepared, branches) for branches in found]
+
+
+def _make_subsystem(prepared: Preparation, branches: set[str]) -> Preparation:
+    system = prepared.system
+    components = tuple(c for c in system.components if c.branch in branches)
+    names = {c.name for c in components}
+    others = {c.name for c in system.components} - names
+    bonds = {name: bond for name, bond in system.bonds.items() if system.split(bond.effort)[0].name in names}
+    fmus = {name: sha for name, sha in prepared.fmus.items() if name in names}
+    options = prepared.options
+    layers = [
+        {name: _remove_components(value, others) for name, value in layer.items()}
+        for layer in options.resolution.layers
+    ]
+    return replace(
+        prepared,
+        system=System(components, tuple(x for x in system.connections if x.source in names), bonds),
+        options=replace(options, resolution=resolve(layers)),
+        fmus=fmus,
+        interfaces={name: one for name, one in prepared.interfaces.items() if name in names},
+        files={sha: path for sha, path in prepared.files.items() if sha in fmus.values()},
+    )
+
+
+def _remove_components(value: Any, components: set[str]) -> Any:
+    """Return the value of an option without the components that it names."""
+    if isinstance(value, Mapping):
+        return {name: one for name, one in value.items() if name not in components}
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return [one for one in value if one not in components]
+    return value

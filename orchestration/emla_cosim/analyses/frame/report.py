@@ -85,6 +85,7 @@ class Section:
         tables: Tables.
         pictures: What the pictures of this part show, by their file names.
         under: Sentences after the tables.
+        most: Number of `lines` that the terminal shows, 0 for those of the page alone; default: all.
     """
 
     title: str = ""
@@ -92,6 +93,7 @@ class Section:
     tables: Sequence[ReportTable] = ()
     pictures: "dict[str, str] | None" = None
     under: Sequence[Text | str] = ()
+    most: int | None = None
 
 
 @dataclass(frozen=True)

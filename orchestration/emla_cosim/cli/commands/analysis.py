@@ -11,14 +11,17 @@ from ...views.terminal import print_line, show
 def show_result(outputs: Outputs[Any], result: Any, folder: Path) -> None:
     """Show the report of a result, then its files in a folder."""
     for section in outputs.report(result).sections:
-        _show_section(section)
+        _show_section(section, folder)
     possible = [outputs.record_name, *outputs.tables, *outputs.pictures, outputs.page_name]
-    names = [name for name in possible if (folder / name).exists()]
+    names = [name for name in dict.fromkeys(possible) if (folder / name).exists()]
     print_line(f"Wrote {folder}/: {', '.join(names)}")
 
 
-def _show_section(section: Section) -> None:
-    _show_lines(section.lines)
+def _show_section(section: Section, folder: Path) -> None:
+    shown = section.lines[: section.most]
+    _show_lines(shown)
+    if shown and (more := len(section.lines) - len(shown)):
+        print_line(f"and {more} more, in {folder}/")
     for table in section.tables:
         show(table.rich())
         _show_lines(table.under)

@@ -9,10 +9,9 @@ import pytest
 from distributed import Client
 
 import emla_cosim as ec
-from emla_cosim.analyses.compare.margin_tables import missed_conditions
-from emla_cosim.analyses.compare.margins import FIGURES
+from emla_cosim.analyses.compare.margins import FIGURES, missed_conditions
 from emla_cosim.analyses.linearize.margins import compute_margins
-from emla_cosim.analyses.linearize.summary import format_lines, format_margins
+from emla_cosim.analyses.linearize.report import build_report
 from fmublock import Block, DiscreteState, Input, Output
 from tests.support.linear_drive import POSITION, STEP, LinearDrive
 
@@ -88,15 +87,15 @@ def test_lost_joint_has_a_problem_instead_of_margins(fmu_folder: Path, scheduler
         assert row[f"{loop}_problem"] in problems
         assert all(row[f"{loop}_{name}"] is None for name in FIGURES)
     (grid,) = found.grids
-    (cells,) = ([cell.text for cell in row] for row in grid.rows if row[0].text == "rsba/published")
+    (cells,) = ([cell.text for cell in row] for row in grid.cells if row[0].text == "rsba/published")
     assert cells[1].startswith("not held") and cells[-1] == "not met"
 
 
 def test_tables_mark_unmet_conditions(compared: ec.CompareResult) -> None:
     (grid,) = compared.grids
-    rows = {row[0].text: [cell.text for cell in row] for row in grid.rows if row[0].text}
+    rows = {row[0].text: [cell.text for cell in row] for row in grid.cells if row[0].text}
     assert rows["rsba/compensated"][-1] == "not met: phase, gain, Ms"
-    assert not {"inf", "nan"} & {c.text.strip("+-") for row in grid.rows for c in row}
+    assert not {"inf", "nan"} & {c.text.strip("+-") for row in grid.cells for c in row}
     assert compared.folder is not None
     assert "stability margins" in (compared.folder / "comparison.md").read_text()
     table = polars.read_csv(compared.folder / "comparison.csv")
@@ -148,7 +147,7 @@ def test_loop_gain_below_1_is_reported() -> None:
     result = ec.linearize(system, open="lag.y->gain.u", stop_time=4.0, step_size=1e-2)
     remark, _ = result.remarks  # the step is not judged: the lag has discrete variables
     assert "the loop gain stays below 1 from" in remark and "may cut the loop" in remark
-    assert any(remark in line for line in format_lines(result))
-    (table,) = format_margins(result)
-    texts = [str(cell) for column in table.columns for cell in column.cells]
-    assert "none" in texts and not {"inf", "-inf", "nan"} & set(texts)
+    (section,) = build_report(result).sections
+    assert any(remark in str(line) for line in section.under)
+    texts = {cell.text for table in section.tables for row in table.cells for cell in row}
+    assert "none" in texts and not {"inf", "-inf", "nan"} & texts
