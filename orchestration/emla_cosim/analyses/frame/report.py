@@ -49,7 +49,7 @@ class ReportTable:
 
     def rich(self) -> Table:
         """Return the table for the terminal."""
-        table = Table(title=escape(self.title), title_justify="left")
+        table = Table(title=escape(self.title), title_justify="left", show_header=any(self.header))
         for number, head in enumerate(self.header):
             is_text = number in self.texts
             table.add_column(

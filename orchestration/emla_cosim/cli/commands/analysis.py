@@ -1,36 +1,38 @@
 """Show the result of an analysis: its report and its files."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from ...analyses.frame.outputs import Outputs
-from ...analyses.frame.report import Section, Text
+from ...analyses.frame.report import Report, Text
 from ...views.terminal import print_line, show
 
 
 def show_result(outputs: Outputs[Any], result: Any, folder: Path) -> None:
     """Show the report of a result, then its files in a folder."""
-    for section in outputs.report(result).sections:
-        _show_section(section, folder)
+    show_report(outputs.report(result))
     possible = [outputs.record_name, *outputs.tables, *outputs.pictures, outputs.page_name]
     names = [name for name in dict.fromkeys(possible) if (folder / name).exists()]
     print_line(f"Wrote {folder}/: {', '.join(names)}")
 
 
-def _show_section(section: Section, folder: Path) -> None:
-    shown = section.lines[: section.most]
-    _show_lines(shown)
-    if shown and (more := len(section.lines) - len(shown)):
-        print_line(f"and {more} more, in {folder}/")
-    for table in section.tables:
-        show(table.rich())
-        _show_lines(table.under)
-    _show_lines(section.under)
+def show_report(report: Report) -> None:
+    """Show the sentences and tables of a report."""
+    for section in report.sections:
+        shown = section.lines[: section.most]
+        _show_lines(shown)
+        if shown and (more := len(section.lines) - len(shown)):
+            print_line(f"and {more} more, in the files")
+        for table in section.tables:
+            show(table.rich())
+            _show_lines(table.under)
+        _show_lines(section.under)
 
 
-def _show_lines(lines: "tuple[Text | str, ...] | list[Text | str] | Any") -> None:
+def _show_lines(lines: Sequence[Text | str]) -> None:
     for line in lines:
         if isinstance(line, Text):
-            show(line.styled(), highlight=False)
+            show(line.styled(), highlight=False, soft_wrap=True)
         else:
             print_line(line)
