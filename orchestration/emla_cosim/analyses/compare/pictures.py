@@ -1,14 +1,13 @@
 """Pictures of a comparison: figures side by side, errors and motion over time, and maps."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import polars
 
-from ...base.arrays import Vector
 from ...base.wording import format_rounded
-from ...recorders.metrics import HELD
+from ...recorders.metrics import HELD, MetricDisplay
 from ...study.paper import PRINTED
 from ...views.plots.style import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, new_figure, tidy_axes
 from .cases import stability_maps
@@ -77,38 +76,8 @@ def _bars(result: CompareResult) -> "Figure":
     figure, grid = new_figure(len(places), len(bars), 2.6, height, sharex="none")
     for axes_row, ((scenario, joint), rows) in zip(grid, places.items(), strict=True):
         for axes, name in zip(axes_row, bars, strict=True):
-            shown = SHOWN[name]
-            found = group_by_variant(rows)
-            names = list(found)
-            values = [
-                shown.factor * (one.mean(name) or 0.0) if one.is_held else 0.0 for one in found.values()
-            ]
-            spreads = [shown.factor * one.spread(name) if one.is_held else 0.0 for one in found.values()]
-            colors = [_color(result, n) for n in names]
-            if name in _WIDE:
-                _draw_points(axes, names, values, spreads, colors)
-            else:
-                axes.barh(names, values, xerr=spreads, color=colors, height=0.7)
-            ranking = rank(found, shown)
-            winner = ranking.best if ranking and ranking.is_winner else None
-            for place, (variant, one) in enumerate(found.items()):
-                if variant == winner:
-                    axes.text(0.98, place, "wins", transform=axes.get_yaxis_transform(), **_WINS)
-                if not one.is_held:
-                    text = format_lost(one, shown)
-                    axes.text(0.02, place, text, transform=axes.get_yaxis_transform(), **_TOLD)
-                elif name in _WIDE and not values[place]:  # a logarithmic axis has no zero
-                    axes.text(0.02, place, "0", transform=axes.get_yaxis_transform(), **_TOLD)
             said = _printed(scenario, joint, name) if result.table == PAPER else None
-            if said is not None:
-                axes.axvline(shown.factor * said, color="black", lw=1.0, ls=":")
-            known = [*values, *([shown.factor * said] if said is not None else [])]
-            if name not in _WIDE:
-                axes.set_xlim(0.0, 1.15 * max(known) or 1.0)
-            axes.invert_yaxis()
-            tidy_axes(axes)
-            if name in _WIDE and any(values):
-                _label_decades(axes)
+            _draw_bars(axes, result, group_by_variant(rows), SHOWN[name], said)
             if axes is not axes_row[0]:
                 axes.set_yticklabels([])
         axes_row[0].set_ylabel("\n".join(dict.fromkeys([scenario, joint])), fontsize=9)
@@ -121,19 +90,46 @@ def _bars(result: CompareResult) -> "Figure":
     return figure
 
 
-def _draw_points(
-    axes: "Axes", names: Sequence[str], values: Sequence[float], spreads: Sequence[float], colors: list[str]
+def _draw_bars(
+    axes: "Axes",
+    result: CompareResult,
+    found: Mapping[str, SeedStatistics],
+    shown: MetricDisplay,
+    printed: float | None,
 ) -> None:
-    """Draw means and standard deviations on a logarithmic axis; zero stands for no value."""
-    axes.set_yticks(range(len(names)), names)
-    axes.set_ylim(-0.6, len(names) - 0.4)
-    for place, (value, spread, color) in enumerate(zip(values, spreads, colors, strict=True)):
-        axes.axhline(place, color="#eeeeee", lw=4.0)
-        if value:
-            axes.plot([max(value - spread, 0.1 * value), value + spread], [place, place], color=color, lw=1.5)
-            axes.plot([value], [place], "o", color=color)
-    if any(values):
+    """Draw one figure of a joint with each controller; `printed` is that of the paper's RSBA."""
+    is_wide, ranking = shown.name in _WIDE, rank(found, shown)
+    largest = shown.factor * (printed or 0.0)
+    axes.set_yticks(range(len(found)), list(found))
+    axes.set_ylim(len(found) - 0.4, -0.6)
+    across = axes.get_yaxis_transform()
+    for place, (variant, one) in enumerate(found.items()):
+        color = _color(result, variant)
+        value = shown.factor * (one.mean(shown.name) or 0.0) if one.is_held else 0.0
+        spread = shown.factor * one.spread(shown.name) if one.is_held else 0.0
+        largest = max(largest, value)
+        if not is_wide:
+            axes.barh(place, value, xerr=spread, color=color, height=0.7)
+        else:
+            axes.axhline(place, color="#eeeeee", lw=4.0)
+            if value:
+                ends = [max(value - spread, 0.1 * value), value + spread]
+                axes.plot(ends, [place, place], color=color, lw=1.5)
+                axes.plot([value], [place], "o", color=color)
+        if ranking and ranking.is_winner and ranking.best == variant:
+            axes.text(0.98, place, "wins", transform=across, **_WINS)
+        if not one.is_held:
+            axes.text(0.02, place, format_lost(one, shown), transform=across, **_TOLD)
+        elif is_wide and not value:  # a logarithmic axis has no zero
+            axes.text(0.02, place, "0", transform=across, **_TOLD)
+    if printed is not None:
+        axes.axvline(shown.factor * printed, color="black", lw=1.0, ls=":")
+    tidy_axes(axes)
+    if not is_wide:
+        axes.set_xlim(0.0, 1.15 * largest or 1.0)
+    elif largest:
         axes.set_xscale("log")
+        _label_decades(axes)
 
 
 def _label_decades(axes: "Axes") -> None:
@@ -213,67 +209,44 @@ def _robustness(result: CompareResult) -> "Figure":
     """Draw for each joint a table of cases and controllers, shaded by the position error."""
     from matplotlib.colors import LinearSegmentedColormap, LogNorm
 
-    places = _places(result)
-    cases = list(dict.fromkeys(result.rows["case"]))
-    wide = 1.2 + 0.62 * len(result.entrants)
-    figure, grid = new_figure(1, len(places), wide, 0.6 + 0.24 * len(cases), sharex="none")
+    places, shown = _places(result), SHOWN["position_error_m"]
+    cases, columns = list(dict.fromkeys(result.rows["case"])), list(result.entrants)
+    height = 0.6 + 0.24 * len(cases)
+    figure, grid = new_figure(1, len(places), 1.2 + 0.62 * len(columns), height, sharex="none")
     shades = LinearSegmentedColormap.from_list("error", _SHADES).with_extremes(bad=_LOST)
-    held = result.rows.filter(polars.col(HELD))["position_error_m"].drop_nulls().to_numpy()
-    norm = LogNorm(*(1e6 * _limits(held)))
+    held = result.rows.filter(polars.col(HELD))["position_error_m"].drop_nulls().drop_nans().to_numpy()
+    low, high = (np.fmax(end(held), _SMALLEST) if len(held) else 1.0 for end in (np.min, np.max))
+    norm = LogNorm(1e6 * low, 1e6 * max(high, 10.0 * low))
     picture: Any = None
     for axes, ((_, joint), rows) in zip(grid[0], places.items(), strict=True):
-        found = {
-            (case, variant): one
-            for (case,), own in group_rows(rows, "case").items()
-            for variant, one in group_by_variant(own).items()
-        }
-        values = np.array([[_error(found.get((c, e))) for e in result.entrants] for c in cases])
+        values = np.full((len(cases), len(columns)), np.nan)
+        for (case,), own in group_rows(rows, "case").items():
+            for variant, one in group_by_variant(own).items():
+                y, x = cases.index(case), columns.index(variant)
+                text, mean = format_lost(one, shown), one.mean("position_error_m")
+                text = text.replace(" in ", "\nin ").replace(" (", "\n").removesuffix(")")
+                if one.is_held:
+                    values[y, x] = np.nan if mean is None else 1e6 * max(mean, _SMALLEST)
+                    text = format_rounded(values[y, x])
+                is_dark = not one.is_held or norm(values[y, x]) < 0.45
+                style = {"fontsize": 6, "color": "white" if is_dark else "black"}
+                axes.text(x + 0.5, y + 0.5, text, ha="center", va="center", **style)
         picture = axes.pcolormesh(
             np.ma.masked_invalid(values), cmap=shades, norm=norm, edgecolors="white", lw=0.5
         )
-        for y, case in enumerate(cases):
-            for x, variant in enumerate(result.entrants):
-                _write(axes, x, y, found.get((case, variant)), norm)
-        _label(axes, [e.replace("/", "\n") for e in result.entrants], cases if axes is grid[0, 0] else None)
+        labels = [variant.replace("/", "\n") for variant in columns]
+        axes.set_xticks(np.arange(len(columns)) + 0.5, labels, fontsize=7, rotation=40, ha="right")
+        names = cases if axes is grid[0, 0] else []
+        axes.set_yticks(np.arange(len(names)) + 0.5, names, fontsize=8)
+        axes.invert_yaxis()
+        axes.tick_params(length=0)
+        axes.spines[:].set_visible(False)
         axes.set_title(joint, fontsize=10)
         axes.set_facecolor("#eeeeee")
     bar = figure.colorbar(picture, ax=grid[0, -1])
     bar.set_label("position error / µm; red: not held", fontsize=9)
     bar.ax.tick_params(labelsize=8)
     return figure
-
-
-def _error(one: SeedStatistics | None) -> float:
-    mean = None if one is None or not one.is_held else one.mean("position_error_m")
-    return np.nan if mean is None else 1e6 * max(mean, _SMALLEST)
-
-
-def _limits(errors: Vector) -> Vector:
-    found = np.fmax(errors[~np.isnan(errors)], _SMALLEST)
-    low, high = (found.min(), found.max()) if len(found) else (_SMALLEST, 1.0)
-    return np.array([low, max(high, 10.0 * low)])
-
-
-def _write(axes: "Axes", x: int, y: int, one: SeedStatistics | None, norm: Any) -> None:
-    if one is None:
-        return
-    error = _error(one)
-    lost = format_lost(one, SHOWN["position_error_m"]).replace(" in ", "\nin ").replace(" (", "\n")
-    text = format_rounded(error) if one.is_held else lost.removesuffix(")")
-    dark = not one.is_held or norm(error) < 0.45
-    axes.text(
-        x + 0.5, y + 0.5, text, ha="center", va="center", fontsize=6, color="white" if dark else "black"
-    )
-
-
-def _label(axes: "Axes", columns: Sequence[str], rows: Sequence[str] | None) -> None:
-    axes.set_xticks(np.arange(len(columns)) + 0.5, columns, fontsize=7, rotation=40, ha="right")
-    axes.set_yticks(
-        [] if rows is None else np.arange(len(rows)) + 0.5, [] if rows is None else rows, fontsize=8
-    )
-    axes.invert_yaxis()
-    axes.tick_params(length=0)
-    axes.spines[:].set_visible(False)
 
 
 def _maps(result: CompareResult) -> "dict[str, Figure]":

@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, Unpack
 
@@ -18,7 +17,7 @@ from ...study.paper import PRINTED
 from ..execution.executor import Scheduler
 from ..frame.session import Session
 from ..variants.data import REFUSED
-from .cases import ComparisonCase, check_resolution, robustness_cases, stability_maps, stability_stop_time
+from .cases import ComparisonCase, robustness_cases, stability_maps, stability_stop_time
 from .controller_variants import ALL, Choice, list_other_variants, select_variants
 from .margins import add_margins, measure_margins
 from .plan import ComparisonPlan, ComparisonTerms, plan_runs
@@ -95,12 +94,11 @@ def compare(
     """
     name = _name_of(scenario)
     overrides: dict[str, Any] = {**options, "overwrite": True} if overwrite else {**options}
-    _check(table, resolution, overrides)
+    _check(table, resolution, seeds, overrides)
+    if seeds is None:
+        seeds = 0 if table == STABILITY else SEEDS
     all_sets = [ALL] if table == PAPER and gains is None else gains
     chosen = select_variants(controllers, all_sets, ROBUSTNESS_SETS if table == ROBUSTNESS else ())
-    terms = ComparisonTerms(
-        _check_seeds(seeds, table), parse_reserves(reserves), overrides, ALL in (all_sets or ())
-    )
     session = Session(
         OUTPUTS,
         output=output,
@@ -112,7 +110,8 @@ def compare(
         progress=progress,
     )
     if table == STABILITY:
-        terms = replace(terms, options={"stop_time": stability_stop_time(), **overrides})
+        overrides = {"stop_time": stability_stop_time(), **overrides}
+    terms = ComparisonTerms(seeds, parse_reserves(reserves), overrides, ALL in (all_sets or ()))
     scenarios, cases = _scenarios(str(scenario), table), _cases(table, resolution)
     plan = plan_runs(scenarios, chosen, cases, terms, session.progress)
     session.check_unread([group.read for group in plan.groups])
@@ -166,26 +165,21 @@ def _name_of(scenario: str | Path) -> str:
     return path.stem if path.suffix else path.name
 
 
-def _check(table: str | None, resolution: int | None, options: Mapping[str, Any]) -> None:
+def _check(table: str | None, resolution: int | None, seeds: int | None, options: Mapping[str, Any]) -> None:
     """Raise CommandError for options that are wrong or do not fit together."""
     if table is not None:
         check_choice("table", table, TABLES)
     if resolution is not None and table != STABILITY:
         raise CommandError(f"only the table {STABILITY} has a resolution; remove the option.")
-    if resolution is not None:
-        check_resolution(resolution)
-    known = {name for name, one in list_options(COMPARE).items() if one.stage != SHOWING}
-    if wrong := [n for n in options if n in list_options() and n not in known]:
+    for value, what, least, most in (
+        (resolution, "the resolution of the map", 2, 100),
+        (seeds, "the number of seeds", 0, 1000),
+    ):
+        if value is not None and not least <= convert_value(value, int, what) <= most:
+            raise CommandError(f"{what} is {value}; it must be from {least} to {most}.")
+    allowed = {name for name, one in list_options(COMPARE).items() if one.stage != SHOWING}
+    if wrong := [name for name in options if name in list_options() and name not in allowed]:
         raise CommandError(f"comparisons do not support the option {wrong[0]}; remove it.")
-
-
-def _check_seeds(seeds: int | None, table: str | None) -> int:
-    """Return the number of held-out seeds; raise CommandError if it is out of range."""
-    if seeds is None:
-        return 0 if table == STABILITY else SEEDS
-    if not 0 <= convert_value(seeds, int, "the number of seeds") <= 1000:
-        raise CommandError(f"the number of seeds is {seeds}; it must be from 0 to 1000.")
-    return seeds
 
 
 def _scenarios(scenario: str, table: str | None) -> list[str]:

@@ -1,6 +1,7 @@
 """Equal terms for controllers: held-out seeds, reserves of current and voltage, and observers."""
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from typing import Any, NamedTuple
 from zlib import crc32
 
@@ -51,8 +52,8 @@ def list_tuning_seeds() -> set[int]:
     }
 
 
-def random_seeds(prepared: Preparation, values: Mapping[str, Value]) -> list[str]:
-    """Return the full names of the seeds of sequences that affect a run.
+def read_start_values(prepared: Preparation, values: Mapping[str, Value]) -> Callable[[str], float | None]:
+    """Return a function that returns a start value by full name; None if there is no such number.
 
     Args:
         prepared: The system.
@@ -61,8 +62,18 @@ def random_seeds(prepared: Preparation, values: Mapping[str, Value]) -> list[str
     names = Names(prepared.system, prepared.interfaces)
 
     def value(name: str) -> float | None:
-        return float(values[name]) if name in values else names.find(name).start_number
+        variable = names.get(name)
+        if variable is None or name in values:
+            return None if variable is None else float(values[name])
+        number = variable.start_number
+        return _TRUTHS.get(str(variable.variable.start).lower()) if number is None else number
 
+    return value
+
+
+def random_seeds(prepared: Preparation, values: Mapping[str, Value]) -> list[str]:
+    """Return the full names of the seeds of sequences that affect a run; `values` are its start values."""
+    value = read_start_values(prepared, values)
     seeds = find_start_values(SEED, prepared.system, prepared.interfaces)
     return [name for name in seeds if is_random(name, value)]
 
@@ -103,7 +114,8 @@ def reserve_values(prepared: Preparation, reserves: Reserves) -> dict[str, Value
 
 def describe_reserves(prepared: Preparation, values: Mapping[str, Value]) -> str:
     """Return the reserves of the controllers of a system as text; `values` has start values of the run."""
-    reserves = [_read_reserves(controller, prepared, values) for controller in _controllers(prepared)]
+    value = read_start_values(prepared, values)
+    reserves = [_read_reserves(controller, value) for controller in _controllers(prepared)]
     return ", ".join(dict.fromkeys("not stated" if each is None else str(each) for each in reserves))
 
 
@@ -111,39 +123,14 @@ def _controllers(prepared: Preparation) -> list[str]:
     return [c.name for c in prepared.system.components if c.name.rpartition(".")[2] == "controller"]
 
 
-def _read_reserves(controller: str, prepared: Preparation, values: Mapping[str, Value]) -> Reserves | None:
-    variables = prepared.interfaces[controller].variables
-    value = _read_start_values(controller, prepared, values)
-    current, voltage = value(CURRENT), value(VOLTAGE)
+def _read_reserves(controller: str, value: Callable[[str], float | None]) -> Reserves | None:
+    current, voltage = value(f"{controller}.{CURRENT}"), value(f"{controller}.{VOLTAGE}")
     if current is None or voltage is None:
         return None
-    limits = value("limit_current") != 0.0  # only RSBA has this switch; the other controllers always limit
-    counts = "limit_current" not in variables or value("weaken_field") != 0.0
-    return Reserves(current if limits else None, voltage if limits and counts else None)
-
-
-def _read_start_values(
-    component: str, prepared: Preparation, values: Mapping[str, Value]
-) -> Callable[[str], float | None]:
-    """Return a function that returns a start value of a component by name; None if it is not a number.
-
-    Args:
-        component: The name of the component.
-        prepared: The system.
-        values: Start values of the run by full name; they override those of the system.
-    """
-    variables, names = prepared.interfaces[component].variables, Names(prepared.system, prepared.interfaces)
-
-    def value(name: str) -> float | None:
-        if name not in variables:
-            return None
-        full, start = f"{component}.{name}", str(variables[name].start).lower()
-        if full in values:
-            return float(values[full])
-        number = names.find(full).start_number
-        return _TRUTHS.get(start) if number is None else number
-
-    return value
+    switch = value(f"{controller}.limit_current")  # only RSBA has it; the other controllers always limit
+    limits = switch != 0.0
+    counts = limits and (switch is None or value(f"{controller}.weaken_field") != 0.0)
+    return Reserves(current if limits else None, voltage if counts else None)
 
 
 def list_observers(
@@ -153,11 +140,11 @@ def list_observers(
 
     The text is the rule of its gains with its poles, the name of its FMU if it has no such gains, or "none".
     """
-    components = {c.name: c for c in prepared.system.components}
+    components, value = {c.name: c for c in prepared.system.components}, read_start_values(prepared, values)
     observers = dict.fromkeys(joints, "none")
     for joint in joints:
         if component := components.get(f"{joint}.observer"):
-            rule = describe_observer(_read_start_values(component.name, prepared, values))
+            rule = describe_observer(lambda name, of=component.name: value(f"{of}.{name}"))
             observers[joint] = rule or str(component.fmu or component.model)
     return observers
 
@@ -166,19 +153,16 @@ def find_equal_gains(
     scenario: str, controllers: Sequence[Choice], options: Mapping[str, Any]
 ) -> list[ControllerVariant]:
     """Return a set of gains for each controller such that all use the same observers; empty if none exist."""
-    by_observers: list[dict[tuple[str | None, ...], ControllerVariant]] = []
+    by_observers = list[dict[tuple[str | None, ...], ControllerVariant]]()
     for controller in controllers:
-        sets = dict[tuple[str | None, ...], ControllerVariant]()
+        by_observers.append({})
         for gains in choose_controller(controller, None).controller.gains:
-            try:
-                overrides: dict[str, Any] = {**options, "controller": controller, "gains": gains}
-                system = load(scenario, **overrides).system
-            except CommandError:
-                continue  # a joint lacks this set
-            sets.setdefault(_observers_of(system), ControllerVariant(controller, gains))
-        by_observers.append(sets)
+            overrides: dict[str, Any] = {**options, "controller": controller, "gains": gains}
+            with suppress(CommandError):  # a joint lacks this set
+                rules = _observers_of(load(scenario, **overrides).system)
+                by_observers[-1].setdefault(rules, ControllerVariant(controller, gains))
     first, *others = by_observers
-    shared = next((key for key in first if all(key in sets for sets in others)), None)
+    shared = next((rules for rules in first if all(rules in sets for sets in others)), None)
     return [] if shared is None else [sets[shared] for sets in by_observers]
 
 
