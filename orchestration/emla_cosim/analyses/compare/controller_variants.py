@@ -54,7 +54,7 @@ def select_variants(
     """
     names = list(dict.fromkeys(_controllers(controllers)))
     sets = {one: list(choose_controller(one, None).controller.gains) for one in names}
-    named = _check_sets(convert_value(gains or (), Sequence[str], "the list of gains to compare"), sets)
+    named = _find_sets(convert_value(gains or (), Sequence[str], "the list of gains to compare"), sets)
     if not gains:
         for one in (c for c in names if c in CONTROLLERS):
             named[one] = {sets[one][0], *also}
@@ -82,34 +82,36 @@ def _controllers(given: Sequence[Choice] | None) -> list[Choice]:
     return list(given)
 
 
-def _check_sets(gains: Sequence[str], sets: Mapping[Choice, Sequence[str]]) -> dict[Choice, set[str]]:
+def _find_sets(gains: Sequence[str], sets: Mapping[Choice, Sequence[str]]) -> dict[Choice, set[str]]:
     """Return the named sets of each controller."""
-    named: dict[Choice, set[str]] = {one: set() for one in sets}
+    named: dict[Choice, set[str]] = {controller: set() for controller in sets}
     for text in gains:
-        one, slash, gain_set = text.rpartition("/")
-        owners = [c for c in sets if label_controller(c) == one] if slash else list(sets)
-        if slash and not owners:
+        label, slash, gain_set = text.rpartition("/")
+        owners = [c for c in sets if label_controller(c) == label] if slash else list(sets)
+        if not owners:
             raise CommandError(
-                f"the gains {text} are for the controller '{one}', which is not compared; "
+                f"the gains {text} are for the controller '{label}', which is not compared; "
                 f"compared {_join_with_verb([label_controller(c) for c in sets])}.",
                 name=text,
             )
-        words = {ALL: slice(None), RECOMMENDED: slice(1)}
-        found = {c: sets[c][words[gain_set]] if gain_set in words else [gain_set] for c in owners}
-        having = {c: names for c, names in found.items() if set(names) <= set(sets[c])}
-        if not having:
-            there = dict.fromkeys(s for c in owners for s in sets[c])
+        keywords = {ALL: slice(None), RECOMMENDED: slice(1)}
+        chosen = {
+            c: sets[c][keywords[gain_set]] if gain_set in keywords else {gain_set} & {*sets[c]}
+            for c in owners
+        }
+        if not any(chosen.values()):
+            there = list(dict.fromkeys(name for c in owners for name in sets[c]))
             raise CommandError(
-                f"no controller that is compared has the set of gains '{gain_set}'; there "
-                f"{_join_with_verb(there)}."
-                if not slash
-                else f"the controller {one} has no set of gains '{gain_set}'; it has {join_names(there)}.",
+                f"the controller {label} has no set of gains '{gain_set}'; it has {join_names(there)}."
+                if slash
+                else f"no controller that is compared has the set of gains '{gain_set}'; there "
+                f"{_join_with_verb(there)}.",
                 name=text,
             )
-        for c, names in having.items():
-            named[c] |= set(names)
+        for controller, names in chosen.items():
+            named[controller] |= set(names)
     return named
 
 
-def _join_with_verb(names: Sequence[str] | Mapping[str, None]) -> str:
+def _join_with_verb(names: Sequence[str]) -> str:
     return f"{'is' if len(names) == 1 else 'are'} {join_names(names)}"

@@ -68,8 +68,6 @@ _HEADER = (
     "conditions",
 )
 
-_Motion = tuple[float, float]
-
 
 def measure_margins(
     plan: ComparisonPlan,
@@ -88,7 +86,7 @@ def measure_margins(
         interrupted: Whether the user has interrupted.
         progress: Receives the progress.
     """
-    motions = _find_motions(plan, outcomes)
+    fastest = _find_fastest(plan, outcomes)
     runs = list({run.group: run for run in reversed(plan.runs)}.values())[::-1]
     progress.begin("measuring margins", len(runs), "systems")
     rows = list[dict[str, Any]]()
@@ -96,15 +94,9 @@ def measure_margins(
         if interrupted():
             break
         for joint in run.joints:
-            own = {
-                "scenario": run.scenario,
-                "case": run.case.name,
-                "joint": joint,
-                "controller": run.controller_variant.label,
-                "gains": run.controller_variant.gains,
-            }
-            motion = motions.get((run.scenario, joint))
-            rows.append(own | _measure(plan.groups[run.group], joint, motion, run.own["set"]))
+            at = fastest.get((run.scenario, joint))
+            figures = _measure(plan.groups[run.group], joint, at, run.own["set"])
+            rows.append(run.labels(joint) | figures)
         progress.advance(1)
     return polars.DataFrame(rows, schema=dict(COLUMNS), orient="row")
 
@@ -114,27 +106,27 @@ def add_margins(rows: polars.DataFrame, margins: polars.DataFrame | None) -> pol
     return rows if margins is None else rows.join(margins, on=_KEYS, how="left", maintain_order="left")
 
 
-def _find_motions(
+def _find_fastest(
     plan: ComparisonPlan, outcomes: Mapping[int, VariantOutcome]
-) -> dict[tuple[str, str], _Motion]:
-    """Return the largest speed of each reference and its time; runs that ended early may not reach it."""
-    found = dict[tuple[str, str], _Motion]()
+) -> dict[tuple[str, str], float]:
+    """Return when the reference of each joint is fastest, in s; runs that ended early may not reach it."""
+    fastest = dict[tuple[str, str], tuple[float, float]]()
     for key, figures in list_joint_figures(plan, outcomes):
-        if LARGEST_SPEED in figures and figures[LARGEST_SPEED] > found.get(key, (-1.0, 0.0))[0]:
-            found[key] = figures[LARGEST_SPEED], figures[FASTEST_AT]
-    return found
+        if LARGEST_SPEED in figures and figures[LARGEST_SPEED] > fastest.get(key, (-1.0, 0.0))[0]:
+            fastest[key] = figures[LARGEST_SPEED], figures[FASTEST_AT]
+    return {key: at for key, (_, at) in fastest.items()}
 
 
 def _measure(
-    part: Preparation, joint: str, motion: _Motion | None, values: Mapping[str, Any]
+    part: Preparation, joint: str, fastest_at: float | None, values: Mapping[str, Any]
 ) -> dict[str, Any]:
     delays = {**find_start_values(f"{joint}.plant.inverter.delay", part.system, part.interfaces), **values}
     row: dict[str, Any] = {DELAY: delays.get(f"{joint}.plant.inverter.delay")}
-    if motion is None:
+    if fastest_at is None:
         return row | {f"{loop}_{PROBLEM}": "no run reached the motion" for loop in LOOPS}
     times = run_times(part.options, part.name)
     count = min(_DURATION, times.steps // 2)
-    first = round((motion[1] - times.start) / times.step)
+    first = round((fastest_at - times.start) / times.step)
     scenario = Scenario(part.name, "", part.system, part.options, resources=part.resources)
     opened = {loop: place.format(joint) for loop, place in LOOPS.items()}
     best, at = dict[str, Measured | CosimError](), 0.0

@@ -56,6 +56,12 @@ class ComparisonRun:
     observers: Mapping[str, str] = field(default_factory=dict)
     reserves: str = ""
 
+    def labels(self, joint: str) -> dict[str, str]:
+        """Return what tells the row of a joint from those of other runs, except for seeds."""
+        variant = self.controller_variant
+        labels = {"scenario": self.scenario, "case": self.case.name, "joint": joint}
+        return {**labels, "controller": variant.label, "gains": variant.gains}
+
 
 @dataclass(frozen=True)
 class ComparisonPlan:

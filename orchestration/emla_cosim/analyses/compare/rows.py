@@ -116,11 +116,7 @@ def _row(number: int, run: ComparisonRun, joint: str, outcome: VariantOutcome) -
     x, y = run.case.at or (None, None)
     return {
         "run": number,
-        "scenario": run.scenario,
-        "case": run.case.name,
-        "joint": joint,
-        "controller": run.controller_variant.label,
-        "gains": run.controller_variant.gains,
+        **run.labels(joint),
         OBSERVER: run.observers.get(joint),
         RESERVES: run.reserves,
         SEED: run.seed,

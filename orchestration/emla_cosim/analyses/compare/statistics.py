@@ -30,16 +30,6 @@ class SeedStatistics:
     rows: Sequence[Row]
 
     @property
-    def controller_variant(self) -> str:
-        """The controller with its gains."""
-        return label_variant(self.rows[0])
-
-    @property
-    def controller(self) -> str:
-        """The name of the controller."""
-        return str(self.rows[0]["controller"])
-
-    @property
     def is_held(self) -> bool:
         """Whether the joint was held in all runs."""
         return all(row[HELD] for row in self.rows)
@@ -58,10 +48,6 @@ class SeedStatistics:
         """Return the standard deviation of a figure over the runs (n - 1); 0 for a single run."""
         values = self._values(figure)
         return stdev(values) if values is not None and len(values) > 1 else 0.0
-
-    def largest(self, figure: str) -> float | None:
-        """Return the largest value of a figure among the runs in which the joint was not held."""
-        return max((row[figure] for row in self.lost if _is_known(row[figure])), default=None)
 
     def _values(self, figure: str) -> list[float] | None:
         values = [row[figure] for row in self.rows]
@@ -174,7 +160,7 @@ def format_mean(one: SeedStatistics, figure: MetricDisplay) -> str:
 def format_lost(one: SeedStatistics, figure: MetricDisplay) -> str:
     """Return a text for joints that were not held: in how many runs, and the largest value of a figure."""
     of = "" if len(one.rows) == 1 else f" in {len(one.lost)} of {len(one.rows)}"
-    largest = one.largest(figure.name)
+    largest = max((row[figure.name] for row in one.lost if _is_known(row[figure.name])), default=None)
     return f"not held{of}" + ("" if largest is None else f" ({format_rounded(figure.factor * largest)})")
 
 

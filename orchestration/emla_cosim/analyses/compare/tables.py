@@ -62,24 +62,20 @@ def build_tables(result: CompareResult) -> list[ReportTable]:
 
 
 def describe_lost_joints(result: CompareResult) -> list[str]:
-    """Return a line for each joint that was not held: with which controller, in how many runs, and why."""
+    """Return a line for each joint that was not held: with which controller, how often, and why at first."""
     if result.table == STABILITY:
         return []  # the maps show these
-    several = {name: result.rows[name].n_unique() > 1 for name in ("scenario", "case")}
-    found = group_rows(result.rows.rows(named=True), "scenario", "case", "joint", "controller", "gains")
-    return [
-        _describe_lost_joint(SeedStatistics(rows), several)
-        for rows in found.values()
-        if not SeedStatistics(rows).is_held
-    ]
-
-
-def _describe_lost_joint(summary: SeedStatistics, several: Mapping[str, bool]) -> str:
-    """Describe the earliest loss of a joint, and the number of runs with a loss."""
-    first = min(summary.lost, key=lambda row: math.inf if row[LOST_AT] is None else row[LOST_AT])
-    where = "".join(f"{first[name]}, " for name, many in several.items() if many)
-    runs = f" ({len(summary.lost)} of {len(summary.rows)} runs)" if len(summary.rows) > 1 else ""
-    return f"{where}{first['joint']} with {summary.controller_variant}{runs}: {first[WHY]}."
+    several = [name for name in ("scenario", "case") if result.rows[name].n_unique() > 1]
+    groups = group_rows(result.rows.rows(named=True), "scenario", "case", "joint", "controller", "gains")
+    lines = list[str]()
+    for summary in map(SeedStatistics, groups.values()):
+        if summary.is_held:
+            continue
+        first = min(summary.lost, key=lambda row: math.inf if row[LOST_AT] is None else row[LOST_AT])
+        where = "".join(f"{first[name]}, " for name in several)
+        runs = f" ({len(summary.lost)} of {len(summary.rows)} runs)" if len(summary.rows) > 1 else ""
+        lines.append(f"{where}{first['joint']} with {label_variant(first)}{runs}: {first[WHY]}.")
+    return lines
 
 
 def _header(result: CompareResult, first: str, rows: Sequence[Row]) -> list[str]:
@@ -167,7 +163,7 @@ def _cells(rows: Sequence[Row], printed: PrintedTable) -> ReportTable:
         observers = name_observers(own)
         for name, one in found.items():
             cells: list[Text | str] = [place, f"{name}\nobserver {observers[name]}"]
-            for figure, said in zip(_PRINTED, paper.get(one.controller, (None,) * 4), strict=True):
+            for figure, said in zip(_PRINTED, paper.get(one.rows[0]["controller"], (None,) * 4), strict=True):
                 cells.append(columns[figure.name][name])
                 cells.append("" if said is None else format_rounded(figure.factor * said))
             body.append(cells)
