@@ -53,33 +53,35 @@ def select_variants(
         CommandError: A controller or a set does not exist, or no compared controller has the set.
     """
     names = list(dict.fromkeys(_controllers(controllers)))
-    sets = {one: list(choose_controller(one, None).controller.gains) for one in names}
+    sets = {controller: list(choose_controller(controller, None).controller.gains) for controller in names}
     named = _find_sets(convert_value(gains or (), Sequence[str], "the list of gains to compare"), sets)
     if not gains:
-        for one in (c for c in names if c in CONTROLLERS):
-            named[one] = {sets[one][0], *also}
+        for controller in (c for c in names if c in CONTROLLERS):
+            named[controller] = {sets[controller][0], *also}
     return [
-        ControllerVariant(one, gain_set)
-        for one in names
-        for gain_set in ([s for s in sets[one] if s in named[one]] or sets[one][:1])
+        ControllerVariant(controller, gain_set)
+        for controller in names
+        for gain_set in ([s for s in sets[controller] if s in named[controller]] or sets[controller][:1])
     ]
 
 
 def list_other_variants(compared: Sequence[ControllerVariant]) -> list[str]:
     """Return sets of gains of the compared controllers that are not compared, as CONTROLLER/SET."""
     taken = set(map(str, compared))
-    ours = dict.fromkeys(one.label for one in compared if one.controller in CONTROLLERS)
+    ours = dict.fromkeys(variant.label for variant in compared if variant.controller in CONTROLLERS)
     return [s for c in ours for s in (f"{c}/{g}" for g in CONTROLLERS[c].gains) if s not in taken]
 
 
-def _controllers(given: Sequence[Choice] | None) -> list[Choice]:
-    if given is None:
+def _controllers(controllers: Sequence[Choice] | None) -> list[Choice]:
+    if controllers is None:
         return list(CONTROLLERS)
-    if isinstance(given, (str, type)) or not isinstance(given, Sequence) or not given:
-        raise CommandError(f"the controllers to compare are {given!r}; they must be a list of one or more.")
-    if wrong := [one for one in given if not isinstance(one, (str, type))]:
+    if isinstance(controllers, (str, type)) or not isinstance(controllers, Sequence) or not controllers:
+        raise CommandError(
+            f"the controllers to compare are {controllers!r}; they must be a list of one or more."
+        )
+    if wrong := [each for each in controllers if not isinstance(each, (str, type))]:
         raise CommandError(f"a controller to compare is {wrong[0]!r}; it must be a name, a file or a block.")
-    return list(given)
+    return list(controllers)
 
 
 def _find_sets(gains: Sequence[str], sets: Mapping[Choice, Sequence[str]]) -> dict[Choice, set[str]]:

@@ -197,10 +197,11 @@ def _build_table(scenario: str, joint: str, rows: list[Row]) -> ReportTable:
     times = sorted({row[AT] for row in rows if row[AT] is not None})
     delay = next((row[DELAY] for row in rows if row[DELAY] is not None), None)
     when = f" at t = {' and '.join(f'{at:.4g}' for at in times)} s" if times else ""
-    known = "unknown" if delay is None else f"{1e3 * delay:.3g} ms"
+    delay_text = "unknown" if delay is None else f"{1e3 * delay:.3g} ms"
     under = [
-        f"Computing delay: {known}. Conditions: phase margin of at least {LEAST_PHASE_DEG:g}°, gain margins "
-        f"of at least {LEAST_GAIN_DB:g} dB both ways, Ms of at most {LARGEST_MS:g}. none: nothing limits it."
+        f"Computing delay: {delay_text}. Conditions: phase margin of at least {LEAST_PHASE_DEG:g}°, gain "
+        f"margins of at least {LEAST_GAIN_DB:g} dB both ways, Ms of at most {LARGEST_MS:g}. none: nothing "
+        "limits it."
     ]
     under += describe_ranking(rows)
     return ReportTable(f"{joint} of {scenario}: stability margins{when}", _HEADER, body, under, lines)

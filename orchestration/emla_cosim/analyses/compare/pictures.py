@@ -57,7 +57,7 @@ def draw_pictures(result: CompareResult) -> "dict[str, Figure]":
     return pictures
 
 
-def _places(result: CompareResult) -> dict[tuple[Any, ...], list[Row]]:
+def _group_joints(result: CompareResult) -> dict[tuple[Any, ...], list[Row]]:
     return group_rows(result.rows.rows(named=True), "scenario", "joint")
 
 
@@ -70,14 +70,14 @@ def _bars(result: CompareResult) -> "Figure":
 
     Bars are means over seeds, with their standard deviations.
     """
-    places = _places(result)
+    joints = _group_joints(result)
     bars = (*_BARS, "convergence_time_s" if result.table == PAPER else "settling_time_s")
     height = 0.6 + 0.22 * len(result.entrants)
-    figure, grid = new_figure(len(places), len(bars), 2.6, height, sharex="none")
-    for axes_row, ((scenario, joint), rows) in zip(grid, places.items(), strict=True):
+    figure, grid = new_figure(len(joints), len(bars), 2.6, height, sharex="none")
+    for axes_row, ((scenario, joint), rows) in zip(grid, joints.items(), strict=True):
         for axes, name in zip(axes_row, bars, strict=True):
-            said = _printed(scenario, joint, name) if result.table == PAPER else None
-            _draw_bars(axes, result, group_by_variant(rows), SHOWN[name], said)
+            printed = _printed(scenario, joint, name) if result.table == PAPER else None
+            _draw_bars(axes, result, group_by_variant(rows), SHOWN[name], printed)
             if axes is not axes_row[0]:
                 axes.set_yticklabels([])
         axes_row[0].set_ylabel("\n".join(dict.fromkeys([scenario, joint])), fontsize=9)
@@ -93,35 +93,35 @@ def _bars(result: CompareResult) -> "Figure":
 def _draw_bars(
     axes: "Axes",
     result: CompareResult,
-    found: Mapping[str, SeedStatistics],
+    variants: Mapping[str, SeedStatistics],
     shown: MetricDisplay,
     printed: float | None,
 ) -> None:
     """Draw one figure of a joint with each controller; `printed` is that of the paper's RSBA."""
-    is_wide, ranking = shown.name in _WIDE, rank(found, shown)
+    is_wide, ranking = shown.name in _WIDE, rank(variants, shown)
     largest = shown.factor * (printed or 0.0)
-    axes.set_yticks(range(len(found)), list(found))
-    axes.set_ylim(len(found) - 0.4, -0.6)
+    axes.set_yticks(range(len(variants)), list(variants))
+    axes.set_ylim(len(variants) - 0.4, -0.6)
     across = axes.get_yaxis_transform()
-    for place, (variant, one) in enumerate(found.items()):
+    for position, (variant, summary) in enumerate(variants.items()):
         color = _color(result, variant)
-        value = shown.factor * (one.mean(shown.name) or 0.0) if one.is_held else 0.0
-        spread = shown.factor * one.spread(shown.name) if one.is_held else 0.0
+        value = shown.factor * (summary.mean(shown.name) or 0.0) if summary.is_held else 0.0
+        spread = shown.factor * summary.spread(shown.name) if summary.is_held else 0.0
         largest = max(largest, value)
         if not is_wide:
-            axes.barh(place, value, xerr=spread, color=color, height=0.7)
+            axes.barh(position, value, xerr=spread, color=color, height=0.7)
         else:
-            axes.axhline(place, color="#eeeeee", lw=4.0)
+            axes.axhline(position, color="#eeeeee", lw=4.0)
             if value:
                 ends = [max(value - spread, 0.1 * value), value + spread]
-                axes.plot(ends, [place, place], color=color, lw=1.5)
-                axes.plot([value], [place], "o", color=color)
+                axes.plot(ends, [position, position], color=color, lw=1.5)
+                axes.plot([value], [position], "o", color=color)
         if ranking and ranking.is_winner and ranking.best == variant:
-            axes.text(0.98, place, "wins", transform=across, **_WINS)
-        if not one.is_held:
-            axes.text(0.02, place, format_lost(one, shown), transform=across, **_TOLD)
+            axes.text(0.98, position, "wins", transform=across, **_WINS)
+        if not summary.is_held:
+            axes.text(0.02, position, format_lost(summary, shown), transform=across, **_NOTED)
         elif is_wide and not value:  # a logarithmic axis has no zero
-            axes.text(0.02, place, "0", transform=across, **_TOLD)
+            axes.text(0.02, position, "0", transform=across, **_NOTED)
     if printed is not None:
         axes.axvline(shown.factor * printed, color="black", lw=1.0, ls=":")
     tidy_axes(axes)
@@ -145,7 +145,7 @@ def _label_decades(axes: "Axes") -> None:
     axes.xaxis.set_minor_formatter(NullFormatter())
 
 
-_TOLD: dict[str, Any] = {"va": "center", "fontsize": 7, "color": _LOST}
+_NOTED: dict[str, Any] = {"va": "center", "fontsize": 7, "color": _LOST}
 _WINS: dict[str, Any] = {"va": "center", "ha": "right", "fontsize": 7, "fontweight": "bold"}
 
 
@@ -158,9 +158,9 @@ def _printed(scenario: str, joint: str, figure: str) -> float | None:
 
 def _errors(result: CompareResult) -> "Figure":
     """Draw the position error of each joint over time, for each controller."""
-    places = _places(result)
-    figure, grid = new_figure(len(places), 1, 8.0, 1.9, sharex="none")
-    for axes, ((scenario, joint), rows) in zip(grid[:, 0], places.items(), strict=True):
+    joints = _group_joints(result)
+    figure, grid = new_figure(len(joints), 1, 8.0, 1.9, sharex="none")
+    for axes, ((scenario, joint), rows) in zip(grid[:, 0], joints.items(), strict=True):
         for row in rows:
             if (errors := result.errors.get(row["run"])) is not None:
                 _draw_error(axes, errors, joint, _color(result, label_variant(row)))
@@ -209,26 +209,26 @@ def _robustness(result: CompareResult) -> "Figure":
     """Draw for each joint a table of cases and controllers, shaded by the position error."""
     from matplotlib.colors import LinearSegmentedColormap, LogNorm
 
-    places, shown = _places(result), SHOWN["position_error_m"]
+    joints, shown = _group_joints(result), SHOWN["position_error_m"]
     cases, columns = list(dict.fromkeys(result.rows["case"])), list(result.entrants)
     height = 0.6 + 0.24 * len(cases)
-    figure, grid = new_figure(1, len(places), 1.2 + 0.62 * len(columns), height, sharex="none")
+    figure, grid = new_figure(1, len(joints), 1.2 + 0.62 * len(columns), height, sharex="none")
     shades = LinearSegmentedColormap.from_list("error", _SHADES).with_extremes(bad=_LOST)
     held = result.rows.filter(polars.col(HELD))["position_error_m"].drop_nulls().drop_nans().to_numpy()
     low, high = (np.fmax(end(held), _SMALLEST) if len(held) else 1.0 for end in (np.min, np.max))
     norm = LogNorm(1e6 * low, 1e6 * max(high, 10.0 * low))
     picture: Any = None
-    for axes, ((_, joint), rows) in zip(grid[0], places.items(), strict=True):
+    for axes, ((_, joint), rows) in zip(grid[0], joints.items(), strict=True):
         values = np.full((len(cases), len(columns)), np.nan)
-        for (case,), own in group_rows(rows, "case").items():
-            for variant, one in group_by_variant(own).items():
+        for (case,), group in group_rows(rows, "case").items():
+            for variant, summary in group_by_variant(group).items():
                 y, x = cases.index(case), columns.index(variant)
-                text, mean = format_lost(one, shown), one.mean("position_error_m")
+                text, mean = format_lost(summary, shown), summary.mean("position_error_m")
                 text = text.replace(" in ", "\nin ").replace(" (", "\n").removesuffix(")")
-                if one.is_held:
+                if summary.is_held:
                     values[y, x] = np.nan if mean is None else 1e6 * max(mean, _SMALLEST)
                     text = format_rounded(values[y, x])
-                is_dark = not one.is_held or norm(values[y, x]) < 0.45
+                is_dark = not summary.is_held or norm(values[y, x]) < 0.45
                 style = {"fontsize": 6, "color": "white" if is_dark else "black"}
                 axes.text(x + 0.5, y + 0.5, text, ha="center", va="center", **style)
         picture = axes.pcolormesh(
@@ -251,9 +251,9 @@ def _robustness(result: CompareResult) -> "Figure":
 
 def _maps(result: CompareResult) -> "dict[str, Figure]":
     """Draw for each map a panel for each joint and controller that shows which points hold."""
-    found = {}
-    for number, one in enumerate(stability_maps(), start=1):
-        rows = result.rows.filter(polars.col("case").str.starts_with(f"{one.name}:")).rows(named=True)
+    figures = {}
+    for number, grid_map in enumerate(stability_maps(), start=1):
+        rows = result.rows.filter(polars.col("case").str.starts_with(f"{grid_map.name}:")).rows(named=True)
         if not rows:
             continue
         joints = list(dict.fromkeys(row["joint"] for row in rows))
@@ -264,11 +264,11 @@ def _maps(result: CompareResult) -> "dict[str, Figure]":
                 axes.label_outer()
                 if joint == joints[0]:
                     axes.set_title(variant.replace("/", "\n"), fontsize=9)
-            axes_row[0].set_ylabel(f"{joint}\n{one.y.label}", fontsize=8)
-        figure.supxlabel(one.x.label, fontsize=9)
-        figure.suptitle(f"{one.name}\nblue: holds, red: not held", fontsize=10)
-        found[MAP.format(number)] = figure
-    return found
+            axes_row[0].set_ylabel(f"{joint}\n{grid_map.y.label}", fontsize=8)
+        figure.supxlabel(grid_map.x.label, fontsize=9)
+        figure.suptitle(f"{grid_map.name}\nblue: holds, red: not held", fontsize=10)
+        figures[MAP.format(number)] = figure
+    return figures
 
 
 def _draw_map(axes: "Axes", rows: Sequence[Row]) -> None:
@@ -277,8 +277,8 @@ def _draw_map(axes: "Axes", rows: Sequence[Row]) -> None:
     x, y = (sorted({row[name] for row in rows}) for name in ("x", "y"))
     table = np.full((len(y), len(x)), np.nan)
     for row in rows:
-        place = y.index(row["y"]), x.index(row["x"])
-        table[place] = np.fmin(table[place], row[HELD])  # the worst of several seeds
+        point = y.index(row["y"]), x.index(row["x"])
+        table[point] = np.fmin(table[point], row[HELD])  # the worst of several seeds
     if len(rows):
         colors = ListedColormap([_LOST, _HOLDS])
         axes.pcolormesh(

@@ -76,7 +76,7 @@ class Ranking(NamedTuple):
     is_winner: bool
 
 
-def rank(found: Mapping[str, SeedStatistics], figure: MetricDisplay) -> Ranking | None:
+def rank(variants: Mapping[str, SeedStatistics], figure: MetricDisplay) -> Ranking | None:
     """Compare a figure seed by seed; only joints that were held in all runs count.
 
     Without random sequences, the smallest figure wins. With them, a win is a seed with which the controller
@@ -88,13 +88,13 @@ def rank(found: Mapping[str, SeedStatistics], figure: MetricDisplay) -> Ranking 
     """
     means = {
         name: mean
-        for name, one in found.items()
-        if one.is_held and (mean := one.mean(figure.name)) is not None
+        for name, summary in variants.items()
+        if summary.is_held and (mean := summary.mean(figure.name)) is not None
     }
     if len(means) < 2:
         return None
     best = min(means, key=lambda name: means[name])
-    by_seed = {name: {row[SEED]: float(row[figure.name]) for row in found[name].rows} for name in means}
+    by_seed = {name: {row[SEED]: float(row[figure.name]) for row in variants[name].rows} for name in means}
     seeds = {seed for values in by_seed.values() for seed in values} - {None} or {None}
     for values in by_seed.values():
         if None in values:  # a run without random sequences is the same with every seed
@@ -105,7 +105,7 @@ def rank(found: Mapping[str, SeedStatistics], figure: MetricDisplay) -> Ranking 
         all(_is_below(best_values[seed], values[seed], figure) for values in by_seed.values())
         for seed in pairs
     )
-    if not any(row[RANDOM] for name in means for row in found[name].rows):
+    if not any(row[RANDOM] for name in means for row in variants[name].rows):
         return Ranking(best, wins, 0, bool(wins))
     return Ranking(best, wins, len(pairs), is_significant(wins, len(pairs)))
 
@@ -140,10 +140,10 @@ def _last_digit(value: float) -> float:
     return min(1.0, 10.0 ** (math.floor(math.log10(abs(value))) - 2)) if value else 0.0
 
 
-def mark_winner(found: Mapping[str, SeedStatistics], figure: MetricDisplay) -> dict[str, Text]:
+def mark_winner(variants: Mapping[str, SeedStatistics], figure: MetricDisplay) -> dict[str, Text]:
     """Return the cells of a row by controller and gains: means, spreads, wins and the winner."""
-    cells = {name: _cell(one, figure) for name, one in found.items()}
-    if ranking := rank(found, figure):
+    cells = {name: _cell(summary, figure) for name, summary in variants.items()}
+    if ranking := rank(variants, figure):
         text = cells[ranking.best].text
         if ranking.seeds and ranking.wins:
             text = f"{text}, wins {ranking.wins} of {ranking.seeds}"
@@ -151,23 +151,23 @@ def mark_winner(found: Mapping[str, SeedStatistics], figure: MetricDisplay) -> d
     return cells
 
 
-def format_mean(one: SeedStatistics, figure: MetricDisplay) -> str:
+def format_mean(summary: SeedStatistics, figure: MetricDisplay) -> str:
     """Return a mean as text, in the unit of its row."""
-    mean = one.mean(figure.name)
+    mean = summary.mean(figure.name)
     return "none" if mean is None else format_rounded(figure.factor * mean)
 
 
-def format_lost(one: SeedStatistics, figure: MetricDisplay) -> str:
+def format_lost(summary: SeedStatistics, figure: MetricDisplay) -> str:
     """Return a text for joints that were not held: in how many runs, and the largest value of a figure."""
-    of = "" if len(one.rows) == 1 else f" in {len(one.lost)} of {len(one.rows)}"
-    largest = max((row[figure.name] for row in one.lost if _is_known(row[figure.name])), default=None)
+    of = "" if len(summary.rows) == 1 else f" in {len(summary.lost)} of {len(summary.rows)}"
+    largest = max((row[figure.name] for row in summary.lost if _is_known(row[figure.name])), default=None)
     return f"not held{of}" + ("" if largest is None else f" ({format_rounded(figure.factor * largest)})")
 
 
-def _cell(one: SeedStatistics, figure: MetricDisplay) -> Text:
-    if not one.is_held:
-        return Text(format_lost(one, figure), is_failure=True)
-    text, spread = format_mean(one, figure), figure.factor * one.spread(figure.name)
+def _cell(summary: SeedStatistics, figure: MetricDisplay) -> Text:
+    if not summary.is_held:
+        return Text(format_lost(summary, figure), is_failure=True)
+    text, spread = format_mean(summary, figure), figure.factor * summary.spread(figure.name)
     return Text(f"{text} ± {float(f'{spread:.2g}'):g}" if spread > 0.0 else text)
 
 
@@ -228,12 +228,13 @@ def describe_inequality(rows: Sequence[Row]) -> list[str]:
     return [f"Not equal: {remark}" for remark in (*remarks, *effort)]
 
 
-def _describe_effort(joint: str, found: Mapping[str, SeedStatistics]) -> Iterator[str]:
+def _describe_effort(joint: str, variants: Mapping[str, SeedStatistics]) -> Iterator[str]:
     """Return a remark if the winner of the position error needs more torque than others that are held."""
-    ranking = rank(found, SHOWN["position_error_m"])
-    if ranking is None or not ranking.is_winner or not (effort := found[ranking.best].mean(_EFFORT)):
+    ranking = rank(variants, SHOWN["position_error_m"])
+    if ranking is None or not ranking.is_winner or not (effort := variants[ranking.best].mean(_EFFORT)):
         return
-    ratios = {name: effort / e for name, one in found.items() if one.is_held and (e := one.mean(_EFFORT))}
+    efforts = {name: summary.mean(_EFFORT) for name, summary in variants.items() if summary.is_held}
+    ratios = {name: effort / other for name, other in efforts.items() if other}
     more = [f"{name} ({100.0 * (ratio - 1.0):.0f} %)" for name, ratio in ratios.items() if ratio > _MORE]
     if more:
         yield (

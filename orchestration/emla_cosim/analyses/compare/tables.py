@@ -90,11 +90,11 @@ def _plain(result: CompareResult) -> Iterator[ReportTable]:
     shown = [SHOWN[name] for name in _FIGURES]
     for (scenario,), rows in group_rows(result.rows.rows(named=True), "scenario").items():
         body, lines = list[Sequence[Text | str]](), list[int]()
-        for (joint,), own in group_rows(rows, "joint").items():
+        for (joint,), group in group_rows(rows, "joint").items():
             lines.append(len(body))
-            found = group_by_variant(own)
+            variants = group_by_variant(group)
             for figure in shown:
-                cells = mark_winner(found, figure)
+                cells = mark_winner(variants, figure)
                 label = f"{joint}: {figure.label} / {figure.unit}"
                 body.append([label, *(cells.get(name, "") for name in result.entrants)])
         title = f"Controllers on {scenario}; the winner of each row is marked"
@@ -105,15 +105,15 @@ def _plain(result: CompareResult) -> Iterator[ReportTable]:
 def _robustness(result: CompareResult) -> Iterator[ReportTable]:
     """Return a table of cases and controllers for each joint, then one with the number of cases that hold."""
     first, *others = (SHOWN[name] for name in _COMPACT)
-    meaning = ", ".join(f"{one.label} / {one.unit}" for one in (first, *others))
+    meaning = ", ".join(f"{figure.label} / {figure.unit}" for figure in (first, *others))
     for (scenario, joint), rows in group_rows(result.rows.rows(named=True), "scenario", "joint").items():
         body = list[Sequence[Text | str]]()
-        for (case,), own in group_rows(rows, "case").items():
-            found = group_by_variant(own)
-            cells = mark_winner(found, first)
-            for name, one in found.items():
-                if one.is_held:
-                    means = [format_mean(one, figure) for figure in others]
+        for (case,), group in group_rows(rows, "case").items():
+            variants = group_by_variant(group)
+            cells = mark_winner(variants, first)
+            for name, summary in variants.items():
+                if summary.is_held:
+                    means = [format_mean(summary, figure) for figure in others]
                     cells[name] = cells[name]._replace(text=" / ".join([cells[name].text, *means]))
             body.append([case, *(cells.get(name, "") for name in result.entrants)])
         title, header = f"{joint} of {scenario}: {meaning}", _header(result, "case", rows)
@@ -125,15 +125,15 @@ def _robustness(result: CompareResult) -> Iterator[ReportTable]:
 def _stability(result: CompareResult) -> Iterator[ReportTable]:
     """Return a table for each map with the number of points that hold."""
     rows = [{**row, "map": row["case"].partition(":")[0]} for row in result.rows.rows(named=True)]
-    for (name,), own in group_rows(rows, "map").items():
-        yield _shares(f"Points of the map of {name} that hold", result, own)
+    for (name,), group in group_rows(rows, "map").items():
+        yield _shares(f"Points of the map of {name} that hold", result, group)
 
 
 def _shares(title: str, result: CompareResult, rows: Sequence[Row]) -> ReportTable:
     """Return for each joint the number of cases in which each controller holds it with all seeds."""
     body = [
-        [joint, *(_share([row for row in own if label_variant(row) == name]) for name in result.entrants)]
-        for (joint,), own in group_rows(rows, "joint").items()
+        [joint, *(_share([row for row in group if label_variant(row) == name]) for name in result.entrants)]
+        for (joint,), group in group_rows(rows, "joint").items()
     ]
     return ReportTable(title, _header(result, "joint", rows), body, describe_confidence(rows))
 
@@ -155,17 +155,18 @@ def _paper(result: CompareResult, printed: PrintedTable) -> Iterator[ReportTable
 def _cells(rows: Sequence[Row], printed: PrintedTable) -> ReportTable:
     body, lines = list[Sequence[Text | str]](), list[int]()
     for (scenario, joint), paper in printed.cells.items():
-        own = [row for row in rows if (row["scenario"], row["joint"]) == (scenario, joint)]
-        found = group_by_variant(own)
-        columns = {figure.name: mark_winner(found, figure) for figure in _PRINTED}
+        group = [row for row in rows if (row["scenario"], row["joint"]) == (scenario, joint)]
+        variants = group_by_variant(group)
+        columns = {figure.name: mark_winner(variants, figure) for figure in _PRINTED}
         lines.append(len(body))
-        place = joint if len(printed.scenarios) == 1 else scenario
-        observers = name_observers(own)
-        for name, one in found.items():
-            cells: list[Text | str] = [place, f"{name}\nobserver {observers[name]}"]
-            for figure, said in zip(_PRINTED, paper.get(one.rows[0]["controller"], (None,) * 4), strict=True):
+        label = joint if len(printed.scenarios) == 1 else scenario
+        observers = name_observers(group)
+        for name, summary in variants.items():
+            cells: list[Text | str] = [label, f"{name}\nobserver {observers[name]}"]
+            values = paper.get(summary.rows[0]["controller"], (None,) * len(_PRINTED))
+            for figure, value in zip(_PRINTED, values, strict=True):
                 cells.append(columns[figure.name][name])
-                cells.append("" if said is None else format_rounded(figure.factor * said))
+                cells.append("" if value is None else format_rounded(figure.factor * value))
             body.append(cells)
     header = ["", "controller/gains", *(h for f in _PRINTED for h in (f"{f.label} / {f.unit}", "paper"))]
     title = f"{printed.name}: ours beside the paper's; the winner of ours is marked"
@@ -179,7 +180,7 @@ def _averages(rows: Sequence[Row], printed: PrintedTable) -> ReportTable:
     by_entrant = {name: [r for r in rows if label_variant(r) == name] for name in map(label_variant, rows)}
     base = _means(by_entrant.get(usual, ()), len(printed.cells))
     body: list[Sequence[Text | str]] = [
-        [name, *_ratios(_means(own, len(printed.cells)), base)] for name, own in by_entrant.items()
+        [name, *_ratios(_means(group, len(printed.cells)), base)] for name, group in by_entrant.items()
     ]
     body += [[f"paper, {c}", *_numbers(cells)] for c, cells in printed.averages.items()]
     body += [
@@ -188,16 +189,16 @@ def _averages(rows: Sequence[Row], printed: PrintedTable) -> ReportTable:
         if c != REFERENCE
     ]
     header = ["normalised average", *(figure.label for figure in _PRINTED)]
-    said = [f"Averages are ratios of means, ours to {usual}.", *_describe_difference(printed)]
-    return ReportTable(f"{printed.name}: normalised averages", header, body, said, [len(by_entrant)])
+    under = [f"Averages are ratios of means, ours to {usual}.", *_describe_difference(printed)]
+    return ReportTable(f"{printed.name}: normalised averages", header, body, under, [len(by_entrant)])
 
 
-def _means(rows: Sequence[Row], places: int) -> Cells | None:
-    """Return sums over all places of means over seeds; None if a joint was not held or is missing."""
-    found = [SeedStatistics(own) for own in group_rows(rows, "scenario", "joint").values()]
-    if len(found) < places or not all(one.is_held for one in found):
+def _means(rows: Sequence[Row], count: int) -> Cells | None:
+    """Return sums over `count` joints of means over seeds; None if one was not held or is missing."""
+    joints = [SeedStatistics(group) for group in group_rows(rows, "scenario", "joint").values()]
+    if len(joints) < count or not all(joint.is_held for joint in joints):
         return None
-    means = [[one.mean(name) for one in found] for name in Cells.__struct_fields__]
+    means = [[joint.mean(name) for joint in joints] for name in Cells.__struct_fields__]
     return Cells(
         *(math.nan if None in column else math.fsum(x for x in column if x is not None) for column in means)
     )
@@ -218,12 +219,12 @@ def _numbers(cells: Cells) -> list[str]:
 def _describe_difference(printed: PrintedTable) -> list[str]:
     """Return a remark on averages of the paper that do not follow from its own cells."""
     wrong: Mapping[str, list[str]] = {figure.label: [] for figure in _PRINTED}
-    for controller, said in printed.averages.items():
-        found = printed.recomputed(controller)
-        for figure, ours, theirs in zip(_PRINTED, found, said, strict=True):
+    for controller, averages in printed.averages.items():
+        recomputed = printed.recomputed(controller)
+        for figure, ours, theirs in zip(_PRINTED, recomputed, averages, strict=True):
             if abs(ours - theirs) > _ROUNDED:
                 wrong[figure.label].append(f"{theirs:.3g} for {controller}, where its cells give {ours:.3f}")
-    differences = [f"{label} {' and '.join(ones)}" for label, ones in wrong.items() if ones]
+    differences = [f"{label} {' and '.join(texts)}" for label, texts in wrong.items() if texts]
     if not differences:
         return ["The paper's averages follow from its own cells."]
     return [f"The paper's averages follow from its own cells, except {'; '.join(differences)}."]
