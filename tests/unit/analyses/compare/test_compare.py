@@ -29,8 +29,10 @@ from emla_cosim.analyses.compare.report import build_report
 from emla_cosim.analyses.compare.tables import describe_lost_joints
 from emla_cosim.analyses.execution.worker_payload import Preparation
 from emla_cosim.analyses.frame.page import render_page
+from emla_cosim.analyses.frame.report import Report, Section
 from emla_cosim.base.errors import CommandError
 from emla_cosim.base.progress import Progress
+from emla_cosim.cli.commands.analysis import show_report
 from emla_cosim.study.controllers import ROBUSTNESS_SETS
 from emla_cosim.study.loading import load
 from emla_cosim.study.paper import TABLE_VI, TABLE_VIII
@@ -211,6 +213,12 @@ def test_command_writes_page_and_pictures(emla: Emla, tmp_path: Path) -> None:
     assert names_in(tmp_path) == {"compare.html", *FILES, *pictures}
     assert emla("compare", "lift", *arguments, "--no-plots", "--output", str(tmp_path)).exit_code == 0
     assert names_in(tmp_path) == FILES
+
+
+def test_terminal_shows_a_part_of_many_lost_joints(capsys: pytest.CaptureFixture[str]) -> None:
+    sections = [Section(lines=["a", "b", "c"], most=1), Section(lines=["for the page"], most=0)]
+    show_report(Report("Comparison", "lift", [], sections))
+    assert capsys.readouterr().out == "a\nand 2 more, in the files\n"
 
 
 def test_command_reports_lost_joints_first(emla: Emla, tmp_path: Path) -> None:
