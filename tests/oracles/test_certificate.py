@@ -90,9 +90,11 @@ def test_system_without_a_joint_is_refused(fmu_folder: Path) -> None:
 def test_command_certifies_several_gains(emla: Emla, tmp_path: Path) -> None:
     place = tmp_path / "found"
     arguments = ("--table", "certificate", "--stop-time", "0.4", "--output", str(place))
-    result = emla("compare", "lift", "--gains", "robust,published", *arguments)
+    result = emla("compare", "lift", "--gains", "robust,published", "--report", *arguments)
     assert result.exit_code == 0
     assert "Certificate of robust" in result.output
+    assert "F* of (34)" not in result.output  # assumptions are for the files
+    assert "F* of (34)" in (place / "certificate.html").read_text(encoding="utf-8")
     rows = polars.read_csv(place / "certificate.csv")
     assert rows.filter(gains="robust", figure="phi_1")["lift"].item() == 1.0
     text = (place / "certificate.md").read_text(encoding="utf-8")

@@ -6,9 +6,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from rich.console import RenderableType
-from rich.markup import escape
-from rich.table import Table
 
 from rsba_fmu.certificate import Bounds, Certificate, ControlGains, Four, ObserverConstants, certificate
 
@@ -229,25 +226,6 @@ def _remarks(
         ),
     ]
     return [sentence for holds, sentence in said if holds]
-
-
-def build_certificate_table(found: Sequence[JointCertificate], gains: str = "") -> RenderableType:
-    """Return a table of constants, predicted bounds and simulated values, with a column for each joint.
-
-    Args:
-        found: The certificates.
-        gains: The name of the set of gains, for the title.
-    """
-    of = f" of {gains}" if gains else ""
-    title = f"Certificate{of}: bounds of the proof beside the run, from 0.3 s on"
-    table = Table(title=title, title_justify="left")
-    table.add_column("")
-    for one in found:
-        table.add_column(escape(one.joint), justify="right")
-    table.add_column("")
-    for label, unit, values in build_certificate_rows(found):
-        table.add_row(label, *(f"{value:.4g}" for value in values), unit)
-    return table
 
 
 def build_certificate_rows(found: Sequence[JointCertificate]) -> list[tuple[str, str, list[float]]]:

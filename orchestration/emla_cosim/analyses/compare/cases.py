@@ -1,13 +1,12 @@
 """Cases in which controllers are compared, read from files, and their start values in a system."""
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from importlib.resources import files
 from typing import Any
 
-from ...base.errors import CommandError, join_names
 from ...base.toml_structs import read_toml
-from ...base.values import convert_value
 from ...system.fault import Fault
 from ...system.model import Value
 from ...system.names import Names
@@ -43,23 +42,22 @@ class ComparisonCase:
 
     def resolve_start_values(self, prepared: Preparation) -> dict[str, Value] | None:
         """Return the start values of the case by full name; None if the system has no such variable."""
-        found: dict[str, Value] = {}
+        values = dict[str, Value]()
         for pattern, value in self.set.items():
             names = _start_values(pattern, prepared)
             if not names:
                 return None
-            found |= dict.fromkeys(names, value)
-        scaled = [_scale_values(pattern, factor, prepared) for pattern, factor in self.scale.items()]
-        if self.scale and not any(scaled):
+            values |= dict.fromkeys(names, value)
+        changes = [_scale_values(pattern, factor, prepared) for pattern, factor in self.scale.items()]
+        if self.scale and not any(changes):
             return None
-        for one in scaled:
-            found |= one
         if self.start_error is not None:
-            started = _shift_start(self.start_error, prepared)
-            if not started:
+            changes.append(_shift_start(self.start_error, prepared))
+            if not changes[-1]:
                 return None
-            found |= started
-        return found
+        for change in changes:
+            values |= change
+        return values
 
 
 @dataclass(frozen=True)
@@ -73,18 +71,9 @@ class MapAxis:
     scale: Sequence[str] = ()
     unit: float = 1.0
 
-    def at(self, number: int, of: int) -> float:
-        """Return the coordinate of a level; the first level is 0."""
-        return self.low + (self.high - self.low) * number / (of - 1)
-
-    def case(self, case: ComparisonCase, coordinate: float) -> ComparisonCase:
-        """Return the case with this axis at the coordinate."""
-        value = coordinate * self.unit
-        return replace(
-            case,
-            set={**case.set, **dict.fromkeys(self.set, value)},
-            scale={**case.scale, **dict.fromkeys(self.scale, value)},
-        )
+    def levels(self, count: int) -> list[float]:
+        """Return the coordinates of this many points."""
+        return [self.low + (self.high - self.low) * number / (count - 1) for number in range(count)]
 
 
 @dataclass(frozen=True)
@@ -98,14 +87,15 @@ class StabilityMap:
     def cases(self, resolution: int) -> list[ComparisonCase]:
         """Return a case for each point, row by row."""
         return [
-            self._case(self.x.at(i, resolution), self.y.at(j, resolution))
-            for j in range(resolution)
-            for i in range(resolution)
+            ComparisonCase(
+                f"{self.name}: {x:.4g}, {y:.4g}",
+                {name: at * axis.unit for axis, at in ((self.x, x), (self.y, y)) for name in axis.set},
+                {name: at * axis.unit for axis, at in ((self.x, x), (self.y, y)) for name in axis.scale},
+                at=(x, y),
+            )
+            for y in self.y.levels(resolution)
+            for x in self.x.levels(resolution)
         ]
-
-    def _case(self, x: float, y: float) -> ComparisonCase:
-        point = ComparisonCase(f"{self.name}: {x:.4g}, {y:.4g}", at=(x, y))
-        return self.y.case(self.x.case(point, x), y)
 
 
 def robustness_cases() -> list[ComparisonCase]:
@@ -127,43 +117,28 @@ def _read(name: str) -> dict[str, Any]:
     return read_toml((files("emla_cosim.study") / "cases" / f"{name}.toml").read_text(encoding="utf-8"), name)
 
 
-def check_resolution(resolution: int) -> int:
-    """Return the number of points along an axis; raise CommandError if it is out of range."""
-    if not 2 <= convert_value(resolution, int, "the resolution of the map") <= 100:
-        raise CommandError(f"the resolution of the map is {resolution}; it must be from 2 to 100.")
-    return resolution
-
-
-def describe_left_out(cases: Sequence[ComparisonCase], scenario: str) -> str:
-    """Return a message that names the cases for which a scenario has no variables."""
-    return f"Not run, as {scenario} has no such variables: {join_names(case.name for case in cases)}."
-
-
 def _start_values(pattern: str, prepared: Preparation) -> dict[str, float | None]:
     return find_start_values(pattern, prepared.system, prepared.interfaces)
 
 
 def _scale_values(pattern: str, factor: float, prepared: Preparation) -> dict[str, Value]:
     """Return the values that match a pattern times the factor, limited to the bounds of each variable."""
-    found, names = dict[str, Value](), Names(prepared.system, prepared.interfaces)
+    scaled, names = dict[str, Value](), Names(prepared.system, prepared.interfaces)
     for name, value in _start_values(pattern, prepared).items():
         if value is not None:
             declared = names.find(name).variable
-            low, high = (_bound(b, e) for b, e in ((declared.min, "-inf"), (declared.max, "inf")))
-            found[name] = min(max(factor * value, low), high)
-    return found
-
-
-def _bound(bound: Any, otherwise: str) -> float:
-    return float(otherwise if bound is None else bound)
+            low = -math.inf if declared.min is None else float(declared.min)
+            high = math.inf if declared.max is None else float(declared.max)
+            scaled[name] = min(max(factor * value, low), high)
+    return scaled
 
 
 def _shift_start(error: float, prepared: Preparation) -> dict[str, Value]:
     """Return start values that move plants and observers `error` in m away from their reference."""
-    found: dict[str, Value] = {}
+    moved = dict[str, Value]()
     for name, begin in _start_values("*.reference.waypoint[1]", prepared).items():
         joint = name.removesuffix(".reference.waypoint[1]")
         for end in ("plant.start.x_L", "observer.start.x_hat"):
             if begin is not None and _start_values(f"{joint}.{end}", prepared):
-                found[f"{joint}.{end}"] = begin + error
-    return found
+                moved[f"{joint}.{end}"] = begin + error
+    return moved

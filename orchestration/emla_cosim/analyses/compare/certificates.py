@@ -1,19 +1,24 @@
-"""Stability certificates of several sets of gains, each beside a run."""
+"""Stability certificates of RSBA's sets of gains, each beside a run."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
+from typing import Any, Unpack
 
 import polars
 
 from ...base.errors import CommandError, RunError
 from ...base.progress import Progress
+from ...run.option_types import CompareOptions
 from ...study.joint_certificates import JointCertificate, build_certificate_rows, certify
 from ...study.loading import load
-from ...views.folder import Folder
+from ..frame.outputs import Outputs
+from ..frame.report import Report, ReportTable, Section
+from ..frame.session import Session
 from .controller_variants import ALL, select_variants
 
-CSV, MARKDOWN = "certificate.csv", "certificate.md"
+CERTIFICATE = "certificate"
+"""Name of the tables for `emla compare`."""
 
 
 @dataclass(frozen=True)
@@ -24,70 +29,117 @@ class SetCertificate:
     joints: Sequence[JointCertificate]
     problem: str | None = None
 
+    @property
+    def table(self) -> ReportTable:
+        """Constants, predicted bounds and simulated values, with a column for each joint."""
+        rows = [
+            [label, *(f"{value:.4g}" for value in values), unit]
+            for label, unit, values in build_certificate_rows(self.joints)
+        ]
+        header = ["", *(joint.joint for joint in self.joints), "unit"]
+        title = f"Certificate of {self.gains}: bounds of the proof beside the run, from 0.3 s on"
+        return ReportTable(title, header, rows, texts=(0, len(header) - 1))
+
+
+@dataclass(frozen=True)
+class CertificateResult:
+    """Certificates of several sets of gains in a scenario.
+
+    Attributes:
+        name: Name of the scenario.
+        sets: Certificates by set of gains.
+    """
+
+    name: str
+    sets: Sequence[SetCertificate]
+
+    @property
+    def rows(self) -> polars.DataFrame:
+        """A row for each set of gains and figure, with its unit, and a column for each joint."""
+        return polars.DataFrame(
+            {"gains": each.gains, "figure": label, "unit": unit}
+            | dict(zip((joint.joint for joint in each.joints), values, strict=True))
+            for each in self.sets
+            for label, unit, values in build_certificate_rows(each.joints)
+        )
+
+    def markdown(self) -> str:
+        """Return the tables and remarks of all sets as Markdown."""
+        return "\n".join(line for each in self.sets for line in _format_set(each))
+
 
 def certify_gains(
-    scenario: str, gains: Sequence[str] | None, progress: Progress, **options: Any
-) -> list[SetCertificate]:
-    """Certify sets of gains of RSBA, by default all, each beside a run of the scenario.
+    scenario: str | Path,
+    gains: Sequence[str] | None = None,
+    *,
+    output: str | Path | None = None,
+    overwrite: bool = False,
+    report: bool = False,
+    progress: Progress | None = None,
+    **options: Unpack[CompareOptions],
+) -> CertificateResult:
+    """Certify sets of gains of RSBA, each beside a run of the scenario.
+
+    Args:
+        scenario: Name or file of the scenario.
+        gains: Sets of gains. Default: all.
+        output: Folder for results.
+        overwrite: Whether to replace files that emla did not write.
+        report: Whether to write a page, certificate.html, into the folder.
+        progress: Receives the progress.
+        **options: Options as for `load`.
 
     Raises:
         CommandError: A set does not exist, or the scenario has no joint with RSBA.
+        RunError: A file cannot be written.
     """
-    sets = [one.gains for one in select_variants(["rsba"], gains or [ALL])]
-    progress.begin("certifying", len(sets), "sets of gains")
-    found = []
-    for gain_set in sets:
-        chosen = load(scenario, controller="rsba", gains=gain_set, **options)
-        try:
-            with chosen.prepare() as simulation:
-                found.append(SetCertificate(gain_set, certify(simulation)))
-        except CommandError:
-            raise
-        except RunError as error:
-            found.append(SetCertificate(gain_set, (), str(error)))
-        progress.advance(1)
-    return found
+    session = Session(OUTPUTS, output=output, overwrite=overwrite, report=report, progress=progress)
+    sets = list[SetCertificate]()
+    with session.alone():
+        variants = select_variants(["rsba"], gains or [ALL])
+        session.progress.begin("certifying", len(variants), "sets of gains")
+        for variant in variants:
+            overrides: dict[str, Any] = {**options, "controller": "rsba", "gains": variant.gains}
+            try:
+                with load(scenario, **overrides).prepare() as simulation:
+                    sets.append(SetCertificate(variant.gains, certify(simulation)))
+            except CommandError:
+                raise
+            except RunError as error:
+                sets.append(SetCertificate(variant.gains, (), str(error)))
+            session.progress.advance(1)
+        result = CertificateResult(Path(scenario).stem, sets)
+        session.keep(result)
+    return result
 
 
-def build_frame(found: Sequence[SetCertificate]) -> polars.DataFrame:
-    """Return a row for each set of gains and figure, with its unit, and a column for each joint."""
-    rows = [
-        {"gains": one.gains, "figure": label, "unit": unit}
-        | dict(zip((joint.joint for joint in one.joints), values, strict=True))
-        for one in found
-        for label, unit, values in build_certificate_rows(one.joints)
-    ]
-    return polars.DataFrame(rows)
+def _format_set(each: SetCertificate) -> list[str]:
+    lines = [f"## {each.gains}", "", f"{each.problem}\n" if each.problem else each.table.markdown()]
+    for joint in each.joints:
+        lines += [f"{joint.joint}:", "", *(f"- {remark}" for remark in joint.remarks), ""]
+    return lines
 
 
-def markdown(found: Sequence[SetCertificate]) -> str:
-    """Return the tables and remarks of all sets as Markdown."""
-    return "\n".join(line for one in found for line in _section(one))
+def build_report(result: CertificateResult) -> Report:
+    """Return the report of certificates."""
+    sections = list[Section]()
+    for each in result.sets:
+        problem = [] if each.problem is None else [f"{each.gains}: {each.problem}"]
+        sections.append(Section(each.gains, problem, [each.table] if each.joints else []))
+        remarks = [f"{joint.joint}: {remark}" for joint in each.joints for remark in joint.remarks]
+        if remarks:
+            sections.append(Section(f"Assumptions of {each.gains} that are not met", remarks, most=0))
+    return Report("Certificate", result.name, [f"gains {each.gains}" for each in result.sets], sections)
 
 
-def _section(one: SetCertificate) -> list[str]:
-    lines = [f"## {one.gains}", ""]
-    if one.problem is not None:
-        return [*lines, one.problem, ""]
-    names = [joint.joint for joint in one.joints]
-    lines += [f"| | {' | '.join(names)} | unit |", f"|---|{'---:|' * len(names)}---|"]
-    for label, unit, values in build_certificate_rows(one.joints):
-        lines.append(
-            f"| {label.replace('|', chr(92) + '|')} | {' | '.join(f'{x:.4g}' for x in values)} | {unit} |"
-        )
-    for joint in one.joints:
-        lines += ["", f"{joint.joint}:", "", *(f"- {remark}" for remark in joint.remarks)]
-    return [*lines, ""]
-
-
-class CertificateFolder(Folder):
-    """The folder of certificates; see `Folder` for errors."""
-
-    what = "certificates"
-    files = (CSV, MARKDOWN)
-    record_file = CSV
-
-    def keep(self, found: Sequence[SetCertificate]) -> None:
-        """Write figures and tables, each file atomically. Raises RunError."""
-        self.write(CSV, build_frame(found).write_csv().encode())
-        self.write(MARKDOWN, markdown(found).encode())
+OUTPUTS = Outputs[CertificateResult](
+    what="certificates",
+    name=CERTIFICATE,
+    record=None,
+    record_file="certificate.csv",
+    tables={
+        "certificate.csv": lambda result: result.rows.write_csv(),
+        "certificate.md": CertificateResult.markdown,
+    },
+    report=build_report,
+)

@@ -53,63 +53,67 @@ def select_variants(
         CommandError: A controller or a set does not exist, or no compared controller has the set.
     """
     names = list(dict.fromkeys(_controllers(controllers)))
-    sets = {one: list(choose_controller(one, None).controller.gains) for one in names}
-    named = _check_sets(convert_value(gains or (), Sequence[str], "the list of gains to compare"), sets)
+    sets = {controller: list(choose_controller(controller, None).controller.gains) for controller in names}
+    named = _find_sets(convert_value(gains or (), Sequence[str], "the list of gains to compare"), sets)
     if not gains:
-        for one in (c for c in names if c in CONTROLLERS):
-            named[one] = {sets[one][0], *also}
+        for controller in (c for c in names if c in CONTROLLERS):
+            named[controller] = {sets[controller][0], *also}
     return [
-        ControllerVariant(one, gain_set)
-        for one in names
-        for gain_set in ([s for s in sets[one] if s in named[one]] or sets[one][:1])
+        ControllerVariant(controller, gain_set)
+        for controller in names
+        for gain_set in ([s for s in sets[controller] if s in named[controller]] or sets[controller][:1])
     ]
 
 
 def list_other_variants(compared: Sequence[ControllerVariant]) -> list[str]:
     """Return sets of gains of the compared controllers that are not compared, as CONTROLLER/SET."""
     taken = set(map(str, compared))
-    ours = dict.fromkeys(one.label for one in compared if one.controller in CONTROLLERS)
+    ours = dict.fromkeys(variant.label for variant in compared if variant.controller in CONTROLLERS)
     return [s for c in ours for s in (f"{c}/{g}" for g in CONTROLLERS[c].gains) if s not in taken]
 
 
-def _controllers(given: Sequence[Choice] | None) -> list[Choice]:
-    if given is None:
+def _controllers(controllers: Sequence[Choice] | None) -> list[Choice]:
+    if controllers is None:
         return list(CONTROLLERS)
-    if isinstance(given, (str, type)) or not isinstance(given, Sequence) or not given:
-        raise CommandError(f"the controllers to compare are {given!r}; they must be a list of one or more.")
-    if wrong := [one for one in given if not isinstance(one, (str, type))]:
+    if isinstance(controllers, (str, type)) or not isinstance(controllers, Sequence) or not controllers:
+        raise CommandError(
+            f"the controllers to compare are {controllers!r}; they must be a list of one or more."
+        )
+    if wrong := [each for each in controllers if not isinstance(each, (str, type))]:
         raise CommandError(f"a controller to compare is {wrong[0]!r}; it must be a name, a file or a block.")
-    return list(given)
+    return list(controllers)
 
 
-def _check_sets(gains: Sequence[str], sets: Mapping[Choice, Sequence[str]]) -> dict[Choice, set[str]]:
+def _find_sets(gains: Sequence[str], sets: Mapping[Choice, Sequence[str]]) -> dict[Choice, set[str]]:
     """Return the named sets of each controller."""
-    named: dict[Choice, set[str]] = {one: set() for one in sets}
+    named: dict[Choice, set[str]] = {controller: set() for controller in sets}
     for text in gains:
-        one, slash, gain_set = text.rpartition("/")
-        owners = [c for c in sets if label_controller(c) == one] if slash else list(sets)
-        if slash and not owners:
+        label, slash, gain_set = text.rpartition("/")
+        owners = [c for c in sets if label_controller(c) == label] if slash else list(sets)
+        if not owners:
             raise CommandError(
-                f"the gains {text} are for the controller '{one}', which is not compared; "
+                f"the gains {text} are for the controller '{label}', which is not compared; "
                 f"compared {_join_with_verb([label_controller(c) for c in sets])}.",
                 name=text,
             )
-        words = {ALL: slice(None), RECOMMENDED: slice(1)}
-        found = {c: sets[c][words[gain_set]] if gain_set in words else [gain_set] for c in owners}
-        having = {c: names for c, names in found.items() if set(names) <= set(sets[c])}
-        if not having:
-            there = dict.fromkeys(s for c in owners for s in sets[c])
+        keywords = {ALL: slice(None), RECOMMENDED: slice(1)}
+        chosen = {
+            c: sets[c][keywords[gain_set]] if gain_set in keywords else {gain_set} & {*sets[c]}
+            for c in owners
+        }
+        if not any(chosen.values()):
+            there = list(dict.fromkeys(name for c in owners for name in sets[c]))
             raise CommandError(
-                f"no controller that is compared has the set of gains '{gain_set}'; there "
-                f"{_join_with_verb(there)}."
-                if not slash
-                else f"the controller {one} has no set of gains '{gain_set}'; it has {join_names(there)}.",
+                f"the controller {label} has no set of gains '{gain_set}'; it has {join_names(there)}."
+                if slash
+                else f"no controller that is compared has the set of gains '{gain_set}'; there "
+                f"{_join_with_verb(there)}.",
                 name=text,
             )
-        for c, names in having.items():
-            named[c] |= set(names)
+        for controller, names in chosen.items():
+            named[controller] |= set(names)
     return named
 
 
-def _join_with_verb(names: Sequence[str] | Mapping[str, None]) -> str:
+def _join_with_verb(names: Sequence[str]) -> str:
     return f"{'is' if len(names) == 1 else 'are'} {join_names(names)}"

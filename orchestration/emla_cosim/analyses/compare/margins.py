@@ -1,4 +1,4 @@
-"""Measure stability margins of each joint with each controller, where its reference moves fastest."""
+"""Stability margins of each joint with each controller, where its reference moves fastest."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping
@@ -11,13 +11,17 @@ from ...base.progress import Progress
 from ...run.run_setup import run_times
 from ...run.scenarios.scenario import Scenario
 from ..execution.worker_payload import Preparation
+from ..frame.report import ReportTable, Text
+from ..linearize.margins import LARGEST_MS, LEAST_GAIN_DB, LEAST_PHASE_DEG
 from ..linearize.measurement import NONLINEAR
 from ..linearize.result import Measured
 from ..linearize.runner import measure_loops
 from ..variants.data import VariantOutcome
 from ..variants.factors import find_start_values
-from .measures import FASTEST_AT, LARGEST_SPEED
 from .plan import ComparisonPlan
+from .result import SHOWN, CompareResult, Row, group_rows
+from .rows import FASTEST_AT, LARGEST_SPEED, list_joint_figures
+from .statistics import describe_ranking, group_by_variant, mark_winner, name_observers
 
 POSITION_LOOP, CURRENT_LOOP = "position_loop", "current_loop"
 
@@ -52,7 +56,17 @@ _LATER, _CONSTANT = (0, 100, 200), 0.01
 measured during a larger change differed by 20 degrees from those around it.
 """
 
-_Motion = tuple[float, float]
+_ERROR = SHOWN["position_error_m"]
+_HEADER = (
+    "controller,\nobserver",
+    "error\n/ µm",
+    "loop",
+    "phase\n/ °",
+    "gain\n/ dB",
+    "Ms",
+    "delay\n/ ms",
+    "conditions",
+)
 
 
 def measure_margins(
@@ -68,11 +82,11 @@ def measure_margins(
 
     Args:
         plan: The runs.
-        outcomes: What came out of them, measured with `MotionMeasures`.
+        outcomes: What came out of them, measured with `WITH_ERRORS`.
         interrupted: Whether the user has interrupted.
         progress: Receives the progress.
     """
-    motions = _find_motions(plan, outcomes)
+    fastest = _find_fastest(plan, outcomes)
     runs = list({run.group: run for run in reversed(plan.runs)}.values())[::-1]
     progress.begin("measuring margins", len(runs), "systems")
     rows = list[dict[str, Any]]()
@@ -80,15 +94,9 @@ def measure_margins(
         if interrupted():
             break
         for joint in run.joints:
-            own = {
-                "scenario": run.scenario,
-                "case": run.case.name,
-                "joint": joint,
-                "controller": run.controller_variant.label,
-                "gains": run.controller_variant.gains,
-            }
-            motion = motions.get((run.scenario, joint))
-            rows.append(own | _measure(plan.groups[run.group], joint, motion, run.own["set"]))
+            at = fastest.get((run.scenario, joint))
+            figures = _measure(plan.groups[run.group], joint, at, run.own["set"])
+            rows.append(run.labels(joint) | figures)
         progress.advance(1)
     return polars.DataFrame(rows, schema=dict(COLUMNS), orient="row")
 
@@ -98,30 +106,27 @@ def add_margins(rows: polars.DataFrame, margins: polars.DataFrame | None) -> pol
     return rows if margins is None else rows.join(margins, on=_KEYS, how="left", maintain_order="left")
 
 
-def _find_motions(
+def _find_fastest(
     plan: ComparisonPlan, outcomes: Mapping[int, VariantOutcome]
-) -> dict[tuple[str, str], _Motion]:
-    """Return the largest speed of each reference and its time; runs that ended early may not reach it."""
-    found = dict[tuple[str, str], _Motion]()
-    for number, outcome in sorted(outcomes.items()):
-        run = plan.runs[number]
-        for joint in run.joints:
-            figures, key = outcome.figures.get(joint, {}), (run.scenario, joint)
-            if LARGEST_SPEED in figures and figures[LARGEST_SPEED] > found.get(key, (-1.0, 0.0))[0]:
-                found[key] = figures[LARGEST_SPEED], figures[FASTEST_AT]
-    return found
+) -> dict[tuple[str, str], float]:
+    """Return when the reference of each joint is fastest, in s; runs that ended early may not reach it."""
+    fastest = dict[tuple[str, str], tuple[float, float]]()
+    for key, figures in list_joint_figures(plan, outcomes):
+        if LARGEST_SPEED in figures and figures[LARGEST_SPEED] > fastest.get(key, (-1.0, 0.0))[0]:
+            fastest[key] = figures[LARGEST_SPEED], figures[FASTEST_AT]
+    return {key: at for key, (_, at) in fastest.items()}
 
 
 def _measure(
-    part: Preparation, joint: str, motion: _Motion | None, values: Mapping[str, Any]
+    part: Preparation, joint: str, fastest_at: float | None, values: Mapping[str, Any]
 ) -> dict[str, Any]:
     delays = {**find_start_values(f"{joint}.plant.inverter.delay", part.system, part.interfaces), **values}
     row: dict[str, Any] = {DELAY: delays.get(f"{joint}.plant.inverter.delay")}
-    if motion is None:
+    if fastest_at is None:
         return row | {f"{loop}_{PROBLEM}": "no run reached the motion" for loop in LOOPS}
     times = run_times(part.options, part.name)
     count = min(_DURATION, times.steps // 2)
-    first = round((motion[1] - times.start) / times.step)
+    first = round((fastest_at - times.start) / times.step)
     scenario = Scenario(part.name, "", part.system, part.options, resources=part.resources)
     opened = {loop: place.format(joint) for loop, place in LOOPS.items()}
     best, at = dict[str, Measured | CosimError](), 0.0
@@ -161,3 +166,65 @@ def _figures(found: Measured | CosimError) -> Iterator[tuple[str, Any]]:
     values = (margins.phase_deg, margins.gain_up_dB, margins.gain_down_dB, margins.Ms, margins.delay_s)
     for name, value in zip(FIGURES, values, strict=True):
         yield name, value if math.isfinite(value) else None
+
+
+def missed_conditions(figures: Mapping[str, Any]) -> list[str]:
+    """Return the conditions that the figures of a loop do not meet; a figure is None if nothing limits it."""
+    phase, up, down, Ms = (figures[name] for name in FIGURES[:4])
+    met = {
+        "phase": phase is None or phase >= LEAST_PHASE_DEG,
+        "gain": (up is None or up >= LEAST_GAIN_DB) and (down is None or down <= -LEAST_GAIN_DB),
+        "Ms": Ms is None or Ms <= LARGEST_MS,
+    }
+    return [name for name, is_met in met.items() if not is_met]
+
+
+def build_margin_tables(result: CompareResult) -> list[ReportTable]:
+    """Return a table for each joint, with a row for each loop of each controller."""
+    joints = group_rows(result.rows.rows(named=True), "scenario", "joint")
+    return [_build_table(scenario, joint, rows) for (scenario, joint), rows in joints.items()]
+
+
+def _build_table(scenario: str, joint: str, rows: list[Row]) -> ReportTable:
+    body, lines = list[list[Text | str]](), list[int]()
+    found = group_by_variant(rows)
+    errors, observers = mark_winner(found, _ERROR), name_observers(rows)
+    for name, one in found.items():
+        lines.append(len(body))
+        heads = [(name, errors[name]), (observers[name], "")]
+        for loop, head in zip(LOOPS, heads, strict=True):
+            body.append([*head, loop.removesuffix("_loop"), *_cells(one.rows[0], loop)])
+    times = sorted({row[AT] for row in rows if row[AT] is not None})
+    delay = next((row[DELAY] for row in rows if row[DELAY] is not None), None)
+    when = f" at t = {' and '.join(f'{at:.4g}' for at in times)} s" if times else ""
+    delay_text = "unknown" if delay is None else f"{1e3 * delay:.3g} ms"
+    under = [
+        f"Computing delay: {delay_text}. Conditions: phase margin of at least {LEAST_PHASE_DEG:g}°, gain "
+        f"margins of at least {LEAST_GAIN_DB:g} dB both ways, Ms of at most {LARGEST_MS:g}. none: nothing "
+        "limits it."
+    ]
+    under += describe_ranking(rows)
+    return ReportTable(f"{joint} of {scenario}: stability margins{when}", _HEADER, body, under, lines)
+
+
+def _cells(row: Row, loop: str) -> list[Text | str]:
+    """Return margins and conditions of a loop, or the reason in words why there are none."""
+    problem = row[f"{loop}_{PROBLEM}"]
+    figures = {name: row[f"{loop}_{name}"] for name in FIGURES}
+    if problem is None and figures["Ms"] is None:
+        problem = "not measured"
+    if problem is not None:
+        return [Text(problem, is_failure=True), "", "", "", Text("not met", is_failure=True)]
+    phase, up, down, Ms, delay = figures.values()
+    missed = missed_conditions(figures)
+    return [
+        _format(phase, ".1f"),
+        f"{_format(up, '+.1f')}/{_format(down, '.1f')}",
+        _format(Ms, ".2f"),
+        _format(None if delay is None else 1e3 * delay, ".2f"),
+        Text(f"not met: {', '.join(missed)}" if missed else "met", is_failure=bool(missed)),
+    ]
+
+
+def _format(value: float | None, digits: str) -> str:
+    return "none" if value is None else f"{value:{digits}}"

@@ -1,30 +1,34 @@
-"""Pictures of a comparison: figures side by side, errors over time, and maps of points that hold."""
+"""Pictures of a comparison: figures side by side, errors and motion over time, and maps."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import polars
 
-from ...base.arrays import Vector
 from ...base.wording import format_rounded
-from ...recorders.metrics import HELD
+from ...recorders.metrics import HELD, MetricDisplay
 from ...study.paper import PRINTED
 from ...views.plots.style import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, new_figure, tidy_axes
 from .cases import stability_maps
-from .data import PAPER, ROBUSTNESS, STABILITY, CompareData
-from .remarks import describe_inequality
-from .rows import SHOWN, Row, label_variant
-from .statistics import SeedStatistics, format_lost, group_by_variant, rank
-from .tables import group_rows
+from .result import PAPER, ROBUSTNESS, SHOWN, STABILITY, CompareResult, Row, group_rows, label_variant
+from .statistics import SeedStatistics, describe_inequality, format_lost, group_by_variant, rank
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-FIGURES, ERRORS = "comparison-figures", "comparison-errors"
-NAMES = (FIGURES, ERRORS, "comparison-robustness", "comparison-stability-1", "comparison-stability-2")
-"""Names of the pictures."""
+FIGURES, ERRORS, MOTION = "comparison-figures", "comparison-errors", "comparison-motion"
+CASES, MAP = "comparison-robustness", "comparison-stability-{}"
+PICTURES = {
+    FIGURES: "Figures of each joint with each controller",
+    ERRORS: "Position errors of each joint over time with each controller",
+    CASES: "Position errors of each joint with each controller in all cases",
+    MAP.format(1): "Points at which each joint is held with each controller, first map",
+    MAP.format(2): "Points at which each joint is held with each controller, second map",
+    MOTION: "Position of the reference and load force of each joint over time",
+}
+"""What the pictures show, by their names."""
 
 _BARS = ("position_error_m", "velocity_error_m_s", "torque_effort_N_m")
 _WIDE = {"position_error_m", "velocity_error_m_s"}
@@ -37,71 +41,43 @@ _SMALLEST = 1e-9
 _COLORS = (BLUE, ORANGE, GREEN, RED, PURPLE, GREY, "#1d8a99", "#c77cae", "#8c6d31", "#444444")
 
 
-def draw_pictures(result: CompareData) -> "dict[str, Figure]":
+def draw_pictures(result: CompareResult) -> "dict[str, Figure]":
     """Return the pictures that suit the table, by name; none if nothing was run."""
     if not len(result.rows):
         return {}
     if result.table == ROBUSTNESS:
-        return {"comparison-robustness": _robustness(result)}
+        return {CASES: _robustness(result)}
     if result.table == STABILITY:
-        return {f"comparison-{name}": figure for name, figure in _maps(result).items()}
-    found = {FIGURES: _bars(result)}
+        return _maps(result)
+    pictures = {FIGURES: _bars(result)}
     if result.errors:
-        found[ERRORS] = _errors(result)
-    return found
+        pictures[ERRORS] = _errors(result)
+    if result.motions:
+        pictures[MOTION] = _motions(result)
+    return pictures
 
 
-def _places(result: CompareData) -> dict[tuple[Any, ...], list[Row]]:
+def _group_joints(result: CompareResult) -> dict[tuple[Any, ...], list[Row]]:
     return group_rows(result.rows.rows(named=True), "scenario", "joint")
 
 
-def _color(result: CompareData, variant: str) -> str:
+def _color(result: CompareResult, variant: str) -> str:
     return _COLORS[list(result.entrants).index(variant) % len(_COLORS)]
 
 
-def _bars(result: CompareData) -> "Figure":
+def _bars(result: CompareResult) -> "Figure":
     """Draw a bar for each joint, figure and controller, and a line for the RSBA of the paper.
 
     Bars are means over seeds, with their standard deviations.
     """
-    places = _places(result)
+    joints = _group_joints(result)
     bars = (*_BARS, "convergence_time_s" if result.table == PAPER else "settling_time_s")
     height = 0.6 + 0.22 * len(result.entrants)
-    figure, grid = new_figure(len(places), len(bars), 2.6, height, sharex="none")
-    for axes_row, ((scenario, joint), rows) in zip(grid, places.items(), strict=True):
+    figure, grid = new_figure(len(joints), len(bars), 2.6, height, sharex="none")
+    for axes_row, ((scenario, joint), rows) in zip(grid, joints.items(), strict=True):
         for axes, name in zip(axes_row, bars, strict=True):
-            shown = SHOWN[name]
-            found = group_by_variant(rows)
-            names = list(found)
-            values = [
-                shown.factor * (one.mean(name) or 0.0) if one.is_held else 0.0 for one in found.values()
-            ]
-            spreads = [shown.factor * one.spread(name) if one.is_held else 0.0 for one in found.values()]
-            colors = [_color(result, n) for n in names]
-            if name in _WIDE:
-                _draw_points(axes, names, values, spreads, colors)
-            else:
-                axes.barh(names, values, xerr=spreads, color=colors, height=0.7)
-            ranking = rank(found, shown)
-            winner = ranking.best if ranking and ranking.is_winner else None
-            for place, (variant, one) in enumerate(found.items()):
-                if variant == winner:
-                    axes.text(0.98, place, "wins", transform=axes.get_yaxis_transform(), **_WINS)
-                if not one.is_held:
-                    text = format_lost(one, shown)
-                    axes.text(0.02, place, text, transform=axes.get_yaxis_transform(), **_TOLD)
-                elif name in _WIDE and not values[place]:  # a logarithmic axis has no zero
-                    axes.text(0.02, place, "0", transform=axes.get_yaxis_transform(), **_TOLD)
-            said = _printed(scenario, joint, name) if result.table == PAPER else None
-            if said is not None:
-                axes.axvline(shown.factor * said, color="black", lw=1.0, ls=":")
-            known = [*values, *([shown.factor * said] if said is not None else [])]
-            if name not in _WIDE:
-                axes.set_xlim(0.0, 1.15 * max(known) or 1.0)
-            axes.invert_yaxis()
-            tidy_axes(axes)
-            if name in _WIDE and any(values):
-                _label_decades(axes)
+            printed = _printed(scenario, joint, name) if result.table == PAPER else None
+            _draw_bars(axes, result, group_by_variant(rows), SHOWN[name], printed)
             if axes is not axes_row[0]:
                 axes.set_yticklabels([])
         axes_row[0].set_ylabel("\n".join(dict.fromkeys([scenario, joint])), fontsize=9)
@@ -114,19 +90,46 @@ def _bars(result: CompareData) -> "Figure":
     return figure
 
 
-def _draw_points(
-    axes: "Axes", names: Sequence[str], values: Sequence[float], spreads: Sequence[float], colors: list[str]
+def _draw_bars(
+    axes: "Axes",
+    result: CompareResult,
+    variants: Mapping[str, SeedStatistics],
+    shown: MetricDisplay,
+    printed: float | None,
 ) -> None:
-    """Draw means and standard deviations on a logarithmic axis; zero stands for no value."""
-    axes.set_yticks(range(len(names)), names)
-    axes.set_ylim(-0.6, len(names) - 0.4)
-    for place, (value, spread, color) in enumerate(zip(values, spreads, colors, strict=True)):
-        axes.axhline(place, color="#eeeeee", lw=4.0)
-        if value:
-            axes.plot([max(value - spread, 0.1 * value), value + spread], [place, place], color=color, lw=1.5)
-            axes.plot([value], [place], "o", color=color)
-    if any(values):
+    """Draw one figure of a joint with each controller; `printed` is that of the paper's RSBA."""
+    is_wide, ranking = shown.name in _WIDE, rank(variants, shown)
+    largest = shown.factor * (printed or 0.0)
+    axes.set_yticks(range(len(variants)), list(variants))
+    axes.set_ylim(len(variants) - 0.4, -0.6)
+    across = axes.get_yaxis_transform()
+    for position, (variant, summary) in enumerate(variants.items()):
+        color = _color(result, variant)
+        value = shown.factor * (summary.mean(shown.name) or 0.0) if summary.is_held else 0.0
+        spread = shown.factor * summary.spread(shown.name) if summary.is_held else 0.0
+        largest = max(largest, value)
+        if not is_wide:
+            axes.barh(position, value, xerr=spread, color=color, height=0.7)
+        else:
+            axes.axhline(position, color="#eeeeee", lw=4.0)
+            if value:
+                ends = [max(value - spread, 0.1 * value), value + spread]
+                axes.plot(ends, [position, position], color=color, lw=1.5)
+                axes.plot([value], [position], "o", color=color)
+        if ranking and ranking.is_winner and ranking.best == variant:
+            axes.text(0.98, position, "wins", transform=across, **_WINS)
+        if not summary.is_held:
+            axes.text(0.02, position, format_lost(summary, shown), transform=across, **_NOTED)
+        elif is_wide and not value:  # a logarithmic axis has no zero
+            axes.text(0.02, position, "0", transform=across, **_NOTED)
+    if printed is not None:
+        axes.axvline(shown.factor * printed, color="black", lw=1.0, ls=":")
+    tidy_axes(axes)
+    if not is_wide:
+        axes.set_xlim(0.0, 1.15 * largest or 1.0)
+    elif largest:
         axes.set_xscale("log")
+        _label_decades(axes)
 
 
 def _label_decades(axes: "Axes") -> None:
@@ -142,7 +145,7 @@ def _label_decades(axes: "Axes") -> None:
     axes.xaxis.set_minor_formatter(NullFormatter())
 
 
-_TOLD: dict[str, Any] = {"va": "center", "fontsize": 7, "color": _LOST}
+_NOTED: dict[str, Any] = {"va": "center", "fontsize": 7, "color": _LOST}
 _WINS: dict[str, Any] = {"va": "center", "ha": "right", "fontsize": 7, "fontweight": "bold"}
 
 
@@ -153,11 +156,11 @@ def _printed(scenario: str, joint: str, figure: str) -> float | None:
     return None
 
 
-def _errors(result: CompareData) -> "Figure":
+def _errors(result: CompareResult) -> "Figure":
     """Draw the position error of each joint over time, for each controller."""
-    places = _places(result)
-    figure, grid = new_figure(len(places), 1, 8.0, 1.9, sharex="none")
-    for axes, ((scenario, joint), rows) in zip(grid[:, 0], places.items(), strict=True):
+    joints = _group_joints(result)
+    figure, grid = new_figure(len(joints), 1, 8.0, 1.9, sharex="none")
+    for axes, ((scenario, joint), rows) in zip(grid[:, 0], joints.items(), strict=True):
         for row in rows:
             if (errors := result.errors.get(row["run"])) is not None:
                 _draw_error(axes, errors, joint, _color(result, label_variant(row)))
@@ -184,32 +187,60 @@ def _draw_error(axes: "Axes", errors: polars.DataFrame, joint: str, color: str) 
     axes.plot(time[:whole:every], 1e6 * np.fmax(largest, _SMALLEST), color=color, lw=1.0)
 
 
-def _robustness(result: CompareData) -> "Figure":
+def _motions(result: CompareResult) -> "Figure":
+    """Draw reference and load of each joint over time; both are the same for all controllers."""
+    has_load = any("load" in motion.columns for motion in result.motions.values())
+    figure, grid = new_figure(len(result.motions), 1 + has_load, 4.0, 1.5, sharex="none")
+    for axes_row, ((scenario, joint), motion) in zip(grid, result.motions.items(), strict=True):
+        for axes, (name, factor) in zip(axes_row, (("reference", 1.0), ("load", 1e-3)), strict=False):
+            if name in motion.columns:
+                axes.plot(motion["time"], factor * motion[name], color=BLUE, lw=1.0)
+            tidy_axes(axes)
+        axes_row[0].set_ylabel("\n".join(dict.fromkeys([scenario, joint])), fontsize=9)
+    for axes, title in zip(grid[0], ("position of the reference / m", "load force / kN"), strict=False):
+        axes.set_title(title, fontsize=9)
+    for axes in grid[-1]:
+        axes.set_xlabel("time / s", fontsize=9)
+    figure.suptitle("Motion and load, equal for all controllers", fontsize=12, fontweight="bold")
+    return figure
+
+
+def _robustness(result: CompareResult) -> "Figure":
     """Draw for each joint a table of cases and controllers, shaded by the position error."""
     from matplotlib.colors import LinearSegmentedColormap, LogNorm
 
-    places = _places(result)
-    cases = list(dict.fromkeys(result.rows["case"]))
-    wide = 1.2 + 0.62 * len(result.entrants)
-    figure, grid = new_figure(1, len(places), wide, 0.6 + 0.24 * len(cases), sharex="none")
+    joints, shown = _group_joints(result), SHOWN["position_error_m"]
+    cases, columns = list(dict.fromkeys(result.rows["case"])), list(result.entrants)
+    height = 0.6 + 0.24 * len(cases)
+    figure, grid = new_figure(1, len(joints), 1.2 + 0.62 * len(columns), height, sharex="none")
     shades = LinearSegmentedColormap.from_list("error", _SHADES).with_extremes(bad=_LOST)
-    held = result.rows.filter(polars.col(HELD))["position_error_m"].drop_nulls().to_numpy()
-    norm = LogNorm(*(1e6 * _limits(held)))
+    held = result.rows.filter(polars.col(HELD))["position_error_m"].drop_nulls().drop_nans().to_numpy()
+    low, high = (np.fmax(end(held), _SMALLEST) if len(held) else 1.0 for end in (np.min, np.max))
+    norm = LogNorm(1e6 * low, 1e6 * max(high, 10.0 * low))
     picture: Any = None
-    for axes, ((_, joint), rows) in zip(grid[0], places.items(), strict=True):
-        found = {
-            (case, variant): one
-            for (case,), own in group_rows(rows, "case").items()
-            for variant, one in group_by_variant(own).items()
-        }
-        values = np.array([[_error(found.get((c, e))) for e in result.entrants] for c in cases])
+    for axes, ((_, joint), rows) in zip(grid[0], joints.items(), strict=True):
+        values = np.full((len(cases), len(columns)), np.nan)
+        for (case,), group in group_rows(rows, "case").items():
+            for variant, summary in group_by_variant(group).items():
+                y, x = cases.index(case), columns.index(variant)
+                text, mean = format_lost(summary, shown), summary.mean("position_error_m")
+                text = text.replace(" in ", "\nin ").replace(" (", "\n").removesuffix(")")
+                if summary.is_held:
+                    values[y, x] = np.nan if mean is None else 1e6 * max(mean, _SMALLEST)
+                    text = format_rounded(values[y, x])
+                is_dark = not summary.is_held or norm(values[y, x]) < 0.45
+                style = {"fontsize": 6, "color": "white" if is_dark else "black"}
+                axes.text(x + 0.5, y + 0.5, text, ha="center", va="center", **style)
         picture = axes.pcolormesh(
             np.ma.masked_invalid(values), cmap=shades, norm=norm, edgecolors="white", lw=0.5
         )
-        for y, case in enumerate(cases):
-            for x, variant in enumerate(result.entrants):
-                _write(axes, x, y, found.get((case, variant)), norm)
-        _label(axes, [e.replace("/", "\n") for e in result.entrants], cases if axes is grid[0, 0] else None)
+        labels = [variant.replace("/", "\n") for variant in columns]
+        axes.set_xticks(np.arange(len(columns)) + 0.5, labels, fontsize=7, rotation=40, ha="right")
+        names = cases if axes is grid[0, 0] else []
+        axes.set_yticks(np.arange(len(names)) + 0.5, names, fontsize=8)
+        axes.invert_yaxis()
+        axes.tick_params(length=0)
+        axes.spines[:].set_visible(False)
         axes.set_title(joint, fontsize=10)
         axes.set_facecolor("#eeeeee")
     bar = figure.colorbar(picture, ax=grid[0, -1])
@@ -218,44 +249,11 @@ def _robustness(result: CompareData) -> "Figure":
     return figure
 
 
-def _error(one: SeedStatistics | None) -> float:
-    mean = None if one is None or not one.is_held else one.mean("position_error_m")
-    return np.nan if mean is None else 1e6 * max(mean, _SMALLEST)
-
-
-def _limits(errors: Vector) -> Vector:
-    found = np.fmax(errors[~np.isnan(errors)], _SMALLEST)
-    low, high = (found.min(), found.max()) if len(found) else (_SMALLEST, 1.0)
-    return np.array([low, max(high, 10.0 * low)])
-
-
-def _write(axes: "Axes", x: int, y: int, one: SeedStatistics | None, norm: Any) -> None:
-    if one is None:
-        return
-    error = _error(one)
-    lost = format_lost(one, SHOWN["position_error_m"]).replace(" in ", "\nin ").replace(" (", "\n")
-    text = format_rounded(error) if one.is_held else lost.removesuffix(")")
-    dark = not one.is_held or norm(error) < 0.45
-    axes.text(
-        x + 0.5, y + 0.5, text, ha="center", va="center", fontsize=6, color="white" if dark else "black"
-    )
-
-
-def _label(axes: "Axes", columns: Sequence[str], rows: Sequence[str] | None) -> None:
-    axes.set_xticks(np.arange(len(columns)) + 0.5, columns, fontsize=7, rotation=40, ha="right")
-    axes.set_yticks(
-        [] if rows is None else np.arange(len(rows)) + 0.5, [] if rows is None else rows, fontsize=8
-    )
-    axes.invert_yaxis()
-    axes.tick_params(length=0)
-    axes.spines[:].set_visible(False)
-
-
-def _maps(result: CompareData) -> "dict[str, Figure]":
+def _maps(result: CompareResult) -> "dict[str, Figure]":
     """Draw for each map a panel for each joint and controller that shows which points hold."""
-    found = {}
-    for number, one in enumerate(stability_maps(), start=1):
-        rows = result.rows.filter(polars.col("case").str.starts_with(f"{one.name}:")).rows(named=True)
+    figures = {}
+    for number, grid_map in enumerate(stability_maps(), start=1):
+        rows = result.rows.filter(polars.col("case").str.starts_with(f"{grid_map.name}:")).rows(named=True)
         if not rows:
             continue
         joints = list(dict.fromkeys(row["joint"] for row in rows))
@@ -266,11 +264,11 @@ def _maps(result: CompareData) -> "dict[str, Figure]":
                 axes.label_outer()
                 if joint == joints[0]:
                     axes.set_title(variant.replace("/", "\n"), fontsize=9)
-            axes_row[0].set_ylabel(f"{joint}\n{one.y.label}", fontsize=8)
-        figure.supxlabel(one.x.label, fontsize=9)
-        figure.suptitle(f"{one.name}\nblue: holds, red: not held", fontsize=10)
-        found[f"stability-{number}"] = figure
-    return found
+            axes_row[0].set_ylabel(f"{joint}\n{grid_map.y.label}", fontsize=8)
+        figure.supxlabel(grid_map.x.label, fontsize=9)
+        figure.suptitle(f"{grid_map.name}\nblue: holds, red: not held", fontsize=10)
+        figures[MAP.format(number)] = figure
+    return figures
 
 
 def _draw_map(axes: "Axes", rows: Sequence[Row]) -> None:
@@ -279,8 +277,8 @@ def _draw_map(axes: "Axes", rows: Sequence[Row]) -> None:
     x, y = (sorted({row[name] for row in rows}) for name in ("x", "y"))
     table = np.full((len(y), len(x)), np.nan)
     for row in rows:
-        place = y.index(row["y"]), x.index(row["x"])
-        table[place] = np.fmin(table[place], row[HELD])  # the worst of several seeds
+        point = y.index(row["y"]), x.index(row["x"])
+        table[point] = np.fmin(table[point], row[HELD])  # the worst of several seeds
     if len(rows):
         colors = ListedColormap([_LOST, _HOLDS])
         axes.pcolormesh(

@@ -1,25 +1,35 @@
-"""The plan of a comparison: all runs, and the prepared simulations that they use."""
+"""The plan of a comparison: all runs, and the independent subsystems that they use."""
 
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
-from ...base.errors import CommandError
+import networkx
+
+from ...base.errors import CommandError, join_names
 from ...base.progress import Progress
-from ...run.run_setup import plan_run, run_times
+from ...run.choices import resolve
+from ...run.run_setup import plan_run
 from ...study.loading import load
 from ...study.roles import find_joints
-from ..execution.executor import WorkPackage
+from ...system.model import System
 from ..execution.worker_payload import Preparation
-from ..variants.data import Variant
+from ..frame.session import Job
 from ..variants.targets import changed_in_run, format_arguments, merge_options
-from .cases import ComparisonCase, describe_left_out
+from .cases import ComparisonCase
 from .controller_variants import ControllerVariant
-from .held_out_seeds import HeldOutSeeds, random_seeds
-from .observers import find_equal_gains, list_observers
-from .reserves import CURRENT, VOLTAGE, Reserves, describe_reserves, reserve_values
-from .subsystems import find_independent_subsystems
+from .terms import (
+    CURRENT,
+    VOLTAGE,
+    HeldOutSeeds,
+    Reserves,
+    describe_reserves,
+    find_equal_gains,
+    list_observers,
+    random_seeds,
+    reserve_values,
+)
 
 
 @dataclass(frozen=True)
@@ -46,6 +56,12 @@ class ComparisonRun:
     observers: Mapping[str, str] = field(default_factory=dict)
     reserves: str = ""
 
+    def labels(self, joint: str) -> dict[str, str]:
+        """Return what tells the row of a joint from those of other runs, except for seeds."""
+        variant = self.controller_variant
+        labels = {"scenario": self.scenario, "case": self.case.name, "joint": joint}
+        return {**labels, "controller": variant.label, "gains": variant.gains}
+
 
 @dataclass(frozen=True)
 class ComparisonPlan:
@@ -61,18 +77,10 @@ class ComparisonPlan:
     options: Mapping[str, Any]
     notes: Sequence[str]
 
-    def variant(self, number: int) -> Variant:
-        """Return a run as a variant of a sweep."""
-        return Variant(number, changed_in_run(self.runs[number].own))
-
-    def work(self) -> list[WorkPackage]:
-        """Return all runs by group, the longest first, so that workers end at about the same time."""
-        numbers: list[list[int]] = [[] for _ in self.groups]
-        for number, run in enumerate(self.runs):
-            numbers[run.group].append(number)
-        steps = [run_times(group.options, group.name).steps for group in self.groups]
-        order = sorted(range(len(self.groups)), key=lambda group: -steps[group])
-        return [WorkPackage(group, numbers[group]) for group in order if numbers[group]]
+    @property
+    def jobs(self) -> list[Job]:
+        """All runs for the workers."""
+        return [Job(changed_in_run(run.own), run.group) for run in self.runs]
 
     def command(self, number: int) -> list[str] | None:
         """Return the command that repeats a run; None if an option is a Python object."""
@@ -113,10 +121,9 @@ def plan_runs(
         CommandError: A scenario or an option is wrong, or a scenario has no joints.
         RunError: An FMU cannot be built.
     """
-    runs, groups = list[ComparisonRun](), list[Preparation]()
-    run = set[tuple[str, str]]()
+    runs, groups, lacking = list[ComparisonRun](), list[Preparation](), list[str]()
+    reserves, fixed = dict[str, dict[str, None]](), dict[str, None]()
     held_out = HeldOutSeeds(terms.seeds)
-    kept, fixed, lacking = dict[str, dict[str, None]](), dict[str, None](), list[str]()
     for scenario in scenarios:
         for variant in variants:
             try:
@@ -130,60 +137,62 @@ def plan_runs(
             for part, case, own in planned:
                 if not groups or groups[-1] is not part:
                     groups.append(part)
-                run.add((scenario, case.name))
-                reserves = describe_reserves(part, own["set"])
-                kept.setdefault(str(variant), {})[reserves] = None
+                described = describe_reserves(part, own["set"])
+                reserves.setdefault(str(variant), {})[described] = None
                 if terms.reserves is not None and not reserve_values(part, terms.reserves):
                     fixed[str(variant)] = None
                 joints, sequences = _joints(part), random_seeds(part, own["set"])
                 observers = list_observers(part, joints, own["set"])
                 for seed, options in _choose_seeds(sequences, own, held_out, terms.options):
                     position = scenario, variant, case, joints, options, len(groups) - 1, seed
-                    runs.append(ComparisonRun(*position, bool(sequences), observers, reserves))
-    notes = [
-        describe_left_out(missing, scenario)
-        for scenario in scenarios
-        if (missing := [case for case in cases if (scenario, case.name) not in run])
-    ] + lacking
+                    runs.append(ComparisonRun(*position, bool(sequences), observers, described))
+    notes = [*_describe_missing(scenarios, cases, runs), *lacking]
     if not runs:
         raise CommandError(" ".join(notes))
-    known = [f"Note: {note}." for group in groups if group.scenario for note in group.scenario.notes]
-    notes += dict.fromkeys(known)
-    shown = "; ".join(f"{name} {', '.join(found)}" for name, found in kept.items())
-    notes.append(f"Reserves of current and voltage: {shown}.")
+    notes += dict.fromkeys(
+        f"Note: {note}." for group in groups if group.scenario for note in group.scenario.notes
+    )
+    texts = "; ".join(f"{name} {', '.join(each)}" for name, each in reserves.items())
+    notes.append(f"Reserves of current and voltage: {texts}.")
     notes += [f"{name} keeps its own reserves: it has no {CURRENT} and {VOLTAGE} to set." for name in fixed]
     notes += _suggest_equal_observers(runs, terms.options)
     return ComparisonPlan(runs, groups, terms.options, notes)
 
 
+def _describe_missing(
+    scenarios: Sequence[str], cases: Sequence[ComparisonCase], runs: Sequence[ComparisonRun]
+) -> Iterator[str]:
+    """Yield a message for each scenario with cases that it has no variables for."""
+    planned = {(run.scenario, run.case.name) for run in runs}
+    for scenario in scenarios:
+        if missing := [case.name for case in cases if (scenario, case.name) not in planned]:
+            yield f"Not run, as {scenario} has no such variables: {join_names(missing)}."
+
+
 def _suggest_equal_observers(runs: Sequence[ComparisonRun], options: Mapping[str, Any]) -> Iterator[str]:
-    """Return a remark for each scenario with unequal observers: sets of gains that have equal ones."""
+    """Yield a remark for each scenario with unequal observers: sets of gains that have equal ones."""
     for scenario in dict.fromkeys(run.scenario for run in runs):
         of_scenario = [run for run in runs if run.scenario == scenario]
         controllers = list(dict.fromkeys(run.controller_variant.controller for run in of_scenario))
         pairs = {(joint, observer) for run in of_scenario for joint, observer in run.observers.items()}
         is_equal = len(pairs) == len({joint for joint, _ in pairs})
-        if (
-            len(controllers) > 1
-            and not is_equal
-            and (equal := find_equal_gains(scenario, controllers, options))
-        ):
+        if len(controllers) < 2 or is_equal:
+            continue
+        if equal := find_equal_gains(scenario, controllers, options):
             yield f"Equal observers in {scenario}: --gains {shlex.quote(','.join(map(str, equal)))}."
 
 
 def _choose_seeds(
     sequences: Sequence[str], own: Mapping[str, Any], held_out: HeldOutSeeds, options: Mapping[str, Any]
-) -> Iterator[tuple[int | None, Mapping[str, Any]]]:
+) -> list[tuple[int | None, Mapping[str, Any]]]:
     """Return held-out seeds, each with the options of its run; a single None if there is nothing to draw.
 
     Seeds that the user sets are not replaced.
     """
     names = [name for name in sequences if name not in (options.get("set") or {})]
     if not (names and held_out.drawn):
-        yield None, own
-    else:
-        for seed in held_out.drawn:
-            yield seed, merge_options([own, {"set": held_out.values(names, seed)}])
+        return [(None, own)]
+    return [(seed, merge_options([own, {"set": held_out.values(names, seed)}])) for seed in held_out.drawn]
 
 
 def _cases(
@@ -193,40 +202,83 @@ def _cases(
     terms: ComparisonTerms,
     progress: Progress,
 ) -> Iterator[tuple[Preparation, ComparisonCase, Mapping[str, Any]]]:
-    """Return the subsystems of a scenario, each with a case that it can run and the options of the case."""
-    options = terms.options
-    usual = _parts(scenario, variant, options, progress)
-    for part in usual:
-        for case in cases:
-            if not case.fault and (values := case.resolve_start_values(part)) is not None:
-                yield part, case, {"set": _on_terms(values, part, terms)}
-    joints = [joint for part in usual for joint in _joints(part)]
-    for case in cases:
-        if case.fault:  # faults become part of the system before it is prepared
-            own = {"fault": [*options.get("fault", ()), *case.faults(joints)]}
-            for part in _parts(scenario, variant, {**options, **own}, progress):
-                if (values := case.resolve_start_values(part)) is not None:
-                    yield part, case, {**own, "set": _on_terms(values, part, terms)}
+    """Yield the subsystems of a scenario, each with a case that it can run and the options of the case."""
 
+    def prepare(**own: Any) -> list[Preparation]:
+        """Return the subsystems that have joints, with this controller."""
+        given: dict[str, Any] = {"controller": variant.controller, "gains": variant.gains}
+        chosen = load(scenario, **{**terms.options, **given, **own})
+        plan_run(chosen.options, chosen.name)
+        parts = find_independent_subsystems(Preparation.of(chosen, progress))
+        return [part for part in parts if _joints(part)]
 
-def _on_terms(values: Mapping[str, Any], part: Preparation, terms: ComparisonTerms) -> dict[str, Any]:
-    return {**values, **({} if terms.reserves is None else reserve_values(part, terms.reserves))}
+    def pair(
+        part: Preparation, case: ComparisonCase, **own: Any
+    ) -> Iterator[tuple[Preparation, ComparisonCase, Mapping[str, Any]]]:
+        if (values := case.resolve_start_values(part)) is not None:
+            common = {} if terms.reserves is None else reserve_values(part, terms.reserves)
+            yield part, case, {**own, "set": {**values, **common}}
 
-
-def _parts(
-    scenario: str, variant: ControllerVariant, options: Mapping[str, Any], progress: Progress
-) -> list[Preparation]:
-    """Return the subsystems of a scenario that have joints, with this controller."""
-    overrides: dict[str, Any] = {**options, "controller": variant.controller, "gains": variant.gains}
-    chosen = load(scenario, **overrides)
-    plan_run(chosen.options, chosen.name)
-    found = [part for part in find_independent_subsystems(Preparation.of(chosen, progress)) if _joints(part)]
-    if not found:
+    nominal = prepare()
+    if not nominal:
         raise CommandError(
             f"'{scenario}' has no joint, a plant with its reference, to compare controllers on."
         )
-    return found
+    for part in nominal:
+        for case in cases:
+            if not case.fault:
+                yield from pair(part, case)
+    joints = [joint for part in nominal for joint in _joints(part)]
+    for case in cases:
+        if case.fault:  # faults become part of the system before it is prepared
+            faults = [*terms.options.get("fault", ()), *case.faults(joints)]
+            for part in prepare(fault=faults):
+                yield from pair(part, case, fault=faults)
 
 
 def _joints(part: Preparation) -> list[str]:
     return find_joints([c.name for c in part.system.components])
+
+
+def find_independent_subsystems(prepared: Preparation) -> list[Preparation]:
+    """Return one subsystem for each joint, or for each group of joints that connections link."""
+    graph = networkx.Graph()
+    system = prepared.system
+    branch = {c.name: c.branch for c in system.components}
+    graph.add_nodes_from(branch.values())
+    graph.add_edges_from((branch[x.source], branch[x.target]) for x in system.connections)
+    found = list(networkx.connected_components(graph))
+    if len(found) == 1:
+        return [prepared]
+    return [_make_subsystem(prepared, branches) for branches in found]
+
+
+def _make_subsystem(prepared: Preparation, branches: set[str]) -> Preparation:
+    system = prepared.system
+    components = tuple(c for c in system.components if c.branch in branches)
+    names = {c.name for c in components}
+    others = {c.name for c in system.components} - names
+    bonds = {name: bond for name, bond in system.bonds.items() if system.split(bond.effort)[0].name in names}
+    fmus = {name: sha for name, sha in prepared.fmus.items() if name in names}
+    options = prepared.options
+    layers = [
+        {name: _remove_components(value, others) for name, value in layer.items()}
+        for layer in options.resolution.layers
+    ]
+    return replace(
+        prepared,
+        system=System(components, tuple(x for x in system.connections if x.source in names), bonds),
+        options=replace(options, resolution=resolve(layers)),
+        fmus=fmus,
+        interfaces={name: one for name, one in prepared.interfaces.items() if name in names},
+        files={sha: path for sha, path in prepared.files.items() if sha in fmus.values()},
+    )
+
+
+def _remove_components(value: Any, components: set[str]) -> Any:
+    """Return the value of an option without the components that it names."""
+    if isinstance(value, Mapping):
+        return {name: one for name, one in value.items() if name not in components}
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return [one for one in value if one not in components]
+    return value

@@ -1,49 +1,109 @@
-"""The result of a comparison."""
+"""The result of a comparison: a row for each scenario, case, joint, controller, set of gains and seed."""
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import polars
 
-from .data import CompareData
-from .pictures import draw_pictures
-from .tables import build_tables, describe_lost_joints
-from .text_table import TextTable
+from ...recorders.metrics import HELD, MetricDisplay
+from ...study.metrics import CONVERGENCE_TIME, JointFigures, JointMetrics
+from ..frame.report import ReportTable
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from .plan import ComparisonPlan
+
+PAPER, ROBUSTNESS, STABILITY, MARGINS = "paper", "robustness", "stability", "margins"
+TABLES = (PAPER, ROBUSTNESS, STABILITY, MARGINS)
+"""Comparisons with tables of their own."""
+
+FIGURES = tuple(f.name for f in fields(JointFigures) if f.type is float)
+"""Columns with figures of a joint, by their names in metrics.json."""
+
+LOST_AT, WHY, SEED = "lost_at_s", "why", "seed"
+"""Columns that say when and why a joint was not held (`HELD`), and the held-out seed."""
+
+RANDOM, OBSERVER, RESERVES = "random", "observer", "reserves"
+"""Columns that say whether random sequences affect the run, and what may differ between controllers."""
+
+COLUMNS: Mapping[str, Any] = {
+    "run": polars.Int64,
+    "scenario": polars.String,
+    "case": polars.String,
+    "joint": polars.String,
+    "controller": polars.String,
+    "gains": polars.String,
+    OBSERVER: polars.String,
+    RESERVES: polars.String,
+    SEED: polars.Int64,
+    RANDOM: polars.Boolean,
+    HELD: polars.Boolean,
+    LOST_AT: polars.Float64,
+    WHY: polars.String,
+    **dict.fromkeys(FIGURES, polars.Float64),
+    "x": polars.Float64,
+    "y": polars.Float64,
+}
+
+SHOWN: Mapping[str, MetricDisplay] = {shown.name: shown for shown in (*JointMetrics.shown, CONVERGENCE_TIME)}
+"""How tables and pictures show a figure."""
+
+Row = Mapping[str, Any]
+
 
 @dataclass(frozen=True)
-class CompareResult(CompareData):
+class CompareResult:
     """Rows and tables of a comparison of controllers.
 
     Attributes:
+        name: name of the scenario.
+        table: name of the tables, or None.
         rows: polars data frame with a row for each scenario, case, joint, controller, set of gains and seed.
             `held` is the verdict, `lost_at_s` and `why` say when and why a joint was not held; `observer` and
             `reserves` may differ between controllers, `random` tells whether seeds matter; the metrics have
             units in their names.
+        entrants: the controllers with their gains, as CONTROLLER/SET.
         errors: position errors in m over `time` in s, one frame for each run by its number, with a column for
             each joint, if they were kept.
-        table: name of the tables, or None.
+        motions: `reference` in m and `load` in N over `time` in s, by scenario and joint, if errors were
+            kept.
+        notes: reserves of each controller, and what was left out.
         complete: whether all runs are done.
         wall_s: wall time in s.
-        notes: reserves of each controller, and what was left out.
         folder: output folder; None without one.
     """
 
+    name: str
+    table: str | None
+    rows: polars.DataFrame
+    entrants: Sequence[str]
+    errors: Mapping[int, polars.DataFrame] = field(default_factory=dict)
+    motions: Mapping[tuple[str, str], polars.DataFrame] = field(default_factory=dict)
+    notes: Sequence[str] = ()
+    complete: bool = True
+    wall_s: float = 0.0
+    folder: Path | None = None
+    plan: "ComparisonPlan | None" = field(default=None, compare=False, repr=False)
+
     @property
-    def grids(self) -> list[TextTable]:
+    def grids(self) -> list[ReportTable]:
         """Tables in the order in which they are shown."""
+        from .tables import build_tables  # it needs this class
+
         return build_tables(self)
 
     @property
     def lost(self) -> polars.DataFrame:
         """Rows of the joints that were not held."""
-        return self.rows.filter(~polars.col("held"))
+        return self.rows.filter(~polars.col(HELD))
 
     def markdown(self) -> str:
         """Return all tables as Markdown, the content of comparison.md."""
+        from .tables import describe_lost_joints
+
         tables = "\n".join(grid.markdown() for grid in self.grids)
         lines = "".join(f"- {line}\n" for line in describe_lost_joints(self))
         lost = f"\nNot held:\n\n{lines}" if lines else ""
@@ -51,4 +111,19 @@ class CompareResult(CompareData):
 
     def figures(self) -> "dict[str, Figure]":
         """Return the pictures by name, as matplotlib figures."""
+        from .pictures import draw_pictures
+
         return draw_pictures(self)
+
+
+def label_variant(row: Row) -> str:
+    """Return the controller of a row with its gains."""
+    return f"{row['controller']}/{row['gains']}"
+
+
+def group_rows(rows: Sequence[Row], *by: str) -> dict[tuple[Any, ...], list[Row]]:
+    """Return rows grouped by the values of these columns, in their order."""
+    groups: dict[tuple[Any, ...], list[Row]] = {}
+    for row in rows:
+        groups.setdefault(tuple(row[name] for name in by), []).append(row)
+    return groups

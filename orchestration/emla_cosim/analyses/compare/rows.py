@@ -1,71 +1,122 @@
-"""Rows with the outcome of each run: one for each scenario, case, joint, controller and set of gains."""
+"""What is measured of each compared run, and the rows with its outcome."""
 
-from collections.abc import Mapping
-from dataclasses import fields
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import polars
 
-from ...recorders.metrics import HELD, MetricDisplay
-from ...study.metrics import CONVERGENCE_TIME, JointFigures, JointMetrics
+from ...base.patterns import matches_pattern
+from ...recorders.metrics import HELD
+from ...run.result import Result
+from ...study.registration import JOINTS
+from ...study.roles import find_tracked_joints, find_variable, list_role_patterns
 from ..variants.data import DIED, VariantOutcome
+from ..variants.measures import Measures
 from .plan import ComparisonPlan, ComparisonRun
+from .result import COLUMNS, FIGURES, LOST_AT, OBSERVER, RANDOM, RESERVES, SEED, WHY
 
-FIGURES = tuple(f.name for f in fields(JointFigures) if f.type is float)
-"""Columns with figures of a joint, by their names in metrics.json."""
+LARGEST_SPEED, FASTEST_AT, MOTION = "largest_speed_m_s", "fastest_at_s", "motion"
+"""Names of figures of the reference of a joint."""
 
-LOST_AT, WHY, SEED = "lost_at_s", "why", "seed"
-"""Columns that say when and why a joint was not held (`HELD`), and the held-out seed."""
+_POINTS = 500
+"""Number of points of a motion; a picture does not show more."""
 
-RANDOM, OBSERVER, RESERVES = "random", "observer", "reserves"
-"""Columns that say whether random sequences affect the run, and what may differ between controllers."""
 
-COLUMNS: Mapping[str, Any] = {
-    "run": polars.Int64,
-    "scenario": polars.String,
-    "case": polars.String,
-    "joint": polars.String,
-    "controller": polars.String,
-    "gains": polars.String,
-    OBSERVER: polars.String,
-    RESERVES: polars.String,
-    SEED: polars.Int64,
-    RANDOM: polars.Boolean,
-    HELD: polars.Boolean,
-    LOST_AT: polars.Float64,
-    WHY: polars.String,
-    **dict.fromkeys(FIGURES, polars.Float64),
-    "x": polars.Float64,
-    "y": polars.Float64,
-}
+@dataclass(frozen=True)
+class JointMeasures(Measures):
+    """The figures of joints as in metrics.json, by joint instead of by name.
 
-SHOWN: Mapping[str, MetricDisplay] = {shown.name: shown for shown in (*JointMetrics.shown, CONVERGENCE_TIME)}
-"""How tables and pictures show a figure."""
+    If signals are read, also the largest speed of the reference in m/s, its time in s, and the motion.
+    """
 
-Row = Mapping[str, Any]
+    def reading(self, names: Sequence[str]) -> Sequence[str]:
+        """Return the signals to read: the patterns that the system has signals for."""
+        return [name for name in names if any(matches_pattern(name, pattern) for pattern in self.read)]
+
+    def of(self, result: Result) -> dict[str, Any]:
+        """Return the figures by joint."""
+        figures = {joint: dict(values) for joint, values in result.metrics.get(JOINTS, {}).items()}
+        if self.read:
+            for joint, (_, reference) in find_tracked_joints(result.names, result.roles).items():
+                figures[joint] = figures.get(joint, {}) | _measure_motion(result, joint, reference)
+        return figures
+
+    def series(self, result: Result) -> polars.DataFrame:
+        """Return the position error in m over time in s, with a column for each joint."""
+        ends = find_tracked_joints(result.names, result.roles)
+        table = polars.DataFrame(result.read(["time", *(name for pair in ends.values() for name in pair)]))
+        errors = [
+            (polars.col(position) - polars.col(reference)).alias(joint)
+            for joint, (position, reference) in ends.items()
+        ]
+        return table.select("time", *errors)
+
+
+def _measure_motion(result: Result, joint: str, reference: str) -> dict[str, Any]:
+    load = find_variable(joint, "F_L", result.names, result.roles)
+    signals = result.read(["time", reference, *([load] if load else [])])
+    time = signals["time"]
+    if len(time) < 2:
+        return {}
+    speed = np.abs(np.gradient(signals[reference], time))
+    k = int(np.argmax(speed))
+    points = slice(None, None, -(-len(time) // _POINTS))
+    motion = {"time": time, "reference": signals[reference], **({"load": signals[load]} if load else {})}
+    return {
+        LARGEST_SPEED: float(speed[k]),
+        FASTEST_AT: float(time[k]),
+        MOTION: {name: values[points].tolist() for name, values in motion.items()},
+    }
+
+
+FIGURES_ALONE = JointMeasures()
+"""Figures only."""
+
+WITH_ERRORS = JointMeasures(signals=["errors"], read=list_role_patterns("x_L", "x_d", "F_L"))
+"""Figures, errors over time, and the motion of the reference."""
 
 
 def build_rows(plan: ComparisonPlan, outcomes: Mapping[int, VariantOutcome]) -> polars.DataFrame:
     """Return the rows of all finished runs, in the order of the plan."""
-    found = [row for number in sorted(outcomes) for row in _rows(plan.runs[number], outcomes[number])]
-    return polars.DataFrame(found, schema=dict(COLUMNS), orient="row")
+    rows = [
+        _row(number, plan.runs[number], joint, outcomes[number])
+        for number in sorted(outcomes)
+        for joint in plan.runs[number].joints
+    ]
+    return polars.DataFrame(rows, schema=dict(COLUMNS), orient="row")
 
 
-def _rows(run: ComparisonRun, outcome: VariantOutcome) -> list[dict[str, Any]]:
-    return [_row(run, joint, outcome) for joint in run.joints]
+def list_joint_figures(
+    plan: ComparisonPlan, outcomes: Mapping[int, VariantOutcome]
+) -> Iterator[tuple[tuple[str, str], Mapping[str, Any]]]:
+    """Yield the figures of each joint of all finished runs, with its scenario and its name."""
+    for number, outcome in sorted(outcomes.items()):
+        run = plan.runs[number]
+        for joint in run.joints:
+            yield (run.scenario, joint), outcome.figures.get(joint, {})
 
 
-def _row(run: ComparisonRun, joint: str, outcome: VariantOutcome) -> dict[str, Any]:
+def collect_motions(
+    plan: ComparisonPlan, outcomes: Mapping[int, VariantOutcome]
+) -> dict[tuple[str, str], polars.DataFrame]:
+    """Return the motion of each joint by scenario and joint, from the longest run."""
+    motions = dict[tuple[str, str], Mapping[str, Any]]()
+    for key, figures in list_joint_figures(plan, outcomes):
+        motion = figures.get(MOTION)
+        if motion and (key not in motions or motion["time"][-1] > motions[key]["time"][-1]):
+            motions[key] = motion
+    return {key: polars.DataFrame(motion) for key, motion in motions.items()}
+
+
+def _row(number: int, run: ComparisonRun, joint: str, outcome: VariantOutcome) -> dict[str, Any]:
     figures = outcome.figures.get(joint, {})
     is_held, at, why = read_verdict(figures, outcome)
     x, y = run.case.at or (None, None)
     return {
-        "run": outcome.number,
-        "scenario": run.scenario,
-        "case": run.case.name,
-        "joint": joint,
-        "controller": run.controller_variant.label,
-        "gains": run.controller_variant.gains,
+        "run": number,
+        **run.labels(joint),
         OBSERVER: run.observers.get(joint),
         RESERVES: run.reserves,
         SEED: run.seed,
@@ -90,8 +141,3 @@ def read_verdict(
     problem = "its process ended" if outcome.status == DIED else str(outcome.problem)
     why = problem if not (is_done or cause) else str(figures.get("reason") or "it has no figures")
     return False, cause.get("time_s", outcome.end_s), why.rstrip(".")
-
-
-def label_variant(row: Row) -> str:
-    """Return the controller of a row with its gains."""
-    return f"{row['controller']}/{row['gains']}"

@@ -1,18 +1,26 @@
-"""Statistics over the seeds of a comparison: mean and spread of each figure, and winners seed by seed."""
+"""Statistics over seeds: means and spreads, winners seed by seed, and what is not equal."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from statistics import fmean, stdev
 from typing import NamedTuple
 
+from ...base.errors import join_names
 from ...base.wording import format_rounded
 from ...recorders.metrics import HELD, MetricDisplay
-from .rows import RANDOM, SEED, Row, label_variant
-from .text_table import Cell, resolution
+from ..frame.confidence import describe_share
+from ..frame.report import Text
+from .result import OBSERVER, RANDOM, RESERVES, SEED, SHOWN, Row, group_rows, label_variant
 
 LEVEL = 0.05
 """Largest probability of a wrong winner in a row."""
+
+FEWEST_SEEDS = math.ceil(1.0 - math.log2(LEVEL))
+"""Smallest number of seeds with which a winner can be significant: winning all of n has 2 / 2^n by chance."""
+
+_EFFORT, _MORE = "torque_effort_N_m", 1.05
+"""The figure of torque effort, and the ratio from which it is not equal: 5 %, about the spread of tilt."""
 
 
 @dataclass(frozen=True)
@@ -20,16 +28,6 @@ class SeedStatistics:
     """The runs of a joint with one controller in one case, which differ only in their seeds."""
 
     rows: Sequence[Row]
-
-    @property
-    def controller_variant(self) -> str:
-        """The controller with its gains."""
-        return label_variant(self.rows[0])
-
-    @property
-    def controller(self) -> str:
-        """The name of the controller."""
-        return str(self.rows[0]["controller"])
 
     @property
     def is_held(self) -> bool:
@@ -51,10 +49,6 @@ class SeedStatistics:
         values = self._values(figure)
         return stdev(values) if values is not None and len(values) > 1 else 0.0
 
-    def largest(self, figure: str) -> float | None:
-        """Return the largest value of a figure among the runs in which the joint was not held."""
-        return max((row[figure] for row in self.lost if _is_known(row[figure])), default=None)
-
     def _values(self, figure: str) -> list[float] | None:
         values = [row[figure] for row in self.rows]
         return values if all(map(_is_known, values)) else None
@@ -62,10 +56,8 @@ class SeedStatistics:
 
 def group_by_variant(rows: Sequence[Row]) -> dict[str, SeedStatistics]:
     """Return the rows of one joint in one case, grouped by controller and gains, in their order."""
-    found: dict[str, list[Row]] = {}
-    for row in rows:
-        found.setdefault(label_variant(row), []).append(row)
-    return {variant: SeedStatistics(own) for variant, own in found.items()}
+    groups = group_rows(rows, "controller", "gains").values()
+    return {label_variant(group[0]): SeedStatistics(group) for group in groups}
 
 
 class Ranking(NamedTuple):
@@ -84,7 +76,7 @@ class Ranking(NamedTuple):
     is_winner: bool
 
 
-def rank(found: Mapping[str, SeedStatistics], figure: MetricDisplay) -> Ranking | None:
+def rank(variants: Mapping[str, SeedStatistics], figure: MetricDisplay) -> Ranking | None:
     """Compare a figure seed by seed; only joints that were held in all runs count.
 
     Without random sequences, the smallest figure wins. With them, a win is a seed with which the controller
@@ -96,13 +88,13 @@ def rank(found: Mapping[str, SeedStatistics], figure: MetricDisplay) -> Ranking 
     """
     means = {
         name: mean
-        for name, one in found.items()
-        if one.is_held and (mean := one.mean(figure.name)) is not None
+        for name, summary in variants.items()
+        if summary.is_held and (mean := summary.mean(figure.name)) is not None
     }
     if len(means) < 2:
         return None
     best = min(means, key=lambda name: means[name])
-    by_seed = {name: {row[SEED]: float(row[figure.name]) for row in found[name].rows} for name in means}
+    by_seed = {name: {row[SEED]: float(row[figure.name]) for row in variants[name].rows} for name in means}
     seeds = {seed for values in by_seed.values() for seed in values} - {None} or {None}
     for values in by_seed.values():
         if None in values:  # a run without random sequences is the same with every seed
@@ -113,7 +105,7 @@ def rank(found: Mapping[str, SeedStatistics], figure: MetricDisplay) -> Ranking 
         all(_is_below(best_values[seed], values[seed], figure) for values in by_seed.values())
         for seed in pairs
     )
-    if not any(row[RANDOM] for name in means for row in found[name].rows):
+    if not any(row[RANDOM] for name in means for row in variants[name].rows):
         return Ranking(best, wins, 0, bool(wins))
     return Ranking(best, wins, len(pairs), is_significant(wins, len(pairs)))
 
@@ -140,47 +132,131 @@ def fewest_wins(seeds: int) -> int | None:
 def _is_below(value: float, other: float, figure: MetricDisplay) -> bool:
     """Return whether a figure is below another one by at least a unit of the last digit that tables show."""
     a, b = figure.factor * value, figure.factor * other
-    return b > a and b - a >= (1.0 - 1e-9) * resolution(b)
+    return b > a and b - a >= (1.0 - 1e-9) * _last_digit(b)
 
 
-def mark_winner(found: Mapping[str, SeedStatistics], figure: MetricDisplay) -> dict[str, Cell]:
+def _last_digit(value: float) -> float:
+    """Return the value of the last digit with which `format_rounded` shows a number."""
+    return min(1.0, 10.0 ** (math.floor(math.log10(abs(value))) - 2)) if value else 0.0
+
+
+def mark_winner(variants: Mapping[str, SeedStatistics], figure: MetricDisplay) -> dict[str, Text]:
     """Return the cells of a row by controller and gains: means, spreads, wins and the winner."""
-    cells = {name: _cell(one, figure) for name, one in found.items()}
-    if ranking := rank(found, figure):
+    cells = {name: _cell(summary, figure) for name, summary in variants.items()}
+    if ranking := rank(variants, figure):
         text = cells[ranking.best].text
         if ranking.seeds and ranking.wins:
             text = f"{text}, wins {ranking.wins} of {ranking.seeds}"
-        cells[ranking.best] = Cell(text, best=ranking.is_winner)
+        cells[ranking.best] = Text(text, is_best=ranking.is_winner)
     return cells
 
 
-def format_mean(one: SeedStatistics, figure: MetricDisplay) -> str:
+def format_mean(summary: SeedStatistics, figure: MetricDisplay) -> str:
     """Return a mean as text, in the unit of its row."""
-    mean = one.mean(figure.name)
+    mean = summary.mean(figure.name)
     return "none" if mean is None else format_rounded(figure.factor * mean)
 
 
-def format_mean_and_spread(one: SeedStatistics, figure: MetricDisplay) -> str:
-    """Return a mean as text in the unit of its row, with its spread if there is one."""
-    spread = figure.factor * one.spread(figure.name)
-    text = format_mean(one, figure)
-    return f"{text} ± {float(f'{spread:.2g}'):g}" if spread > 0.0 else text
-
-
-def format_lost(one: SeedStatistics, figure: MetricDisplay) -> str:
+def format_lost(summary: SeedStatistics, figure: MetricDisplay) -> str:
     """Return a text for joints that were not held: in how many runs, and the largest value of a figure."""
-    of = "" if len(one.rows) == 1 else f" in {len(one.lost)} of {len(one.rows)}"
-    largest = one.largest(figure.name)
+    of = "" if len(summary.rows) == 1 else f" in {len(summary.lost)} of {len(summary.rows)}"
+    largest = max((row[figure.name] for row in summary.lost if _is_known(row[figure.name])), default=None)
     return f"not held{of}" + ("" if largest is None else f" ({format_rounded(figure.factor * largest)})")
 
 
-def _cell(one: SeedStatistics, figure: MetricDisplay) -> Cell:
-    return (
-        Cell(format_mean_and_spread(one, figure))
-        if one.is_held
-        else Cell(format_lost(one, figure), lost=True)
-    )
+def _cell(summary: SeedStatistics, figure: MetricDisplay) -> Text:
+    if not summary.is_held:
+        return Text(format_lost(summary, figure), is_failure=True)
+    text, spread = format_mean(summary, figure), figure.factor * summary.spread(figure.name)
+    return Text(f"{text} ± {float(f'{spread:.2g}'):g}" if spread > 0.0 else text)
 
 
 def _is_known(value: float | None) -> bool:
     return value is not None and not math.isnan(value)
+
+
+def describe_ranking(rows: Sequence[Row]) -> list[str]:
+    """Return the remarks that belong beside marked winners."""
+    return [*_describe_winners(rows), *describe_inequality(rows)]
+
+
+def _describe_winners(rows: Sequence[Row]) -> list[str]:
+    """Return how cells with means are read, and how many wins make a winner; empty if nothing is random."""
+    if not any(row[RANDOM] for row in rows):
+        return []
+    seeds = len({row[SEED] for row in rows} - {None})
+    enough = f"use --seeds {FEWEST_SEEDS} or more."
+    if seeds < 2:
+        return [f"With random effects, one run shows no winner; {enough}"]
+    least = fewest_wins(seeds)
+    marked = (
+        f"It is marked as the winner with at least {least} wins (two-sided sign test at {100.0 * LEVEL:g} %)."
+        if least
+        else f"{seeds} seeds are too few to mark a winner; {enough}"
+    )
+    return [
+        f"± is the standard deviation over {seeds} seeds that no tuning used. Every controller has the same "
+        "seeds. The lowest mean shows its wins, the seeds with which it is below all others. " + marked
+    ]
+
+
+def describe_confidence(rows: Sequence[Row]) -> list[str]:
+    """Return what the drawn seeds say about all others; empty if no joint ran with several seeds."""
+    drawn = [row for row in rows if row[RANDOM] and row[SEED] is not None]
+    groups = group_rows(drawn, "scenario", "case", "joint", "controller", "gains").values()
+    counts = {(sum(not row[HELD] for row in runs), len(runs)) for runs in groups if len(runs) > 1}
+    shares = "; ".join(describe_share(lost, total, "not held") for lost, total in sorted(counts))
+    return [f"Of all seeds that could be drawn: {shares}."] if shares else []
+
+
+def describe_inequality(rows: Sequence[Row]) -> list[str]:
+    """Return what differs between the controllers beside their gains; empty for equal terms."""
+    observers, reserves, effort = dict[str, list[str]](), list[str](), list[str]()
+    for (joint,), of_joint in group_rows(rows, "joint").items():
+        if len({row[OBSERVER] for row in of_joint}) > 1:
+            texts = _list({label_variant(row): str(row[OBSERVER]) for row in of_joint})
+            observers.setdefault(texts, []).append(joint)
+        if len({row[RESERVES] for row in of_joint}) > 1:
+            reserves.append(joint)
+        if len({(row["scenario"], row["case"]) for row in of_joint}) == 1:
+            effort += _describe_effort(joint, group_by_variant(of_joint))
+    remarks = [f"observers of {join_names(joints)}: {texts}." for texts, joints in observers.items()]
+    if reserves:
+        limited = all("%" in part for row in rows for part in str(row[RESERVES]).split(" and "))
+        hint = "; --reserves CURRENT,VOLTAGE sets equal ones" if limited else ""
+        remarks.append(f"reserves of {join_names(reserves)}, listed below{hint}.")
+    return [f"Not equal: {remark}" for remark in (*remarks, *effort)]
+
+
+def _describe_effort(joint: str, variants: Mapping[str, SeedStatistics]) -> Iterator[str]:
+    """Return a remark if the winner of the position error needs more torque than others that are held."""
+    ranking = rank(variants, SHOWN["position_error_m"])
+    if ranking is None or not ranking.is_winner or not (effort := variants[ranking.best].mean(_EFFORT)):
+        return
+    efforts = {name: summary.mean(_EFFORT) for name, summary in variants.items() if summary.is_held}
+    ratios = {name: effort / other for name, other in efforts.items() if other}
+    more = [f"{name} ({100.0 * (ratio - 1.0):.0f} %)" for name, ratio in ratios.items() if ratio > _MORE]
+    if more:
+        yield (
+            f"{ranking.best} wins the position error of {joint} with more torque effort than "
+            f"{join_names(more)}."
+        )
+
+
+def name_observers(rows: Sequence[Row]) -> dict[str, str]:
+    """Return the observers of each controller with its gains; if joints differ, the rules without numbers."""
+    observers: dict[str, dict[str, None]] = {}
+    for row in rows:
+        observers.setdefault(label_variant(row), {})[str(row[OBSERVER])] = None
+    return {
+        name: join_names(dict.fromkeys(text.partition(" ")[0] for text in texts) if len(texts) > 1 else texts)
+        for name, texts in observers.items()
+    }
+
+
+def _list(texts: Mapping[str, str]) -> str:
+    """Return texts by controller, each text once."""
+    by_text: dict[str, list[str]] = {}
+    for name, text in texts.items():
+        by_text.setdefault(text, []).append(name)
+    return "; ".join(f"{join_names(names)} {text}" for text, names in by_text.items())

@@ -1,17 +1,36 @@
-"""The tables of a comparison."""
+"""The tables of a comparison, and those of the paper beside ours."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
 
+from ...base.wording import format_rounded
 from ...recorders.metrics import HELD
-from .data import MARGINS, PAPER, ROBUSTNESS, STABILITY, CompareData
-from .margin_tables import build_margin_tables
-from .paper_tables import build_paper_tables
-from .remarks import describe_ranking, name_observers
-from .rows import LOST_AT, SHOWN, WHY, Row, label_variant
-from .statistics import SeedStatistics, format_mean, group_by_variant, mark_winner
-from .text_table import Cell, TextTable
+from ...study.controllers import CONTROLLERS
+from ...study.paper import PRINTED, REFERENCE, Cells, PrintedTable
+from ..frame.report import ReportTable, Text
+from .margins import build_margin_tables
+from .result import (
+    LOST_AT,
+    MARGINS,
+    PAPER,
+    ROBUSTNESS,
+    SHOWN,
+    STABILITY,
+    WHY,
+    CompareResult,
+    Row,
+    group_rows,
+    label_variant,
+)
+from .statistics import (
+    SeedStatistics,
+    describe_confidence,
+    describe_ranking,
+    format_mean,
+    group_by_variant,
+    mark_winner,
+    name_observers,
+)
 
 _FIGURES = (
     "position_error_m",
@@ -24,11 +43,15 @@ _FIGURES = (
 )
 _COMPACT = ("position_error_m", "torque_peak_N_m", "saturated_after_settling")
 
+_PRINTED = tuple(SHOWN[name] for name in Cells.__struct_fields__)
+_ROUNDED = 0.006
+"""Averages that differ by more are different: the paper prints two or three digits."""
 
-def build_tables(result: CompareData) -> list[TextTable]:
+
+def build_tables(result: CompareResult) -> list[ReportTable]:
     """Return all tables of a result."""
     if result.table == PAPER:
-        return build_paper_tables(result)
+        return [table for printed in PRINTED for table in _paper(result, printed)]
     if result.table == ROBUSTNESS:
         return list(_robustness(result))
     if result.table == STABILITY:
@@ -38,101 +61,170 @@ def build_tables(result: CompareData) -> list[TextTable]:
     return list(_plain(result))
 
 
-def describe_lost_joints(result: CompareData) -> list[str]:
-    """Return a line for each joint that was not held: with which controller, in how many runs, and why."""
+def describe_lost_joints(result: CompareResult) -> list[str]:
+    """Return a line for each joint that was not held: with which controller, how often, and why at first."""
     if result.table == STABILITY:
         return []  # the maps show these
-    several = {name: result.rows[name].n_unique() > 1 for name in ("scenario", "case")}
-    found = group_rows(result.rows.rows(named=True), "scenario", "case", "joint", "controller", "gains")
-    return [
-        _describe_lost_joint(SeedStatistics(rows), several)
-        for rows in found.values()
-        if not SeedStatistics(rows).is_held
-    ]
+    several = [name for name in ("scenario", "case") if result.rows[name].n_unique() > 1]
+    groups = group_rows(result.rows.rows(named=True), "scenario", "case", "joint", "controller", "gains")
+    lines = list[str]()
+    for summary in map(SeedStatistics, groups.values()):
+        if summary.is_held:
+            continue
+        first = min(summary.lost, key=lambda row: math.inf if row[LOST_AT] is None else row[LOST_AT])
+        where = "".join(f"{first[name]}, " for name in several)
+        runs = f" ({len(summary.lost)} of {len(summary.rows)} runs)" if len(summary.rows) > 1 else ""
+        lines.append(f"{where}{first['joint']} with {label_variant(first)}{runs}: {first[WHY]}.")
+    return lines
 
 
-def group_rows(rows: Sequence[Row], *by: str) -> dict[tuple[Any, ...], list[Row]]:
-    """Return rows grouped by the values of these columns, in their order."""
-    found: dict[tuple[Any, ...], list[Row]] = {}
-    for row in rows:
-        found.setdefault(tuple(row[name] for name in by), []).append(row)
-    return found
-
-
-def _describe_lost_joint(summary: SeedStatistics, several: Mapping[str, bool]) -> str:
-    """Describe the earliest loss of a joint, and the number of runs with a loss."""
-    first = min(summary.lost, key=lambda row: math.inf if row[LOST_AT] is None else row[LOST_AT])
-    where = "".join(f"{first[name]}, " for name, many in several.items() if many)
-    runs = f" ({len(summary.lost)} of {len(summary.rows)} runs)" if len(summary.rows) > 1 else ""
-    return f"{where}{first['joint']} with {summary.controller_variant}{runs}: {first[WHY]}."
-
-
-def _header(result: CompareData, first: str, rows: Sequence[Row]) -> list[str]:
+def _header(result: CompareResult, first: str, rows: Sequence[Row]) -> list[str]:
     """Return the heads of columns: controller, gains and observer, below each other."""
     observers = {name: text.replace(" at ", "\nat ") for name, text in name_observers(rows).items()}
     heads = {name: name.replace("/", "\n") for name in result.entrants}
     return [first, *(f"{head}\nobserver\n{observers.get(name, 'none')}" for name, head in heads.items())]
 
 
-def _plain(result: CompareData) -> Iterator[TextTable]:
+def _plain(result: CompareResult) -> Iterator[ReportTable]:
     """Return a table for each joint, with figures in rows and controllers in columns."""
     shown = [SHOWN[name] for name in _FIGURES]
     for (scenario,), rows in group_rows(result.rows.rows(named=True), "scenario").items():
-        body, lines = list[Sequence[Cell]](), list[int]()
-        for (joint,), own in group_rows(rows, "joint").items():
+        body, lines = list[Sequence[Text | str]](), list[int]()
+        for (joint,), group in group_rows(rows, "joint").items():
             lines.append(len(body))
-            found = group_by_variant(own)
+            variants = group_by_variant(group)
             for figure in shown:
-                cells = mark_winner(found, figure)
-                body.append(
-                    [
-                        Cell(f"{joint}: {figure.label} / {figure.unit}"),
-                        *(cells.get(name, Cell("")) for name in result.entrants),
-                    ]
-                )
+                cells = mark_winner(variants, figure)
+                label = f"{joint}: {figure.label} / {figure.unit}"
+                body.append([label, *(cells.get(name, "") for name in result.entrants)])
         title = f"Controllers on {scenario}; the winner of each row is marked"
-        yield TextTable(title, _header(result, "", rows), body, describe_ranking(rows), lines)
+        under = [*describe_ranking(rows), *describe_confidence(rows)]
+        yield ReportTable(title, _header(result, "", rows), body, under, lines)
 
 
-def _robustness(result: CompareData) -> Iterator[TextTable]:
+def _robustness(result: CompareResult) -> Iterator[ReportTable]:
     """Return a table of cases and controllers for each joint, then one with the number of cases that hold."""
     first, *others = (SHOWN[name] for name in _COMPACT)
-    meaning = ", ".join(f"{one.label} / {one.unit}" for one in (first, *others))
+    meaning = ", ".join(f"{figure.label} / {figure.unit}" for figure in (first, *others))
     for (scenario, joint), rows in group_rows(result.rows.rows(named=True), "scenario", "joint").items():
-        body = list[Sequence[Cell]]()
-        for (case,), own in group_rows(rows, "case").items():
-            found = group_by_variant(own)
-            cells = mark_winner(found, first)
-            for name, one in found.items():
-                if one.is_held:
-                    means = [format_mean(one, figure) for figure in others]
+        body = list[Sequence[Text | str]]()
+        for (case,), group in group_rows(rows, "case").items():
+            variants = group_by_variant(group)
+            cells = mark_winner(variants, first)
+            for name, summary in variants.items():
+                if summary.is_held:
+                    means = [format_mean(summary, figure) for figure in others]
                     cells[name] = cells[name]._replace(text=" / ".join([cells[name].text, *means]))
-            body.append([Cell(case), *(cells.get(name, Cell("")) for name in result.entrants)])
+            body.append([case, *(cells.get(name, "") for name in result.entrants)])
         title, header = f"{joint} of {scenario}: {meaning}", _header(result, "case", rows)
-        yield TextTable(title, header, body, describe_ranking(rows))
+        yield ReportTable(title, header, body, describe_ranking(rows))
     for (scenario,), rows in group_rows(result.rows.rows(named=True), "scenario").items():
-        yield TextTable(
-            f"Cases of {scenario} that hold", _header(result, "joint", rows), _shares(result, rows)
-        )
+        yield _shares(f"Cases of {scenario} that hold", result, rows)
 
 
-def _stability(result: CompareData) -> Iterator[TextTable]:
+def _stability(result: CompareResult) -> Iterator[ReportTable]:
     """Return a table for each map with the number of points that hold."""
     rows = [{**row, "map": row["case"].partition(":")[0]} for row in result.rows.rows(named=True)]
-    for (name,), own in group_rows(rows, "map").items():
-        title = f"Points of the map of {name} that hold"
-        yield TextTable(title, _header(result, "joint", own), _shares(result, own))
+    for (name,), group in group_rows(rows, "map").items():
+        yield _shares(f"Points of the map of {name} that hold", result, group)
 
 
-def _shares(result: CompareData, rows: Sequence[Row]) -> list[Sequence[Cell]]:
+def _shares(title: str, result: CompareResult, rows: Sequence[Row]) -> ReportTable:
     """Return for each joint the number of cases in which each controller holds it with all seeds."""
-    return [
-        [Cell(str(joint)), *(_share([r for r in own if label_variant(r) == e]) for e in result.entrants)]
-        for (joint,), own in group_rows(rows, "joint").items()
+    body = [
+        [joint, *(_share([row for row in group if label_variant(row) == name]) for name in result.entrants)]
+        for (joint,), group in group_rows(rows, "joint").items()
     ]
+    return ReportTable(title, _header(result, "joint", rows), body, describe_confidence(rows))
 
 
-def _share(rows: Sequence[Row]) -> Cell:
+def _share(rows: Sequence[Row]) -> Text:
     points = group_rows(rows, "case").values()
     held = sum(all(row[HELD] for row in point) for point in points)
-    return Cell(f"{held} of {len(points)}", lost=not held)
+    return Text(f"{held} of {len(points)}", is_failure=not held)
+
+
+def _paper(result: CompareResult, printed: PrintedTable) -> Iterator[ReportTable]:
+    """Yield the cells and the averages of a table of the paper of which something was run."""
+    rows = [r for r in result.rows.rows(named=True) if (r["scenario"], r["joint"]) in printed.cells]
+    if rows:
+        yield _cells(rows, printed)
+        yield _averages(rows, printed)
+
+
+def _cells(rows: Sequence[Row], printed: PrintedTable) -> ReportTable:
+    body, lines = list[Sequence[Text | str]](), list[int]()
+    for (scenario, joint), paper in printed.cells.items():
+        group = [row for row in rows if (row["scenario"], row["joint"]) == (scenario, joint)]
+        variants = group_by_variant(group)
+        columns = {figure.name: mark_winner(variants, figure) for figure in _PRINTED}
+        lines.append(len(body))
+        label = joint if len(printed.scenarios) == 1 else scenario
+        observers = name_observers(group)
+        for name, summary in variants.items():
+            cells: list[Text | str] = [label, f"{name}\nobserver {observers[name]}"]
+            values = paper.get(summary.rows[0]["controller"], (None,) * len(_PRINTED))
+            for figure, value in zip(_PRINTED, values, strict=True):
+                cells.append(columns[figure.name][name])
+                cells.append("" if value is None else format_rounded(figure.factor * value))
+            body.append(cells)
+    header = ["", "controller/gains", *(h for f in _PRINTED for h in (f"{f.label} / {f.unit}", "paper"))]
+    title = f"{printed.name}: ours beside the paper's; the winner of ours is marked"
+    under = [*describe_ranking(rows), *describe_confidence(rows), printed.references]
+    return ReportTable(title, header, body, under, lines)
+
+
+def _averages(rows: Sequence[Row], printed: PrintedTable) -> ReportTable:
+    """Return ratios of the means over all rows of the table to those of RSBA with its recommended gains."""
+    usual = f"{REFERENCE}/{CONTROLLERS[REFERENCE].recommended}"
+    by_entrant = {name: [r for r in rows if label_variant(r) == name] for name in map(label_variant, rows)}
+    base = _means(by_entrant.get(usual, ()), len(printed.cells))
+    body: list[Sequence[Text | str]] = [
+        [name, *_ratios(_means(group, len(printed.cells)), base)] for name, group in by_entrant.items()
+    ]
+    body += [[f"paper, {c}", *_numbers(cells)] for c, cells in printed.averages.items()]
+    body += [
+        [f"paper, {c}, from its cells", *_numbers(printed.recomputed(c))]
+        for c in printed.averages
+        if c != REFERENCE
+    ]
+    header = ["normalised average", *(figure.label for figure in _PRINTED)]
+    under = [f"Averages are ratios of means, ours to {usual}.", *_describe_difference(printed)]
+    return ReportTable(f"{printed.name}: normalised averages", header, body, under, [len(by_entrant)])
+
+
+def _means(rows: Sequence[Row], count: int) -> Cells | None:
+    """Return sums over `count` joints of means over seeds; None if one was not held or is missing."""
+    joints = [SeedStatistics(group) for group in group_rows(rows, "scenario", "joint").values()]
+    if len(joints) < count or not all(joint.is_held for joint in joints):
+        return None
+    means = [[joint.mean(name) for joint in joints] for name in Cells.__struct_fields__]
+    return Cells(
+        *(math.nan if None in column else math.fsum(x for x in column if x is not None) for column in means)
+    )
+
+
+def _ratios(means: Cells | None, base: Cells | None) -> list[Text | str]:
+    if means is None:
+        return [Text("not held", is_failure=True)] * len(_PRINTED)
+    if base is None:
+        return ["none"] * len(_PRINTED)
+    return [format_rounded(ours / of) for ours, of in zip(means, base, strict=True)]
+
+
+def _numbers(cells: Cells) -> list[str]:
+    return [f"{value:.3f}".rstrip("0").rstrip(".") for value in cells]
+
+
+def _describe_difference(printed: PrintedTable) -> list[str]:
+    """Return a remark on averages of the paper that do not follow from its own cells."""
+    wrong: Mapping[str, list[str]] = {figure.label: [] for figure in _PRINTED}
+    for controller, averages in printed.averages.items():
+        recomputed = printed.recomputed(controller)
+        for figure, ours, theirs in zip(_PRINTED, recomputed, averages, strict=True):
+            if abs(ours - theirs) > _ROUNDED:
+                wrong[figure.label].append(f"{theirs:.3g} for {controller}, where its cells give {ours:.3f}")
+    differences = [f"{label} {' and '.join(texts)}" for label, texts in wrong.items() if texts]
+    if not differences:
+        return ["The paper's averages follow from its own cells."]
+    return [f"The paper's averages follow from its own cells, except {'; '.join(differences)}."]

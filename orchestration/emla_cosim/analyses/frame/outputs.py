@@ -24,7 +24,7 @@ class Outputs(Generic[R]):
     Attributes:
         what: What messages call the analysis, such as "sizing".
         name: Name of the record and of the page, without suffix, such as "size".
-        record: Returns the content of the record.
+        record: Returns the content of the record; None if `record_file` is the first table.
         tables: Functions that return the content of further files, by name; None for one that this result
             does not have.
         report: Returns the report.
@@ -36,7 +36,7 @@ class Outputs(Generic[R]):
 
     what: str
     name: str
-    record: Callable[[R], Mapping[str, Any]]
+    record: Callable[[R], Mapping[str, Any]] | None
     tables: Mapping[str, Callable[[R], str | bytes | None]]
     report: Callable[[R], Report]
     draw: "Callable[[R], Iterable[tuple[str, Figure]]]" = lambda _: ()
@@ -79,7 +79,7 @@ class AnalysisFolder(Folder, Generic[R]):
     ) -> None:
         self.outputs, self._plots, self._report = outputs, plots, report
         self.what, self.record_file = outputs.what, outputs.record_name
-        self.files = (outputs.record_name, *outputs.tables)
+        self.files = tuple(dict.fromkeys([outputs.record_name, *outputs.tables]))
         self.pictures = (*outputs.pictures, outputs.page_name)
         super().__init__(path, overwrite)
 
@@ -98,8 +98,10 @@ class AnalysisFolder(Folder, Generic[R]):
         """
         outputs = self.outputs
         contents = {name: build(result) for name, build in outputs.tables.items()}
-        self.write_json(outputs.record_name, to_plain(outputs.record(result)))
-        names = [outputs.record_name]
+        names = list[str]()
+        if outputs.record is not None:
+            self.write_json(outputs.record_name, to_plain(outputs.record(result)))
+            names.append(outputs.record_name)
         for name, content in contents.items():
             if content is None:
                 self.remove([name])

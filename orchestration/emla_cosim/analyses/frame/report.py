@@ -88,6 +88,7 @@ class Section:
         pictures: What the pictures of this part show, by their file names.
         under: Sentences after the tables.
         is_detail: Whether only the page has this part, not the terminal.
+        most: Most `lines` that the terminal shows. Default: all.
     """
 
     title: str = ""
@@ -96,6 +97,7 @@ class Section:
     pictures: "dict[str, str] | None" = None
     under: Sequence[Text | str] = ()
     is_detail: bool = False
+    most: int | None = None
 
 
 @dataclass(frozen=True)

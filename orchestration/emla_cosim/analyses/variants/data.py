@@ -5,6 +5,8 @@ from dataclasses import dataclass, field
 from io import BytesIO
 from typing import Any
 
+import polars
+
 from ...recorders.metrics import Figure
 from ...run.half_step import HalfStep
 

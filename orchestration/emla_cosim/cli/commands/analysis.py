@@ -14,7 +14,7 @@ def show_result(outputs: Outputs[Any], result: Any, folder: Path) -> None:
     show_report(outputs.report(result))
     files = (outputs.record_name, *outputs.tables, *outputs.folders)
     possible = [*files, *outputs.pictures, outputs.page_name]
-    names = [name for name in possible if (folder / name).exists()]
+    names = [name for name in dict.fromkeys(possible) if (folder / name).exists()]
     print_line(f"Wrote {folder}/: {', '.join(names)}")
 
 
@@ -23,7 +23,10 @@ def show_report(report: Report) -> None:
     for section in report.sections:
         if section.is_detail:
             continue
-        _show_lines(section.lines)
+        shown = section.lines[: section.most]
+        _show_lines(shown)
+        if more := len(section.lines) - len(shown):
+            print_line(f"and {more} more, in the files")
         for table in section.tables:
             show(table.rich())
             _show_lines(table.under)

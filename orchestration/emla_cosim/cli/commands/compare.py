@@ -7,24 +7,18 @@ from pathlib import Path
 from typing import Any
 
 from ...analyses.compare import certificates
-from ...analyses.compare.data import CERTIFICATE, STABILITY, TABLES
-from ...analyses.compare.folder import CSV, MARKDOWN, RECORD, CompareFolder
-from ...analyses.compare.result import CompareResult
+from ...analyses.compare.certificates import CERTIFICATE, certify_gains
+from ...analyses.compare.report import OUTPUTS
+from ...analyses.compare.result import STABILITY, TABLES
 from ...analyses.compare.runner import RESOLUTION, SEEDS, compare
-from ...analyses.compare.tables import describe_lost_joints
 from ...base.errors import CommandError, CosimError
 from ...base.option import COMPARE, argument, option
-from ...base.wording import format_count
-from ...study.joint_certificates import build_certificate_table
 from ...views.output_folder import results_folder
 from ...views.progress_bars import BarProgress
-from ...views.terminal import print_line, show
-from .options import scheduler, workers
+from .analysis import show_result
+from .options import report, scheduler, workers
 
 OPTIONS = COMPARE
-
-_MOST_LOST = 12
-"""Most joints that were not held to show; the file has all of them."""
 
 EXAMPLES = (
     "emla compare study --controllers rsba,foc",
@@ -90,24 +84,26 @@ class Parameters:
     )
     scheduler: str | None = scheduler()
     workers: int | None = workers()
+    report: bool = report()
 
 
 def command(chosen: Parameters, given: dict[str, Any]) -> None:
     """Compare several controllers in the same scenario."""
-    output, plots = given.pop("output", None), given.pop("plots", True)
-    place = Path(output or results_folder(Path(chosen.scenario).stem))
-    overwrite = given.get("overwrite", False)
+    folder = Path(given.pop("output", None) or results_folder(Path(chosen.scenario).stem))
+    plots = given.pop("plots", True)
     if chosen.table == CERTIFICATE:
         _check_certificate(chosen)
-        _certify(chosen.scenario, chosen.gains, certificates.CertificateFolder(place, overwrite), given)
+        given |= {"output": folder, "report": chosen.report}
+        with BarProgress() as progress:
+            certified = certify_gains(chosen.scenario, chosen.gains, progress=progress, **given)
+        show_result(certificates.OUTPUTS, certified, folder)
         return
-    folder = CompareFolder(place, overwrite)
+    given |= vars(chosen) | {"output": folder, "plots": plots}
     with BarProgress() as progress:
-        result = compare(output=place, progress=progress, **vars(chosen), **given)
-        pictures = folder.draw_result(result) if plots else []
-    _show(result, place, pictures)
+        result = compare(progress=progress, **given)
+    show_result(OUTPUTS, result, folder)
     if not result.complete:
-        raise CosimError(f"interrupted; results so far are in {place}.")
+        raise CosimError(f"interrupted; results so far are in {folder}.")
 
 
 def _check_certificate(chosen: Parameters) -> None:
@@ -121,43 +117,3 @@ def _check_certificate(chosen: Parameters) -> None:
             "--table certificate does not support --seeds, --reserves, --resolution, --scheduler "
             "and --workers."
         )
-
-
-def _certify(
-    scenario: str,
-    gains: Sequence[str] | None,
-    folder: certificates.CertificateFolder,
-    given: dict[str, Any],
-) -> None:
-    """Certify RSBA's gain sets in runs of the scenario; show and write the certificate."""
-    with BarProgress() as progress, folder.alone():
-        found = certificates.certify_gains(scenario, gains, progress, **given)
-        folder.keep(found)
-    for one in found:
-        if one.problem is None:
-            show(build_certificate_table(one.joints, one.gains))
-        else:
-            print_line(f"{one.gains}: {one.problem}")
-    print_line(f"Wrote {folder.path}/: {certificates.CSV}, {certificates.MARKDOWN}")
-
-
-def _show(result: CompareResult, place: Path, pictures: Sequence[Path]) -> None:
-    """Show the joints that were not held, then the tables and the files."""
-    lines = describe_lost_joints(result)
-    if lines:
-        show(f"[bold red]Not held: {result.lost.height} of {result.rows.height}.[/]", highlight=False)
-        shown = lines[:_MOST_LOST]
-        if len(lines) > len(shown):
-            shown.append(f"and {len(lines) - len(shown)} more, in {place / MARKDOWN}")
-        for line in shown:
-            print_line(line)
-    for grid in result.grids:
-        show(grid.rich())
-        for sentence in grid.under:
-            print_line(sentence)
-    for note in result.notes:
-        print_line(note)
-    print_line(f"{format_count(result.rows['run'].n_unique(), 'run')} in {result.wall_s:.0f} s")
-    print_line(f"Wrote {place}/: {CSV}, {MARKDOWN}, {RECORD}")
-    if pictures:
-        print_line(f"Plots: {', '.join(path.name for path in pictures)}")

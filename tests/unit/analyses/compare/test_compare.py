@@ -9,18 +9,30 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import polars
 import pytest
 from distributed import Client
+from markupsafe import escape
 
 import emla_cosim as ec
 from emla_cosim.analyses.compare.cases import ComparisonCase, robustness_cases, stability_maps
 from emla_cosim.analyses.compare.controller_variants import ControllerVariant, select_variants
-from emla_cosim.analyses.compare.plan import ComparisonPlan, ComparisonRun, ComparisonTerms, plan_runs
-from emla_cosim.analyses.compare.subsystems import find_independent_subsystems
+from emla_cosim.analyses.compare.plan import (
+    ComparisonPlan,
+    ComparisonRun,
+    ComparisonTerms,
+    find_independent_subsystems,
+    plan_runs,
+)
+from emla_cosim.analyses.compare.report import build_report
+from emla_cosim.analyses.compare.tables import describe_lost_joints
 from emla_cosim.analyses.execution.worker_payload import Preparation
+from emla_cosim.analyses.frame.page import render_page
+from emla_cosim.analyses.frame.report import Report, Section
 from emla_cosim.base.errors import CommandError
 from emla_cosim.base.progress import Progress
+from emla_cosim.cli.commands.analysis import show_report
 from emla_cosim.study.controllers import ROBUSTNESS_SETS
 from emla_cosim.study.loading import load
 from emla_cosim.study.paper import TABLE_VI, TABLE_VIII
@@ -30,6 +42,7 @@ from tests.support.whole_files import names as names_in
 
 pytestmark = pytest.mark.usefixtures("on_one_cluster")
 
+FILES = {"comparison.csv", "comparison.md", "comparison.json"}
 SHORT = ("--stop-time", "0.4", "--workers", "1", "--no-plots")
 
 
@@ -136,13 +149,13 @@ def test_lost_joint_does_not_end_the_runs_of_others(compared: ec.CompareResult) 
 def test_table_marks_figures_of_lost_joints(compared: ec.CompareResult) -> None:
     (grid,) = compared.grids
     column = next(i for i, head in enumerate(grid.header) if head.startswith("rsba\npublished"))
-    assert all(row[column].lost and row[column].text.startswith("not held") for row in grid.rows)
+    assert all(row[column].is_failure and row[column].text.startswith("not held") for row in grid.cells)
     lift = compared.rows.filter(gains="published", joint="lift").row(0, named=True)
-    assert grid.rows[3][column].text == f"not held ({lift['torque_peak_N_m']:.3g})"
+    assert grid.cells[3][column].text == f"not held ({lift['torque_peak_N_m']:.3g})"
     robust = compared.rows.filter(gains="robust", joint="lift").row(0, named=True)
-    assert grid.rows[0][column - 1].text == f"{1e6 * robust['position_error_m']:.3g}"
+    assert grid.cells[0][column - 1].text == f"{1e6 * robust['position_error_m']:.3g}"
     others = compared.rows.filter(joint="lift", held=True)["position_error_m"]
-    best = [c.text for c in grid.rows[0] if c.best]
+    best = [c.text for c in grid.cells[0] if c.is_best]
     assert best == [f"{1e6 * others.min():.3g}"]  # type: ignore[operator]
 
 
@@ -170,8 +183,42 @@ def test_errors_over_time_agree_with_metrics(compared: ec.CompareResult) -> None
 
 def test_pictures_are_drawn(compared: ec.CompareResult) -> None:
     found = compared.figures()
-    assert list(found) == ["comparison-figures", "comparison-errors"]
-    assert len(found["comparison-errors"].axes) == 3
+    assert list(found) == ["comparison-figures", "comparison-errors", "comparison-motion"]
+    assert len(found["comparison-errors"].axes) == 3 and len(found["comparison-motion"].axes) == 6
+
+
+def test_motion_and_load_of_each_joint_are_kept_once(compared: ec.CompareResult, fmu_folder: Path) -> None:
+    assert list(compared.motions) == [("study", joint) for joint in ("lift", "tilt", "telescope")]
+    motion = compared.motions["study", "lift"]
+    assert 200 <= motion.height <= 500 and motion["time"][-1] == pytest.approx(0.4, abs=2e-3)
+    with load("lift", stop_time=0.4, fmus=fmu_folder).prepare() as simulation:
+        run = simulation.run()
+    reference = np.interp(motion["time"], run["time"], run["lift.reference.x_d"])
+    assert motion["reference"].to_numpy() == pytest.approx(reference, abs=1e-12)
+    assert motion["load"].to_list() == pytest.approx([57e3] * motion.height)
+
+
+def test_page_has_tables_lost_joints_notes_and_pictures(compared: ec.CompareResult) -> None:
+    page = render_page(build_report(compared), compared.figures())
+    for text in (*describe_lost_joints(compared), *compared.notes, "Motion and load"):
+        assert str(escape(text)) in page
+    assert page.count("<table>") == len(compared.grids)
+
+
+def test_command_writes_page_and_pictures(emla: Emla, tmp_path: Path) -> None:
+    arguments = ("--controllers", "rsba", "--stop-time", "0.01", "--seeds", "0", "--workers", "1")
+    result = emla("compare", "lift", *arguments, "--report", "--output", str(tmp_path))
+    assert result.exit_code == 0
+    pictures = {f"comparison-{name}.png" for name in ("figures", "errors", "motion")}
+    assert names_in(tmp_path) == {"compare.html", *FILES, *pictures}
+    assert emla("compare", "lift", *arguments, "--no-plots", "--output", str(tmp_path)).exit_code == 0
+    assert names_in(tmp_path) == FILES
+
+
+def test_terminal_shows_a_part_of_many_lost_joints(capsys: pytest.CaptureFixture[str]) -> None:
+    sections = [Section(lines=["a", "b", "c"], most=1), Section(lines=["for the page"], most=0)]
+    show_report(Report("Comparison", "lift", [], sections))
+    assert capsys.readouterr().out == "a\nand 2 more, in the files\n"
 
 
 def test_command_reports_lost_joints_first(emla: Emla, tmp_path: Path) -> None:
@@ -182,7 +229,7 @@ def test_command_reports_lost_joints_first(emla: Emla, tmp_path: Path) -> None:
     assert result.stdout.startswith(
         "Not held: 1 of 1.\nlift with rsba/published: lift tripped on its current"
     )
-    assert names_in(tmp_path) == {"comparison.csv", "comparison.md", "comparison.json"}
+    assert names_in(tmp_path) == FILES
 
 
 def test_values_of_a_case_override_common_values() -> None:

@@ -12,10 +12,16 @@ import pytest
 from distributed import Client
 
 import emla_cosim as ec
-from emla_cosim.analyses.compare.held_out_seeds import HeldOutSeeds, list_tuning_seeds, random_seeds
-from emla_cosim.analyses.compare.reserves import Reserves, describe_reserves, reserve_values
 from emla_cosim.analyses.compare.rows import read_verdict
 from emla_cosim.analyses.compare.runner import compare
+from emla_cosim.analyses.compare.terms import (
+    HeldOutSeeds,
+    Reserves,
+    describe_reserves,
+    list_tuning_seeds,
+    random_seeds,
+    reserve_values,
+)
 from emla_cosim.analyses.execution.worker_payload import Preparation
 from emla_cosim.analyses.variants.data import VariantOutcome
 from emla_cosim.fmu.models import build
@@ -134,10 +140,13 @@ def test_controllers_meet_equal_noise_and_disturbances(fmu_folder: Path) -> None
 def test_table_shows_mean_and_spread(compared: ec.CompareResult) -> None:
     (grid,) = compared.grids
     tilt = compared.rows.filter(joint="tilt", controller="foc")["position_error_m"].to_numpy()
-    cell = next(row for row in grid.rows if row[0].text.startswith("tilt: position error"))[2]
+    cell = next(row for row in grid.cells if row[0].text.startswith("tilt: position error"))[2]
     assert cell.text == f"{1e6 * tilt.mean():.3g} ± {1e6 * tilt.std(ddof=1):.2g}"
     assert "3 seeds that no tuning used" in grid.under[0]
-    assert "±" not in grid.rows[0][1].text
+    assert grid.under[-1] == (
+        "Of all seeds that could be drawn: 0 of 3 not held: below 63.2 % with 95 % confidence."
+    )
+    assert "±" not in grid.cells[0][1].text
     written = polars.read_csv(compared.folder / "comparison.csv")  # type: ignore[operator]
     assert written["seed"].drop_nulls().n_unique() == 3
 

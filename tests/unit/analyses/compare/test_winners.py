@@ -10,10 +10,11 @@ import pytest
 from scipy.stats import binom
 
 import emla_cosim as ec
-from emla_cosim.analyses.compare.remarks import FEWEST_SEEDS, describe_ranking
-from emla_cosim.analyses.compare.rows import COLUMNS
+from emla_cosim.analyses.compare.result import COLUMNS
 from emla_cosim.analyses.compare.statistics import (
+    FEWEST_SEEDS,
     SeedStatistics,
+    describe_ranking,
     fewest_wins,
     format_lost,
     group_by_variant,
@@ -42,7 +43,9 @@ def winner(*runs: list[dict[str, Any]]) -> str | None:
     found = group_by_variant([row for of_controller in runs for row in of_controller])
     ranking = rank(found, ERROR)
     best = ranking.best if ranking and ranking.is_winner else None
-    assert [name for name, cell in mark_winner(found, ERROR).items() if cell.best] == ([best] if best else [])
+    assert [name for name, cell in mark_winner(found, ERROR).items() if cell.is_best] == (
+        [best] if best else []
+    )
     return best
 
 
@@ -206,12 +209,16 @@ def robustness() -> ec.CompareResult:
 
 def test_robustness_table_has_means_and_counts_held_runs() -> None:
     cases, held = robustness().grids
-    first, second = ([cell.text for cell in row] for row in cases.rows)
+    first, second = ([cell.text for cell in row] for row in cases.cells)
     assert first == ["nominal", "1.05 ± 0.055, wins 6 of 6 / 100 / 1", "2.07 ± 0.16 / 100 / 1"]
     assert second[1:] == ["1.05 ± 0.055 / 100 / 1", "not held in 1 of 6 (2.4)"]
-    assert [cell.best for cell in cases.rows[0]] == [False, True, False]
-    assert not any(cell.best for cell in cases.rows[1])  # there is only one left
-    assert [[cell.text for cell in row] for row in held.rows] == [["lift", "2 of 2", "1 of 2"]]
+    assert [cell.is_best for cell in cases.cells[0]] == [False, True, False]
+    assert not any(cell.is_best for cell in cases.cells[1])  # there is only one left
+    assert [[cell.text for cell in row] for row in held.cells] == [["lift", "2 of 2", "1 of 2"]]
+    assert held.under == [
+        "Of all seeds that could be drawn: 0 of 6 not held: below 39.3 % with 95 % confidence; "
+        "1 of 6 not held: 16.7 %, 0.42 % to 64.1 % with 95 % confidence."
+    ]
     assert describe_lost_joints(robustness()) == [
         "noise, lift with b/own (1 of 6 runs): lift tripped on its speed at t = 0.5 s."
     ]
