@@ -85,6 +85,7 @@ class Section:
         tables: Tables.
         pictures: What the pictures of this part show, by their file names.
         under: Sentences after the tables.
+        is_detail: Whether only the page has this part, not the terminal.
     """
 
     title: str = ""
@@ -92,6 +93,7 @@ class Section:
     tables: Sequence[ReportTable] = ()
     pictures: "dict[str, str] | None" = None
     under: Sequence[Text | str] = ()
+    is_detail: bool = False
 
 
 @dataclass(frozen=True)

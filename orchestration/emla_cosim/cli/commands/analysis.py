@@ -11,7 +11,8 @@ from ...views.terminal import print_line, show
 def show_result(outputs: Outputs[Any], result: Any, folder: Path) -> None:
     """Show the report of a result, then its files in a folder."""
     for section in outputs.report(result).sections:
-        _show_section(section)
+        if not section.is_detail:
+            _show_section(section)
     possible = [outputs.record_name, *outputs.tables, *outputs.pictures, outputs.page_name]
     names = [name for name in possible if (folder / name).exists()]
     print_line(f"Wrote {folder}/: {', '.join(names)}")
