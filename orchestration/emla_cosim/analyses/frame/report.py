@@ -2,10 +2,14 @@
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+from rich.box import SIMPLE
 from rich.markup import escape
 from rich.table import Table
+
+_MOST_COLUMNS = 8
+"""A table with more columns has no lines between them in the terminal."""
 
 
 class Text(NamedTuple):
@@ -49,13 +53,16 @@ class ReportTable:
 
     def rich(self) -> Table:
         """Return the table for the terminal."""
-        table = Table(title=escape(self.title), title_justify="left")
+        is_wide = len(self.header) > _MOST_COLUMNS
+        style: dict[str, Any] = {"box": SIMPLE, "padding": (0, 1, 0, 0), "pad_edge": False} if is_wide else {}
+        table = Table(title=escape(self.title), title_justify="left", **style)
         for number, head in enumerate(self.header):
             is_text = number in self.texts
             table.add_column(
                 escape(head),
                 justify="left" if is_text else "right",
                 overflow="fold" if is_text else "ellipsis",
+                no_wrap=not is_text,
             )
         for number, row in enumerate(self.cells):
             if number in self.lines:

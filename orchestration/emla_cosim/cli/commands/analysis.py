@@ -13,7 +13,8 @@ def show_result(outputs: Outputs[Any], result: Any, folder: Path) -> None:
     for section in outputs.report(result).sections:
         if not section.is_detail:
             _show_section(section)
-    possible = [outputs.record_name, *outputs.tables, *outputs.pictures, outputs.page_name]
+    possible = [outputs.record_name, *outputs.tables, *outputs.pictures]
+    possible += [*outputs.list_pictures(result), outputs.page_name]
     names = [name for name in possible if (folder / name).exists()]
     print_line(f"Wrote {folder}/: {', '.join(names)}")
 

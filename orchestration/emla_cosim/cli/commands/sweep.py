@@ -15,14 +15,14 @@ from ...analyses.sweep.summary import format_summary, list_worst_commands
 from ...analyses.variants.data import DONE, STATUS
 from ...analyses.variants.distributions import FORMS
 from ...analyses.variants.sampling import SAMPLINGS
-from ...base.errors import CommandError, CosimError
+from ...base.errors import CosimError
 from ...base.files import report_write_errors
 from ...base.option import OUTPUT, RUNS, SWEEP, option, switch
 from ...base.progress import Progress
 from ...views.output_folder import results_folder
 from ...views.progress_bars import BarProgress
 from ...views.terminal import print_line, show
-from .options import plan, scheduler, workers
+from .options import plan, read_factors, scheduler, workers
 
 OPTIONS = SWEEP
 
@@ -34,19 +34,6 @@ EXAMPLES = (
     "emla sweep lift --vary lift.plant.motor.R_s=80%:120% --runs 200 --seed 1",
     "emla sweep study-robustness --output results/robust",
 )
-
-
-def _read_factors(texts: Sequence[str]) -> dict[str, str]:
-    """Return the factors with their values. Raise CommandError for texts that are none."""
-    factors = dict[str, str]()
-    for text in texts:
-        name, equals, values = (part.strip() for part in text.partition("="))
-        if not (name and equals and values):
-            raise CommandError(f"--vary {text} has no name or no values; write --vary NAME={FORMS}.")
-        if name in factors:
-            raise CommandError(f"--vary names {name} twice.")
-        factors[name] = values
-    return factors
 
 
 _varies = partial(option, group="What varies")
@@ -61,7 +48,7 @@ class Parameters:
         {},
         help=f"Factor and its values, as {FORMS}; * in the name matches several (repeatable).",
         metavar="NAME=VALUES",
-        parse=_read_factors,
+        parse=read_factors,
     )
     runs: int | None = _varies(help="Number of variants to draw. Default: all points of a grid.")
     sampling: str | None = _varies(
