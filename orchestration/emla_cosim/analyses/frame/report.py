@@ -55,7 +55,7 @@ class ReportTable:
         """Return the table for the terminal."""
         is_wide = len(self.header) > _MOST_COLUMNS
         style: dict[str, Any] = {"box": SIMPLE, "padding": (0, 1, 0, 0), "pad_edge": False} if is_wide else {}
-        table = Table(title=escape(self.title), title_justify="left", **style)
+        table = Table(title=escape(self.title), title_justify="left", show_header=any(self.header), **style)
         for number, head in enumerate(self.header):
             is_text = number in self.texts
             table.add_column(

@@ -1,23 +1,20 @@
-"""Pictures of a motion: those of the paper, jerks, and the path of the tip."""
+"""Pictures of a motion: those of the paper, jerks, and the path of the tip with ground and machine."""
 
-from collections.abc import Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from hdrm_fmu.base import base_corners
+from hdrm_fmu.kinematics import outline, tip
 from hdrm_fmu.optimisation.assessment import Course
 from hdrm_fmu.optimisation.problem import MotionProblem
+from hdrm_fmu.parameters import HdrmParameters
 from hdrm_fmu.trajectory import JOINTS
 
 from ...base.arrays import Vector
-from ...base.errors import CommandError
-from ...base.files import check_output_files
-from ...base.output_files import OutputFile
-from ...study.trajectory_file import check_trajectory
-from ...views.plots.style import BLUE, RED, is_picture, new_figure, save, tidy_axes
-from .motion import OptimisedMotion
-from .path_picture import draw_path
+from ...views.plots.style import BLUE, GREY, ORANGE, RED, new_figure, tidy_axes
+from .result import TrajectoryResult
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,6 +25,12 @@ PICTURES = ("forces-and-speeds", "positions-and-accelerations", "path")
 
 _POINTS = 1501
 
+_GROUND, _BODY = "#d9cbb3", "#c9ced6"
+_BOOMS = ("lift_boom", "outer_boom", "inner_boom")
+_TRIANGLES = ("lift_triangle", "tilt_triangle")
+_MARGIN = 0.4
+"""Space around everything that is drawn, m."""
+
 
 class _PanelRow(NamedTuple):
     """One row of a picture: values by joint, their bounds if there are any, and a label."""
@@ -37,47 +40,14 @@ class _PanelRow(NamedTuple):
     bounds: Sequence[Sequence[float]] = ()
 
 
-def draw_pictures(result: OptimisedMotion) -> "dict[str, Figure]":
+def draw_pictures(result: TrajectoryResult) -> "dict[str, Figure]":
     """Return the pictures by name."""
     times = np.linspace(result.spline.start, result.spline.end, _POINTS)
     seen, problem = result.course(times), result.problem
     rows = (_forces_and_speeds(seen, problem), _positions_and_accelerations(seen, problem))
     *by_joint, path = PICTURES
     figures = {name: _picture(times, some) for name, some in zip(by_joint, rows, strict=True)}
-    return {**figures, path: draw_path(result, times)}
-
-
-def picture_places(
-    path: Path, wanted: bool = True, problem: object = None, overwrite: bool = False
-) -> list[Path]:
-    """Return the paths of the pictures, beside the trajectory file.
-
-    Raises:
-        CommandError: A file may not be replaced, or is that of the problem.
-    """
-    if path.suffix.lower() == ".png":
-        raise CommandError(f"the trajectory '{path}' must not end in .png, as its pictures do.")
-    places = [path.with_name(f"{path.stem}-{name}.png") for name in PICTURES] if wanted else []
-    used = {Path(problem): "the problem"} if isinstance(problem, (str, Path)) else {}
-    check_output_files({path: "the trajectory"} | dict.fromkeys(places, "the picture"), used)
-    check_trajectory(path, overwrite)
-    for place in places:
-        OutputFile(place, "the picture", is_picture, overwrite)
-    return places
-
-
-def save_pictures(result: OptimisedMotion, path: Path, overwrite: bool = False) -> list[Path]:
-    """Draw the pictures beside a trajectory file.
-
-    Raises:
-        CommandError: If emla did not write an existing file.
-        RunError: If writing fails.
-    """
-    places = picture_places(path, overwrite=overwrite)
-    for place, figure in zip(places, draw_pictures(result).values(), strict=True):
-        with OutputFile(place, "the picture", is_picture, overwrite).open() as stream:
-            save(figure, stream)
-    return places
+    return {**figures, path: _draw_path(result, times)}
 
 
 def _forces_and_speeds(seen: Course, problem: MotionProblem) -> tuple[_PanelRow, _PanelRow]:
@@ -121,3 +91,49 @@ def _panel(axes: "Axes", times: Vector, row: _PanelRow, joint: int) -> None:
     for bounds in row.bounds:
         axes.axhline(bounds[joint], color=RED, linewidth=0.9, linestyle="--")
     tidy_axes(axes)
+
+
+def _draw_path(result: TrajectoryResult, times: Vector) -> "Figure":
+    """Return a figure of the tip's path in the plane, and the machine at start and end."""
+    problem, machine = result.problem, result.problem.machine
+    strokes = result.spline.evaluated(times)
+    path = np.array([tip(machine, q) for q in strokes.tolist()])
+    figure, grid = new_figure(1, 1, 7.0, 5.2)
+    axes = grid[0, 0]
+    _draw_base(axes, machine)
+    for row, color, name in ((0, GREY, "start"), (-1, BLUE, "end")):
+        _draw_machine(axes, outline(machine, strokes[row].tolist()), color, name)
+    axes.plot(*path.T, color=ORANGE, linewidth=1.8, label="path of the tip")
+    for i, via in enumerate(problem.via):
+        axes.plot(*via.tip, "o", color=ORANGE, markersize=5)
+        axes.annotate(f"{i + 1}", via.tip, (6, 5), textcoords="offset points", fontsize=9)
+    axes.set_aspect("equal")
+    axes.margins(0.05)
+    if problem.ground_clearance is not None:
+        _draw_ground(axes, problem.ground_height, problem.ground_clearance)
+    axes.set_xlabel("x / m", fontsize=9)
+    axes.set_ylabel("y / m", fontsize=9)
+    axes.tick_params(labelsize=8)
+    figure.legend(fontsize=8, loc="outside upper center", ncols=5, edgecolor="none")
+    return figure
+
+
+def _draw_base(axes: "Axes", machine: HdrmParameters) -> None:
+    from scipy.spatial import ConvexHull
+
+    corners = np.array(base_corners(machine))
+    axes.fill(*corners[ConvexHull(corners).vertices].T, color=_BODY)
+
+
+def _draw_machine(axes: "Axes", lines: Mapping[str, Sequence[Any]], color: str, name: str) -> None:
+    for part in _TRIANGLES:
+        axes.plot(*np.array(lines[part]).T, color=color, linewidth=1.0)
+    for i, part in enumerate(_BOOMS):
+        axes.plot(*np.array(lines[part]).T, color=color, linewidth=2.4, label=name if i == 0 else None)
+
+
+def _draw_ground(axes: "Axes", height: float, clearance: float) -> None:
+    low = min(axes.get_ylim()[0], height - _MARGIN)
+    axes.axhspan(low, height, color=_GROUND, zorder=0.5, label="ground")
+    axes.axhline(height + clearance, color=RED, linewidth=0.9, linestyle="--", label="clearance")
+    axes.set_ylim(bottom=low)

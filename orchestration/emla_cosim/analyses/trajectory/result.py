@@ -1,19 +1,30 @@
 """The result of the optimisation of a motion."""
 
-from dataclasses import dataclass
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from .file_writer import write_trajectory
-from .motion import OptimisedMotion
-from .pictures import draw_pictures
+from hdrm_fmu.optimisation.assessment import Assessment, Course, course
+from hdrm_fmu.optimisation.problem import EndSpeed, MotionProblem
+from hdrm_fmu.optimisation.solving import Solution
+from hdrm_fmu.optimisation.transcription import Discretisation
+from hdrm_fmu.spline import Spline
+
+from ...base.arrays import Vector
+from ...study.trajectory_file import check_trajectory
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+_TOOLS = ("casadi", "emla-cosim", "numpy", "scipy")
+"""Packages that the motion depends on."""
+
 
 @dataclass(frozen=True)
-class TrajectoryResult(OptimisedMotion):
+class TrajectoryResult:
     """The motion that costs least, and how it was found.
 
     Attributes:
@@ -28,6 +39,37 @@ class TrajectoryResult(OptimisedMotion):
         starts: number of initial guesses.
     """
 
+    spline: Spline
+    assessment: Assessment
+    given: MotionProblem
+    problem: MotionProblem
+    end_speed: EndSpeed
+    contradictions: Sequence[str]
+    discretisation: Discretisation
+    solution: Solution
+    starts: int = 1
+
+    def course(self, times: Vector) -> Course:
+        """Return strokes, speeds, accelerations and forces at times in s."""
+        return course(self.spline, self.problem, times)
+
+    @property
+    def record(self) -> dict[str, Any]:
+        """Content of a trajectory file, in SI units."""
+        return {
+            "format": "emla-cosim trajectory 1",
+            "degree": self.spline.degree,
+            "knots": list(self.spline.knots),
+            "coefficients": {joint: list(values) for joint, values in self.spline.coefficients.items()},
+            "units": {"knots": "s", "coefficients": "m"},
+            "problem": asdict(self.given),
+            "end_speed": self.end_speed.value,
+            "discretisation": asdict(self.discretisation),
+            "contradictions": list(self.contradictions),
+            "figures": {**asdict(self.assessment), "iterations": self.solution.iterations},
+            "versions": {tool: version(tool) for tool in _TOOLS},
+        }
+
     def save(self, path: str | Path, overwrite: bool = False) -> None:
         """Write the motion to a trajectory file.
 
@@ -38,8 +80,11 @@ class TrajectoryResult(OptimisedMotion):
         Raises:
             CommandError: the file cannot be written.
         """
-        write_trajectory(self, Path(path), overwrite)
+        content = json.dumps(self.record, indent=1, allow_nan=False) + "\n"
+        check_trajectory(Path(path), overwrite).write(content.encode())
 
     def plot(self) -> "dict[str, Figure]":
         """Return figures of forces and speeds, positions and their derivatives, and the path, by name."""
+        from .pictures import draw_pictures
+
         return draw_pictures(self)

@@ -20,8 +20,7 @@ from hdrm_fmu.spline_window import COEFFICIENTS
 from ...base.errors import CommandError, RunError, check_choice
 from ...base.progress import Progress
 from ...base.values import convert_value
-from .payload_file import check_payload, save_payload
-from .pictures import picture_places, save_pictures
+from .files import MotionFiles
 from .problem import load_problem
 from .result import TrajectoryResult
 
@@ -45,6 +44,7 @@ def trajectory(
     output: str | Path | None = None,
     overwrite: bool = False,
     plots: bool = True,
+    report: bool = False,
     progress: Progress | None = None,
 ) -> TrajectoryResult:
     """Optimize the motion between two postures for least actuator power, (14) within the bounds of (15).
@@ -64,6 +64,7 @@ def trajectory(
         output: file to write the motion to. A payload that changes is written beside it.
         overwrite: replace files that emla did not write.
         plots: draw pictures beside the file.
+        report: write a page beside the file.
         progress: receives the progress of the optimization.
 
     Returns:
@@ -77,19 +78,16 @@ def trajectory(
     given = load_problem(problem)
     sizes = _sizes(degree, knots, points)
     how = Discretisation(*sizes, _weight(tie_break), _size("subdivisions", subdivisions))
-    place = None if output is None else convert_value(output, Path, "the output file")
-    if place is not None:
-        picture_places(place, plots, problem, overwrite)
-        check_payload(place, given, overwrite)
+    files = None
+    if output is not None:
+        path = convert_value(output, Path, "the output file")
+        files = MotionFiles(path, given, problem, overwrite, plots, report)
     read = _resolve_contradictions(given, reading)
     best, figures = _find_best(read, how, _size("starts", starts), reporter)
     spline, contradictions = best.spline(how), given.contradictions()
     result = TrajectoryResult(spline, figures, given, read, reading, contradictions, how, best, starts)
-    if place is not None:
-        result.save(place, overwrite)
-        save_payload(result, place, overwrite)
-        if plots:
-            save_pictures(result, place, overwrite)
+    if files is not None:
+        files.write(result)
     return result
 
 

@@ -1,35 +1,38 @@
 """Show the result of an analysis: its report and its files."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from ...analyses.frame.outputs import Outputs
-from ...analyses.frame.report import Section, Text
+from ...analyses.frame.report import Report, Text
 from ...views.terminal import print_line, show
 
 
 def show_result(outputs: Outputs[Any], result: Any, folder: Path) -> None:
     """Show the report of a result, then its files in a folder."""
-    for section in outputs.report(result).sections:
-        if not section.is_detail:
-            _show_section(section)
+    show_report(outputs.report(result))
     possible = [outputs.record_name, *outputs.tables, *outputs.pictures]
     possible += [*outputs.list_pictures(result), outputs.page_name]
     names = [name for name in possible if (folder / name).exists()]
     print_line(f"Wrote {folder}/: {', '.join(names)}")
 
 
-def _show_section(section: Section) -> None:
-    _show_lines(section.lines)
-    for table in section.tables:
-        show(table.rich())
-        _show_lines(table.under)
-    _show_lines(section.under)
+def show_report(report: Report) -> None:
+    """Show the sentences and tables of a report."""
+    for section in report.sections:
+        if section.is_detail:
+            continue
+        _show_lines(section.lines)
+        for table in section.tables:
+            show(table.rich())
+            _show_lines(table.under)
+        _show_lines(section.under)
 
 
-def _show_lines(lines: "tuple[Text | str, ...] | list[Text | str] | Any") -> None:
+def _show_lines(lines: Sequence[Text | str]) -> None:
     for line in lines:
         if isinstance(line, Text):
-            show(line.styled(), highlight=False)
+            show(line.styled(), highlight=False, soft_wrap=True)
         else:
             print_line(line)

@@ -6,22 +6,17 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from ...analyses.trajectory.payload_file import check_payload
-from ...analyses.trajectory.pictures import picture_places
+from ...analyses.trajectory.files import MotionFiles
 from ...analyses.trajectory.problem import load_problem, override_values
+from ...analyses.trajectory.report import build_report
 from ...analyses.trajectory.runner import trajectory
-from ...analyses.trajectory.summary import (
-    format_clearances,
-    format_costs,
-    format_lines,
-    format_peaks,
-    remarks,
-)
 from ...base.errors import CosimError
 from ...base.option import OUTPUT, TRAJECTORY, argument, option
 from ...views.output_folder import results_folder
 from ...views.progress_bars import BarProgress
-from ...views.terminal import print_line, show
+from ...views.terminal import print_line
+from .analysis import show_report
+from .options import report
 
 OPTIONS = TRAJECTORY
 
@@ -75,27 +70,22 @@ class Parameters:
         help="Trajectory file to write. Default: results/trajectory/trajectory.json.", group=OUTPUT
     )
     plots: bool = option(True, help="Draw plots beside the trajectory file.", group=OUTPUT)
+    report: bool = report()
 
 
 def command(chosen: Parameters, given: dict[str, Any]) -> None:
     """Find the motion of the manipulator with the least actuator power."""
-    asked = override_values(load_problem(chosen.problem), chosen.set)
+    problem, path = override_values(load_problem(chosen.problem), chosen.set), chosen.output
+    path = path or _default_path()
     overwrite = given.get("overwrite", False)
-    place = chosen.output or _default_path()
-    pictures = picture_places(place, chosen.plots, chosen.problem, overwrite)
-    payload = check_payload(place, asked, overwrite)
-    given |= vars(chosen) | {"output": place, "problem": asked}
+    files = MotionFiles(path, problem, chosen.problem, overwrite, chosen.plots, chosen.report)
+    given |= vars(chosen) | {"output": path, "problem": problem}
     del given["set"]
     with BarProgress() as progress:
         result = trajectory(progress=progress, **given)
-    for remark in remarks(result):
-        print_line(remark)
-    show(format_costs(result))
-    show(format_peaks(result))
-    beside = [] if payload is None else [payload.path]
-    files = ", ".join((str(place), *(path.name for path in (*beside, *pictures))))
-    for line in (*format_clearances(result), *format_lines(result), f"Wrote {files}"):
-        print_line(line)
+    show_report(build_report(result))
+    beside = [file.name for file in files.paths[1:]]
+    print_line(f"Wrote {', '.join((str(path), *beside))}")
 
 
 def _default_path() -> Path:

@@ -1,0 +1,81 @@
+"""The files of an optimised motion: the trajectory, pictures, a page, and a payload that changes."""
+
+from pathlib import Path
+
+from hdrm_fmu.optimisation.problem import MotionProblem
+
+from ...base.errors import CommandError
+from ...base.files import check_output_files
+from ...base.output_files import OutputFile, has_mark
+from ...study.trajectory_file import WHAT, check_trajectory
+from ...views.plots.style import is_picture, save
+from .pictures import PICTURES, draw_pictures
+from .report import build_report
+from .result import TrajectoryResult
+
+_PAYLOAD_MARK = "# emla-cosim payload 1\n"
+_PAGE_MARK = b'<meta name="generator" content="emla-cosim">'
+
+
+class MotionFiles:
+    """The files to write. They are checked before anything is computed.
+
+    Args:
+        path: The trajectory file.
+        problem: The problem.
+        source: What the user passed as the problem, such as a file.
+        overwrite: Whether to replace files that emla did not write.
+        plots: Whether to draw pictures.
+        report: Whether to write a page.
+
+    Raises:
+        CommandError: A file may not be replaced, or is that of the problem.
+    """
+
+    def __init__(
+        self, path: Path, problem: MotionProblem, source: object, overwrite: bool, plots: bool, report: bool
+    ) -> None:
+        if path.suffix.lower() in (".png", ".html"):
+            what = "pictures do" if path.suffix.lower() == ".png" else "page does"
+            raise CommandError(f"the trajectory '{path}' must not end in {path.suffix}, as its {what}.")
+        pictures = [path.with_name(f"{path.stem}-{name}.png") for name in PICTURES] if plots else []
+        used = {Path(source): "the problem"} if isinstance(source, (str, Path)) else {}
+        check_output_files({path: WHAT} | dict.fromkeys(pictures, "the picture"), used)
+        self._path, self._overwrite = path, overwrite
+        check_trajectory(path, overwrite)
+        self._pictures = [OutputFile(one, "the picture", is_picture, overwrite) for one in pictures]
+        self._page = self._payload = None
+        if report:
+            self._page = OutputFile(path.with_suffix(".html"), "the page", has_mark(_PAGE_MARK), overwrite)
+        if len(problem.loads) > 1:
+            place = path.with_name(f"{path.stem}-payload.csv")
+            is_ours = has_mark(_PAYLOAD_MARK.encode())
+            self._payload = OutputFile(place, "the payload", is_ours, overwrite)
+
+    @property
+    def paths(self) -> list[Path]:
+        """All files, the trajectory first."""
+        beside = [self._payload, *self._pictures, self._page]
+        return [self._path, *(file.path for file in beside if file is not None)]
+
+    def write(self, result: TrajectoryResult) -> None:
+        """Write all files. Raises RunError."""
+        result.save(self._path, self._overwrite)
+        if self._payload is not None:
+            self._payload.write(_format_payload(result).encode())
+        figures = draw_pictures(result) if self._pictures or self._page else {}
+        for file, figure in zip(self._pictures, figures.values(), strict=False):
+            with file.open() as stream:
+                save(figure, stream)
+        if self._page is not None:
+            from ..frame.page import render_page  # importing it loads jinja2
+
+            self._page.write(render_page(build_report(result), figures).encode())
+
+
+def _format_payload(result: TrajectoryResult) -> str:
+    """Return times in s and the payloads in kg from then on, as data for an input of a scenario."""
+    spline = result.spline
+    rows = [(spline.start + x.first * (spline.end - spline.start), x.payload) for x in result.problem.loads]
+    lines = "".join(f"{time!r},{float(payload)!r}\n" for time, payload in rows)
+    return f"{_PAYLOAD_MARK}time [s],payload [kg]\n{lines}"
