@@ -49,34 +49,32 @@ class Variation:
             raise CommandError("runs are drawn from tolerances; add 'vary' (--vary NAME=LOW:HIGH).")
         return cls(vary, runs, seed) if vary else None
 
-    def draw(
-        self, preparation: Preparation, joints: Sequence[str]
-    ) -> tuple[list[Factor], list[Sequence[Value]]]:
-        """Return the factors in a prepared scenario, and for each draw their values.
+    def draw(self, scenario: Scenario, progress: Progress) -> "Drawn":
+        """Prepare a scenario and return the draws.
 
         Raises:
             CommandError: A name or a value does not fit, or there are too many combinations.
+            RunError: An FMU cannot be built.
         """
+        preparation = Preparation.of(scenario, progress)
         inner = {name: given for name, given in self.vary.items() if name != AMBIENT}
         factors = resolve_factors(inner, preparation.system, preparation.interfaces, _WHERE)
-        fixed = [f"{joint}.reference.period" for joint in joints]
         for target in (target for factor in factors for target in factor.targets):
-            if target.kind in (OPTION, ACTUATOR) or target.name in fixed:
+            if target.kind in (OPTION, ACTUATOR) or target.name.endswith(".reference.period"):
                 raise CommandError(
                     f"{target.name} is not a tolerance; vary start values, entries of data sheets, or "
                     f"{AMBIENT}. Several actuators are candidates, and the cycle is the same in all draws.",
                     name=target.name,
                 )
         if AMBIENT in self.vary:
-            distribution = _read_ambient(self.vary[AMBIENT])
-            factors.append(Factor(AMBIENT, [Target(AMBIENT)], distribution, "K"))
+            factors.append(Factor(AMBIENT, [Target(AMBIENT)], _read_ambient(self.vary[AMBIENT]), "K"))
         distributions = [factor.distribution for factor in factors]
         if self.runs is None:
             columns = sample("grid", self._corners(distributions), None, 0)
         else:
             columns = sample("random", distributions, self.runs, self.seed)
         values = [map(factor.value, column) for factor, column in zip(factors, columns, strict=True)]
-        return factors, list(zip(*values, strict=True))
+        return Drawn(self, preparation, factors, list(zip(*values, strict=True)))
 
     @staticmethod
     def _corners(distributions: Sequence[Distribution]) -> list[Distribution]:
@@ -114,27 +112,34 @@ def _read_ambient(given: Any) -> Distribution:
 
 
 @dataclass(frozen=True)
+class Drawn:
+    """The draws of a prepared scenario: factors, and their values by draw."""
+
+    variation: Variation
+    preparation: Preparation
+    factors: Sequence[Factor]
+    rows: Sequence[Sequence[Value]]
+
+
+@dataclass(frozen=True)
 class SizedRun:
     """The joints of a run, and what is needed to repeat it with other values.
 
     Attributes:
         joints: Sizings by joint.
-        scenario: The scenario, with the options of the run.
+        name: Name of the scenario.
         examination: What was examined.
         signals: Names of the recorded signals.
         change: Returns the scenario and what to examine with further options, of how the system is made.
+        drawn: Its draws; None if nothing varies.
     """
 
     joints: Mapping[str, JointSizing]
-    scenario: Scenario
+    name: str
     examination: Examination
     signals: Sequence[str]
     change: Callable[[Mapping[str, Any]], tuple[Scenario, Examination]]
-
-    def with_tolerances(self, tolerances: Mapping[str, Tolerances]) -> "SizedRun":
-        """Return the run with the draws of each joint."""
-        joints = {joint: replace(one, tolerances=tolerances[joint]) for joint, one in self.joints.items()}
-        return replace(self, joints=joints)
+    drawn: Drawn | None
 
 
 @dataclass(frozen=True)
@@ -163,28 +168,29 @@ class SizingMeasures(Measures):
 class _Jobs:
     """Different runs of prepared scenarios, and what to examine in them."""
 
-    def __init__(self, progress: Progress) -> None:
-        self.progress = progress
+    def __init__(self) -> None:
         self.preparations = list[Preparation]()
         self.examinations = dict[str, Examination]()
         self.signals = set[str]()
         self.jobs = dict[str, Job]()
         self._groups = dict[str, int | CommandError]()
 
-    def add(self, run: SizedRun, base: Preparation, options: Mapping[str, Any]) -> str | CommandError:
+    def add(self, run: SizedRun, drawn: Drawn, options: Mapping[str, Any]) -> str | CommandError:
         """Add a run with further options; return its key, or why the scenario cannot have them."""
         in_run = changed_in_run(options)
         made = {name: value for name, value in options.items() if name not in in_run}
         key = _to_key(id(run), made)
         if key not in self._groups:
+            preparation, examination = drawn.preparation, run.examination
             try:
-                scenario, examination = run.change(made) if made else (run.scenario, run.examination)
-                preparation = Preparation.of(scenario) if made else base
+                if made:
+                    scenario, examination = run.change(made)
+                    preparation = Preparation.of(scenario)
             except CommandError as error:
                 self._groups[key] = error
             else:
                 self._groups[key] = len(self.preparations)
-                name = f"{base.name}, {len(self.preparations)}"  # tells the measures what to examine
+                name = f"{run.name}, {len(self.preparations)}"  # tells the measures what to examine
                 self.preparations.append(replace(preparation, name=name))
                 self.examinations[name] = examination
                 self.signals.update(run.signals)
@@ -204,10 +210,12 @@ class _Jobs:
         if not self.jobs:
             return {}
         measures = SizingMeasures(read=sorted(self.signals), examinations=self.examinations)
-        self.progress.begin("tolerances", len(self.jobs), "runs")
+        session.progress.begin("tolerances", len(self.jobs), "runs")
         with session.open_runs(self.preparations) as runs:
             outcomes = runs.run(
-                list(self.jobs.values()), measures, lambda chunk: self.progress.advance(len(chunk.outcomes))
+                list(self.jobs.values()),
+                measures,
+                lambda chunk: session.progress.advance(len(chunk.outcomes)),
             )
         if not outcomes.complete:
             raise RunError(f"interrupted after {len(outcomes.by_job)} of {len(self.jobs)} runs.")
@@ -218,28 +226,15 @@ def _to_key(group: int, options: Mapping[str, Any]) -> str:
     return json.dumps((group, options), sort_keys=True, default=str)
 
 
-def run_draws(
-    session: Session[SizeResult], sized: Sequence[SizedRun], variation: Variation
-) -> list[dict[str, Tolerances]]:
-    """Run all draws, and return what became of each joint, run by run.
+def run_draws(session: Session[SizeResult], sized: Mapping[Any, SizedRun]) -> dict[Any, SizedRun]:
+    """Run all draws of runs, and return the runs with what became of each joint.
 
     Raises:
-        CommandError: A tolerance does not fit.
+        CommandError: No draw can be loaded, because of an entry of a data sheet.
         RunError: The workers are lost, or the user interrupts.
     """
-    jobs, drawn = _Jobs(session.progress), []
-    for run in sized:
-        base = Preparation.of(run.scenario, session.progress)
-        factors, rows = variation.draw(base, list(run.joints))
-        draws = list[tuple[dict[str, Value], str | CommandError]]()
-        for row in rows:
-            values = {factor.name: value for factor, value in zip(factors, row, strict=True)}
-            options = merge_options(f.options(values[f.name]) for f in factors if f.name != AMBIENT)
-            draws.append((values, jobs.add(run, base, options)))
-        errors = [key for _, key in draws if isinstance(key, CommandError)]
-        if len(errors) == len(draws):
-            raise errors[0]  # such as an entry that does not exist
-        drawn.append(({factor.name: factor.unit for factor in factors}, draws))
+    jobs = _Jobs()
+    keys = {name: _add_draws(jobs, run, run.drawn) for name, run in sized.items() if run.drawn is not None}
     outcomes = jobs.run(session)
 
     def judge(joint: str, values: Mapping[str, Value], key: str | CommandError) -> Draw:
@@ -247,15 +242,32 @@ def run_draws(
             return Draw(values, (), str(key))
         return _judge(joint, values, outcomes[key], jobs.examination(key))
 
-    return [
-        {
-            joint: Tolerances(
-                units, variation.runs is not None, variation.seed, [judge(joint, *draw) for draw in draws]
-            )
-            for joint in run.joints
-        }
-        for run, (units, draws) in zip(sized, drawn, strict=True)
-    ]
+    def complete(run: SizedRun, drawn: Drawn, draws: Sequence[tuple[Any, Any]]) -> SizedRun:
+        units, variation = {factor.name: factor.unit for factor in drawn.factors}, drawn.variation
+        joints = dict[str, JointSizing]()
+        for joint, sizing in run.joints.items():
+            found = [judge(joint, *draw) for draw in draws]
+            study = Tolerances(units, variation.runs is not None, variation.seed, found)
+            joints[joint] = replace(sizing, tolerances=study)
+        return replace(run, joints=joints)
+
+    return {
+        name: run if run.drawn is None else complete(run, run.drawn, keys[name])
+        for name, run in sized.items()
+    }
+
+
+def _add_draws(jobs: _Jobs, run: SizedRun, drawn: Drawn) -> list[tuple[dict[str, Value], str | CommandError]]:
+    """Add the draws of a run; return the values of each with its key, or why it cannot be loaded."""
+    draws = list[tuple[dict[str, Value], str | CommandError]]()
+    for row in drawn.rows:
+        values = {factor.name: value for factor, value in zip(drawn.factors, row, strict=True)}
+        options = merge_options(f.options(values[f.name]) for f in drawn.factors if f.name != AMBIENT)
+        draws.append((values, jobs.add(run, drawn, options)))
+    errors = [key for _, key in draws if isinstance(key, CommandError)]
+    if len(errors) == len(draws):
+        raise errors[0]  # such as an entry that does not exist
+    return draws
 
 
 def _judge(

@@ -115,21 +115,17 @@ def size(
         workers=workers,
         progress=progress,
     )
-    task = _Task(source, options, varied, cycle, lead_in, Requirements(ambient, life), session, plots)
+    task = _Task(
+        source, options, varied, cycle, lead_in, Requirements(ambient, life), variation, session, plots
+    )
     with session.alone():
         rows = list(_plan_rows(task)) if varied else [_Row("", None, {})]
         sized = {key: _run(dict(key), task) for key in dict.fromkeys(row.key for row in rows if row.can_run)}
-        if variation is not None:
-            runs_done = {key: run for key, run in sized.items() if isinstance(run, SizedRun)}
-            tolerances = run_draws(session, list(runs_done.values()), variation)
-            sized |= {
-                key: run.with_tolerances(by_joint)
-                for (key, run), by_joint in zip(runs_done.items(), tolerances, strict=True)
-            }
+        sized |= run_draws(session, {key: x for key, x in sized.items() if isinstance(x, SizedRun)})
         name = Path(str(source)).stem if isinstance(source, (str, Path)) else "system"
         if not varied:
             (run,) = sized.values()
-            name = name if isinstance(run, RunError) else run.scenario.name
+            name = name if isinstance(run, RunError) else run.name
         result = SizeResult(
             name, list(_list_candidates(rows, sized, name)), list(varied), ambient, life, lead_in
         )
@@ -168,6 +164,7 @@ class _Task:
     cycle: float | None
     lead_in: float
     needed: Requirements
+    variation: Variation | None
     session: Session[SizeResult]
     plots: bool
 
@@ -276,7 +273,9 @@ def _size_scenario(
     given: dict[str, Any] = {"output_interval": interval}
     if task.lead_in:
         given["start_time"] = times.start - task.lead_in
-    with scenario.prepare(session.progress, **given) as simulation:
+    chosen = scenario.with_options(given)
+    drawn = None if task.variation is None else task.variation.draw(chosen, session.progress)
+    with chosen.prepare(session.progress) as simulation:
         for remark in describe_disabled_event_mode(simulation.system):
             session.progress.note(f"Note: {remark}")
         names = simulation.select_signals([])
@@ -296,13 +295,15 @@ def _size_scenario(
         result = simulation.run(recorders=[table], signals=signals)
         if result.early_end is not None:  # of an FMU; conditions were refused before
             raise RunError(f"{result.early_end.rstrip('.')}, but emla size needs the whole run.")
-    chosen = scenario.options.criteria
-    criteria = criteria_of(
-        joints, {key: chosen[key] for key in chosen if key.rpartition(".")[0] in (*joints, ALL_JOINTS)}
-    )
+    criteria = {
+        key: value
+        for key, value in scenario.options.criteria.items()
+        if key.rpartition(".")[0] in (*joints, ALL_JOINTS)
+    }
+    by_joint = criteria_of(joints, criteria)
     tasks = {
         joint: JointTask(
-            find_data_sheet(scenario, task.source, joint), criteria[joint], times.stop - lengths[joint]
+            find_data_sheet(scenario, task.source, joint), by_joint[joint], times.stop - lengths[joint]
         )
         for joint in joints
     }
@@ -325,7 +326,7 @@ def _size_scenario(
         changed_tasks = {joint: replace(one, sheet=sheets[joint]) for joint, one in tasks.items()}
         return changed.with_options(given), replace(examination, tasks=changed_tasks)
 
-    return SizedRun(sizings, scenario.with_options(given), examination, signals, change)
+    return SizedRun(sizings, scenario.name, examination, signals, change, drawn)
 
 
 class _LastRows(TimeSeries):
