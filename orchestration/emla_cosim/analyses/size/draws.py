@@ -73,8 +73,13 @@ class Variation:
             columns = sample("grid", self._corners(distributions), None, 0)
         else:
             columns = sample("random", distributions, self.runs, self.seed)
-        values = [map(factor.value, column) for factor, column in zip(factors, columns, strict=True)]
-        return Drawn(self, preparation, factors, list(zip(*values, strict=True)))
+        draws = list[tuple[Mapping[str, Value], Mapping[str, Any]]]()
+        for row in zip(*columns, strict=True):
+            drawn = {factor.name: factor.value(one) for factor, one in zip(factors, row, strict=True)}
+            options = merge_options(f.options(drawn[f.name]) for f in factors if f.name != AMBIENT)
+            draws.append(({name: value for name, value in drawn.items() if value is not None}, options))
+        units = {factor.name: factor.unit for factor in factors}
+        return Drawn(preparation, draws, Tolerances(units, self.runs is not None, self.seed, ()))
 
     @staticmethod
     def _corners(distributions: Sequence[Distribution]) -> list[Distribution]:
@@ -113,12 +118,11 @@ def _read_ambient(given: Any) -> Distribution:
 
 @dataclass(frozen=True)
 class Drawn:
-    """The draws of a prepared scenario: factors, and their values by draw."""
+    """A prepared scenario, its draws with values by name and their options, and an empty study of them."""
 
-    variation: Variation
     preparation: Preparation
-    factors: Sequence[Factor]
-    rows: Sequence[Sequence[Value]]
+    draws: Sequence[tuple[Mapping[str, Value], Mapping[str, Any]]]
+    study: Tolerances
 
 
 @dataclass(frozen=True)
@@ -169,57 +173,71 @@ class _Jobs:
     """Different runs of prepared scenarios, and what to examine in them."""
 
     def __init__(self) -> None:
-        self.preparations = list[Preparation]()
-        self.examinations = dict[str, Examination]()
-        self.signals = set[str]()
-        self.jobs = dict[str, Job]()
+        self._preparations = list[Preparation]()
+        self._examinations = dict[str, Examination]()
+        self._signals = set[str]()
         self._groups = dict[str, int | CommandError]()
+        self._jobs = dict[str, Job]()
+        self._outcomes = dict[str, VariantOutcome]()
 
-    def add(self, run: SizedRun, drawn: Drawn, options: Mapping[str, Any]) -> str | CommandError:
+    def add(self, run: SizedRun, base: Preparation, options: Mapping[str, Any]) -> str | CommandError:
         """Add a run with further options; return its key, or why the scenario cannot have them."""
         in_run = changed_in_run(options)
         made = {name: value for name, value in options.items() if name not in in_run}
         key = _to_key(id(run), made)
         if key not in self._groups:
-            preparation, examination = drawn.preparation, run.examination
             try:
-                if made:
-                    scenario, examination = run.change(made)
-                    preparation = Preparation.of(scenario)
+                self._groups[key] = self._prepare(run, base, made)
             except CommandError as error:
                 self._groups[key] = error
-            else:
-                self._groups[key] = len(self.preparations)
-                name = f"{run.name}, {len(self.preparations)}"  # tells the measures what to examine
-                self.preparations.append(replace(preparation, name=name))
-                self.examinations[name] = examination
-                self.signals.update(run.signals)
         group = self._groups[key]
         if isinstance(group, CommandError):
             return group
-        job = Job(in_run, group)
-        self.jobs[key := _to_key(group, in_run)] = job
+        key = _to_key(group, in_run)
+        self._jobs[key] = Job(in_run, group)
         return key
 
-    def examination(self, key: str) -> Examination:
-        """Return what was examined in a run."""
-        return self.examinations[self.preparations[self.jobs[key].group].name]
+    def _prepare(self, run: SizedRun, base: Preparation, made: Mapping[str, Any]) -> int:
+        """Return the position of the scenario with these options of how the system is made."""
+        preparation, examination = base, run.examination
+        if made:
+            scenario, examination = run.change(made)
+            preparation = Preparation.of(scenario)
+        name = f"{run.name}, {len(self._preparations)}"  # tells the measures what to examine
+        self._preparations.append(replace(preparation, name=name))
+        self._examinations[name] = examination
+        self._signals.update(run.signals)
+        return len(self._preparations) - 1
 
-    def run(self, session: Session[SizeResult]) -> dict[str, VariantOutcome]:
-        """Run all jobs. Raises RunError if the user interrupts."""
-        if not self.jobs:
-            return {}
-        measures = SizingMeasures(read=sorted(self.signals), examinations=self.examinations)
-        session.progress.begin("tolerances", len(self.jobs), "runs")
-        with session.open_runs(self.preparations) as runs:
-            outcomes = runs.run(
-                list(self.jobs.values()),
-                measures,
-                lambda chunk: session.progress.advance(len(chunk.outcomes)),
-            )
+    def run(self, session: Session[SizeResult]) -> None:
+        """Run all jobs. Raises RunError if the workers are lost or the user interrupts."""
+        if not self._jobs:
+            return
+        measures = SizingMeasures(read=sorted(self._signals), examinations=self._examinations)
+        jobs, progress = list(self._jobs.values()), session.progress
+        progress.begin("tolerances", len(jobs), "runs")
+        with session.open_runs(self._preparations) as runs:
+            outcomes = runs.run(jobs, measures, lambda chunk: progress.advance(len(chunk.outcomes)))
         if not outcomes.complete:
-            raise RunError(f"interrupted after {len(outcomes.by_job)} of {len(self.jobs)} runs.")
-        return {key: outcomes.by_job[position] for position, key in enumerate(self.jobs)}
+            raise RunError(f"interrupted after {len(outcomes.by_job)} of {len(jobs)} runs.")
+        self._outcomes = {key: outcomes.by_job[position] for position, key in enumerate(self._jobs)}
+
+    def judge(self, joint: str, values: Mapping[str, Value], key: str | CommandError) -> Draw:
+        """Return what became of a joint in a draw."""
+        if isinstance(key, CommandError):
+            return Draw(values, (), str(key))
+        outcome = self._outcomes[key]
+        if not outcome.complete or joint not in outcome.figures:
+            return Draw(values, (), outcome.figures.get(_PROBLEM) or outcome.problem or "the run failed")
+        limits: list[Utilisation]
+        reason, limits, figures, winding = outcome.figures[joint]
+        if AMBIENT in values:
+            name = self._preparations[self._jobs[key].group].name
+            entries = self._examinations[name].tasks[joint].sheet.values
+            heat = examine_heat(entries, figures, float(values[AMBIENT]), winding)
+            by_name = {one.name: one for one in heat if isinstance(one, Utilisation)}
+            limits = [by_name.get(one.name, one) for one in limits]
+        return Draw(values, limits, reason)
 
 
 def _to_key(group: int, options: Mapping[str, Any]) -> str:
@@ -233,54 +251,20 @@ def run_draws(session: Session[SizeResult], sized: Mapping[Any, SizedRun]) -> di
         CommandError: No draw can be loaded, because of an entry of a data sheet.
         RunError: The workers are lost, or the user interrupts.
     """
-    jobs = _Jobs()
-    keys = {name: _add_draws(jobs, run, run.drawn) for name, run in sized.items() if run.drawn is not None}
-    outcomes = jobs.run(session)
-
-    def judge(joint: str, values: Mapping[str, Value], key: str | CommandError) -> Draw:
-        if isinstance(key, CommandError):
-            return Draw(values, (), str(key))
-        return _judge(joint, values, outcomes[key], jobs.examination(key))
-
-    def complete(run: SizedRun, drawn: Drawn, draws: Sequence[tuple[Any, Any]]) -> SizedRun:
-        units, variation = {factor.name: factor.unit for factor in drawn.factors}, drawn.variation
+    jobs, found = _Jobs(), dict[Any, SizedRun]()
+    drawn = {name: (run, run.drawn) for name, run in sized.items() if run.drawn is not None}
+    keys = dict[Any, list[str | CommandError]]()
+    for name, (run, one) in drawn.items():
+        keys[name] = [jobs.add(run, one.preparation, options) for _, options in one.draws]
+        errors = [key for key in keys[name] if isinstance(key, CommandError)]
+        if len(errors) == len(keys[name]):
+            raise errors[0]  # such as an entry that does not exist
+    jobs.run(session)
+    for name, (run, one) in drawn.items():
+        values = [values for values, _ in one.draws]
         joints = dict[str, JointSizing]()
         for joint, sizing in run.joints.items():
-            found = [judge(joint, *draw) for draw in draws]
-            study = Tolerances(units, variation.runs is not None, variation.seed, found)
-            joints[joint] = replace(sizing, tolerances=study)
-        return replace(run, joints=joints)
-
-    return {
-        name: run if run.drawn is None else complete(run, run.drawn, keys[name])
-        for name, run in sized.items()
-    }
-
-
-def _add_draws(jobs: _Jobs, run: SizedRun, drawn: Drawn) -> list[tuple[dict[str, Value], str | CommandError]]:
-    """Add the draws of a run; return the values of each with its key, or why it cannot be loaded."""
-    draws = list[tuple[dict[str, Value], str | CommandError]]()
-    for row in drawn.rows:
-        values = {factor.name: value for factor, value in zip(drawn.factors, row, strict=True)}
-        options = merge_options(f.options(values[f.name]) for f in drawn.factors if f.name != AMBIENT)
-        draws.append((values, jobs.add(run, drawn, options)))
-    errors = [key for _, key in draws if isinstance(key, CommandError)]
-    if len(errors) == len(draws):
-        raise errors[0]  # such as an entry that does not exist
-    return draws
-
-
-def _judge(
-    joint: str, values: Mapping[str, Value], outcome: VariantOutcome, examination: Examination
-) -> Draw:
-    """Return what became of a joint in a draw."""
-    if not outcome.complete or joint not in outcome.figures:
-        return Draw(values, (), outcome.figures.get(_PROBLEM) or outcome.problem or "the run failed")
-    limits: list[Utilisation]
-    reason, limits, figures, winding = outcome.figures[joint]
-    if AMBIENT in values:
-        ambient, entries = float(values[AMBIENT]), examination.tasks[joint].sheet.values
-        heat = [x for x in examine_heat(entries, figures, ambient, winding) if isinstance(x, Utilisation)]
-        by_name = {one.name: one for one in heat}
-        limits = [by_name.get(one.name, one) for one in limits]
-    return Draw(values, limits, reason)
+            draws = [jobs.judge(joint, *draw) for draw in zip(values, keys[name], strict=True)]
+            joints[joint] = replace(sizing, tolerances=replace(one.study, draws=draws))
+        found[name] = replace(run, joints=joints)
+    return found

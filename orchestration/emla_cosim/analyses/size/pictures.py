@@ -111,7 +111,11 @@ def draw_limits(sizings: Sizings) -> "Figure":
     entries: list[tuple[str, Artist]] = []
     for number, one in enumerate(drawn):
         study = one.sizing.tolerances
-        worst = {} if study is None else {x.name: 100.0 * x.worst for x in study.limits(one.sizing.limits)}
+        worst = (
+            {}
+            if study is None
+            else {x.worst.name: 100.0 * x.worst.fraction for x in study.limits(one.sizing.limits)}
+        )
         for limit in one.sizing.limits:
             y = names.index(limit.name) + height * (number - 0.5 * (len(drawn) - 1))
             percent = 100.0 * limit.fraction

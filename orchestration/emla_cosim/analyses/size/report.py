@@ -1,12 +1,13 @@
 """What a sizing writes and shows: figures, limits, tolerances and verdicts, with plots of all candidates."""
 
+import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from ...study.actuator.entries import ROOT_2, TURN
 from ..frame.outputs import Outputs
 from ..frame.report import Report, ReportTable, Section, Text
-from .limits import format_percent, format_value
+from .limits import Utilisation, format_percent, format_value
 from .pictures import draw_limits, draw_motion, draw_motor
 from .result import Candidate, JointSizing, SizeResult
 
@@ -70,35 +71,35 @@ _ASSUMED = (
 def build_report(result: SizeResult) -> Report:
     """Return the report of a sizing: of several candidates their table, the rest on the page only."""
     notes = (f"Note: {text}" for text in _remarks(result))
-    lines: list[Text | str] = [*_assumptions(result), *notes, *_losses(result)]
-    sections = list[Section]()
+    losses = (f"{_label(result, one, x)}: {x.losses.sentence}." for one, x in result.sizings)
+    lines: list[Text | str] = [*_assumptions(result), *notes, *losses]
     pictures = {
-        joint: dict(zip(name_pictures(joint), (text.format(joint) for text in _PICTURES), strict=True))
+        joint: {name: text.format(joint) for name, text in zip(name_pictures(joint), _PICTURES, strict=True)}
         for joint in result.joints
     }
+    sections = list[Section]()
+    for one, sizing in result.sizings:
+        tables = [_figures(sizing), _limits(sizing), *_tolerances(sizing)]
+        if result.varied:
+            title = f"{sizing.joint}: {one.label}"
+            sections.append(Section(title, [_state(sizing.verdict, sizing.holds)], tables, is_detail=True))
+        else:
+            sections.append(Section(sizing.joint, tables=tables, pictures=pictures[sizing.joint]))
     if result.varied:
         shown = {name: text for by_name in pictures.values() for name, text in by_name.items()}
-        tolerances = list(_candidate_tolerances(result))
-        lines += _judge_candidates(result)
-        sections.append(
-            Section("Candidates", tables=[_candidates(result), *tolerances], pictures=shown, under=lines)
-        )
-    for one in result.candidates:
-        for joint, sizing in one.joints.items():
-            tables = [_figures(sizing), _limits(sizing), *_tolerances(sizing)]
-            if result.varied:
-                verdict = _state(sizing.verdict, sizing.holds)
-                title = f"{joint}: {one.label}"
-                sections.append(Section(title, [verdict], tables, is_detail=True))
-            else:
-                sections.append(Section(joint, tables=tables, pictures=pictures[joint]))
-    if not result.varied:
-        for one in result.candidates:
-            if one.problem is not None:
-                lines.append(_state(f"{result.name} does not hold: {one.problem}", False))
-            lines += [_state(sizing.verdict, sizing.holds) for sizing in one.joints.values()]
+        tables = [_candidates(result), *_candidate_tolerances(result)]
+        under = [*lines, *_judge_candidates(result)]
+        sections.insert(0, Section("Candidates", tables=tables, pictures=shown, under=under))
+    else:
+        problems = [one.problem for one in result.candidates if one.problem is not None]
+        lines += [_state(f"{result.name} does not hold: {problem}", False) for problem in problems]
+        lines += [_state(sizing.verdict, sizing.holds) for _, sizing in result.sizings]
         sections.append(Section("Verdict", lines))
     return Report("Sizing", result.name, list(_facts(result)), sections)
+
+
+def _label(result: SizeResult, one: Candidate, sizing: JointSizing) -> str:
+    return f"{sizing.joint}, {one.label}" if result.varied else sizing.joint
 
 
 def _state(sentence: str, holds: bool | None) -> Text | str:
@@ -107,13 +108,12 @@ def _state(sentence: str, holds: bool | None) -> Text | str:
 
 
 def _facts(result: SizeResult) -> Iterator[str]:
-    for joint in dict.fromkeys(joint for one in result.candidates for joint in one.joints):
-        verdicts = [one.holds for one in result.candidates if joint in one.joints]
+    for joint, sizing in result.joints.items():
         if joint in result.varied:
-            total = sum(one.joint == joint for one in result.candidates)
-            yield f"{joint}: {verdicts.count(True)} of {total} hold"
+            verdicts = [one.holds for one in result.candidates if one.joint == joint]
+            yield f"{joint}: {verdicts.count(True)} of {len(verdicts)} hold"
         else:
-            holds = result[joint].holds
+            holds = sizing.holds
             yield f"{joint} {'holds' if holds else 'not judged' if holds is None else 'does not hold'}"
     yield f"ambient {_ambient(result)}"
 
@@ -124,24 +124,17 @@ def _ambient(result: SizeResult) -> str:
 
 def _assumptions(result: SizeResult) -> Iterator[str]:
     """Yield what is assumed: surroundings and cycles, then for entries that data sheets lack."""
-    cycles = {
-        f"{format_value(x.figures.cycle_s)} s": None for one in result.candidates for x in one.joints.values()
-    }
+    cycles = dict.fromkeys(f"{format_value(x.figures.cycle_s)} s" for _, x in result.sizings)
     cycle = f", cycle of {' and '.join(cycles)}" if cycles else ""
     life = "no required life" if result.life is None else f"for {format_value(result.life / 3600.0)} h"
     lead_in = f"{format_value(result.lead_in)} s lead-in"
     yield f"Assumed: {_ambient(result)} around the motors{cycle}, {lead_in}, {life}."
     labels = dict[str, list[str]]()
-    for one in result.candidates:
-        for joint, sizing in one.joints.items():
-            values = sizing.values
-            missing = [
-                text
-                for entries, other, text in _ASSUMED
-                if other in values and not any(name in values for name in entries)
-            ]
-            if missing:
-                labels.setdefault(", ".join(missing), []).append(one.label if result.varied else joint)
+    for one, sizing in result.sizings:
+        values = sizing.values
+        missing = [text for names, x, text in _ASSUMED if x in values and values.keys().isdisjoint(names)]
+        if missing:
+            labels.setdefault(", ".join(missing), []).append(one.label if result.varied else sizing.joint)
     for text, names in labels.items():
         yield f"Assumed, as the data sheet of {', '.join(names)} has no such entries: {text}."
 
@@ -154,8 +147,8 @@ def _judge_candidates(result: SizeResult) -> Iterator[Text | str]:
             label = f"{one.joint}, {one.label}" if several else one.label
             verb = "could not be judged" if one.holds is None else "falls out"
             yield Text(f"{label} {verb}: {'; '.join(one.reasons)}.", is_failure=True)
-    sizings = [sizing for one in result.candidates for sizing in one.joints.values()]
-    unexamined = {f"{limit.name} ({limit.missing})": None for one in sizings for limit in one.unexamined}
+    limits = [limit for _, sizing in result.sizings for limit in sizing.unexamined]
+    unexamined = dict.fromkeys(f"{limit.name} ({limit.missing})" for limit in limits)
     if unexamined:
         yield f"Not examined for at least one actuator: {', '.join(unexamined)}."
     for joint in dict.fromkeys(one.joint for one in result.candidates):
@@ -168,21 +161,11 @@ def _judge_candidates(result: SizeResult) -> Iterator[Text | str]:
 
 def _remarks(result: SizeResult) -> list[str]:
     """Return the remarks, each once, with the candidates that they are about."""
-    found: dict[str, list[str]] = {}
-    for one in result.candidates:
-        for sizing in one.joints.values():
-            for remark in sizing.remarks:
-                found.setdefault(remark, []).append(one.label)
-    return [f"{', '.join(labels)}: {remark}" if result.varied else remark for remark, labels in found.items()]
-
-
-def _losses(result: SizeResult) -> list[str]:
-    """Return the losses in the figures of each joint and candidate."""
-    return [
-        f"{f'{joint}, {one.label}' if result.varied else joint}: {sizing.losses.sentence}."
-        for one in result.candidates
-        for joint, sizing in one.joints.items()
-    ]
+    labels = dict[str, list[str]]()
+    for one, sizing in result.sizings:
+        for remark in sizing.remarks:
+            labels.setdefault(remark, []).append(one.label)
+    return [f"{', '.join(names)}: {remark}" if result.varied else remark for remark, names in labels.items()]
 
 
 def _figures(sizing: JointSizing) -> ReportTable:
@@ -193,12 +176,15 @@ def _figures(sizing: JointSizing) -> ReportTable:
 def _limits(sizing: JointSizing) -> ReportTable:
     rows = list[list[Text | str]]()
     for one in sizing.limits:
-        name = Text(f"{one.name}{'' if one.holds else ' (!)'}", is_failure=not one.holds)
-        limit = f"{format_value(one.limit)} {one.unit}"
-        rows.append([name, format_percent(one.fraction), format_value(one.used), limit, one.source])
+        used, limit = format_value(one.used), f"{format_value(one.limit)} {one.unit}"
+        rows.append([_mark_limit(one), format_percent(one.fraction), used, limit, one.source])
     rows += [[left.name, "?", "", "", f"not examined: needs {left.missing}"] for left in sizing.unexamined]
     title = f"Limits of {sizing.joint}, the most used first"
     return ReportTable(title, ("", "%", "used", "limit", "from"), rows, texts=(0, 4))
+
+
+def _mark_limit(limit: Utilisation) -> Text:
+    return Text(f"{limit.name}{'' if limit.holds else ' (!)'}", is_failure=not limit.holds)
 
 
 def _tolerances(sizing: JointSizing) -> Iterator[ReportTable]:
@@ -206,28 +192,15 @@ def _tolerances(sizing: JointSizing) -> Iterator[ReportTable]:
     study = sizing.tolerances
     if study is None:
         return
-    header = [
-        "",
-        "nominal\n%",
-        "worst\n%",
-        "margin\n%",
-        *(["95 % below\n%"] if study.is_random else []),
-        "with",
-    ]
+    more = ["95 % below\n%"] if study.is_random else []
+    header = ["", "nominal\n%", "worst\n%", "margin\n%", *more, "with"]
     rows = list[list[Text | str]]()
     for one in study.limits(sizing.limits):
-        is_failure = one.worst > 1.0
-        quantile = [format_value(100.0 * one.quantile)] if study.is_random else []
-        rows.append(
-            [
-                Text(f"{one.name}{' (!)' if is_failure else ''}", is_failure=is_failure),
-                "" if one.nominal is None else format_percent(one.nominal),
-                format_percent(one.worst),
-                format_percent(one.margin),
-                *quantile,
-                ", ".join(study.texts(one.at)),
-            ]
-        )
+        nominal = "" if one.nominal is None else format_percent(one.nominal)
+        percents = [nominal, format_percent(one.worst.fraction), format_percent(one.margin)]
+        if more:
+            percents.append(format_percent(one.quantile) if math.isfinite(one.quantile) else "failed")
+        rows.append([_mark_limit(one.worst), *percents, ", ".join(study.texts(one.at))])
     total = len(study.draws)
     what = f"{total} random draws" if study.is_random else f"{total} combinations of the ends"
     failed = [draw for draw in study.failures if draw.reason is not None]
@@ -241,20 +214,14 @@ def _tolerances(sizing: JointSizing) -> Iterator[ReportTable]:
 def _candidate_tolerances(result: SizeResult) -> Iterator[ReportTable]:
     """Yield a table of what the draws of each candidate use most."""
     rows, sentences = list[list[Text | str]](), list[str]()
-    for one in result.candidates:
-        for joint, sizing in one.joints.items():
-            if sizing.tolerances is not None:
-                study = sizing.tolerances
-                limits = study.limits(sizing.limits)
-                cells = (
-                    (limits[0].name, format_percent(limits[0].worst), format_percent(limits[0].margin))
-                    if limits
-                    else ("", "", "")
-                )
-                if study.is_random:
-                    sentences.append(f"{joint}, {one.label}: {study.sentence}.")
-                count = f"{len(study.failures)} of {len(study.draws)}"
-                rows.append([Text(f"{joint}, {one.label}", is_failure=bool(study.failures)), count, *cells])
+    for one, sizing in result.sizings:
+        if (study := sizing.tolerances) is not None:
+            label, count = _label(result, one, sizing), f"{len(study.failures)} of {len(study.draws)}"
+            cells = ["all runs failed", "", ""]
+            for use in study.limits(sizing.limits)[:1]:
+                cells = [use.worst.name, format_percent(use.worst.fraction), format_percent(use.margin)]
+            rows.append([Text(label, is_failure=bool(study.failures)), count, *cells])
+            sentences += [f"{label}: {study.sentence}."] if study.is_random else []
     if rows:
         header = ("", "do not hold", "most used", "worst\n%", "margin\n%")
         yield ReportTable("Tolerances, worst of all draws", header, rows, sentences, texts=(0, 2))

@@ -92,10 +92,10 @@ class JointSizing:
         if self.holds:
             drawn = ""
             if self.tolerances is not None:
-                limit = self.tolerances.limits(self.limits)[0]
+                use = self.tolerances.limits(self.limits)[0]
                 drawn = (
-                    f" With tolerances, {self.tolerances.sentence}; most used is {limit.name}, "
-                    f"{format_percent(limit.worst)} %, with {self.tolerances.label(limit.at)}."
+                    f" With tolerances, {self.tolerances.sentence}; most used is {use.worst.name}, "
+                    f"{format_percent(use.worst.fraction)} %, with {self.tolerances.label(use.at)}."
                 )
             return f"{label} holds; most used is {worst}.{drawn}{left}"
         reasons = f"{'; '.join(self.reasons)}."
@@ -224,6 +224,11 @@ class SizeResult:
         return found
 
     @property
+    def sizings(self) -> Sequence[tuple[Candidate, JointSizing]]:
+        """The joints of all candidates, each with its candidate."""
+        return [(one, sizing) for one in self.candidates for sizing in one.joints.values()]
+
+    @property
     def holds(self) -> bool:
         """Whether each joint has a candidate that holds."""
         by_joint: dict[str | None, list[Candidate]] = {}
@@ -234,7 +239,7 @@ class SizeResult:
     @property
     def unjudged(self) -> list[JointSizing]:
         """Joints that could not be judged, with each of their candidates."""
-        return [one for found in self.candidates for one in found.joints.values() if one.holds is None]
+        return [sizing for _, sizing in self.sizings if sizing.holds is None]
 
     @property
     def record(self) -> dict[str, Any]:
@@ -263,7 +268,7 @@ class SizeResult:
         rows = [
             {
                 "candidate": one.label,
-                "joint": joint,
+                "joint": sizing.joint,
                 "limit": limit.name,
                 "used": limit.used,
                 "permitted": limit.limit,
@@ -272,9 +277,8 @@ class SizeResult:
                 "holds": limit.holds,
                 "source": limit.source,
             }
-            for one in self.candidates
-            for joint, found in one.joints.items()
-            for limit in found.limits
+            for one, sizing in self.sizings
+            for limit in sizing.limits
         ]
         return polars.DataFrame(rows)
 
@@ -284,16 +288,15 @@ class SizeResult:
         rows = [
             {
                 "candidate": one.label,
-                "joint": joint,
+                "joint": sizing.joint,
                 "draw": number,
                 **draw.values,
                 "holds": draw.holds,
                 "reasons": "; ".join(draw.reasons),
                 **{limit.name: limit.fraction for limit in draw.limits},
             }
-            for one in self.candidates
-            for joint, found in one.joints.items()
-            for number, draw in enumerate(() if found.tolerances is None else found.tolerances.draws)
+            for one, sizing in self.sizings
+            for number, draw in enumerate(sizing.tolerances.draws if sizing.tolerances else ())
         ]
         return polars.DataFrame(rows, infer_schema_length=None) if rows else None
 
@@ -302,7 +305,6 @@ class SizeResult:
         """The cycles of all candidates and joints, see `JointSizing.table`."""
         parts = [
             sizing.table.select(polars.lit(one.label).alias("candidate"), polars.all())
-            for one in self.candidates
-            for sizing in one.joints.values()
+            for one, sizing in self.sizings
         ]
         return polars.concat(parts) if parts else polars.DataFrame()

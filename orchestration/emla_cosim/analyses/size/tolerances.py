@@ -50,19 +50,26 @@ class Draw:
 
 
 class LimitTolerance(NamedTuple):
-    """How much of a limit is used: without tolerances (None if unknown), in the worst draw, and in 95 %."""
+    """How much of a limit is used with tolerances.
 
-    name: str
-    nominal: float | None
-    worst: float
+    Attributes:
+        worst: Use in the worst draw.
+        at: The worst draw.
+        nominal: Used fraction without tolerances; None if the limit is not examined there.
+        quantile: Fraction that 95 % of the draws do not exceed.
+        quantile_interval: Interval for that of all values, with 95 % confidence.
+    """
+
+    worst: Utilisation
     at: Draw
+    nominal: float | None
     quantile: float
     quantile_interval: tuple[float, float]
 
     @property
     def margin(self) -> float:
         """What the worst draw leaves of the limit, as a fraction."""
-        return 1.0 - self.worst
+        return 1.0 - self.worst.fraction
 
 
 @dataclass(frozen=True)
@@ -117,19 +124,20 @@ class Tolerances:
         Args:
             nominal: The limits without tolerances.
         """
-        names = dict.fromkeys(limit.name for draw in self.draws for limit in draw.limits)
         usual = {limit.name: limit.fraction for limit in nominal}
+        by_name = dict[str, list[tuple[Utilisation, Draw]]]()
+        for draw in self.draws:
+            for limit in draw.limits:
+                by_name.setdefault(limit.name, []).append((limit, draw))
         found = list[LimitTolerance]()
-        for name in names:
-            used = [
-                (limit.fraction, draw) for draw in self.draws for limit in draw.limits if limit.name == name
-            ]
-            worst, at = max(used, key=lambda pair: pair[0])
-            values = np.array([*(x for x, _ in used), *[math.inf] * (len(self.draws) - len(used))])
+        for name, uses in by_name.items():
+            worst, at = max(uses, key=lambda use: use[0].fraction)
+            failed = [math.inf] * (len(self.draws) - len(uses))
+            values = np.array([*(limit.fraction for limit, _ in uses), *failed])
             quantile = float(np.quantile(values, QUANTILE, method="higher"))
             interval = quantile_interval(values, QUANTILE)
-            found.append(LimitTolerance(name, usual.get(name), worst, at, quantile, interval))
-        return sorted(found, key=lambda one: -one.worst)
+            found.append(LimitTolerance(worst, at, usual.get(name), quantile, interval))
+        return sorted(found, key=lambda one: -one.worst.fraction)
 
     def record(self, nominal: Sequence[Utilisation]) -> dict[str, Any]:
         """Return the content for `size.json`; see `limits`."""
@@ -143,9 +151,9 @@ class Tolerances:
             "units": dict(self.units),
             "limits": [
                 {
-                    "name": one.name,
+                    "name": one.worst.name,
                     "nominal": one.nominal,
-                    "worst": one.worst,
+                    "worst": one.worst.fraction,
                     "margin": one.margin,
                     "at": dict(one.at.values),
                     **dict(zip(quantiles, (one.quantile, one.quantile_interval), strict=False)),

@@ -52,10 +52,10 @@ def test_ends_equal_a_loop_over_sizings(size: Callable[..., ec.SizeResult]) -> N
         assert draw.reasons == alone.reasons
         assert draw.holds is alone.holds
     for limit in joint.tolerances.limits(joint.limits):
-        used = {id(draw): fractions(draw.limits)[limit.name] for draw in joint.tolerances.draws}
-        assert limit.worst == max(used.values()) == used[id(limit.at)]
-        assert limit.margin == 1.0 - limit.worst
-        assert limit.nominal == fractions(joint.limits)[limit.name]
+        used = {id(draw): fractions(draw.limits)[limit.worst.name] for draw in joint.tolerances.draws}
+        assert limit.worst.fraction == max(used.values()) == used[id(limit.at)]
+        assert limit.margin == 1.0 - limit.worst.fraction
+        assert limit.nominal == fractions(joint.limits)[limit.worst.name]
 
 
 def test_each_candidate_has_its_own_draws(size: Callable[..., ec.SizeResult]) -> None:
@@ -124,17 +124,17 @@ def test_random_draws_state_their_confidence(size: Callable[..., ec.SizeResult])
     ambient = [float(draw.values["ambient"]) for draw in study.draws]
     assert ambient == [draw.values["ambient"] for draw in again.draws]
     assert 293.15 < min(ambient) < 300.0 and 326.0 < max(ambient) < 333.15
-    hot = next(one for one in study.limits(()) if one.name == "winding temperature")
+    hot = next(one for one in study.limits(()) if one.worst.name == "winding temperature")
     assert hot.at.values["ambient"] == max(ambient)
     assert hot.quantile == sorted(fractions(d.limits)["winding temperature"] for d in study.draws)[56]
-    assert hot.quantile_interval[0] < hot.quantile <= hot.worst
+    assert hot.quantile_interval[0] < hot.quantile <= hot.worst.fraction
 
 
 def test_failed_runs_are_beyond_any_quantile() -> None:
     limit = Utilisation("speed", 1.0, 2.0, "m/s", 0.5, "screw.v_max")
     draws = [Draw({"x": float(i)}, [limit] if i else (), None if i else "it broke.") for i in range(10)]
     (found,) = Tolerances({"x": ""}, True, 0, draws).limits([limit])
-    assert found.worst == 0.5 and found.quantile == math.inf
+    assert found.worst.fraction == 0.5 and found.quantile == math.inf
     assert Tolerances({"x": ""}, True, 0, draws).failures == draws[:1]
     assert draws[0].reasons == ["it broke"]
 
