@@ -114,7 +114,18 @@ ATTEMPTS: dict[str, Attempt] = {
         after=True,
     ),
     "trajectory output": Attempt(TRAJECTORY, "--output"),
-    "size output": Attempt(SIZE, "--output", ["size.json", "limits.csv", "cycles.csv", "prototype.png"]),
+    "size output": Attempt(
+        SIZE,
+        "--output",
+        [
+            "size.json",
+            "limits.csv",
+            "cycles.csv",
+            "prototype.png",
+            "prototype-motion.png",
+            "prototype-limits.png",
+        ],
+    ),
     "linearize output": Attempt(
         LINEARIZE, "--output", ["linearize.json", "responses.csv", "bode.png", "nyquist.png"]
     ),

@@ -15,13 +15,12 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import emla_cosim as ec
-from emla_cosim.analyses.size import screw, thermal
-from emla_cosim.analyses.size.braking import brake_power
+from emla_cosim.analyses.size import motor, screw
 from emla_cosim.analyses.size.cycle import Cycle
-from emla_cosim.analyses.size.figures import compute_figures
+from emla_cosim.analyses.size.figures import brake_power, compute_figures
 from emla_cosim.analyses.size.limits import Requirements, examine, link_capacity
-from emla_cosim.analyses.size.motor_curves import continuous_torque, peak_torque
-from emla_cosim.analyses.size.summary import format_lines, format_tables
+from emla_cosim.analyses.size.motor import continuous_torque, peak_torque
+from emla_cosim.analyses.size.report import build_report
 from emla_cosim.study.actuator.entries import ENDS, TABLES
 from emla_cosim.study.actuator.sheet_values import read_sheet_value
 from tests.support.commands import Emla
@@ -133,7 +132,7 @@ def test_critical_speed_equals_that_of_a_beam(ends: str, equation: Any, between:
 def test_repeated_cycle_is_the_limit_of_many_cycles(loads: list[float], period: float, tau: float) -> None:
     """An independent solver runs many cycles from cold."""
     time = np.linspace(5.0, 5.0 + period, len(loads))
-    found = thermal.repeat_cycle(time, np.array(loads), 100.0, tau)
+    found = motor.repeat_cycle(time, np.array(loads), 100.0, tau)
     rise = np.zeros(1)
     for _ in range(math.ceil(16.0 * tau / period) + 1):
         solved = solve_ivp(
@@ -172,14 +171,14 @@ def test_short_steps_heat_like_long_ones() -> None:
     """The load is linear, so the number of rows does not matter."""
     ends = np.array([0.0, 1.0])
     time = np.linspace(0.0, 1.0, 100_001)  # 1e-5 of the time constant each
-    few, many = thermal.heat(ends, 1.0 + ends, 80.0, 1.0), thermal.heat(time, 1.0 + time, 80.0, 1.0)
+    few, many = motor.heat(ends, 1.0 + ends, 80.0, 1.0), motor.heat(time, 1.0 + time, 80.0, 1.0)
     assert many[-1] == pytest.approx(few[-1], rel=1e-9)
     # 80 (1 + t) less 80 in steady state, from 0
     assert few[-1] == pytest.approx(80.0 * (1.0 + 1.0 - 1.0), rel=1e-12)
 
 
 def test_cycles_until_warm() -> None:
-    count = thermal.cycles_until_warm(4.0, 900.0)
+    count = motor.cycles_until_warm(4.0, 900.0)
     assert 1.0 - math.exp(-count * 4.0 / 900.0) >= 0.95 > 1.0 - math.exp(-(count - 1) * 4.0 / 900.0)
 
 
@@ -475,11 +474,13 @@ def test_candidates_are_judged_joint_by_joint(tmp_path: Path, size: Callable[...
     alone = size("lift", actuator={"lift": strong}, set=load, **given)["lift"]
     assert lift.figures == alone.figures
     assert not any("coupled" in remark for remark in lift.remarks)
-    lines = format_lines(result)
+    section, *details = build_report(result).sections
+    lines = [line if isinstance(line, str) else line.text for line in section.under]
     assert f"lift: {strong} holds." in lines and f"telescope: {strong} holds." in lines
     assert any(line.startswith(f"telescope, {wrong} falls out: ") for line in lines)
-    (table,) = format_tables(result)
-    assert table.row_count == 6
+    (table,) = section.tables
+    assert len(table.rows) == 6
+    assert all(one.is_detail for one in details)
 
 
 def test_unstable_controller_gives_no_verdict(emla: Emla) -> None:
@@ -578,9 +579,9 @@ def test_invalid_requests_are_refused(size: Callable[..., ec.SizeResult]) -> Non
 
 
 def test_plots_show_the_cycle(press: ec.JointSizing, tmp_path: Path) -> None:
-    from emla_cosim.analyses.size.pictures import draw_joint
+    from emla_cosim.analyses.size.pictures import draw_motor
 
-    figure = draw_joint(press)
+    figure = draw_motor({"": press})
     torque, force, temperature, power, *_ = figure.axes
     rpm = 30.0 / math.pi
     peak, cycle, *_ = torque.lines

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 import emla_cosim as ec
-from emla_cosim.analyses.size import thermal
-from emla_cosim.analyses.size.pictures import draw_joint
+from emla_cosim.analyses.size import motor
+from emla_cosim.analyses.size.motor import Winding
+from emla_cosim.analyses.size.pictures import draw_motor
 from emla_cosim.analyses.size.plant import find_plant
-from emla_cosim.analyses.size.winding import Winding
 from emla_cosim.study.joints.schema import load_joint
 from tests.support.commands import Emla
 
@@ -167,10 +167,10 @@ def test_axial_force_of_a_compliant_plant_is_that_of_its_transmission(
 
 def test_time_of_a_trip_in_closed_form() -> None:
     time = np.linspace(2.0, 12.0, 1001)
-    steady = thermal.repeat_cycle(time, np.full(1001, 1.79), 100.0, 180.0)
+    steady = motor.repeat_cycle(time, np.full(1001, 1.79), 100.0, 180.0)
     expected = 180.0 * math.log(1.79 / (1.79 - 1.05))
-    assert thermal.time_until_rise(time, steady, 180.0, 105.0) == pytest.approx(expected, abs=0.01)
-    assert thermal.time_until_rise(time, steady, 180.0, 180.0) == math.inf
+    assert motor.time_until_rise(time, steady, 180.0, 105.0) == pytest.approx(expected, abs=0.01)
+    assert motor.time_until_rise(time, steady, 180.0, 180.0) == math.inf
 
 
 @pytest.mark.parametrize("threshold", [1.0, 60.0, 90.0, 113.0])
@@ -178,12 +178,12 @@ def test_time_of_a_trip_in_pulses(threshold: float) -> None:
     """Plain integration over many cycles, of pulses with rests."""
     time = np.linspace(0.0, 4.0, 4001)
     load = np.where(time < 1.0, 4.0, 0.1)
-    rise = thermal.repeat_cycle(time, load, 100.0, 20.0)
+    rise = motor.repeat_cycle(time, load, 100.0, 20.0)
     x, t = 0.0, 0.0
     while x <= threshold:
         x += 1e-3 * (100.0 * (4.0 if t % 4.0 < 1.0 else 0.1) - x) / 20.0
         t += 1e-3
-    assert thermal.time_until_rise(time, rise, 20.0, threshold) == pytest.approx(t, abs=0.03)
+    assert motor.time_until_rise(time, rise, 20.0, threshold) == pytest.approx(t, abs=0.03)
 
 
 def test_tilt_of_the_study_is_too_hot(size: Callable[..., ec.SizeResult]) -> None:
@@ -249,7 +249,7 @@ def test_warm_resistance_adds_to_the_losses(size: Callable[..., ec.SizeResult]) 
 
 def test_drawn_limits_are_the_judged_ones(size: Callable[..., ec.SizeResult]) -> None:
     sizing = size("study-drive", stop_time=0.5)["tilt"]
-    torque, _, temperature, *_ = draw_joint(sizing).axes
+    torque, _, temperature, *_ = draw_motor({"": sizing}).axes
     judged = {one.name: one.limit for one in sizing.limits}
     lines = dict(zip(labels(torque), torque.lines, strict=True))
     assert lines["limit of the rms torque"].get_ydata()[0] == pytest.approx(judged["rms torque"])

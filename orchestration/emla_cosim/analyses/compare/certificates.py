@@ -128,7 +128,7 @@ def build_report(result: CertificateResult) -> Report:
         sections.append(Section(each.gains, problem, [each.table] if each.joints else []))
         remarks = [f"{joint.joint}: {remark}" for joint in each.joints for remark in joint.remarks]
         if remarks:
-            sections.append(Section(f"Assumptions of {each.gains} that are not met", remarks, most=0))
+            sections.append(Section(f"Assumptions of {each.gains} that are not met", remarks, is_detail=True))
     return Report("Certificate", result.name, [f"gains {each.gains}" for each in result.sets], sections)
 
 

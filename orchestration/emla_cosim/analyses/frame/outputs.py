@@ -32,6 +32,7 @@ class Outputs(Generic[R]):
         pictures: Names of the pictures that are known before the analysis.
         folders: Names of folders with further files.
         record_file: Name of the record. Default: `name`.json.
+        list_pictures: Returns the names of further pictures, which depend on the result.
     """
 
     what: str
@@ -43,6 +44,7 @@ class Outputs(Generic[R]):
     pictures: Sequence[str] = ()
     folders: Sequence[str] = ()
     record_file: str = ""
+    list_pictures: Callable[[R], Sequence[str]] = lambda _: ()
 
     @property
     def record_name(self) -> str:
@@ -122,5 +124,6 @@ class AnalysisFolder(Folder, Generic[R]):
 
             self.write(outputs.page_name, render_page(outputs.report(result), figures).encode())
             names.append(outputs.page_name)
-        self.remove(name for name in self.pictures if name not in names)
+        possible = (*self.pictures, *outputs.list_pictures(result))
+        self.remove(name for name in possible if name not in names)
         return names

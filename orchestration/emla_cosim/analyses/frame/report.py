@@ -2,12 +2,16 @@
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+from rich.box import SIMPLE
 from rich.console import Group
 from rich.markup import escape
 from rich.table import Table
 from rich.text import Text as Title
+
+_MOST_COLUMNS = 8
+"""A table with more columns has no lines between them in the terminal."""
 
 
 class Text(NamedTuple):
@@ -51,13 +55,16 @@ class ReportTable:
 
     def rich(self) -> Group:
         """Return the table for the terminal, with its title, which may be wider."""
-        table = Table(show_header=any(self.header))
+        is_wide = len(self.header) > _MOST_COLUMNS
+        style: dict[str, Any] = {"box": SIMPLE, "padding": (0, 1, 0, 0), "pad_edge": False} if is_wide else {}
+        table = Table(show_header=any(self.header), **style)
         for number, head in enumerate(self.header):
             is_text = number in self.texts
             table.add_column(
                 escape(head),
                 justify="left" if is_text else "right",
                 overflow="fold" if is_text else "ellipsis",
+                no_wrap=not is_text,
             )
         for number, row in enumerate(self.cells):
             if number in self.lines:

@@ -1,4 +1,4 @@
-"""Figures of a joint over a cycle that repeats."""
+"""Figures of a joint over a cycle that repeats, with what the brake resistor takes, and their losses."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 
 from ...base.arrays import Vector
-from . import screw, thermal
-from .braking import brake_power
+from ...base.wording import format_rounded
+from . import screw
 from .cycle import Cycle
-from .winding import Winding
+from .motor import Winding, cycles_until_warm, time_until_rise
+from .plant import JointPlant
 
 
 @dataclass(frozen=True)
@@ -130,8 +131,8 @@ def _thermal_figures(cycle: Cycle, winding: Winding | str, rise: Vector | None) 
     return {
         "temperature_rise_peak_K": float(rise.max()),
         "temperature_rise_mean_K": cycle.mean(rise),
-        "cycles_until_warm": thermal.cycles_until_warm(cycle.duration, tau),
-        "trip_time_s": thermal.time_until_rise(cycle.time, rise, tau, winding.trip_rise),
+        "cycles_until_warm": cycles_until_warm(cycle.duration, tau),
+        "trip_time_s": time_until_rise(cycle.time, rise, tau, winding.trip_rise),
     }
 
 
@@ -144,3 +145,93 @@ def _voltage(cycle: Cycle) -> Vector:
 
 def _largest(values: Vector) -> float:
     return float(np.abs(values).max())
+
+
+def brake_power(time: Vector, power: Vector, capacity: float) -> Vector:
+    """Return the power in W of the brake resistor in each interval of a cycle that repeats.
+
+    Energy from the motor first charges the DC link. When this is full, the resistor takes the rest. The motor
+    takes its energy first from the DC link, then from the supply.
+
+    Args:
+        time: Times in s, shape (rows,).
+        power: Electrical power into the motor in W, shape (rows,).
+        capacity: Energy in J that the DC link stores until the resistor turns on.
+
+    Returns:
+        Mean power in W of each interval, shape (rows - 1,).
+    """
+    steps = np.diff(time)
+    energy = -0.5 * (power[1:] + power[:-1]) * steps
+    if capacity <= 0.0:
+        taken = np.maximum(energy, 0.0)
+    else:
+        stored, taken = 0.0, np.zeros_like(energy)
+        for _ in range(2):  # the second time, the link starts as it ended
+            burnt = []
+            for more in energy.tolist():
+                stored = max(stored + more, 0.0)
+                burnt.append(max(stored - capacity, 0.0))
+                stored = min(stored, capacity)
+            taken = np.array(burnt)
+    return np.divide(taken, steps, out=np.zeros_like(taken), where=steps > 0.0)
+
+
+_DIVIDE = "divide the load by the efficiency in both directions, as the paper prints"
+_OPPOSE = "oppose the motion"
+
+
+@dataclass(frozen=True)
+class Losses:
+    """Losses of gearbox and screw that the figures contain.
+
+    Attributes:
+        convention: What they do in the plant.
+        torque_rms_N_m: Rms torque over the cycle.
+        other_convention: What else they could do; None if the plant does not state its own.
+        other_torque_rms_N_m: Rms torque over the same motion with the other convention.
+        setting: Value for `--set` that chooses the other convention; None if the plant does not offer it.
+    """
+
+    convention: str
+    torque_rms_N_m: float
+    other_convention: str | None = None
+    other_torque_rms_N_m: float | None = None
+    setting: str | None = None
+
+    @property
+    def sentence(self) -> str:
+        """Which losses were used, and the effect of the other convention; without full stop."""
+        text = f"the losses of gearbox and screw {self.convention}"
+        if self.other_torque_rms_N_m is None:
+            return text
+        condition = f"with --set {self.setting}" if self.setting else "if"
+        other, rms = (format_rounded(x, 4) for x in (self.other_torque_rms_N_m, self.torque_rms_N_m))
+        return (
+            f"{text}; {condition} they {self.other_convention}: rms torque {other} N m instead of {rms} N m"
+        )
+
+
+def describe_losses(cycle: Cycle, plant: JointPlant) -> Losses:
+    """Return the losses of a cycle.
+
+    Args:
+        cycle: The cycle.
+        plant: The plant of its joint.
+    """
+    rms = cycle.rms(cycle.torque)
+    if "eta_GB" not in plant.names:
+        return Losses("are those of its FMU, which has no gearbox.eta_GB", rms)
+    directional = plant.values["directional"]
+    if plant.values["eta_GB"] == 1.0 and plant.values["eta_back"] in (0.0, 1.0):
+        return Losses(f"are none: {plant.names['eta_GB']} is 1", rms)
+    used, other = (plant.load_torque(cycle.v, cycle.load, x) for x in (directional, 1.0 - directional))
+    conventions = (_OPPOSE, _DIVIDE) if directional else (_DIVIDE, _OPPOSE)
+    name = plant.names.get("directional")
+    return Losses(
+        conventions[0],
+        rms,
+        conventions[1],
+        cycle.rms(cycle.torque + other - used),
+        None if name is None else f"{name}={'false' if directional else 'true'}",
+    )

@@ -13,8 +13,7 @@ from ...study.limits import format_distinct
 from . import screw
 from .cycle import Cycle
 from .figures import SizingFigures
-from .motor_curves import continuous_torque
-from .winding import Winding
+from .motor import Winding, continuous_torque
 
 _ROUNDING = 1e-9
 
@@ -102,7 +101,7 @@ def examine(
         winding: Thermal data of the winding, or what is missing for them.
     """
     yield from _motor(cycle, values, figures)
-    yield from _heat(values, figures, requirements, winding)
+    yield from examine_heat(values, figures, requirements.ambient, winding)
     yield from _motion(cycle, values, figures)
     yield from _screw(values, figures, requirements)
     yield from _braking(values, figures)
@@ -148,18 +147,19 @@ def _voltage_entry(values: Values) -> str:
     return next(e for e in ("inverter.U_DC", "inverter.U_supply", "inverter.u_max") if e in values)
 
 
-def _heat(
-    values: Values, figures: SizingFigures, requirements: Requirements, winding: Winding | str
+def examine_heat(
+    values: Values, figures: SizingFigures, ambient: float, winding: Winding | str
 ) -> Iterator[Utilisation | Unexamined]:
+    """Yield the limits of the winding temperature at an ambient temperature in K; see `examine`."""
     rise = figures.temperature_rise_peak_K
     if isinstance(winding, str) or rise is None:
         yield Unexamined("winding temperature", str(winding))
         return
     yield _upper("winding temperature rise", rise, winding.permitted_rise, "K", 1.0, winding.source)
     if "thermal.T_max" in values:
-        permitted, zero = values["thermal.T_max"] - requirements.ambient, 273.15
+        permitted, zero = values["thermal.T_max"] - ambient, 273.15
         share = rise / permitted if permitted > 0.0 else math.inf
-        reached, limit = rise + requirements.ambient - zero, values["thermal.T_max"] - zero
+        reached, limit = rise + ambient - zero, values["thermal.T_max"] - zero
         yield Utilisation("winding temperature", reached, limit, "°C", share, "thermal.T_max")
 
 

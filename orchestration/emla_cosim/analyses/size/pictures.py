@@ -1,21 +1,36 @@
-"""Plots of a sizing: torque and force over speed, temperature over cycles, power and energy."""
+"""Plots of a joint with all its candidates: motor and winding, motion and load, and the use of its limits."""
 
 import textwrap
-from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from ...study.actuator.entries import TURN
-from ...views.plots.style import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, new_figure, tidy_axes
-from .motor_curves import continuous_torque, peak_torque
-from .result import JointSizing, SizeResult
-from .thermal import heat
-from .winding import Winding
+from ...views.plots.style import (
+    BLUE,
+    COLORS,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    RED,
+    add_legend,
+    make_figure,
+    new_figure,
+    tidy_axes,
+)
+from .limits import format_percent, format_value
+from .motor import Winding, continuous_torque, heat, peak_torque
+from .result import JointSizing
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+Sizings = Mapping[str, JointSizing]
+"""A joint with each of its candidates, by label."""
 
 _POINTS = 4000
 """Largest number of points of a drawn curve."""
@@ -26,161 +41,246 @@ _WARM = 5.0
 _SHOWN_CYCLES = 40
 """Up to this number of cycles, each is drawn; of more, only the highest and the lowest temperature."""
 
-
-def list_pictures(result: SizeResult) -> list[str]:
-    """Return the names of the plots' files."""
-    return [name_picture(joint) for joint in result.joints]
+_LARGEST_PERCENT = 200.0
+"""Longer bars are cut."""
 
 
-def draw_pictures(result: SizeResult) -> "Iterator[tuple[str, Figure]]":
-    """Draw the plots of each joint with its first candidate that ran, by the names of their files."""
-    for joint, sizing in result.joints.items():
-        yield name_picture(joint), draw_joint(sizing)
+class _Drawn(NamedTuple):
+    """A candidate to draw: its label (empty for the only one), its colours, and the width of its curves.
+
+    Later candidates are thinner, so that those below remain visible.
+    """
+
+    sizing: JointSizing
+    label: str
+    limit: str
+    cycle: str
+    lasting: str
+    mean: str
+    width: float = 1.5
+
+    def name(self, text: str) -> str:
+        """Return the label of the main curve: that of the candidate, if there are several."""
+        return self.label or text
 
 
-def name_picture(joint: str) -> str:
-    """Return the name of the file of a joint's plots."""
-    return f"{''.join(c if c.isalnum() or c in '-_' else '_' for c in joint)}.png"
+def _list_drawn(sizings: Sizings) -> list[_Drawn]:
+    if len(sizings) == 1:
+        return [_Drawn(sizing, "", RED, BLUE, ORANGE, GREEN) for sizing in sizings.values()]
+    drawn = list[_Drawn]()
+    for number, (label, sizing) in enumerate(sizings.items()):
+        color, width = COLORS[number % len(COLORS)], 1.2 + 0.6 * (len(sizings) - 1 - number)
+        drawn.append(_Drawn(sizing, label, color, color, color, color, width))
+    return drawn
 
 
-def draw_joint(sizing: JointSizing) -> "Figure":
-    """Draw the four plots of a joint."""
+def draw_motor(sizings: Sizings) -> "Figure":
+    """Draw torque and force over speed, winding temperature, and power."""
+    drawn = _list_drawn(sizings)
     figure, axes = new_figure(2, 2, 4.6, 3.3, sharex="none")
-    _draw_torque(axes[0, 0], sizing)
-    _draw_force(axes[0, 1], sizing)
-    _draw_temperature(axes[1, 0], sizing)
-    _draw_power(axes[1, 1], sizing)
-    title = f"{sizing.joint}: {sizing.actuator}"
-    figure.suptitle(title if len(title) < 90 else f"{title[:87]}...", fontsize=11, parse_math=False)
+    _draw_torque(axes[0, 0], drawn)
+    _draw_force(axes[0, 1], drawn)
+    _draw_temperature(axes[1, 0], drawn)
+    _draw_power(axes[1, 1], drawn)
+    _set_title(figure, sizings)
     return figure
 
 
-def _every(count: int) -> slice:
+def draw_motion(sizings: Sizings) -> "Figure":
+    """Draw position, speed and axial force over the cycle."""
+    figure, axes = new_figure(1, 3, 3.0, 2.6, sharex="none")
+    legends = [_Legend(one) for one in axes[0]]
+    for one in _list_drawn(sizings):
+        cycle = one.sizing.cycle
+        part = _thin(len(cycle.time))
+        time = cycle.time[part] - cycle.time[0]
+        for legend, values in zip(legends, (1e3 * cycle.x, 1e3 * cycle.v, 1e-3 * cycle.force), strict=True):
+            legend.plot(one.label, time, values[part], color=one.cycle, linewidth=one.width)
+    for legend, label in zip(legends, ("position / mm", "speed / mm/s", "axial force / kN"), strict=True):
+        legend.finish("time / s", label, is_shown=len(sizings) > 1 and legend is legends[0])
+    return figure
+
+
+def draw_limits(sizings: Sizings) -> "Figure":
+    """Draw how much of each limit is used: a bar for each candidate, with the worst draw of tolerances."""
+    drawn = _list_drawn(sizings)
+    names = list(dict.fromkeys(limit.name for one in drawn for limit in one.sizing.limits))
+    figure = make_figure(10.0, 0.9 + len(names) * (0.12 + 0.2 * len(drawn)), layout="constrained")
+    axes = figure.subplots()
+    height = 0.85 / len(drawn)
+    entries: list[tuple[str, Artist]] = []
+    for number, one in enumerate(drawn):
+        study = one.sizing.tolerances
+        worst = (
+            {}
+            if study is None
+            else {x.worst.name: 100.0 * x.worst.fraction for x in study.limits(one.sizing.limits)}
+        )
+        for limit in one.sizing.limits:
+            y = names.index(limit.name) + height * (number - 0.5 * (len(drawn) - 1))
+            percent = 100.0 * limit.fraction
+            (bar,) = axes.barh(y, min(percent, _LARGEST_PERCENT), 0.9 * height, color=one.cycle)
+            if number == len(entries):
+                entries.append((one.label, bar))
+            ends = np.minimum([percent, worst.get(limit.name, percent)], _LARGEST_PERCENT)
+            if study is not None:
+                axes.plot(ends, [y, y], color=GREY, linewidth=1.2, marker="|", markersize=6)
+            text = f"{format_percent(limit.fraction)} % of {format_value(limit.limit)} {limit.unit}"
+            axes.text(max(ends) + 2.0, y, text, va="center", fontsize=7, parse_math=False)
+    axes.axvline(100.0, color=RED)
+    axes.set_yticks(range(len(names)), names)
+    tidy_axes(axes)
+    axes.set_ylim(len(names) - 0.4, -0.6)
+    axes.set_xlim(0.0, 1.35 * max(100.0, axes.get_xlim()[1]))
+    axes.set_xlabel("used / %", fontsize=9)
+    if len(drawn) > 1:
+        add_legend(axes, entries, width=9.0)
+    return figure
+
+
+def _set_title(figure: "Figure", sizings: Sizings) -> None:
+    first = next(iter(sizings.values()))
+    title = f"{first.joint}: {first.actuator}" if len(sizings) == 1 else first.joint
+    figure.suptitle(title if len(title) < 90 else f"{title[:87]}...", fontsize=11, parse_math=False)
+
+
+def _thin(count: int) -> slice:
     return slice(None, None, max(count // _POINTS, 1))
 
 
-def _draw_torque(axes: "Axes", sizing: JointSizing) -> None:
-    cycle, rpm = sizing.cycle, 60.0 / TURN
-    top = max(sizing.values["motor.n_max"], 1.05 * float(np.abs(cycle.omega).max()))
-    speed = np.linspace(0.0, top, 200)
-    inside = speed <= sizing.values["motor.n_max"]
-    labels = ["peak torque", "cycle"]
-    peak = np.where(inside, peak_torque(cycle.emla, speed), np.nan)
-    axes.plot(rpm * speed, peak, color=RED)
-    part = _every(len(cycle.time))
-    shown = np.abs(cycle.omega[part]), np.abs(cycle.torque[part])
-    axes.plot(rpm * shown[0], shown[1], color=BLUE, linewidth=1.0)
-    row = int(np.abs(cycle.torque).argmax())  # thinned rows may lack it
-    axes.plot([rpm * abs(cycle.omega[row])], [abs(cycle.torque[row])], "x", color=BLUE)
-    labels.append("peak of the cycle")
-    lasting = continuous_torque(sizing.values, speed)
-    if lasting is not None:
-        axes.plot(rpm * speed, np.where(inside, lasting, np.nan), color=ORANGE)
-        labels.append("limit of the rms torque")
-    axes.plot([rpm * cycle.rms(cycle.omega)], [sizing.figures.torque_rms_N_m], "o", color=GREEN)
-    labels.append("rms of the cycle")
-    _finish(axes, "motor speed / rpm", "motor torque / N m", labels)
+def _draw_torque(axes: "Axes", drawn: list[_Drawn]) -> None:
+    rpm, legend = 60.0 / TURN, _Legend(axes)
+    for one in drawn:
+        sizing, cycle = one.sizing, one.sizing.cycle
+        top = max(sizing.values["motor.n_max"], 1.05 * float(np.abs(cycle.omega).max()))
+        speed = np.linspace(0.0, top, 200)
+        inside = speed <= sizing.values["motor.n_max"]
+        peak = np.where(inside, peak_torque(cycle.emla, speed), np.nan)
+        legend.plot(one.name("peak torque"), rpm * speed, peak, color=one.limit, linewidth=one.width)
+        part = _thin(len(cycle.time))
+        x, y = rpm * np.abs(cycle.omega[part]), np.abs(cycle.torque[part])
+        legend.plot("cycle", x, y, color=one.cycle, linewidth=0.8)
+        row = int(np.abs(cycle.torque).argmax())  # thinned rows may lack it
+        x, y = rpm * np.abs(cycle.omega[[row]]), np.abs(cycle.torque[[row]])
+        legend.plot("peak of the cycle", x, y, color=one.cycle, marker="x", linestyle="")
+        if (lasting := continuous_torque(sizing.values, speed)) is not None:
+            y = np.where(inside, lasting, np.nan)
+            legend.plot(
+                "limit of the rms torque",
+                rpm * speed,
+                y,
+                color=one.lasting,
+                linestyle="--",
+                linewidth=one.width,
+            )
+        x, y = [rpm * cycle.rms(cycle.omega)], [sizing.figures.torque_rms_N_m]
+        legend.plot("rms of the cycle", x, y, color=one.mean, marker="o", linestyle="")
+    legend.finish("motor speed / rpm", "motor torque / N m")
     axes.set_ylim(bottom=0.0)
 
 
-def _draw_force(axes: "Axes", sizing: JointSizing) -> None:
+def _draw_force(axes: "Axes", drawn: list[_Drawn]) -> None:
     """Draw axial force over speed.
 
     The curves are the motor's through gearbox and screw, without inertia; the lines are limits of the screw.
     """
-    cycle = sizing.cycle
-    ratio = cycle.emla.alpha_RL * cycle.emla.eta_GB
-    top = max(cycle.emla.v_max, 1.05 * float(np.abs(cycle.v).max()))
-    speed = np.linspace(0.0, top, 200)
-    inside = speed <= cycle.emla.v_max
-    omega = cycle.emla.alpha_RL * speed
-    labels = ["force of the peak torque", "cycle"]
-    peak = peak_torque(cycle.emla, omega) * ratio
-    axes.plot(1e3 * speed, 1e-3 * np.where(inside, peak, np.nan), color=RED)
-    part = _every(len(cycle.time))
-    axes.plot(1e3 * np.abs(cycle.v[part]), 1e-3 * np.abs(cycle.force[part]), color=BLUE, linewidth=1.0)
-    lasting = continuous_torque(sizing.values, omega)
-    if lasting is not None:
-        axes.plot(1e3 * speed, 1e-3 * np.where(inside, lasting * ratio, np.nan), color=ORANGE)
-        labels.append("force of the continuous torque")
-    for name, style in (("axial force", "--"), ("screw static load", ":")):
-        for limit in (one.limit for one in sizing.limits if one.name == name):
-            axes.axhline(limit, color=RED, linestyle=style)
-            labels.append(f"limit of the {name}")
-    _finish(axes, "speed / mm/s", "axial force / kN", labels)
+    legend = _Legend(axes)
+    for one in drawn:
+        cycle = one.sizing.cycle
+        ratio = cycle.emla.alpha_RL * cycle.emla.eta_GB
+        top = max(cycle.emla.v_max, 1.05 * float(np.abs(cycle.v).max()))
+        speed = np.linspace(0.0, top, 200)
+        inside = speed <= cycle.emla.v_max
+        omega = cycle.emla.alpha_RL * speed
+        y = 1e-3 * np.where(inside, peak_torque(cycle.emla, omega) * ratio, np.nan)
+        legend.plot(
+            one.name("force of the peak torque"), 1e3 * speed, y, color=one.limit, linewidth=one.width
+        )
+        part = _thin(len(cycle.time))
+        x, y = 1e3 * np.abs(cycle.v[part]), 1e-3 * np.abs(cycle.force[part])
+        legend.plot("cycle", x, y, color=one.cycle, linewidth=0.8)
+        if (lasting := continuous_torque(one.sizing.values, omega)) is not None:
+            y = 1e-3 * np.where(inside, lasting * ratio, np.nan)
+            legend.plot("force of the continuous torque", 1e3 * speed, y, color=one.lasting, linestyle="--")
+        for name, style in (("axial force", "-."), ("screw static load", ":")):
+            for limit in (limit.limit for limit in one.sizing.limits if limit.name == name):
+                legend.line(f"limit of the {name}", limit, color=one.limit, linestyle=style)
+    legend.finish("speed / mm/s", "axial force / kN")
     axes.set_ylim(bottom=0.0)
 
 
-def _draw_temperature(axes: "Axes", sizing: JointSizing) -> None:
-    cycle = sizing.cycle
-    winding = sizing.winding
-    if sizing.rise is None or not isinstance(winding, Winding):
-        text = textwrap.fill(f"winding temperature not examined: needs {winding}", 44, break_long_words=False)
-        axes.text(
-            *(0.5, 0.5, text),
-            ha="center",
-            va="center",
-            transform=axes.transAxes,
-            fontsize=9,
-            parse_math=False,
-        )
+def _draw_temperature(axes: "Axes", drawn: list[_Drawn]) -> None:
+    """Draw the temperature rise from cold over cycles, with its limits."""
+    warm = [one for one in drawn if one.sizing.rise is not None]
+    if not warm:
+        needs = drawn[0].sizing.winding
+        text = textwrap.fill(f"winding temperature not examined: needs {needs}", 44, break_long_words=False)
+        style = {"ha": "center", "va": "center", "fontsize": 9, "parse_math": False}
+        axes.text(0.5, 0.5, text, transform=axes.transAxes, **style)
         axes.set_axis_off()
         return
-    tau = winding.tau_th
-    count = max(int(np.ceil(_WARM * tau / cycle.duration)), 1)
-    every = max(count // _SHOWN_CYCLES, 1)
-    unit, factor = ("min", 1.0 / 60.0) if _WARM * tau > 600.0 else ("s", 1.0)
-    # a cold motor differs from a warm one by what it began with, which decays
-    start = float(sizing.rise[0])
-    local = cycle.time - cycle.time[0]
-    cold = heat(cycle.time, winding.load(cycle), winding.permitted_rise, tau)
-    part = _every(len(local))
-    labels = []
-    if every == 1:
-        rows = [
-            (
-                local[part] + k * cycle.duration,
-                sizing.rise[part] - start * np.exp(-(local[part] + k * cycle.duration) / tau),
+    legend = _Legend(axes)
+    taus = [one.sizing.winding.tau_th for one in warm if isinstance(one.sizing.winding, Winding)]
+    unit, factor = ("min", 1.0 / 60.0) if _WARM * max(taus) > 600.0 else ("s", 1.0)
+    for one in warm:
+        rise, winding = one.sizing.rise, one.sizing.winding
+        assert rise is not None and isinstance(winding, Winding)
+        for name, (time, values), style in _warm_up(one.sizing, winding):
+            legend.plot(
+                one.name(name), factor * time, values, color=one.cycle, linestyle=style, linewidth=one.width
             )
-            for k in range(count)
-        ]
-        axes.plot(
-            factor * np.concatenate([t for t, _ in rows]), np.concatenate([r for _, r in rows]), color=BLUE
-        )
-        labels.append("from cold")
-    else:
-        k = np.arange(0, count, every)
-        begin = start * -np.expm1(-k * cycle.duration / tau)
-        highest = [float((cold + b * np.exp(-local / tau)).max()) for b in begin]
-        lowest = [float((cold + b * np.exp(-local / tau)).min()) for b in begin]
-        axes.plot(factor * k * cycle.duration, highest, color=BLUE)
-        axes.plot(factor * k * cycle.duration, lowest, color=BLUE, linestyle="--")
-        labels += ["highest of the cycle", "lowest of the cycle"]
-    highest_rise = float(sizing.rise.max())
-    axes.axhline(winding.permitted_rise, color=RED)
-    labels.append("permitted rise")
-    for limit in (one for one in sizing.limits if one.name == "winding temperature"):
-        axes.axhline(highest_rise + limit.limit - limit.used, color=RED, linestyle=":")
-        labels.append(f"{limit.source}, above the ambient")
-    axes.axhline(winding.trip_rise, color=ORANGE, linestyle="--")
-    axes.axhline(highest_rise, color=GREY, linewidth=0.8, linestyle=":")
-    labels += ["trip", "highest when warm"]
-    _finish(axes, f"time / {unit}", "temperature rise / K", labels)
+        highest = float(rise.max())
+        legend.line("permitted rise", winding.permitted_rise, color=one.limit, linestyle="-.")
+        for limit in (limit for limit in one.sizing.limits if limit.name == "winding temperature"):
+            y = highest + limit.limit - limit.used
+            legend.line(f"{limit.source}, above the ambient", y, color=one.limit, linestyle=":")
+        legend.line("trip", winding.trip_rise, color=one.lasting, linestyle="--")
+        if len(drawn) == 1:
+            legend.line("highest when warm", highest, color=GREY, linewidth=0.8, linestyle=":")
+    legend.finish(f"time / {unit}", "temperature rise / K")
     axes.set_ylim(0.0, 1.05 * axes.get_ylim()[1])  # lines at the edge would be cut
 
 
-def _draw_power(axes: "Axes", sizing: JointSizing) -> None:
-    cycle = sizing.cycle
-    part = _every(len(cycle.time))
-    time, kilo = cycle.time[part] - cycle.time[0], 1e-3
-    axes.plot(time, kilo * cycle.P_el[part], color=BLUE)
-    axes.plot(time, kilo * (cycle.torque * cycle.omega)[part], color=GREEN)
-    _finish(axes, "time / s", "power / kW", ["electrical power", "mechanical power"])
+def _warm_up(
+    sizing: JointSizing, winding: Winding
+) -> "Iterator[tuple[str, tuple[np.ndarray, np.ndarray], str]]":
+    """Yield name, times in s and rises in K, and style of the curves from cold."""
+    cycle, rise, tau = sizing.cycle, np.asarray(sizing.rise), winding.tau_th
+    count = max(int(np.ceil(_WARM * tau / cycle.duration)), 1)
+    every = max(count // _SHOWN_CYCLES, 1)
+    # a cold motor differs from a warm one by what it began with, which decays
+    start = float(rise[0])
+    local = cycle.time - cycle.time[0]
+    if every == 1:
+        part = _thin(len(local))
+        time = np.concatenate([local[part] + k * cycle.duration for k in range(count)])
+        yield "from cold", (time, np.tile(rise[part], count) - start * np.exp(-time / tau)), "-"
+        return
+    cold = heat(cycle.time, winding.load(cycle), winding.permitted_rise, tau)
+    k = np.arange(0, count, every)
+    begin = start * -np.expm1(-k * cycle.duration / tau)
+    rows = [cold + b * np.exp(-local / tau) for b in begin]
+    yield "highest of the cycle", (k * cycle.duration, np.array([row.max() for row in rows])), "-"
+    yield "lowest of the cycle", (k * cycle.duration, np.array([row.min() for row in rows])), "--"
+
+
+def _draw_power(axes: "Axes", drawn: list[_Drawn]) -> None:
+    legend, right, kilo = _Legend(axes), axes.twinx(), 1e-3
+    for one in drawn:
+        cycle = one.sizing.cycle
+        part = _thin(len(cycle.time))
+        time = cycle.time[part] - cycle.time[0]
+        legend.plot(
+            one.name("electrical power"), time, kilo * cycle.P_el[part], color=one.cycle, linewidth=one.width
+        )
+        if len(drawn) == 1:
+            shaft = kilo * (cycle.torque * cycle.omega)[part]
+            legend.plot("mechanical power", time, shaft, color=one.mean)
+        steps = np.diff(cycle.time)
+        energy = np.concatenate([[0.0], np.cumsum(0.5 * (cycle.P_el[1:] + cycle.P_el[:-1]) * steps)])
+        right.plot(time, kilo * energy[part], color=one.cycle if one.label else PURPLE, linestyle="--")
+    legend.finish("time / s", "electrical power / kW" if len(drawn) > 1 else "power / kW")
     axes.axhline(0.0, color=GREY, linewidth=0.8)
-    steps = np.diff(cycle.time)
-    energy = np.concatenate([[0.0], np.cumsum(0.5 * (cycle.P_el[1:] + cycle.P_el[:-1]) * steps)])
-    right = axes.twinx()
-    right.plot(time, kilo * energy[part], color=PURPLE, linestyle="--")
     right.set_ylabel("electrical energy / kJ (dashed)", fontsize=9)
     right.tick_params(labelsize=8)
     right.spines[["top"]].set_visible(False)
@@ -188,7 +288,29 @@ def _draw_power(axes: "Axes", sizing: JointSizing) -> None:
     axes.patch.set_visible(False)
 
 
-def _finish(axes: "Axes", x: str, y: str, labels: list[str]) -> None:
-    tidy_axes(axes, labels)
-    axes.set_xlabel(x, fontsize=9)
-    axes.set_ylabel(y, fontsize=9)
+class _Legend:
+    """Draws curves into axes, and remembers the first one of each label for the legend."""
+
+    def __init__(self, axes: "Axes") -> None:
+        self._axes = axes
+        self._entries: dict[str, Artist] = {}
+
+    def plot(self, label: str, *data: object, **style: object) -> None:
+        """Draw a curve."""
+        (line,) = self._axes.plot(*data, **style)  # type: ignore[arg-type]
+        self._entries.setdefault(label, line)
+
+    def line(self, label: str, y: float, **style: object) -> None:
+        """Draw a horizontal line."""
+        self._entries.setdefault(label, self._axes.axhline(y, **style))  # type: ignore[arg-type]
+
+    def finish(self, x: str, y: str, is_shown: bool = True) -> None:
+        """Label the axes and add the legend."""
+        tidy_axes(self._axes)
+        if is_shown:
+            texts = ["label"] * len(self._entries)
+            legend = self._axes.legend(list(self._entries.values()), texts, fontsize=8, edgecolor="none")
+            for text, label in zip(legend.get_texts(), self._entries, strict=True):
+                text.set(text=label, parse_math=False)
+        self._axes.set_xlabel(x, fontsize=9)
+        self._axes.set_ylabel(y, fontsize=9)

@@ -1,7 +1,8 @@
-"""The plant of a joint: its parameters in a run, and its own equations over a cycle."""
+"""The plant of a joint: its parameters in a run, its own equations over a cycle, and its data sheet."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, fields, replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -12,6 +13,12 @@ from emla_fmu.parameters import EmlaParameters
 from emla_fmu.plant import screw_acceleration
 
 from ...base.arrays import Vector
+from ...base.errors import CommandError
+from ...base.files import read_text
+from ...base.toml_structs import read_toml
+from ...run.scenarios.scenario import Scenario
+from ...study.actuator.actuator import Actuator
+from ...study.joints.schema import JointFile, list_joint_names, load_joint, parse_joint
 from ...study.roles import JOINTS
 
 _LIMITS = ("tau_max", "q_LB", "q_UB", "v_max")
@@ -115,3 +122,40 @@ def find_plant(joint: str, parameters: Mapping[str, float], sheet: EmlaParameter
     values |= asdict(sheet) | {attribute: parameters[name] for attribute, name in names.items()}
     load_mass = find("load.m")
     return JointPlant(joint, values, names, 0.0 if load_mass is None else parameters[load_mass], sheet)
+
+
+def find_data_sheet(scenario: Scenario, source: object, joint: str) -> Actuator:
+    """Return the actuator of a joint.
+
+    Args:
+        scenario: The scenario.
+        source: What the scenario was loaded from.
+        joint: The joint.
+
+    Raises:
+        CommandError: The joint has no data sheet.
+    """
+    own = scenario.options.actuator.get(joint)
+    if isinstance(own, Actuator):
+        return own
+    file = _own_joint(source, joint)
+    if file is None and joint in list_joint_names():
+        file = load_joint(joint)
+    if file is None:
+        raise CommandError(
+            f"{joint} has no data sheet to compare with; add --actuator {joint}=FILE.toml.", joint=joint
+        )
+    return file.sheet
+
+
+def _own_joint(source: object, joint: str) -> JointFile | None:
+    """Return the user's joint file of a scenario, for this joint."""
+    if not isinstance(source, (str, Path)) or not str(source).lower().endswith(".toml"):
+        return None
+    path = Path(source)
+    content: Mapping[str, object] = read_toml(read_text(path, "the scenario"), f"the scenario '{path}'")
+    if content.get("kind") == "joint":
+        same = path.stem == joint
+        return parse_joint(content, f"the joint file '{path}'", joint, path.parent) if same else None
+    system = content.get("system")
+    return _own_joint(path.parent / system, joint) if isinstance(system, str) else None

@@ -1,4 +1,4 @@
-"""The result of a sizing: figures, limits and verdicts of joints, for each candidate."""
+"""The result of a sizing: figures, limits, tolerances and verdicts of joints, for each candidate."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
@@ -10,10 +10,10 @@ import polars
 from ...base.arrays import Vector
 from ...base.errors import CommandError
 from .cycle import Cycle
-from .figures import SizingFigures
+from .figures import Losses, SizingFigures
 from .limits import Unexamined, Utilisation, format_percent
-from .losses import Losses
-from .winding import Winding
+from .motor import Winding
+from .tolerances import Tolerances, list_reasons
 
 _MOST_ROWS = 20_000
 """Most rows of a table of a cycle."""
@@ -39,6 +39,7 @@ class JointSizing:
         reason: Why the joint did not follow the motion in the run; None if it did.
         overloaded: Whether the load was more than the motor can make.
         remarks: What limits the validity of the figures.
+        tolerances: Draws from the tolerances; None without any.
     """
 
     joint: str
@@ -55,24 +56,31 @@ class JointSizing:
     reason: str | None = None
     overloaded: bool = False
     remarks: Sequence[str] = ()
+    tolerances: Tolerances | None = None
 
     @property
     def holds(self) -> bool | None:
-        """Whether no examined limit is exceeded; None if the actuator could not be judged.
+        """Whether no examined limit is exceeded, in any draw; None if the actuator could not be judged.
 
         If a joint does not follow its motion although motion and load keep all limits, its controller or the
         step size is the cause, not the actuator.
         """
         kept = all(one.holds for one in self.limits)
         if self.reason is None:
-            return kept
+            return kept and (self.tolerances is None or not self.tolerances.failures)
         return False if self.overloaded or (self.required and not kept) else None
 
     @property
     def reasons(self) -> list[str]:
         """Why the actuator does not do the job, or why it could not be judged; without full stops."""
-        own = [] if self.reason is None else [self.reason.removesuffix(".")]
-        return [*own, *(one.sentence for one in self.limits if not one.holds)]
+        own = list_reasons(self.reason, self.limits)
+        if self.tolerances is not None and (failures := self.tolerances.failures):
+            draw = max(failures, key=lambda draw: draw.worst)
+            reasons = (
+                "" if own else f", such as with {self.tolerances.label(draw)}: {'; '.join(draw.reasons)}"
+            )
+            own.append(f"{self.tolerances.sentence}{reasons}")
+        return own
 
     @property
     def verdict(self) -> str:
@@ -82,7 +90,14 @@ class JointSizing:
         left = f" {count} limit{'s' if count != 1 else ''} not examined." if count else ""
         worst = f"{self.limits[0].name}, {format_percent(self.limits[0].fraction)} %"
         if self.holds:
-            return f"{label} holds; most used is {worst}.{left}"
+            drawn = ""
+            if self.tolerances is not None:
+                use = self.tolerances.limits(self.limits)[0]
+                drawn = (
+                    f" With tolerances, {self.tolerances.sentence}; most used is {use.worst.name}, "
+                    f"{format_percent(use.worst.fraction)} %, with {self.tolerances.label(use.at)}."
+                )
+            return f"{label} holds; most used is {worst}.{drawn}{left}"
         reasons = f"{'; '.join(self.reasons)}."
         if self.holds is None:
             advice = (
@@ -106,6 +121,7 @@ class JointSizing:
             "losses": asdict(self.losses),
             "winding": None if isinstance(self.winding, str) else asdict(self.winding),
             "remarks": list(self.remarks),
+            **({} if self.tolerances is None else {"tolerances": self.tolerances.record(self.limits)}),
         }
 
     @property
@@ -178,6 +194,7 @@ class SizeResult:
         varied: Joints with several candidates.
         ambient: Temperature around the motors in K.
         life: Required life in s; None if it was not stated.
+        lead_in: Time in s before the cycles, which does not count.
     """
 
     name: str
@@ -185,6 +202,7 @@ class SizeResult:
     varied: Sequence[str]
     ambient: float
     life: float | None
+    lead_in: float
 
     def __getitem__(self, joint: str) -> JointSizing:
         """Return the sizing of a joint.
@@ -206,6 +224,11 @@ class SizeResult:
         return found
 
     @property
+    def sizings(self) -> Sequence[tuple[Candidate, JointSizing]]:
+        """The joints of all candidates, each with its candidate."""
+        return [(one, sizing) for one in self.candidates for sizing in one.joints.values()]
+
+    @property
     def holds(self) -> bool:
         """Whether each joint has a candidate that holds."""
         by_joint: dict[str | None, list[Candidate]] = {}
@@ -216,7 +239,7 @@ class SizeResult:
     @property
     def unjudged(self) -> list[JointSizing]:
         """Joints that could not be judged, with each of their candidates."""
-        return [one for found in self.candidates for one in found.joints.values() if one.holds is None]
+        return [sizing for _, sizing in self.sizings if sizing.holds is None]
 
     @property
     def record(self) -> dict[str, Any]:
@@ -245,7 +268,7 @@ class SizeResult:
         rows = [
             {
                 "candidate": one.label,
-                "joint": joint,
+                "joint": sizing.joint,
                 "limit": limit.name,
                 "used": limit.used,
                 "permitted": limit.limit,
@@ -254,18 +277,34 @@ class SizeResult:
                 "holds": limit.holds,
                 "source": limit.source,
             }
-            for one in self.candidates
-            for joint, found in one.joints.items()
-            for limit in found.limits
+            for one, sizing in self.sizings
+            for limit in sizing.limits
         ]
         return polars.DataFrame(rows)
+
+    @property
+    def draws(self) -> polars.DataFrame | None:
+        """All draws: candidate, joint, values, verdict, and the fraction of each limit; None without any."""
+        rows = [
+            {
+                "candidate": one.label,
+                "joint": sizing.joint,
+                "draw": number,
+                **draw.values,
+                "holds": draw.holds,
+                "reasons": "; ".join(draw.reasons),
+                **{limit.name: limit.fraction for limit in draw.limits},
+            }
+            for one, sizing in self.sizings
+            for number, draw in enumerate(sizing.tolerances.draws if sizing.tolerances else ())
+        ]
+        return polars.DataFrame(rows, infer_schema_length=None) if rows else None
 
     @property
     def cycles(self) -> polars.DataFrame:
         """The cycles of all candidates and joints, see `JointSizing.table`."""
         parts = [
             sizing.table.select(polars.lit(one.label).alias("candidate"), polars.all())
-            for one in self.candidates
-            for sizing in one.joints.values()
+            for one, sizing in self.sizings
         ]
         return polars.concat(parts) if parts else polars.DataFrame()

@@ -1,10 +1,10 @@
 """Size the actuators of a scenario."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import nullcontext
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Unpack
 
 import numpy as np
@@ -12,32 +12,29 @@ import numpy as np
 from ...base.arrays import Vector
 from ...base.errors import CommandError, RunError
 from ...base.patterns import matches_pattern
-from ...base.progress import CompatibilityReport, Progress
-from ...base.values import convert_value
+from ...base.progress import Progress
 from ...recorders.table import TimeSeries
 from ...run.option_types import RunOptions
 from ...run.remarks import describe_disabled_event_mode
 from ...run.requirements import check_no_condition
-from ...run.result import Result
 from ...run.run_setup import run_times
 from ...run.scenarios.scenario import Scenario
 from ...study.actuator.actuator import Actuator
 from ...study.actuator.model_parameters import get_number
-from ...study.criteria import ALL_JOINTS, Criteria, criteria_of
-from ...study.limits import WINDING_TEMPERATURE
+from ...study.criteria import ALL_JOINTS, criteria_of
 from ...study.loading import load
 from ...study.roles import list_role_patterns
 from ...system.model import System
-from .cycle import SIGNALS, follow_reference, list_joints, read_cycle
-from .data_sheets import find_data_sheet
-from .figures import compute_figures
-from .folder import SizeFolder
-from .limits import Requirements, Unexamined, Utilisation, examine, link_capacity
-from .losses import describe_losses
-from .plant import find_plant
-from .remarks import MAX_ROWS, describe_coupling, describe_cycle
+from ..execution.executor import Scheduler
+from ..frame.session import Session
+from ..variants.targets import merge_options
+from .cycle import SIGNALS, list_joints
+from .draws import SizedRun, Variation, run_draws
+from .joints import MAX_ROWS, Examination, JointTask, describe_coupling, describe_cycle, describe_overload
+from .limits import Requirements
+from .plant import find_data_sheet
+from .report import OUTPUTS, name_pictures
 from .result import Candidate, JointSizing, SizeResult
-from .winding import Winding, find_winding, warm_up
 
 AMBIENT = 313.15
 """Default temperature around a motor in K, 40 degrees Celsius as in IEC 60034-1."""
@@ -54,6 +51,11 @@ def size(
     lead_in: float = LEAD_IN,
     ambient: float = AMBIENT,
     life: float | None = None,
+    vary: Mapping[str, Any] | None = None,
+    runs: int | None = None,
+    seed: int = 0,
+    scheduler: Scheduler = None,
+    workers: int | None = None,
     output: str | Path | None = None,
     plots: bool = True,
     report: bool = False,
@@ -74,6 +76,12 @@ def size(
         lead_in: time in s before the start time, in which the joints settle. It does not count.
         ambient: temperature around the motors in K.
         life: time in s for which the cycle is to repeat, for the life of the screw.
+        vary: tolerances, as for `sweep`: start values, entries of data sheets, and `ambient`. Each candidate
+            runs with all combinations of their low and high ends; it holds if it holds in all of them.
+        runs: number of random draws from the tolerances, instead of their ends.
+        seed: seed of the draws.
+        scheduler: address or client of a Dask scheduler for these runs. Default: this machine.
+        workers: number of processes on this machine. Default: one for each core.
         output: folder for results.
         plots: draw plots into the folder.
         report: write a page, size.html, into the folder.
@@ -94,30 +102,34 @@ def size(
         >>> joint.holds, joint.limits[0].name
         (True, 'motor speed')
     """
-    told = _NotesOnce(progress or Progress())
     _check(cycle, lead_in, ambient, life)
+    variation = Variation.of(vary or {}, runs, seed)
     varied = {joint: _label_sheets(joint, sheets) for joint, sheets in (candidates or {}).items()}
-    folder = None
-    if output is not None:
-        place = convert_value(output, Path, "the output folder")
-        folder = SizeFolder(place, bool(options.get("overwrite", False)), plots, report)
-    task = _Task(source, cycle, lead_in, Requirements(ambient, life), folder, told)
-    with nullcontext() if folder is None else folder.alone():
-        if varied:
-            name = Path(str(source)).stem if isinstance(source, (str, Path)) else "system"
-            found = list(_size_candidates(varied, options, task))
-        else:
-            scenario = load(source, **options)
-            name = scenario.name
-            try:
-                found = [Candidate(name, _size_scenario(scenario, task))]
-            except RunError as error:
-                if (overload := _describe_overload(error)) is None:
-                    raise
-                found = [Candidate(name, {}, overload)]
-        result = SizeResult(name, found, list(varied), ambient, life)
-        if folder is not None:
-            folder.keep(result)
+    session = Session(
+        OUTPUTS,
+        output=output,
+        overwrite=bool(options.get("overwrite", False)),
+        plots=plots,
+        report=report,
+        scheduler=scheduler,
+        workers=workers,
+        progress=progress,
+    )
+    task = _Task(
+        source, options, varied, cycle, lead_in, Requirements(ambient, life), variation, session, plots
+    )
+    with session.alone():
+        rows = list(_plan_rows(task)) if varied else [_Row("", None, {})]
+        sized = {key: _run(dict(key), task) for key in dict.fromkeys(row.key for row in rows if row.can_run)}
+        sized |= run_draws(session, {key: x for key, x in sized.items() if isinstance(x, SizedRun)})
+        name = Path(str(source)).stem if isinstance(source, (str, Path)) else "system"
+        if not varied:
+            (run,) = sized.values()
+            name = name if isinstance(run, RunError) else run.name
+        result = SizeResult(
+            name, list(_list_candidates(rows, sized, name)), list(varied), ambient, life, lead_in
+        )
+        session.keep(result)
     return result
 
 
@@ -134,15 +146,12 @@ _Sheet = str | Path | Actuator
 
 def _label_sheets(joint: str, sheets: Sequence[_Sheet]) -> dict[str, _Sheet]:
     """Return the data sheets of a joint's candidates by label."""
-    found: dict[str, _Sheet] = {}
-    for sheet in sheets:
-        label = sheet.title if isinstance(sheet, Actuator) else str(sheet)
-        if label in found:
-            raise CommandError(f"'{label}' occurs twice among the actuators of {joint}.")
-        found[label] = sheet
-    if not found:
+    labels = [sheet.title if isinstance(sheet, Actuator) else str(sheet) for sheet in sheets]
+    if twice := [label for label in labels if labels.count(label) > 1]:
+        raise CommandError(f"'{twice[0]}' occurs twice among the actuators of {joint}.")
+    if not labels:
         raise CommandError(f"{joint} has no candidates.", joint=joint)
-    return found
+    return dict(zip(labels, sheets, strict=True))
 
 
 @dataclass(frozen=True)
@@ -150,71 +159,85 @@ class _Task:
     """What all candidates have in common; see `size`."""
 
     source: Any
+    options: Mapping[str, Any]
+    varied: Mapping[str, Mapping[str, _Sheet]]
     cycle: float | None
     lead_in: float
     needed: Requirements
-    folder: SizeFolder | None
-    progress: Progress
+    variation: Variation | None
+    session: Session[SizeResult]
+    plots: bool
+
+    def load(self, labels: Mapping[str, str], more: Mapping[str, Any] = MappingProxyType({})) -> Scenario:
+        """Load the scenario with these candidates by joint, and with further options."""
+        sheets = {joint: self.varied[joint][label] for joint, label in labels.items()}
+        return load(
+            self.source, **merge_options([self.options, {"actuator": sheets} if sheets else {}, more])
+        )
 
 
-def _size_candidates(
-    varied: Mapping[str, Mapping[str, _Sheet]], options: Mapping[str, Any], task: _Task
-) -> Iterator[Candidate]:
-    """Yield the candidates of each joint; one that cannot be run has a problem.
+@dataclass(frozen=True)
+class _Row:
+    """A candidate of a joint: what is wrong with it, or the candidates of all joints in its run."""
+
+    label: str
+    joint: str | None
+    labels: Mapping[str, str]
+    problem: str | None = None
+
+    @property
+    def can_run(self) -> bool:
+        return self.problem is None
+
+    @property
+    def key(self) -> tuple[tuple[str, str], ...]:
+        return tuple(self.labels.items())
+
+
+def _plan_rows(task: _Task) -> Iterator[_Row]:
+    """Yield the candidates of each joint.
 
     In the run of a candidate, other joints have their first candidate that can be loaded.
     """
     problems = {
-        joint: {label: _find_problem({joint: sheet}, options, task) for label, sheet in sheets.items()}
-        for joint, sheets in varied.items()
+        joint: {label: _find_problem({joint: label}, task) for label in sheets}
+        for joint, sheets in task.varied.items()
     }
-    usable = {
-        joint: [label for label, problem in found.items() if problem is None]
-        for joint, found in problems.items()
-    }
+    usable = {joint: [label for label, x in found.items() if x is None] for joint, found in problems.items()}
     first = {joint: labels[0] for joint, labels in usable.items() if labels}
-    runs: dict[tuple[tuple[str, str], ...], dict[str, JointSizing] | RunError] = {}
+    for joint, found in problems.items():
+        for label, problem in found.items():
+            yield _Row(label, joint, {**first, joint: label}, problem)
+
+
+def _list_candidates(
+    rows: Sequence[_Row], sized: Mapping[tuple[tuple[str, str], ...], SizedRun | RunError], name: str
+) -> Iterator[Candidate]:
+    """Yield all rows with their results, then joints without candidates."""
     others: dict[str, JointSizing] = {}
-    for joint, sheets in varied.items():
-        for label in sheets:
-            if (problem := problems[joint][label]) is not None:
-                yield Candidate(label, {}, problem, joint)
-                continue
-            chosen = {**first, joint: label}
-            key = tuple(chosen.items())
-            if key not in runs:
-                actuators = {name: varied[name][one] for name, one in chosen.items()}
-                runs[key] = _try_run(actuators, options, task)
-            result = runs[key]
-            if isinstance(result, RunError):
-                yield Candidate(label, {}, _describe_overload(result) or str(result), joint)
-            elif joint not in result:
-                raise CommandError(f"there is no sizing of a joint '{joint}'.", joint=joint)
-            else:
-                yield Candidate(label, {joint: result[joint]}, None, joint)
-                others = {**result, **others}
+    joints = {row.joint for row in rows}
+    for row in rows:
+        label, run = row.label or name, sized.get(row.key)
+        if run is None or not row.can_run:
+            yield Candidate(label, {}, row.problem, row.joint)
+        elif isinstance(run, RunError):
+            yield Candidate(label, {}, describe_overload(run.fields.get("result")) or str(run), row.joint)
+        elif row.joint is None:
+            yield Candidate(label, run.joints)
+        elif row.joint not in run.joints:
+            raise CommandError(f"there is no sizing of a joint '{row.joint}'.", joint=row.joint)
+        else:
+            yield Candidate(label, {row.joint: run.joints[row.joint]}, None, row.joint)
+            others = {**run.joints, **others}
     for joint, sizing in others.items():
-        if joint not in varied:
+        if joint not in joints:
             yield Candidate(sizing.actuator, {joint: sizing}, None, joint)
 
 
-def _describe_overload(error: RunError) -> str | None:
-    """Return which joints had a load that their motors cannot hold before a run failed; None without one."""
-    result = error.fields.get("result")
-    joints = {} if result is None else result.metrics.get("joints", {})
-    tripped = [str(one["reason"]) for one in joints.values() if (one["trip"] or {}).get("cause")]
-    return " ".join(tripped) or None
-
-
-def _load_with(actuators: Mapping[str, _Sheet], options: Mapping[str, Any], task: _Task) -> Scenario:
-    given: dict[str, Any] = {**options, "actuator": {**options.get("actuator", {}), **actuators}}
-    return load(task.source, **given)
-
-
-def _find_problem(actuators: Mapping[str, _Sheet], options: Mapping[str, Any], task: _Task) -> str | None:
+def _find_problem(labels: Mapping[str, str], task: _Task) -> str | None:
     """Return what is wrong with a data sheet, or what its actuator cannot do at all."""
     try:
-        _load_with(actuators, options, task)
+        task.load(labels)
     except CommandError as error:
         if "problems" not in error.fields:
             raise  # not a fault of the data sheet
@@ -222,23 +245,26 @@ def _find_problem(actuators: Mapping[str, _Sheet], options: Mapping[str, Any], t
     return None
 
 
-def _try_run(
-    actuators: Mapping[str, _Sheet], options: Mapping[str, Any], task: _Task
-) -> dict[str, JointSizing] | RunError:
-    """Return the joints of a run, or why the run failed."""
+def _run(labels: Mapping[str, str], task: _Task) -> SizedRun | RunError:
+    """Return the joints of a run, or why the run of a candidate failed."""
+    scenario = task.load(labels)
     try:
-        return _size_scenario(_load_with(actuators, options, task), task)
+        return _size_scenario(scenario, lambda more: task.load(labels, more), task)
     except RunError as error:
+        if not labels and describe_overload(error.fields.get("result")) is None:
+            raise
         return error
 
 
-def _size_scenario(scenario: Scenario, task: _Task) -> dict[str, JointSizing]:
+def _size_scenario(
+    scenario: Scenario, reload: Callable[[Mapping[str, Any]], Scenario], task: _Task
+) -> SizedRun:
     """Run a scenario and return its joints."""
     check_no_condition(scenario.options.stop_when, "size")
-    if task.folder is not None:
-        task.folder.check_unread([scenario.options.files_read()])
+    session = task.session
+    session.check_unread([scenario.options.files_read()])
     times, roles = run_times(scenario.options, scenario.name), scenario.options.roles
-    wanted = [*dict.fromkeys((*list_role_patterns(*SIGNALS), *roles.values()))]
+    patterns = [*dict.fromkeys((*list_role_patterns(*SIGNALS), *roles.values()))]
     whole = times.stop - times.start
     length = whole if task.cycle is None else task.cycle
     if length > whole * (1.0 + 1e-9):
@@ -247,36 +273,43 @@ def _size_scenario(scenario: Scenario, task: _Task) -> dict[str, JointSizing]:
     given: dict[str, Any] = {"output_interval": interval}
     if task.lead_in:
         given["start_time"] = times.start - task.lead_in
-    with scenario.prepare(task.progress, **given) as simulation:
+    chosen = scenario.with_options(given)
+    drawn = None if task.variation is None else task.variation.draw(chosen, session.progress)
+    with chosen.prepare(session.progress) as simulation:
         for remark in describe_disabled_event_mode(simulation.system):
-            task.progress.note(f"Note: {remark}")
-        known = simulation.select_signals([])
-        kept = [name for name in known if any(matches_pattern(name, pattern) for pattern in wanted)]
-        joints = list_joints(kept, roles)
+            session.progress.note(f"Note: {remark}")
+        names = simulation.select_signals([])
+        signals = [name for name in names if any(matches_pattern(name, pattern) for pattern in patterns)]
+        joints = list_joints(signals, roles)
         if not joints:
             raise CommandError(
                 f"'{scenario.name}' has no joint with position, speed, torque, currents, power and load; see "
                 "--role."
             )
-        if task.folder is not None:
-            task.folder.check_pictures(joints)
-        own = {
+        if session.folder is not None and task.plots:
+            session.folder.check_files(name for joint in joints for name in name_pictures(joint))
+        lengths = {
             joint: _cycle_length(scenario, joint, whole) if task.cycle is None else length for joint in joints
         }
-        table = _LastRows(times.stop - max(own.values()))
-        result = simulation.run(recorders=[table], signals=kept)
+        table = _LastRows(times.stop - max(lengths.values()))
+        result = simulation.run(recorders=[table], signals=signals)
         if result.early_end is not None:  # of an FMU; conditions were refused before
             raise RunError(f"{result.early_end.rstrip('.')}, but emla size needs the whole run.")
-    chosen = scenario.options.criteria
-    criteria = criteria_of(
-        joints, {key: chosen[key] for key in chosen if key.rpartition(".")[0] in (*joints, ALL_JOINTS)}
-    )
-    sizings = {}
-    for joint in joints:
-        sheet = find_data_sheet(scenario, task.source, joint)
-        start = times.stop - own[joint]
-        sizings[joint] = _size_joint(result, joint, sheet, criteria[joint], start, times.stop, task.needed)
-    return {
+    criteria = {
+        key: value
+        for key, value in scenario.options.criteria.items()
+        if key.rpartition(".")[0] in (*joints, ALL_JOINTS)
+    }
+    by_joint = criteria_of(joints, criteria)
+    tasks = {
+        joint: JointTask(
+            find_data_sheet(scenario, task.source, joint), by_joint[joint], times.stop - lengths[joint]
+        )
+        for joint in joints
+    }
+    examination = Examination(tasks, times.stop, task.needed)
+    sizings = examination.size(result)
+    sizings = {
         joint: replace(
             sizing,
             remarks=(
@@ -287,35 +320,13 @@ def _size_scenario(scenario: Scenario, task: _Task) -> dict[str, JointSizing]:
         for joint, sizing in sizings.items()
     }
 
+    def change(more: Mapping[str, Any]) -> tuple[Scenario, Examination]:
+        changed = reload(more)
+        sheets = {joint: find_data_sheet(changed, task.source, joint) for joint in joints}
+        changed_tasks = {joint: replace(one, sheet=sheets[joint]) for joint, one in tasks.items()}
+        return changed.with_options(given), replace(examination, tasks=changed_tasks)
 
-class _NotesOnce(Progress):
-    """Passes progress on, and each note once: those of all candidates are alike."""
-
-    def __init__(self, progress: Progress) -> None:
-        self._progress = progress
-        self._noted: set[str] = set()
-
-    def begin(self, task: str, total: int, unit: str = "") -> None:
-        """Begin a task."""
-        self._progress.begin(task, total, unit)
-
-    def advance(self, count: int) -> None:
-        """Count further units as done."""
-        self._progress.advance(count)
-
-    def finish(self) -> None:
-        """End the task."""
-        self._progress.finish()
-
-    def report_replacement(self, fit: CompatibilityReport) -> None:
-        """Report how the FMU of a replacement fits."""
-        self._progress.report_replacement(fit)
-
-    def note(self, sentence: str) -> None:
-        """Report a note or warning, unless it was reported before."""
-        if sentence not in self._noted:
-            self._noted.add(sentence)
-            self._progress.note(sentence)
+    return SizedRun(sizings, scenario.name, examination, signals, change, drawn)
 
 
 class _LastRows(TimeSeries):
@@ -333,48 +344,3 @@ def _cycle_length(scenario: Scenario, joint: str, whole: float) -> float:
     """Return the length in s of a joint's cycle, from that of the run."""
     period = get_number(scenario.system, scenario.options, f"{joint}.reference", "period")
     return period if period and period <= whole else whole
-
-
-def _size_joint(
-    result: Result,
-    joint: str,
-    sheet: Actuator,
-    criteria: Criteria,
-    start: float,
-    stop: float,
-    needed: Requirements,
-) -> JointSizing:
-    values, plant = sheet.values, find_plant(joint, result.parameters, sheet.emla)
-    cycle = read_cycle(result, plant, start, stop)
-    verdict = result.metrics.get("joints", {}).get(joint, {"held": True})
-    trip = verdict.get("trip") or {}
-    reason = None if verdict.get("held") else str(verdict.get("reason"))
-    is_hot = trip.get("what") == WINDING_TEMPERATURE and not verdict.get("oscillation")
-    if is_hot and np.abs(cycle.error).max() <= criteria.position_window:
-        reason = None  # it follows its motion; that it is too hot is said by its limits
-    overloaded = reason is not None and bool(trip.get("cause"))
-    required = reason is not None and cycle.has_required
-    if required:
-        cycle = follow_reference(cycle, plant, result)
-    winding, rise = find_winding(plant, values, criteria.over_temperature), None
-    if isinstance(winding, Winding):
-        rise = winding.rise(cycle)
-        cycle = warm_up(cycle, plant, rise)
-    figures = compute_figures(cycle, values, link_capacity(values), winding, rise)
-    examined = list(examine(cycle, values, figures, needed, winding))
-    limits = [one for one in examined if isinstance(one, Utilisation)]
-    return JointSizing(
-        joint,
-        sheet.title or (sheet.file.name if sheet.file else "its own actuator"),
-        values,
-        cycle,
-        figures,
-        sorted(limits, key=lambda one: -one.fraction),
-        [one for one in examined if isinstance(one, Unexamined)],
-        describe_losses(cycle, plant),
-        winding,
-        rise,
-        required,
-        reason,
-        overloaded,
-    )

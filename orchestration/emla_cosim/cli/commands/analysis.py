@@ -13,7 +13,7 @@ def show_result(outputs: Outputs[Any], result: Any, folder: Path) -> None:
     """Show the report of a result, then its files in a folder."""
     show_report(outputs.report(result))
     files = (outputs.record_name, *outputs.tables, *outputs.folders)
-    possible = [*files, *outputs.pictures, outputs.page_name]
+    possible = [*files, *outputs.pictures, *outputs.list_pictures(result), outputs.page_name]
     names = [name for name in dict.fromkeys(possible) if (folder / name).exists()]
     print_line(f"Wrote {folder}/: {', '.join(names)}")
 

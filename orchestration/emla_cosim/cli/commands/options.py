@@ -1,7 +1,9 @@
 """Arguments and options that several commands declare: fields of their `Parameters`."""
 
+from collections.abc import Sequence
 from functools import partial
 
+from ...base.errors import CommandError
 from ...base.option import OUTPUT, RUNS, argument, option, switch
 
 SOURCE = (
@@ -28,3 +30,18 @@ scheduler = partial(
 workers = partial(option, help="Number of processes on this machine. Default: one per core.", group=RUNS)
 
 report = partial(switch, "Write a page with all results into the output folder.", OUTPUT)
+
+
+def read_factors(texts: Sequence[str]) -> dict[str, str]:
+    """Return the factors with their values. Raise CommandError for texts that are none."""
+    from ...analyses.variants.distributions import FORMS  # slow to import
+
+    factors = dict[str, str]()
+    for text in texts:
+        name, equals, values = (part.strip() for part in text.partition("="))
+        if not (name and equals and values):
+            raise CommandError(f"--vary {text} has no name or no values; write --vary NAME={FORMS}.")
+        if name in factors:
+            raise CommandError(f"--vary names {name} twice.")
+        factors[name] = values
+    return factors

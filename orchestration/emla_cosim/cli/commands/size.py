@@ -6,17 +6,17 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from ...analyses.size.folder import CYCLES, PAGE, RECORD, TABLE
-from ...analyses.size.pictures import list_pictures
+from ...analyses.size.draws import MOST_CORNERS
+from ...analyses.size.report import OUTPUTS
 from ...analyses.size.runner import AMBIENT, LEAD_IN, size
-from ...analyses.size.summary import format_lines, format_tables
+from ...analyses.variants.distributions import FORMS
 from ...base.errors import CommandError, RunError, join_names
-from ...base.option import OUTPUT, SIZE, option, switch
+from ...base.option import OUTPUT, SIZE, option
 from ...base.quantities import read_quantity
 from ...views.output_folder import results_folder
 from ...views.progress_bars import BarProgress
-from ...views.terminal import print_line, show
-from .options import scenario
+from .analysis import show_result
+from .options import read_factors, report, scenario, scheduler, workers
 
 OPTIONS = SIZE
 
@@ -25,9 +25,11 @@ EXAMPLES = (
     "emla size prototype --actuator prototype=a.toml,b.toml,c.toml --life 20000h --report",
     "emla size study --actuator lift=a.toml,b.toml --actuator tilt=c.toml,d.toml",
     "emla size mine.toml --cycle 4s --ambient 95degF",
+    "emla size study-drive --vary 'lift.disturbance.load.level[1]=±10%' --vary ambient=20degC:45degC",
 )
 
 _what = partial(option, group="What is required")
+_varies = partial(option, group="What varies")
 
 
 @dataclass(frozen=True)
@@ -56,26 +58,35 @@ class Parameters:
         # it needs a unit: people think of it in hours, and other times are in seconds
         parse=lambda text: read_quantity(text, "--life", "s", readings=("h", "s")),
     )
+    vary: Mapping[str, str] = _varies(
+        {},
+        help=f"Tolerance of a start value, of an entry of a data sheet, or of 'ambient', as {FORMS} "
+        "(repeatable). Each candidate runs with all combinations of the ends; it has to hold in all.",
+        metavar="NAME=LOW:HIGH",
+        parse=read_factors,
+    )
+    runs: int | None = _varies(
+        help=f"Number of random draws from the tolerances. Default: their ends, at most {MOST_CORNERS} "
+        "combinations."
+    )
+    seed: int = _varies(0, help="Seed of the random draws.")
+    scheduler: str | None = scheduler()
+    workers: int | None = workers()
     output: Path | None = option(help="Output folder. Default: results/size-SCENARIO.", group=OUTPUT)
     plots: bool = option(True, help="Draw plots of each joint.", group=OUTPUT)
-    report: bool = switch("Write a page with all results, size.html.", OUTPUT)
+    report: bool = report()
 
 
 def command(chosen: Parameters, given: dict[str, Any]) -> None:
     """Examine whether actuators do the job of a scenario."""
-    place = chosen.output or results_folder(f"size-{Path(chosen.scenario).stem}")
+    folder = chosen.output or results_folder(f"size-{Path(chosen.scenario).stem}")
     actuators, candidates = _split_candidates(given.pop("actuator", None) or {})
     if actuators:
         given["actuator"] = actuators
-    given |= vars(chosen) | {"output": place}
+    given |= vars(chosen) | {"output": folder}
     with BarProgress() as progress:
         result = size(given.pop("scenario"), candidates=candidates, progress=progress, **given)
-    for table in format_tables(result):
-        show(table)
-    files = [RECORD, TABLE, CYCLES, *(list_pictures(result) if chosen.plots else [])]
-    files += [PAGE] if chosen.report else []
-    for line in (*format_lines(result), f"Wrote {place}/: {', '.join(files)}"):
-        print_line(line)
+    show_result(OUTPUTS, result, folder)
     if unjudged := result.unjudged:
         names = join_names(dict.fromkeys(one.joint for one in unjudged))
         raise RunError(f"no verdict on {names}: see above why.")

@@ -12,12 +12,12 @@ from ...analyses.sweep.runner import sweep
 from ...analyses.variants.data import DONE, STATUS
 from ...analyses.variants.distributions import FORMS
 from ...analyses.variants.sampling import SAMPLINGS
-from ...base.errors import CommandError, CosimError
+from ...base.errors import CosimError
 from ...base.option import OUTPUT, RUNS, SWEEP, option, switch
 from ...views.output_folder import results_folder
 from ...views.progress_bars import BarProgress
 from .analysis import show_result
-from .options import plan, report, scheduler, workers
+from .options import plan, read_factors, report, scheduler, workers
 
 OPTIONS = SWEEP
 
@@ -26,19 +26,6 @@ EXAMPLES = (
     "emla sweep lift --vary lift.plant.motor.R_s=80%:120% --runs 200 --seed 1",
     "emla sweep study-robustness --output results/robust",
 )
-
-
-def _read_factors(texts: Sequence[str]) -> dict[str, str]:
-    """Return the factors with their values. Raise CommandError for texts that are none."""
-    factors = dict[str, str]()
-    for text in texts:
-        name, equals, values = (part.strip() for part in text.partition("="))
-        if not (name and equals and values):
-            raise CommandError(f"--vary {text} has no name or no values; write --vary NAME={FORMS}.")
-        if name in factors:
-            raise CommandError(f"--vary names {name} twice.")
-        factors[name] = values
-    return factors
 
 
 _varies = partial(option, group="What varies")
@@ -53,7 +40,7 @@ class Parameters:
         {},
         help=f"Factor and its values, as {FORMS}; * in the name matches several (repeatable).",
         metavar="NAME=VALUES",
-        parse=_read_factors,
+        parse=read_factors,
     )
     runs: int | None = _varies(help="Number of variants to draw. Default: all points of a grid.")
     sampling: str | None = _varies(

@@ -1,0 +1,270 @@
+"""Run a sizing with values at the ends of their tolerances, or drawn from them."""
+
+import json
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from ...base.errors import CommandError, RunError
+from ...base.progress import Progress
+from ...base.quantities import read_quantity
+from ...run.result import Result
+from ...run.scenarios.scenario import Scenario
+from ...system.model import Value
+from ..execution.worker_payload import Preparation
+from ..frame.session import Job, Session
+from ..variants.data import VariantOutcome
+from ..variants.distributions import parse_distribution
+from ..variants.factors import Factor, resolve_factors
+from ..variants.kinds import Distribution, ValueList
+from ..variants.measures import Measures
+from ..variants.sampling import sample
+from ..variants.targets import ACTUATOR, OPTION, Target, changed_in_run, merge_options
+from .joints import Examination, describe_overload
+from .limits import Utilisation, examine_heat
+from .result import JointSizing, SizeResult
+from .tolerances import AMBIENT, Draw, Tolerances
+
+MOST_CORNERS = 64
+"""Most combinations of ends."""
+
+_WHERE = "the tolerances"
+_PROBLEM = ""
+"""Key of the reason why a run has no joints."""
+
+
+@dataclass(frozen=True)
+class Variation:
+    """What varies: distributions by name, the number of random draws (None for the ends), and their seed."""
+
+    vary: Mapping[str, Any]
+    runs: int | None
+    seed: int
+
+    @classmethod
+    def of(cls, vary: Mapping[str, Any], runs: int | None, seed: int) -> "Variation | None":
+        """Return the variation; None if nothing varies. Raise CommandError for runs without anything."""
+        if not vary and runs is not None:
+            raise CommandError("runs are drawn from tolerances; add 'vary' (--vary NAME=LOW:HIGH).")
+        return cls(vary, runs, seed) if vary else None
+
+    def draw(self, scenario: Scenario, progress: Progress) -> "Drawn":
+        """Prepare a scenario and return the draws.
+
+        Raises:
+            CommandError: A name or a value does not fit, or there are too many combinations.
+            RunError: An FMU cannot be built.
+        """
+        preparation = Preparation.of(scenario, progress)
+        inner = {name: given for name, given in self.vary.items() if name != AMBIENT}
+        factors = resolve_factors(inner, preparation.system, preparation.interfaces, _WHERE)
+        for target in (target for factor in factors for target in factor.targets):
+            if target.kind in (OPTION, ACTUATOR) or target.name.endswith(".reference.period"):
+                raise CommandError(
+                    f"{target.name} is not a tolerance; vary start values, entries of data sheets, or "
+                    f"{AMBIENT}. Several actuators are candidates, and the cycle is the same in all draws.",
+                    name=target.name,
+                )
+        if AMBIENT in self.vary:
+            factors.append(Factor(AMBIENT, [Target(AMBIENT)], _read_ambient(self.vary[AMBIENT]), "K"))
+        distributions = [factor.distribution for factor in factors]
+        if self.runs is None:
+            columns = sample("grid", self._corners(distributions), None, 0)
+        else:
+            columns = sample("random", distributions, self.runs, self.seed)
+        draws = list[tuple[Mapping[str, Value], Mapping[str, Any]]]()
+        for row in zip(*columns, strict=True):
+            drawn = {factor.name: factor.value(one) for factor, one in zip(factors, row, strict=True)}
+            options = merge_options(f.options(drawn[f.name]) for f in factors if f.name != AMBIENT)
+            draws.append(({name: value for name, value in drawn.items() if value is not None}, options))
+        units = {factor.name: factor.unit for factor in factors}
+        return Drawn(preparation, draws, Tolerances(units, self.runs is not None, self.seed, ()))
+
+    @staticmethod
+    def _corners(distributions: Sequence[Distribution]) -> list[Distribution]:
+        """Return for each distribution a list of its ends; all values of a list of values."""
+        lists = [
+            d if isinstance(d, ValueList) else ValueList(list(dict.fromkeys(d.ends)), relative=d.relative)
+            for d in distributions
+        ]
+        if (count := math.prod(len(values.values) for values in lists)) > MOST_CORNERS:
+            raise CommandError(
+                f"{_WHERE} have {count} combinations of their ends; the most are {MOST_CORNERS}. Set runs "
+                "(--runs) for random draws, or vary less."
+            )
+        return [*lists]
+
+
+def _read_ambient(given: Any) -> Distribution:
+    """Read the range of the ambient temperature, in K or with units."""
+    label = f"'{AMBIENT}' of {_WHERE}"
+
+    with_units = list[str]()
+
+    def convert(text: str) -> float:
+        with_units.append(text)
+        return read_quantity(text, label, "K", readings=("degC", "degF", "K"))
+
+    distribution = parse_distribution(given, label, convert)
+    if distribution.relative or (isinstance(given, str) and not with_units):
+        raise CommandError(
+            f"{label} is '{given}'; write temperatures with their unit, such as 20degC:45degC."
+        )
+    if min(map(float, distribution.ends)) <= 0.0:
+        raise CommandError(f"{label} is '{given}'; temperatures must be above 0 K.")
+    return distribution
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A prepared scenario, its draws with values by name and their options, and an empty study of them."""
+
+    preparation: Preparation
+    draws: Sequence[tuple[Mapping[str, Value], Mapping[str, Any]]]
+    study: Tolerances
+
+
+@dataclass(frozen=True)
+class SizedRun:
+    """The joints of a run, and what is needed to repeat it with other values.
+
+    Attributes:
+        joints: Sizings by joint.
+        name: Name of the scenario.
+        examination: What was examined.
+        signals: Names of the recorded signals.
+        change: Returns the scenario and what to examine with further options, of how the system is made.
+        drawn: Its draws; None if nothing varies.
+    """
+
+    joints: Mapping[str, JointSizing]
+    name: str
+    examination: Examination
+    signals: Sequence[str]
+    change: Callable[[Mapping[str, Any]], tuple[Scenario, Examination]]
+    drawn: Drawn | None
+
+
+@dataclass(frozen=True)
+class SizingMeasures(Measures):
+    """The sizings of all joints, without their cycles, which would be too large to send.
+
+    Attributes:
+        examinations: What to examine, by the name of the prepared scenario.
+    """
+
+    examinations: Mapping[str, Examination] = field(default_factory=dict)
+
+    def reading(self, names: Sequence[str]) -> Sequence[str]:
+        """Return the signals to record: those of the joints."""
+        return [name for name in names if name in self.read]
+
+    def of(self, result: Result) -> dict[str, Any]:
+        """Return the sizings by joint; the load that is too large if the run failed."""
+        examination = self.examinations[result.name]
+        if result.end_s < examination.stop - 1e-9:
+            return {_PROBLEM: describe_overload(result)}
+        sizings = examination.size(result)
+        return {joint: (one.reason, one.limits, one.figures, one.winding) for joint, one in sizings.items()}
+
+
+class _Jobs:
+    """Different runs of prepared scenarios, and what to examine in them."""
+
+    def __init__(self) -> None:
+        self._preparations = list[Preparation]()
+        self._examinations = dict[str, Examination]()
+        self._signals = set[str]()
+        self._groups = dict[str, int | CommandError]()
+        self._jobs = dict[str, Job]()
+        self._outcomes = dict[str, VariantOutcome]()
+
+    def add(self, run: SizedRun, base: Preparation, options: Mapping[str, Any]) -> str | CommandError:
+        """Add a run with further options; return its key, or why the scenario cannot have them."""
+        in_run = changed_in_run(options)
+        made = {name: value for name, value in options.items() if name not in in_run}
+        key = _to_key(id(run), made)
+        if key not in self._groups:
+            try:
+                self._groups[key] = self._prepare(run, base, made)
+            except CommandError as error:
+                self._groups[key] = error
+        group = self._groups[key]
+        if isinstance(group, CommandError):
+            return group
+        key = _to_key(group, in_run)
+        self._jobs[key] = Job(in_run, group)
+        return key
+
+    def _prepare(self, run: SizedRun, base: Preparation, made: Mapping[str, Any]) -> int:
+        """Return the position of the scenario with these options of how the system is made."""
+        preparation, examination = base, run.examination
+        if made:
+            scenario, examination = run.change(made)
+            preparation = Preparation.of(scenario)
+        name = f"{run.name}, {len(self._preparations)}"  # tells the measures what to examine
+        self._preparations.append(replace(preparation, name=name))
+        self._examinations[name] = examination
+        self._signals.update(run.signals)
+        return len(self._preparations) - 1
+
+    def run(self, session: Session[SizeResult]) -> None:
+        """Run all jobs. Raises RunError if the workers are lost or the user interrupts."""
+        if not self._jobs:
+            return
+        measures = SizingMeasures(read=sorted(self._signals), examinations=self._examinations)
+        jobs, progress = list(self._jobs.values()), session.progress
+        progress.begin("tolerances", len(jobs), "runs")
+        with session.open_runs(self._preparations) as runs:
+            outcomes = runs.run(jobs, measures, lambda chunk: progress.advance(len(chunk.outcomes)))
+        if not outcomes.complete:
+            raise RunError(f"interrupted after {len(outcomes.by_job)} of {len(jobs)} runs.")
+        self._outcomes = {key: outcomes.by_job[position] for position, key in enumerate(self._jobs)}
+
+    def judge(self, joint: str, values: Mapping[str, Value], key: str | CommandError) -> Draw:
+        """Return what became of a joint in a draw."""
+        if isinstance(key, CommandError):
+            return Draw(values, (), str(key))
+        outcome = self._outcomes[key]
+        if not outcome.complete or joint not in outcome.figures:
+            return Draw(values, (), outcome.figures.get(_PROBLEM) or outcome.problem or "the run failed")
+        limits: list[Utilisation]
+        reason, limits, figures, winding = outcome.figures[joint]
+        if AMBIENT in values:
+            name = self._preparations[self._jobs[key].group].name
+            entries = self._examinations[name].tasks[joint].sheet.values
+            heat = examine_heat(entries, figures, float(values[AMBIENT]), winding)
+            by_name = {one.name: one for one in heat if isinstance(one, Utilisation)}
+            limits = [by_name.get(one.name, one) for one in limits]
+        return Draw(values, limits, reason)
+
+
+def _to_key(group: int, options: Mapping[str, Any]) -> str:
+    return json.dumps((group, options), sort_keys=True, default=str)
+
+
+def run_draws(session: Session[SizeResult], sized: Mapping[Any, SizedRun]) -> dict[Any, SizedRun]:
+    """Run all draws of runs, and return the runs with what became of each joint.
+
+    Raises:
+        CommandError: No draw can be loaded, because of an entry of a data sheet.
+        RunError: The workers are lost, or the user interrupts.
+    """
+    jobs, found = _Jobs(), dict[Any, SizedRun]()
+    drawn = {name: (run, run.drawn) for name, run in sized.items() if run.drawn is not None}
+    keys = dict[Any, list[str | CommandError]]()
+    for name, (run, one) in drawn.items():
+        keys[name] = [jobs.add(run, one.preparation, options) for _, options in one.draws]
+        errors = [key for key in keys[name] if isinstance(key, CommandError)]
+        if len(errors) == len(keys[name]):
+            raise errors[0]  # such as an entry that does not exist
+    jobs.run(session)
+    for name, (run, one) in drawn.items():
+        values = [values for values, _ in one.draws]
+        joints = dict[str, JointSizing]()
+        for joint, sizing in run.joints.items():
+            draws = [jobs.judge(joint, *draw) for draw in zip(values, keys[name], strict=True)]
+            joints[joint] = replace(sizing, tolerances=replace(one.study, draws=draws))
+        found[name] = replace(run, joints=joints)
+    return found

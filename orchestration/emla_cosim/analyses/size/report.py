@@ -1,0 +1,301 @@
+"""What a sizing writes and shows: figures, limits, tolerances and verdicts, with plots of all candidates."""
+
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from ...study.actuator.entries import ROOT_2, TURN
+from ..frame.outputs import Outputs
+from ..frame.report import Report, ReportTable, Section, Text
+from .limits import Utilisation, format_percent, format_value
+from .pictures import draw_limits, draw_motion, draw_motor
+from .result import Candidate, JointSizing, SizeResult
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_RMS, _RPM = 1.0 / ROOT_2, 60.0 / TURN
+_FIGURES = (
+    ("cycle", "cycle_s", 1.0, "s"),
+    ("torque, peak", "torque_peak_N_m", 1.0, "N m"),
+    ("torque that the motion requires, peak", "required_torque_peak_N_m", 1.0, "N m"),
+    ("torque, rms", "torque_rms_N_m", 1.0, "N m"),
+    ("current, peak", "current_peak_A", _RMS, "A rms"),
+    ("current, rms over the cycle", "current_rms_A", _RMS, "A rms"),
+    ("axial force, peak", "force_peak_N", 1e-3, "kN"),
+    ("axial force, rms", "force_rms_N", 1e-3, "kN"),
+    ("axial force, cubic mean over the travel", "force_mean_N", 1e-3, "kN"),
+    ("speed, peak", "speed_peak_m_s", 1e3, "mm/s"),
+    ("speed, mean", "speed_mean_m_s", 1e3, "mm/s"),
+    ("motor speed, peak", "motor_speed_peak_rad_s", _RPM, "rpm"),
+    ("mechanical power of the motor, peak", "mechanical_power_peak_W", 1.0, "W"),
+    ("electrical power, peak", "electrical_power_peak_W", 1.0, "W"),
+    ("electrical power, mean", "electrical_power_mean_W", 1.0, "W"),
+    ("regenerated power, peak", "regenerated_power_peak_W", 1.0, "W"),
+    ("energy into the motor, per cycle", "energy_in_J", 1.0, "J"),
+    ("energy regenerated, per cycle", "energy_regenerated_J", 1.0, "J"),
+    ("energy into the load, per cycle", "energy_load_J", 1.0, "J"),
+    ("loss in the motor, per cycle", "energy_motor_loss_J", 1.0, "J"),
+    ("energy of the brake resistor, per cycle", "energy_brake_J", 1.0, "J"),
+    ("brake resistor, peak", "brake_power_peak_W", 1.0, "W"),
+    ("brake resistor, mean", "brake_power_mean_W", 1.0, "W"),
+    ("winding temperature rise, peak when warm", "temperature_rise_peak_K", 1.0, "K"),
+    ("winding temperature rise, mean when warm", "temperature_rise_mean_K", 1.0, "K"),
+    ("cycles from cold to 95 % of the rise", "cycles_until_warm", 1.0, ""),
+    ("time from cold until the winding trips", "trip_time_s", 1.0, "s"),
+    ("life of the screw L10, turns", "life_turns", 1e-6, "million"),
+    ("life of the screw L10, travel", "life_travel_m", 1e-3, "km"),
+    ("life of the screw L10, time", "life_s", 1.0 / 3600.0, "h"),
+)
+
+
+def _list_figures(sizing: JointSizing) -> list[tuple[str, str, str]]:
+    """Return label, value and unit of the figures that are known."""
+    found = [(label, getattr(sizing.figures, name), factor, unit) for label, name, factor, unit in _FIGURES]
+    return [(label, format_value(factor * v), unit) for label, v, factor, unit in found if v is not None]
+
+
+_ASSUMED = (
+    (("motor.kT",), "motor.K_E", "torque constant of K_E"),
+    (("motor.tau_N",), "motor.i_N", "continuous torque of i_N"),
+    (("motor.tau_R",), "motor.n_max", "the same continuous torque at all speeds"),
+    (("motor.B_m", "screw.B_BS"), "motor.n_max", "no viscous friction"),
+    (("friction.F_C",), "motor.n_max", "Coulomb friction of the scenario"),
+    (("coupling.J_c", "screw.J_BS"), "motor.n_max", "no inertia of coupling and screw"),
+    (("gearbox.ratio",), "motor.n_max", "no gearbox"),
+    (("screw.f_w",), "screw.C_a", "no shocks"),
+)
+"""Entries, and what is assumed if a data sheet has none of them, but the one that follows."""
+
+
+def build_report(result: SizeResult) -> Report:
+    """Return the report of a sizing: of several candidates their table, the rest on the page only."""
+    notes = (f"Note: {text}" for text in _remarks(result))
+    losses = (f"{_label(result, one, x)}: {x.losses.sentence}." for one, x in result.sizings)
+    lines: list[Text | str] = [*_assumptions(result), *notes, *losses]
+    pictures = {
+        joint: {name: text.format(joint) for name, text in zip(name_pictures(joint), _PICTURES, strict=True)}
+        for joint in result.joints
+    }
+    sections = list[Section]()
+    for one, sizing in result.sizings:
+        tables = [_figures(sizing), _limits(sizing), *_tolerances(sizing)]
+        if result.varied:
+            title = f"{sizing.joint}: {one.label}"
+            sections.append(Section(title, [_state(sizing.verdict, sizing.holds)], tables, is_detail=True))
+        else:
+            sections.append(Section(sizing.joint, tables=tables, pictures=pictures[sizing.joint]))
+    if result.varied:
+        shown = {name: text for by_name in pictures.values() for name, text in by_name.items()}
+        tables = [_candidates(result), *_candidate_tolerances(result)]
+        under = [*lines, *_judge_candidates(result)]
+        sections.insert(0, Section("Candidates", tables=tables, pictures=shown, under=under))
+    else:
+        problems = [one.problem for one in result.candidates if one.problem is not None]
+        lines += [_state(f"{result.name} does not hold: {problem}", False) for problem in problems]
+        lines += [_state(sizing.verdict, sizing.holds) for _, sizing in result.sizings]
+        sections.append(Section("Verdict", lines))
+    return Report("Sizing", result.name, list(_facts(result)), sections)
+
+
+def _label(result: SizeResult, one: Candidate, sizing: JointSizing) -> str:
+    return f"{sizing.joint}, {one.label}" if result.varied else sizing.joint
+
+
+def _state(sentence: str, holds: bool | None) -> Text | str:
+    """Return a sentence, marked if it reports a failure."""
+    return sentence if holds else Text(sentence, is_failure=True)
+
+
+def _facts(result: SizeResult) -> Iterator[str]:
+    for joint, sizing in result.joints.items():
+        if joint in result.varied:
+            verdicts = [one.holds for one in result.candidates if one.joint == joint]
+            yield f"{joint}: {verdicts.count(True)} of {len(verdicts)} hold"
+        else:
+            holds = sizing.holds
+            yield f"{joint} {'holds' if holds else 'not judged' if holds is None else 'does not hold'}"
+    yield f"ambient {_ambient(result)}"
+
+
+def _ambient(result: SizeResult) -> str:
+    return f"{format_value(result.ambient - 273.15)} °C"
+
+
+def _assumptions(result: SizeResult) -> Iterator[str]:
+    """Yield what is assumed: surroundings and cycles, then for entries that data sheets lack."""
+    cycles = dict.fromkeys(f"{format_value(x.figures.cycle_s)} s" for _, x in result.sizings)
+    cycle = f", cycle of {' and '.join(cycles)}" if cycles else ""
+    life = "no required life" if result.life is None else f"for {format_value(result.life / 3600.0)} h"
+    lead_in = f"{format_value(result.lead_in)} s lead-in"
+    yield f"Assumed: {_ambient(result)} around the motors{cycle}, {lead_in}, {life}."
+    labels = dict[str, list[str]]()
+    for one, sizing in result.sizings:
+        values = sizing.values
+        missing = [text for names, x, text in _ASSUMED if x in values and values.keys().isdisjoint(names)]
+        if missing:
+            labels.setdefault(", ".join(missing), []).append(one.label if result.varied else sizing.joint)
+    for text, names in labels.items():
+        yield f"Assumed, as the data sheet of {', '.join(names)} has no such entries: {text}."
+
+
+def _judge_candidates(result: SizeResult) -> Iterator[Text | str]:
+    """Yield which candidates fall out, and which hold."""
+    several = len({one.joint for one in result.candidates}) > 1
+    for one in result.candidates:
+        if not one.holds:
+            label = f"{one.joint}, {one.label}" if several else one.label
+            verb = "could not be judged" if one.holds is None else "falls out"
+            yield Text(f"{label} {verb}: {'; '.join(one.reasons)}.", is_failure=True)
+    limits = [limit for _, sizing in result.sizings for limit in sizing.unexamined]
+    unexamined = dict.fromkeys(f"{limit.name} ({limit.missing})" for limit in limits)
+    if unexamined:
+        yield f"Not examined for at least one actuator: {', '.join(unexamined)}."
+    for joint in dict.fromkeys(one.joint for one in result.candidates):
+        labels = [one.label for one in result.candidates if one.joint == joint and one.holds]
+        verdict = (
+            f"{', '.join(labels)} hold{'s' if len(labels) == 1 else ''}." if labels else "No actuator holds."
+        )
+        yield f"{joint}: {verdict}" if several else verdict
+
+
+def _remarks(result: SizeResult) -> list[str]:
+    """Return the remarks, each once, with the candidates that they are about."""
+    labels = dict[str, list[str]]()
+    for one, sizing in result.sizings:
+        for remark in sizing.remarks:
+            labels.setdefault(remark, []).append(one.label)
+    return [f"{', '.join(names)}: {remark}" if result.varied else remark for remark, names in labels.items()]
+
+
+def _figures(sizing: JointSizing) -> ReportTable:
+    rows = _list_figures(sizing)
+    return ReportTable(f"{sizing.joint}, {sizing.actuator}", ("", "value", ""), rows, texts=(0, 2))
+
+
+def _limits(sizing: JointSizing) -> ReportTable:
+    rows = list[list[Text | str]]()
+    for one in sizing.limits:
+        used, limit = format_value(one.used), f"{format_value(one.limit)} {one.unit}"
+        rows.append([_mark_limit(one), format_percent(one.fraction), used, limit, one.source])
+    rows += [[left.name, "?", "", "", f"not examined: needs {left.missing}"] for left in sizing.unexamined]
+    title = f"Limits of {sizing.joint}, the most used first"
+    return ReportTable(title, ("", "%", "used", "limit", "from"), rows, texts=(0, 4))
+
+
+def _mark_limit(limit: Utilisation) -> Text:
+    return Text(f"{limit.name}{'' if limit.holds else ' (!)'}", is_failure=not limit.holds)
+
+
+def _tolerances(sizing: JointSizing) -> Iterator[ReportTable]:
+    """Yield the table of the draws of a joint."""
+    study = sizing.tolerances
+    if study is None:
+        return
+    more = ["95 % below\n%"] if study.is_random else []
+    header = ["", "nominal\n%", "worst\n%", "margin\n%", *more, "with"]
+    rows = list[list[Text | str]]()
+    for one in study.limits(sizing.limits):
+        nominal = "" if one.nominal is None else format_percent(one.nominal)
+        percents = [nominal, format_percent(one.worst.fraction), format_percent(one.margin)]
+        if more:
+            percents.append(format_percent(one.quantile) if math.isfinite(one.quantile) else "failed")
+        rows.append([_mark_limit(one.worst), *percents, ", ".join(study.texts(one.at))])
+    total = len(study.draws)
+    what = f"{total} random draws" if study.is_random else f"{total} combinations of the ends"
+    failed = [draw for draw in study.failures if draw.reason is not None]
+    under = [f"Values are those of {', '.join(study.units)}. With tolerances, {study.sentence}."]
+    if failed:
+        under.append(f"With {study.label(failed[0])}: {failed[0].reasons[0]}.")
+    title = f"Tolerances of {sizing.joint}, worst of {what}"
+    yield ReportTable(title, header, rows, under, texts=(0, len(header) - 1))
+
+
+def _candidate_tolerances(result: SizeResult) -> Iterator[ReportTable]:
+    """Yield a table of what the draws of each candidate use most."""
+    rows, sentences = list[list[Text | str]](), list[str]()
+    for one, sizing in result.sizings:
+        if (study := sizing.tolerances) is not None:
+            label, count = _label(result, one, sizing), f"{len(study.failures)} of {len(study.draws)}"
+            cells = ["all runs failed", "", ""]
+            for use in study.limits(sizing.limits)[:1]:
+                cells = [use.worst.name, format_percent(use.worst.fraction), format_percent(use.margin)]
+            rows.append([Text(label, is_failure=bool(study.failures)), count, *cells])
+            sentences += [f"{label}: {study.sentence}."] if study.is_random else []
+    if rows:
+        header = ("", "do not hold", "most used", "worst\n%", "margin\n%")
+        yield ReportTable("Tolerances, worst of all draws", header, rows, sentences, texts=(0, 2))
+
+
+def _candidates(result: SizeResult) -> ReportTable:
+    joints = list(dict.fromkeys(str(one.joint) for one in result.candidates))
+    life = "" if result.life is None else f", for a life of {format_value(result.life / 3600.0)} h"
+    more = ["joint"] if len(joints) > 1 else []
+    header = (*more, "", "holds", "most used", "%", "peak %", "rms %", "rise/K", "net/J", "life/h")
+    rows = [
+        [
+            *([str(one.joint)] if more else []),
+            Text(one.label, is_failure=one.holds is False),
+            {True: "yes", False: "no", None: "?"}[one.holds],
+            *_cells(one, str(one.joint)),
+        ]
+        for one in result.candidates
+    ]
+    return ReportTable(f"Actuators of {', '.join(joints)}{life}", header, rows, texts=range(len(more) + 3))
+
+
+def _cells(one: Candidate, joint: str) -> list[str]:
+    if joint not in one.joints:
+        return ["cannot be run", *[""] * 6]
+    sizing = one.joints[joint]
+    used = {limit.name: limit.fraction for limit in sizing.limits}
+    figures, worst = sizing.figures, sizing.limits[0]
+    percents = [worst.fraction, used.get("peak torque"), used.get("rms torque")]
+    return [
+        worst.name,
+        *("" if x is None else format_percent(x) for x in percents),
+        *(
+            "" if x is None else format_value(x)
+            for x in (
+                figures.temperature_rise_peak_K,
+                figures.energy_in_J - figures.energy_regenerated_J,
+                None if figures.life_s is None else figures.life_s / 3600.0,
+            )
+        ),
+    ]
+
+
+_PICTURES = (
+    "Torque and force of {} over speed with the curves of the motors, winding temperature, and power",
+    "Motion and load of {} over the cycle",
+    "How much of each limit of {} is used",
+)
+
+
+def name_pictures(joint: str) -> list[str]:
+    """Return the names of the files of a joint's plots: of its motor, of its motion, and of its limits."""
+    name = "".join(c if c.isalnum() or c in "-_" else "_" for c in joint)
+    return [f"{name}.png", f"{name}-motion.png", f"{name}-limits.png"]
+
+
+def _draw(result: SizeResult) -> "Iterator[tuple[str, Figure]]":
+    """Draw the plots of each joint with all its candidates."""
+    for joint in result.joints:
+        sizings = {one.label: one.joints[joint] for one in result.candidates if joint in one.joints}
+        for name, draw in zip(name_pictures(joint), (draw_motor, draw_motion, draw_limits), strict=True):
+            yield name, draw(sizings)
+
+
+OUTPUTS = Outputs[SizeResult](
+    what="sizing",
+    name="size",
+    record=lambda result: result.record,
+    tables={
+        "limits.csv": lambda result: result.table.write_csv(),
+        "cycles.csv": lambda result: result.cycles.write_csv(),
+        "tolerances.csv": lambda result: None if result.draws is None else result.draws.write_csv(),
+    },
+    report=build_report,
+    draw=_draw,
+    list_pictures=lambda result: [name for joint in result.joints for name in name_pictures(joint)],
+)

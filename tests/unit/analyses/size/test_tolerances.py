@@ -1,0 +1,165 @@
+"""Tolerances of a sizing equal a loop over sizings with the same values."""
+
+import itertools
+import json
+import math
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import polars
+import pytest
+
+import emla_cosim as ec
+from emla_cosim.analyses.size.limits import Utilisation
+from emla_cosim.analyses.size.tolerances import Draw, Tolerances
+from tests.support.commands import Emla, sentence
+from tests.support.paths import ROOT
+
+SHEET = ROOT / "docs/roller-screw.toml"
+
+RUN: dict[str, Any] = {"stop_time": 0.4, "lead_in": 0.1, "actuator": {"prototype": SHEET}}
+
+LOAD, MASS = "prototype.disturbance.load.level[1]", "prototype.plant.screw.M_BS"
+
+
+LIGHT = {LOAD: 1000.0}
+
+
+@pytest.fixture(scope="module")
+def size(fmu_folder: Path) -> Callable[..., ec.SizeResult]:
+    return partial(ec.size, "prototype", workers=1, fmus=fmu_folder)
+
+
+def fractions(limits: Any) -> dict[str, float]:
+    return {limit.name: limit.fraction for limit in limits}
+
+
+def test_ends_equal_a_loop_over_sizings(size: Callable[..., ec.SizeResult]) -> None:
+    """Bit by bit, also where only the ambient temperature differs, which no run knows."""
+    vary = {LOAD: [500.0, 2000.0], MASS: "80%:120%", "ambient": "20degC:60degC"}
+    result = size(vary=vary, set=LIGHT, **RUN)
+    joint = result["prototype"]
+    mass = joint.cycle.emla.M_BS
+    ends = itertools.product([500.0, 2000.0], [0.8 * mass, 1.2 * mass], [293.15, 333.15])
+    assert joint.tolerances is not None and not joint.tolerances.is_random
+    for draw, (load, mass, ambient) in zip(joint.tolerances.draws, ends, strict=True):
+        assert list(draw.values.values()) == pytest.approx([load, mass, ambient])
+        values = {name: draw.values[name] for name in (LOAD, MASS)}
+        alone = size(set=values, ambient=draw.values["ambient"], **RUN)["prototype"]
+        assert fractions(draw.limits) == fractions(alone.limits)
+        assert draw.reasons == alone.reasons
+        assert draw.holds is alone.holds
+    for limit in joint.tolerances.limits(joint.limits):
+        used = {id(draw): fractions(draw.limits)[limit.worst.name] for draw in joint.tolerances.draws}
+        assert limit.worst.fraction == max(used.values()) == used[id(limit.at)]
+        assert limit.margin == 1.0 - limit.worst.fraction
+        assert limit.nominal == fractions(joint.limits)[limit.worst.name]
+
+
+def test_each_candidate_has_its_own_draws(size: Callable[..., ec.SizeResult]) -> None:
+    """Relative tolerances refer to the candidate; entries of data sheets vary, too."""
+    text = SHEET.read_text(encoding="utf-8")
+    heavy = ec.Actuator.read(SHEET).changed({"screw": {"M_BS": "60 lb"}}, "heavy")
+    assert "30 lb" in text
+    vary = {MASS: "50%,150%", "actuator.screw.F_max": "6 kN,12 kN"}
+    given = {name: value for name, value in RUN.items() if name != "actuator"}
+    result = size(candidates={"prototype": [str(SHEET), heavy]}, vary=vary, set=LIGHT, **given)
+    for one, pounds in zip(result.candidates, (30.0, 60.0), strict=True):
+        sizing = one.joints["prototype"]
+        assert sizing.tolerances is not None
+        masses = [draw.values[MASS] for draw in sizing.tolerances.draws]
+        assert masses == pytest.approx([f * pounds * 0.45359237 for f in (0.5, 0.5, 1.5, 1.5)])
+        weak, strong, *_ = (fractions(draw.limits)["axial force"] for draw in sizing.tolerances.draws)
+        assert weak == pytest.approx(2.0 * strong)
+    draw = result["prototype"].tolerances.draws[0]  # type: ignore[union-attr]
+    changed = ec.Actuator.read(SHEET).changed({"screw": {"F_max": "6 kN"}}, "weak")
+    alone = size(set=LIGHT | {MASS: draw.values[MASS]}, **(RUN | {"actuator": {"prototype": changed}}))[
+        "prototype"
+    ]
+    assert fractions(draw.limits) == fractions(alone.limits)
+
+
+def test_a_failing_draw_decides(emla: Emla, tmp_path: Path) -> None:
+    """A load that no motor can hold ends its run; the draw counts, with its reason."""
+    run = (
+        "size",
+        "prototype",
+        "--actuator",
+        f"prototype={SHEET}",
+        "--stop-time",
+        "400ms",
+        "--lead-in",
+        "0.1s",
+        "--set",
+        f"{LOAD}=1000",
+    )
+    result = emla(
+        *run, "--vary", f"{LOAD}=500 N, 24 MN", "--no-plots", "--report", "--workers", "1", "--output", "out"
+    )
+    assert result.exit_code == 0, result.output
+    text = " ".join(result.stdout.split())
+    assert "1 of 2 combinations of the ends do not hold" in text
+    assert "does not hold" in text and "The load of 2.4e+04 kN" in text
+    record = json.loads((tmp_path / "out/size.json").read_text(), parse_constant=pytest.fail)
+    joint = record["candidates"][0]["joints"]["prototype"]
+    assert joint["holds"] is False and all(limit["holds"] for limit in joint["limits"])
+    assert joint["tolerances"]["not_holding"] == 1
+    table = polars.read_csv(tmp_path / "out/tolerances.csv")
+    assert table["holds"].to_list() == [True, False]
+    assert table[LOAD].to_list() == [500.0, 24e6]
+    assert "1 of 2 combinations" in (tmp_path / "out/size.html").read_text(encoding="utf-8")
+    assert emla(*run, "--no-plots", "--output", "out").exit_code == 0
+    assert not (tmp_path / "out/tolerances.csv").exists()
+
+
+def test_random_draws_state_their_confidence(size: Callable[..., ec.SizeResult]) -> None:
+    study, again = (
+        size(vary={"ambient": "20degC:60degC"}, runs=59, seed=3, set=LIGHT, **RUN)["prototype"].tolerances
+        for _ in range(2)
+    )
+    assert study is not None and again is not None
+    assert study.sentence == "0 of 59 do not hold: below 5 % with 95 % confidence"
+    ambient = [float(draw.values["ambient"]) for draw in study.draws]
+    assert ambient == [draw.values["ambient"] for draw in again.draws]
+    assert 293.15 < min(ambient) < 300.0 and 326.0 < max(ambient) < 333.15
+    hot = next(one for one in study.limits(()) if one.worst.name == "winding temperature")
+    assert hot.at.values["ambient"] == max(ambient)
+    assert hot.quantile == sorted(fractions(d.limits)["winding temperature"] for d in study.draws)[56]
+    assert hot.quantile_interval[0] < hot.quantile <= hot.worst.fraction
+
+
+def test_failed_runs_are_beyond_any_quantile() -> None:
+    limit = Utilisation("speed", 1.0, 2.0, "m/s", 0.5, "screw.v_max")
+    draws = [Draw({"x": float(i)}, [limit] if i else (), None if i else "it broke.") for i in range(10)]
+    (found,) = Tolerances({"x": ""}, True, 0, draws).limits([limit])
+    assert found.worst.fraction == 0.5 and found.quantile == math.inf
+    assert Tolerances({"x": ""}, True, 0, draws).failures == draws[:1]
+    assert draws[0].reasons == ["it broke"]
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"vary": {"prototype.plant.motor.Rs": "±10%"}}, "has no variable 'motor.Rs'"),
+        ({"vary": {"stop_time": "1:2"}}, "is not a tolerance"),
+        ({"vary": {"actuator": "a.toml,b.toml"}}, "Several actuators are candidates"),
+        ({"vary": {"prototype.reference.period": "1:2"}}, "is not a tolerance"),
+        ({"vary": {"ambient": "20:40"}}, "write temperatures with their unit"),
+        ({"vary": {"ambient": "±10%"}}, "write temperatures with their unit"),
+        ({"vary": {"ambient": [0.0, 300.0]}}, "above 0 K"),
+        ({"vary": {"actuator.motor.i_nominal": "1 A rms,2 A rms"}}, "i_nominal"),
+        ({"vary": {"prototype.plant.motor.*": "1:2"}}, "combinations of their ends; the most are 64"),
+        ({"runs": 5}, "add 'vary'"),
+        ({"vary": {LOAD: "1:2"}, "runs": 0}, "it must be 1 or more"),
+    ],
+)
+def test_invalid_tolerances(given: dict[str, Any], message: str, size: Callable[..., ec.SizeResult]) -> None:
+    with pytest.raises(ec.CommandError, match=message):
+        size(**given, **RUN)
+
+
+def test_invalid_tolerance_of_a_command(emla: Emla) -> None:
+    message = sentence(emla("size", "prototype", "--vary", "load"), 2)
+    assert message.startswith("Error: --vary load has no name or no values; write --vary NAME=")
