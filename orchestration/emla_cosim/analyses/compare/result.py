@@ -74,6 +74,7 @@ class CompareResult:
         complete: whether all runs are done.
         wall_s: wall time in s.
         folder: output folder; None without one.
+        plan: all runs, also those that an interrupt prevented.
     """
 
     name: str
