@@ -199,9 +199,8 @@ def run_variants(channel: Channel, folder: str) -> None:
 
     channel.at_end_of_parent = remove
     process = VariantProcess(Path(folder))
-    try:
+    with contextlib.suppress(ConnectionError):  # the host was killed
         for request in channel.requests():
             channel.send(process.answer(request, channel.send))
         process.close()
-    finally:
-        remove()
+    remove()

@@ -67,8 +67,8 @@ def sweep(
         metrics: metrics to keep of each variant: names or patterns, "name = expression" over signals, or
             functions of a `Result`. Default: all registered metrics.
         signals: names or patterns of signals to keep over time.
-        scheduler: address of a Dask scheduler, or a `distributed.Client`, which stays open. Default: a
-            cluster on this machine.
+        scheduler: address of a Dask scheduler, or a `distributed.Client`, which stays open.
+            Default: processes on this machine.
         workers: number of processes on this machine. Default: one for each core.
         output: folder for the results. Default: a temporary one, deleted together with the result.
         overwrite: replace files that emla did not write.
