@@ -212,7 +212,10 @@ def test_values_keep_their_types() -> None:
 
 
 BAD: list[tuple[Any, str]] = [
-    (table("nromal", mean=0, deviation=1), "there is no distribution 'nromal'; did you mean normal or log-normal?"),
+    (
+        table("nromal", mean=0, deviation=1),
+        "there is no distribution 'nromal'; did you mean normal or log-normal?",
+    ),
     (table("cauchy"), "there is no distribution 'cauchy'; there are uniform, log-uniform, normal,"),
     (table(3), "there is no distribution '3'; there are"),
     ({"low": 0, "high": 1}, "the table has no distribution; write distribution = one of uniform"),
