@@ -10,7 +10,7 @@ from typing import Any
 
 import polars
 
-from ...base.errors import CommandError
+from ...base.errors import CommandError, RunError
 from ...base.files import UNFINISHED, report_write_errors, write_atomically
 from ..frame.outputs import AnalysisFolder
 from ..variants.data import VARIANT, Chunk, to_parquet
@@ -25,8 +25,9 @@ from .result import (
     SERIES,
     UNFINISHED_SWEEP,
     SweepResult,
+    make_result,
+    read_parts,
     read_record,
-    read_sweep,
 )
 
 _OURS = re.compile(rf"[0-9]{{9,}}\.parquet|{re.escape(DESIGN)}|{re.escape(UNFINISHED)}.*")
@@ -37,6 +38,8 @@ class SweepFolder(AnalysisFolder[SweepResult]):
     """The output folder of a sweep; it has `parts/` while the sweep is not complete."""
 
     inner = (PARTS, SERIES)
+    _begun: Mapping[str, Any]
+    """The record when the variants began to run."""
 
     def check(self, identity: Mapping[str, Any], resume: bool) -> None:
         """Check that a sweep with this identity can start or resume here.
@@ -108,7 +111,8 @@ class SweepFolder(AnalysisFolder[SweepResult]):
                 self.remove((*self.pictures, *self.outputs.tables))
             # the record first: without it, the parts would be files of the user's
             earlier = self._record() if resume else {}
-            self.write_json(RECORD, {**earlier, **record, "status": UNFINISHED_SWEEP})
+            self._begun = {**earlier, **record, "status": UNFINISHED_SWEEP}
+            self.write_json(RECORD, self._begun)
             for name in (PARTS, SERIES):
                 (self._place / name).mkdir(exist_ok=True)
             with write_atomically(self._place / PARTS / DESIGN) as stream:
@@ -158,9 +162,11 @@ class SweepFolder(AnalysisFolder[SweepResult]):
         Raises:
             RunError: Writing fails.
         """
-        result = read_sweep(self.path)
-        record = {**result.record, "wall_s": result.wall_s + wall_s}
-        self.keep(replace(result, complete=whole, record=record), is_final=False)
+        record = {**self._begun, "wall_s": self._begun.get("wall_s", 0.0) + wall_s}
+        if (parts := read_parts(self._place, record["figures"])) is None:
+            raise RunError(f"the output folder '{self.path}' changed while emla ran: its parts are gone.")
+        result = make_result(self.path, record, *parts)
+        self.keep(replace(result, complete=whole), is_final=False)
         if whole:  # from now on the table counts
             self.write_json(RECORD, {**self._record(), "status": COMPLETED})
             with contextlib.suppress(OSError):

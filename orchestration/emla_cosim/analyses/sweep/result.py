@@ -190,38 +190,44 @@ def read_sweep(folder: str | Path) -> SweepResult:
     path = convert_value(folder, Path, "the folder of the sweep")
     record = read_record(path)
     try:
-        parts = None if record["status"] == COMPLETED else _read_parts(path, record["figures"])
+        parts = None if record["status"] == COMPLETED else read_parts(path, record["figures"])
         if parts is None:
             record = read_record(path)  # it may be complete by now
             parts = polars.read_parquet(path / TABLE), sorted((path / SERIES).glob("*.parquet"))
-        variants, signals = parts
-        series = None
-        if signals:  # each is sorted by variant, but retried chunks come late
-            series = polars.scan_parquet(signals).sort(VARIANT, maintain_order=True)
-        former = [name for name in record["figures"] if name.endswith(f".{HELD}")]  # of earlier versions
-        return SweepResult(
-            name=record["name"],
-            sampling=record["sampling"],
-            seed=record["seed"],
-            factors=list(record["factors"]),
-            figures=record["figures"],
-            variants=variants,
-            signals=record["signals"],
-            series=series,
-            units=record["units"],
-            shown={name: MetricDisplay(**shown) for name, shown in record["shown"].items()},
-            verdicts=record.get("verdicts", former),
-            folder=path,
-            complete=record["status"] == COMPLETED,
-            required=record["required"],
-            base=record["base"],
-            targets={name: [Target(**t) for t in targets] for name, targets in record["factors"].items()},
-            wall_s=record.get("wall_s", 0.0),
-            notes=record.get("notes", ()),
-            record=record,
-        )
+        return make_result(path, record, *parts)
     except (OSError, KeyError, TypeError, ValueError, polars.exceptions.PolarsError) as error:
         raise CommandError(f"'{path}' has no readable sweep: {error}.") from error
+
+
+def make_result(
+    folder: Path, record: Mapping[str, Any], variants: polars.DataFrame, signals: list[Path]
+) -> SweepResult:
+    """Return the result with this record, these variants and the files of their signals."""
+    series = None
+    if signals:  # each is sorted by variant, but retried chunks come late
+        series = polars.scan_parquet(signals).sort(VARIANT, maintain_order=True)
+    former = [name for name in record["figures"] if name.endswith(f".{HELD}")]  # of earlier versions
+    return SweepResult(
+        name=record["name"],
+        sampling=record["sampling"],
+        seed=record["seed"],
+        factors=list(record["factors"]),
+        figures=record["figures"],
+        variants=variants,
+        signals=record["signals"],
+        series=series,
+        units=record["units"],
+        shown={name: MetricDisplay(**shown) for name, shown in record["shown"].items()},
+        verdicts=record.get("verdicts", former),
+        folder=folder,
+        complete=record["status"] == COMPLETED,
+        required=record["required"],
+        base=record["base"],
+        targets={name: [Target(**t) for t in targets] for name, targets in record["factors"].items()},
+        wall_s=record.get("wall_s", 0.0),
+        notes=record.get("notes", ()),
+        record=record,
+    )
 
 
 def read_record(folder: Path) -> dict[str, Any]:
@@ -235,7 +241,7 @@ def read_record(folder: Path) -> dict[str, Any]:
     return record
 
 
-def _read_parts(folder: Path, figures: Sequence[str]) -> tuple[polars.DataFrame, list[Path]] | None:
+def read_parts(folder: Path, figures: Sequence[str]) -> tuple[polars.DataFrame, list[Path]] | None:
     """Return the finished variants of a sweep that is not complete, and the files of its signals.
 
     The result is None if the parts are gone: the sweep is complete.

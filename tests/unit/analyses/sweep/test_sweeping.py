@@ -1,5 +1,6 @@
 """Variants of a sweep equal single runs, in this process and on a cluster."""
 
+import html
 import itertools
 import json
 import math
@@ -106,7 +107,7 @@ def test_pictures_and_page_are_written_on_request(
     result = sweep("lift", vary, **options, output=tmp_path / "out", plots=True, report=True)
     names = {path.name for path in (tmp_path / "out").iterdir()}
     assert names == {"sweep.json", "variants.parquet", "figures.png", "sweep.html"}
-    page = (tmp_path / "out/sweep.html").read_text()
+    page = html.unescape((tmp_path / "out/sweep.html").read_text())
     for text in (
         "with 95 % confidence.",
         "Figures of the variants",
