@@ -93,12 +93,26 @@ class AnalysisPlan:
         Raises:
             CommandError: a value has a wrong type, or the plan has a mistake.
         """
-        return merge_fields(self, given, *self.ADDED)
+        values = {name: value for name, value in given.items() if value is not None}
+        for name in (*self.ADDED, "vary", "options"):
+            if name in values:
+                before, label = getattr(self, name), f"'{name}' of {self.where}"
+                kind = Mapping[str, Any] if isinstance(before, Mapping) else Sequence[Any]
+                more = convert_value(values[name], kind, label)
+                if name == "options":
+                    values[name] = merge_options([before, more])
+                else:
+                    values[name] = {**before, **more} if isinstance(before, Mapping) else [*before, *more]
+        changed = replace(self, **values)
+        changed.check()
+        return changed
 
     def check(self) -> None:
         """Raise CommandError for mistakes that can be found without the scenario."""
         check_fields(self, self.struct(), self.where, (*IN_FILES, *self.UNCHECKED))
-        check_options(self.options, self.where)
+        allowed = list_options(SWEEP)
+        if wrong := [name for name in self.options if name in list_options() and name not in allowed]:
+            raise CommandError(f"the option {wrong[0]} is for a single run; remove it from {self.where}.")
         if not self.vary:
             raise CommandError(f"{self.where} {self.NOTHING_VARIES}.")
 
@@ -110,7 +124,7 @@ def plan_struct(table: type[Struct]) -> type[Struct]:
 
 def read_plan(
     source: object,
-    table: type[msgspec.Struct],
+    kind: type[AnalysisPlan],
     noun: str,
     file_noun: str,
     built_in: Mapping[str, Callable[[], str]],
@@ -119,7 +133,7 @@ def read_plan(
 
     Args:
         source: The plan or the scenario.
-        table: The fields of the plan, without options.
+        kind: The class of the plan.
         noun: What messages call a plan that is made of a scenario, such as `sweep`.
         file_noun: What messages call a plan that has a file.
         built_in: Functions that return the text of a plan, by name.
@@ -134,7 +148,7 @@ def read_plan(
         return {"name": source.name if isinstance(source, Scenario) else "system", "scenario": source}, None
     if not isinstance(source, (str, Path)):
         raise CommandError(f"the plan is {source!r}; it must be a plan or a scenario, by name or file.")
-    path, label = Path(source), f"the {file_noun} '{source}'"
+    path, label, table = Path(source), f"the {file_noun} '{source}'", kind.struct()
     if str(source) in built_in:
         values = _read_table(read_toml(built_in[str(source)](), label), table, label, None)
         return {"name": str(source), **values}, None
@@ -157,46 +171,9 @@ def _read_table(
     return {**values, "options": options, "where": label}
 
 
-def merge_fields(plan: Any, given: Mapping[str, Any], *added: str) -> Any:
-    """Return a plan with other values of its fields, checked.
-
-    Args:
-        plan: The plan.
-        given: Values of fields by name. None changes nothing.
-        *added: Fields whose values are added to those of the plan: tables and lists.
-
-    Raises:
-        CommandError: A value has a wrong type, or the plan has a mistake.
-    """
-    found = {name: value for name, value in given.items() if value is not None}
-    for name in (*added, "vary", "options"):
-        if name in found:
-            before, label = getattr(plan, name), f"'{name}' of {plan.where}"
-            if name == "options":
-                found[name] = merge_options([before, convert_value(found[name], Mapping[str, Any], label)])
-            elif isinstance(before, Mapping):
-                found[name] = {**before, **convert_value(found[name], Mapping[str, Any], label)}
-            else:
-                found[name] = [*before, *convert_value(found[name], Sequence[Any], label)]
-    changed = replace(plan, **found)
-    changed.check()
-    return changed
-
-
-def load_planned(plan: Any, options: Mapping[str, Any] = MappingProxyType({})) -> Scenario:
+def load_planned(plan: AnalysisPlan, options: Mapping[str, Any] = MappingProxyType({})) -> Scenario:
     """Return the scenario of a plan, with its options and these; raise CommandError if it does not load."""
     merged = merge_options([plan.options, options])
     if isinstance(plan.scenario, Scenario):
         return plan.scenario.with_options(merged)
     return load(plan.scenario, **merged)
-
-
-def check_options(options: Mapping[str, Any], where: str) -> None:
-    """Raise CommandError for an option of a single run.
-
-    Args:
-        options: Values of options by name.
-        where: What error messages call the plan.
-    """
-    if wrong := [name for name in options if name in list_options() and name not in list_options(SWEEP)]:
-        raise CommandError(f"the option {wrong[0]} is for a single run; remove it from {where}.")

@@ -157,7 +157,7 @@ def load_identification_plan(source: Source | IdentificationPlan) -> Identificat
     """
     if isinstance(source, IdentificationPlan):
         return source
-    values, _ = read_plan(source, IdentificationPlan.struct(), "identification", "identification", {})
+    values, _ = read_plan(source, IdentificationPlan, "identification", "identification", {})
     values["experiments"] = [
         _experiment(list_given(table), str(position))
         for position, table in enumerate(values.get("experiments", ()), 1)

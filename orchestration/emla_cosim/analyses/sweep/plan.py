@@ -3,20 +3,18 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 import msgspec
 
-from ...base.errors import CommandError
-from ...base.toml_structs import check_fields, struct_of
 from ...run.scenarios.built_in import PLANS
-from ..frame.plan_files import IN_FILES, NOT_IN_FILES, Source, check_options, merge_fields, read_plan
+from ..frame.plan_files import AnalysisPlan, Source, read_plan
 from ..variants.measures import Metric
 from ..variants.sampling import SAMPLINGS
 
 
 @dataclass(frozen=True)
-class Plan:
+class Plan(AnalysisPlan):
     """A sweep: a scenario, what varies, how it is sampled, and what is kept.
 
     Args:
@@ -39,19 +37,16 @@ class Plan:
         16
     """
 
-    name: str
-    scenario: Source
-    vary: Mapping[str, Any]
-    description: str = ""
     sampling: str | None = None
     runs: int | None = None
     seed: Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)] = 0
     metrics: Sequence[Metric] | Mapping[str, Metric] = ()
     signals: Sequence[str] = ()
-    options: Mapping[str, Any] = field(default_factory=dict)
-    where: str = "the sweep"
+    where: str = field(default="the sweep", kw_only=True)
 
-    def updated(self, given: Mapping[str, Any]) -> "Plan":
+    NOTHING_VARIES = "varies nothing; add a factor, for example --vary lift.plant.motor.R_s=0.05:0.3:20"
+
+    def updated(self, given: Mapping[str, Any]) -> Self:
         """Return the plan with other values; `vary` and `options` are merged, None changes nothing.
 
         A sampling that does not take `runs` drops those of the plan.
@@ -64,21 +59,7 @@ class Plan:
         """
         method = SAMPLINGS.get(str(given.get("sampling")))
         drops_runs = method is not None and not method.takes_runs
-        return merge_fields(replace(self, runs=None) if drops_runs else self, given)
-
-    def check(self) -> None:
-        """Raise CommandError for mistakes that can be found without the scenario."""
-        check_fields(self, SWEEP_PLAN, self.where, IN_FILES)
-        check_options(self.options, self.where)
-        if not self.vary:
-            raise CommandError(
-                f"{self.where} varies nothing; add a factor, for example "
-                "--vary lift.plant.motor.R_s=0.05:0.3:20."
-            )
-
-
-SWEEP_PLAN = struct_of(Plan, IN_FILES, NOT_IN_FILES)
-"""The struct of a plan's file, without options."""
+        return super(Plan, replace(self, runs=None) if drops_runs else self).updated(given)
 
 
 def load_plan(source: Source | Plan) -> Plan:
@@ -89,9 +70,9 @@ def load_plan(source: Source | Plan) -> Plan:
     """
     if isinstance(source, Plan):
         return source
-    values, folder = read_plan(source, SWEEP_PLAN, "sweep", "plan", PLANS)
+    values, folder = read_plan(source, Plan, "sweep", "plan", PLANS)
     if "vary" not in values:
-        return Plan(**values, vary={})
+        return Plan(**values)
     values["vary"] = {varied: _with_files_of(folder, given) for varied, given in values["vary"].items()}
     plan = Plan(**values)
     plan.check()

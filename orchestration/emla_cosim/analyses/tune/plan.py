@@ -143,7 +143,7 @@ def load_tuning_plan(source: Source | TuningPlan) -> TuningPlan:
     """
     if isinstance(source, TuningPlan):
         return source
-    values, _ = read_plan(source, TuningPlan.struct(), "tuning", "tuning", TUNINGS)
+    values, _ = read_plan(source, TuningPlan, "tuning", "tuning", TUNINGS)
     if "cases" in values:
         values["cases"] = [
             Case(**{"name": str(position), **list_given(case)})

@@ -10,7 +10,7 @@ from rich.table import Table
 
 from ...analyses.frame.plan_files import plan_struct
 from ...analyses.identify.plan import IdentificationPlan
-from ...analyses.sweep.plan import SWEEP_PLAN
+from ...analyses.sweep.plan import Plan
 from ...analyses.tune.plan import TuningPlan
 from ...base.errors import check_choice
 from ...base.option import argument
@@ -44,7 +44,7 @@ FILE_KINDS: Mapping[str, FileKind] = {
     "scenario": FileKind("Scenario: a system and options to run it", scenario_struct),
     "joint": FileKind("Joint: actuator, gains, motion and load", joint_struct),
     "actuator": FileKind("Data sheet of an actuator", lambda: ACTUATOR),
-    "sweep": FileKind("Plan of emla sweep", lambda: plan_struct(SWEEP_PLAN)),
+    "sweep": FileKind("Plan of emla sweep", lambda: plan_struct(Plan.struct())),
     "tune": FileKind("Plan of emla tune", lambda: plan_struct(TuningPlan.struct())),
     "identify": FileKind("Plan of emla identify", lambda: plan_struct(IdentificationPlan.struct())),
     "trajectory": FileKind("Problem of emla trajectory", _trajectory_struct),
