@@ -210,8 +210,15 @@ class _Jobs:
         return len(self._preparations) - 1
 
     def run(self, session: Session[SizeResult]) -> None:
-        """Run all jobs. Raises RunError if the workers are lost or the user interrupts."""
+        """Run all jobs.
+
+        Raises:
+            CommandError: No scenario can have its options, such as an entry that does not exist.
+            RunError: The workers are lost, or the user interrupts.
+        """
         if not self._jobs:
+            for error in (group for group in self._groups.values() if isinstance(group, CommandError)):
+                raise error
             return
         measures = SizingMeasures(read=sorted(self._signals), examinations=self._examinations)
         jobs, progress = list(self._jobs.values()), session.progress
@@ -248,7 +255,7 @@ def run_draws(session: Session[SizeResult], sized: Mapping[Any, SizedRun]) -> di
     """Run all draws of runs, and return the runs with what became of each joint.
 
     Raises:
-        CommandError: No draw can be loaded, because of an entry of a data sheet.
+        CommandError: No draw can be loaded.
         RunError: The workers are lost, or the user interrupts.
     """
     jobs, found = _Jobs(), dict[Any, SizedRun]()
@@ -256,9 +263,6 @@ def run_draws(session: Session[SizeResult], sized: Mapping[Any, SizedRun]) -> di
     keys = dict[Any, list[str | CommandError]]()
     for name, (run, one) in drawn.items():
         keys[name] = [jobs.add(run, one.preparation, options) for _, options in one.draws]
-        errors = [key for key in keys[name] if isinstance(key, CommandError)]
-        if len(errors) == len(keys[name]):
-            raise errors[0]  # such as an entry that does not exist
     jobs.run(session)
     for name, (run, one) in drawn.items():
         values = [values for values, _ in one.draws]
