@@ -22,7 +22,7 @@ R_S = "lift.plant.motor.R_s"
 def make_client(submit: Callable[..., Any], **more: Any) -> Mock:
     """Return a client of Dask whose tasks are what `submit` returns."""
     given = {"status": "running", "scheduler": Mock(addr="tcp://there"), "nthreads": lambda: {"worker": 2}}
-    return Mock(spec=Client, submit=submit, **{**given, **more})
+    return Mock(spec=Client, id="client", submit=submit, **{**given, **more})
 
 
 def sweep(fmus: Path, client: Any = None, **options: Any) -> ec.SweepResult:
