@@ -200,7 +200,8 @@ def _tolerances(sizing: JointSizing) -> Iterator[ReportTable]:
         percents = [nominal, format_percent(one.worst.fraction), format_percent(one.margin)]
         if more:
             percents.append(format_percent(one.quantile) if math.isfinite(one.quantile) else "failed")
-        rows.append([_mark_limit(one.worst), *percents, ", ".join(study.texts(one.at))])
+        values = (text.replace(" ", "\N{NO-BREAK SPACE}") for text in study.texts(one.at))
+        rows.append([_mark_limit(one.worst), *percents, ", ".join(values)])
     total = len(study.draws)
     what = f"{total} random draws" if study.is_random else f"{total} combinations of the ends"
     failed = [draw for draw in study.failures if draw.reason is not None]

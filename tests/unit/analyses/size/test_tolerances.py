@@ -13,6 +13,7 @@ import pytest
 
 import emla_cosim as ec
 from emla_cosim.analyses.size.limits import Utilisation
+from emla_cosim.analyses.size.pictures import draw_limits, draw_motion
 from emla_cosim.analyses.size.tolerances import Draw, Tolerances
 from tests.support.commands import Emla, sentence
 from tests.support.paths import ROOT
@@ -137,6 +138,26 @@ def test_failed_runs_are_beyond_any_quantile() -> None:
     assert found.worst.fraction == 0.5 and found.quantile == math.inf
     assert Tolerances({"x": ""}, True, 0, draws).failures == draws[:1]
     assert draws[0].reasons == ["it broke"]
+
+
+def test_plots_have_all_candidates_and_their_worst_draws(size: Callable[..., ec.SizeResult]) -> None:
+    heavy = ec.Actuator.read(SHEET).changed({"screw": {"F_max": "6 kN"}}, "weak")
+    given = {name: value for name, value in RUN.items() if name != "actuator"}
+    result = size(
+        candidates={"prototype": [str(SHEET), heavy]}, vary={LOAD: [1000.0, 2000.0]}, set=LIGHT, **given
+    )
+    sizings = {one.label: one.joints["prototype"] for one in result.candidates}
+    axes: Any = draw_limits(sizings).axes[0]
+    row = [label.get_text() for label in axes.get_yticklabels()].index("axial force")
+    bars = [bar.get_width() for bar in axes.patches if abs(bar.get_y() + 0.5 * bar.get_height() - row) < 0.45]
+    used = [100.0 * fractions(one.limits)["axial force"] for one in sizings.values()]
+    assert bars == pytest.approx(used)
+    assert used[1] == pytest.approx(12.01 / 6.0 * used[0], rel=1e-3)
+    ends = {line.get_xdata()[1] for line in axes.lines if abs(line.get_ydata()[0] - row) < 0.45}
+    for one in sizings.values():
+        assert one.tolerances is not None
+        assert max(100.0 * fractions(draw.limits)["axial force"] for draw in one.tolerances.draws) in ends
+    assert [len(one.lines) for one in draw_motion(sizings).axes] == [2, 2, 2]
 
 
 @pytest.mark.parametrize(
