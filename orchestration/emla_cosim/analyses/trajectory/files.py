@@ -35,9 +35,9 @@ class MotionFiles:
     def __init__(
         self, path: Path, problem: MotionProblem, source: object, overwrite: bool, plots: bool, report: bool
     ) -> None:
-        if path.suffix.lower() in (".png", ".html"):
-            what = "pictures do" if path.suffix.lower() == ".png" else "page does"
-            raise CommandError(f"the trajectory '{path}' must not end in {path.suffix}, as its {what}.")
+        if (suffix := path.suffix.lower()) in (".png", ".html"):
+            what = "pictures do" if suffix == ".png" else "page does"
+            raise CommandError(f"the trajectory '{path}' must not end in {suffix}, as its {what}.")
         pictures = [path.with_name(f"{path.stem}-{name}.png") for name in PICTURES] if plots else []
         used = {Path(source): "the problem"} if isinstance(source, (str, Path)) else {}
         check_output_files({path: WHAT} | dict.fromkeys(pictures, "the picture"), used)

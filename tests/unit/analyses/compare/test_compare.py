@@ -25,7 +25,7 @@ from emla_cosim.analyses.compare.plan import (
     find_independent_subsystems,
     plan_runs,
 )
-from emla_cosim.analyses.compare.report import build_report
+from emla_cosim.analyses.compare.report import OUTPUTS, build_report
 from emla_cosim.analyses.compare.tables import describe_lost_joints
 from emla_cosim.analyses.execution.worker_payload import Preparation
 from emla_cosim.analyses.frame.page import render_page
@@ -199,7 +199,7 @@ def test_motion_and_load_of_each_joint_are_kept_once(compared: ec.CompareResult,
 
 
 def test_page_has_tables_lost_joints_notes_and_pictures(compared: ec.CompareResult) -> None:
-    page = render_page(build_report(compared), compared.figures())
+    page = render_page(build_report(compared), dict(OUTPUTS.draw(compared)))
     for text in (*describe_lost_joints(compared), *compared.notes, "Motion and load"):
         assert str(escape(text)) in page
     assert page.count("<table>") == len(compared.grids)
@@ -216,7 +216,7 @@ def test_command_writes_page_and_pictures(emla: Emla, tmp_path: Path) -> None:
 
 
 def test_terminal_shows_a_part_of_many_lost_joints(capsys: pytest.CaptureFixture[str]) -> None:
-    sections = [Section(lines=["a", "b", "c"], most=1), Section(lines=["for the page"], most=0)]
+    sections = [Section(lines=["a", "b", "c"], most=1), Section(lines=["for the page"], is_detail=True)]
     show_report(Report("Comparison", "lift", [], sections))
     assert capsys.readouterr().out == "a\nand 2 more, in the files\n"
 

@@ -44,7 +44,7 @@ def lines(report: Report, width: int = 100) -> list[str]:
     console = Console(width=width, record=True, force_terminal=False)
     with console.capture() as capture:
         for section in report.sections:
-            if not section.is_on_page_only:
+            if not section.is_detail:
                 for part in (*section.lines, *(table.rich() for table in section.tables), *section.under):
                     console.print(part, soft_wrap=isinstance(part, str))
     return [
