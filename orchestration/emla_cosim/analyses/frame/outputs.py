@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from ...views.folder import Folder
 from ...views.pages.plain import to_plain
+from ...views.plots.style import to_png
 from .report import Report
 
 if TYPE_CHECKING:
@@ -115,14 +116,15 @@ class AnalysisFolder(Folder, Generic[R]):
     def draw_result(self, result: R) -> list[str]:
         """Draw the pictures and write the page, as asked for, and return their names. Raises RunError."""
         outputs = self.outputs
-        figures = dict(outputs.draw(result)) if self._plots or self._report else {}
-        names = list(figures) if self._plots else []
+        is_drawn = self._plots or self._report
+        pictures = {name: to_png(figure) for name, figure in (outputs.draw(result) if is_drawn else ())}
+        names = list(pictures) if self._plots else []
         for name in names:
-            self.draw(name, figures[name])
+            self.write(name, pictures[name])
         if self._report:
             from .page import render_page  # importing it loads jinja2
 
-            self.write(outputs.page_name, render_page(outputs.report(result), figures).encode())
+            self.write(outputs.page_name, render_page(outputs.report(result), pictures))
             names.append(outputs.page_name)
         possible = (*self.pictures, *outputs.list_pictures(result))
         self.remove(name for name in possible if name not in names)

@@ -8,7 +8,7 @@ from ...base.errors import CommandError
 from ...base.files import check_output_files
 from ...base.output_files import OutputFile, has_mark
 from ...study.trajectory_file import WHAT, check_trajectory
-from ...views.plots.style import is_picture, save
+from ...views.plots.style import is_picture, to_png
 from .pictures import PICTURES, draw_pictures
 from .report import build_report
 from .result import TrajectoryResult
@@ -63,14 +63,16 @@ class MotionFiles:
         result.save(self._path, self._overwrite)
         if self._payload is not None:
             self._payload.write(_format_payload(result).encode())
-        figures = draw_pictures(result) if self._pictures or self._page else {}
-        for file, figure in zip(self._pictures, figures.values(), strict=False):
-            with file.open() as stream:
-                save(figure, stream)
+        is_drawn = self._pictures or self._page
+        pictures = (
+            {name: to_png(figure) for name, figure in draw_pictures(result).items()} if is_drawn else {}
+        )
+        for file, picture in zip(self._pictures, pictures.values(), strict=False):
+            file.write(picture)
         if self._page is not None:
             from ..frame.page import render_page  # importing it loads jinja2
 
-            self._page.write(render_page(build_report(result), figures).encode())
+            self._page.write(render_page(build_report(result), pictures))
 
 
 def _format_payload(result: TrajectoryResult) -> str:

@@ -1,7 +1,6 @@
 """Common style of all plots: colours, figures without matplotlib's global state, labels without markup."""
 
 import warnings
-from base64 import b64encode
 from collections.abc import Sequence
 from io import BytesIO
 from typing import IO, TYPE_CHECKING, Any, Literal
@@ -26,12 +25,12 @@ __all__ = [
     "RED",
     "add_legend",
     "count_legend_columns",
-    "embed",
     "is_picture",
     "make_figure",
     "new_figure",
     "save",
     "tidy_axes",
+    "to_png",
 ]
 
 
@@ -67,9 +66,7 @@ def make_figure(width: float, height: float, layout: Literal["constrained"] | No
         """A figure that a notebook shows as an image, regardless of matplotlib's settings."""
 
         def _repr_png_(self) -> bytes:
-            content = BytesIO()
-            save(self, content)
-            return content.getvalue()
+            return to_png(self)
 
     return NotebookFigure(figsize=(width, height), dpi=_DPI, layout=layout)
 
@@ -122,11 +119,11 @@ def tidy_axes(axes: "Axes", labels: Sequence[str] = ()) -> None:
     axes.margins(x=0.01)
 
 
-def embed(figure: "Figure") -> str:
-    """Return a figure as the address of an image in a page."""
+def to_png(figure: "Figure") -> bytes:
+    """Return a figure as the content of a PNG file."""
     stream = BytesIO()
     save(figure, stream)
-    return f"data:image/png;base64,{b64encode(stream.getvalue()).decode()}"
+    return stream.getvalue()
 
 
 def save(figure: "Figure", stream: IO[bytes], form: str = "png") -> None:
