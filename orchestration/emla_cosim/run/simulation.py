@@ -130,7 +130,7 @@ class Simulation:
 
     @property
     def is_dead(self) -> bool:
-        """Whether an FMU returned fmi2Fatal. Then it cannot run again; another simulation loads a new copy."""
+        """Whether an FMU returned fmi2Fatal. Then this cannot run again; another simulation can."""
         return any(map(is_dead, self._assembly.files.values()))
 
     @property
