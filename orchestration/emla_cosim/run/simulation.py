@@ -21,6 +21,7 @@ from ..fmu.variables import convert_start_value
 from ..inputs.loaded_input import DataSpan
 from ..master.assembly import Assembly
 from ..master.coupling.estimate import CouplingError
+from ..master.instances.in_process_instance import is_dead
 from ..master.instances.integrator_settings import IntegratorSettings
 from ..master.stepping.fixed_steps import FixedSteps
 from ..master.stepping.stepping_base import ROUNDING, Stepping
@@ -126,6 +127,11 @@ class Simulation:
                 self._discard_run()
             finally:
                 self._finalizer()
+
+    @property
+    def is_dead(self) -> bool:
+        """Whether an FMU returned fmi2Fatal. Then this cannot run again; another simulation can."""
+        return any(map(is_dead, self._assembly.files.values()))
 
     @property
     def names(self) -> list[str]:

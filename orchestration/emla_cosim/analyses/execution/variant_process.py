@@ -83,6 +83,9 @@ class VariantProcess:
     def _simulation(self, group: int) -> Simulation:
         """Return the simulation of a group. Raise CosimError if it cannot be prepared."""
         found = self._simulations.pop(group, None)
+        if found is not None and found.is_dead:  # of a variant before
+            found.close()
+            found = None
         if found is None:
             if len(self._simulations) >= _PREPARED_AT_MOST:
                 self._simulations.pop(next(iter(self._simulations))).close()

@@ -74,7 +74,8 @@ def make_statements(result: SweepResult) -> Statements | None:
         outcomes = outcomes[variant_numbers(result) % (len(result.factors) + 2) == 0]
     event, total, count = f"not {result.good_outcome}", len(outcomes), int((outcomes != DONE).sum())
     what = "base samples" if is_saltelli else "variants"
-    sentences = [f"{describe_share(count, total, f'{what} {event}')}."]
+    share = describe_share(count, total, f"{what} {event}")
+    sentences = [f"{share[0].upper()}{share[1:]}."]
     if not is_random:
         sentences.append(_ASSUMPTION.format(result.sampling))
     return Statements(event, count, total, sentences, {} if is_saltelli else _compute_intervals(result))

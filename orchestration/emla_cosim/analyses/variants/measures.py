@@ -1,11 +1,13 @@
 """Evaluate the metrics of a variant: registered figures, expressions over signals, and functions."""
 
+import contextlib
 import difflib
 import inspect
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import polars
@@ -71,11 +73,19 @@ class MetricRequest:
 
 
 def _source(function: Callable[..., Any]) -> str:
-    """Return the source of a function, or its name if there is no source."""
+    """Return the source of a function, or its name if there is no source; and the plain values it uses."""
+    if isinstance(function, partial):
+        return f"{_source(function.func)} {function.args!r} {function.keywords!r}"
     try:
-        return inspect.getsource(function)
+        source = inspect.getsource(function)
     except (OSError, TypeError):
-        return getattr(function, "__qualname__", type(function).__name__)
+        source = getattr(function, "__qualname__", type(function).__name__)
+    values = dict(enumerate(getattr(function, "__defaults__", None) or ()))
+    with contextlib.suppress(TypeError, ValueError):  # no function of Python, or a value that is not set yet
+        used = inspect.getclosurevars(function)
+        values |= {**used.nonlocals, **used.globals}
+    plain = {name: value for name, value in values.items() if isinstance(value, (int, float, str))}
+    return f"{source} {plain!r}" if plain else source
 
 
 def _check_name(name: str, taken: Sequence[str], where: str) -> None:

@@ -55,6 +55,12 @@ _ONE, _REAL, _INTEGER, _TEXT = (
 
 _DEAD_LIBRARIES: set[Path] = set()
 
+
+def is_dead(file: FmuFile) -> bool:
+    """Return whether an FMU returned fmi2Fatal in this process. Then none of its functions may be called."""
+    return file.library in _DEAD_LIBRARIES
+
+
 _LOADING = "loading its library"
 """The call that loads the library, as messages name it."""
 
@@ -94,7 +100,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
             CommandError: The library of the FMU cannot be loaded.
             RunError: The FMU returned fmi2Fatal earlier in this process.
         """
-        if file.library in _DEAD_LIBRARIES:
+        if is_dead(file):
             raise RunError(
                 f"the FMU '{file.path}' of {name} returned fmi2Fatal and cannot be used again. "
                 "Prepare the run again to load a new copy."
@@ -419,7 +425,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
 
     def close(self) -> None:
         """Terminate the FMU if the standard allows it, and free the instance and its library."""
-        if self._is_dead():
+        if is_dead(self.file):
             return
         with contextlib.suppress(Exception):
             if self._stepping:
@@ -523,16 +529,12 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         """Return the last warnings and errors of the FMU."""
         return self._log.last(self.name)
 
-    def _is_dead(self) -> bool:
-        """Whether an instance of this FMU returned fmi2Fatal. Then none of its functions may be called."""
-        return self.file.library in _DEAD_LIBRARIES
-
     def _copy_state(self, state: Any) -> Any:
         self._call("getFMUstate", ctypes.byref(state))
         return state
 
     def _free_state(self, state: Any) -> None:
-        if not self._is_dead():
+        if not is_dead(self.file):
             with contextlib.suppress(FMICallException):
                 self.fmu.freeFMUstate(state)
 

@@ -1,5 +1,7 @@
 """Metrics of variants can be names, expressions over signals and functions."""
 
+import sys
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
@@ -124,3 +126,28 @@ def test_functions_return_numbers_booleans_or_none() -> None:
         kept([fails]).of(result())
     with pytest.raises(MeasureError, match="neither a number nor a Boolean"):
         kept({"text": lambda r: "x"}).of(result())
+
+
+LIMIT = 1.0
+
+
+def test_identity_of_functions_has_the_values_they_use(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Else a resumed sweep would mix figures of two functions with the same source."""
+
+    def scaled(factor: float) -> Any:
+        return lambda _: factor
+
+    def is_below(_: Any, offset: float = 0.0) -> bool:
+        return offset < LIMIT
+
+    def identity(function: Any) -> list[Any]:
+        return MetricRequest.of({"m": function}, "a plan").identity([])
+
+    assert identity(scaled(1.0)) == identity(scaled(1.0)) != identity(scaled(2.0))
+    assert identity(partial(is_below, offset=1.0)) != identity(partial(is_below, offset=2.0))
+    before = identity(is_below)
+    monkeypatch.setattr(sys.modules[__name__], "LIMIT", 2.0)
+    assert identity(is_below) != before
+    before = identity(is_below)
+    monkeypatch.setattr(is_below, "__defaults__", (1.0,))
+    assert identity(is_below) != before

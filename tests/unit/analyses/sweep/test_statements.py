@@ -26,6 +26,12 @@ def test_no_failure_has_an_upper_bound() -> None:
     assert build_report(draws("random")).sections[0].lines[1:] == statements.sentences
 
 
+def test_only_failures_have_a_lower_bound() -> None:
+    statements = make_statements(draws("random", N))
+    assert statements is not None
+    assert statements.sentences == ["All 200 variants not held: above 98.5 % with 95 % confidence."]
+
+
 def test_share_that_is_not_held_has_the_exact_interval() -> None:
     record = OUTPUTS.record(draws("random", 3))
     expected = binomtest(3, N).proportion_ci(0.95)

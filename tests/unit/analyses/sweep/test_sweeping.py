@@ -219,6 +219,16 @@ def test_failed_variants_have_status_and_problem(scheduler: Client, faulty_fmu: 
     assert found[Fault.EXIT_INITIALIZATION][0] == "refused" and found[Fault.EXIT_INITIALIZATION][1]
 
 
+def test_fmu_with_a_fatal_error_leaves_later_variants(faulty_fmu: Path) -> None:
+    """The standard forbids any further call of its library; other variants use a new copy."""
+    faults = [Fault.NONE, Fault.FATAL, Fault.NONE, Fault.FATAL, Fault.FATAL, Fault.NONE, Fault.NONE]
+    result = sweep(
+        line_with_a_fault(faulty_fmu, Fault.NONE, 0.45), {"j.bad.fault": list(map(int, faults))}, workers=1,
+        stop_time=1.0, step_size=0.1,
+    )  # fmt: skip
+    assert result.variants["status"].to_list() == ["failed" if f else "done" for f in faults]
+
+
 @pytest.mark.parametrize(
     "raised", ["sys.exit(3)", "1 / 0", "(_ for _ in ()).throw(KeyboardInterrupt)", "'x'"]
 )
