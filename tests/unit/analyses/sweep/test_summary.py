@@ -109,10 +109,9 @@ def test_summary_of_a_saltelli_sample() -> None:
     values = [None, *rows[1:]]
     printed = lines(build_report(swept({"x[red]": rows, "y": rows}, {"f": values}, "saltelli")))
     assert "Sobol indices of f, from 2999 base samples, 1 left out" in printed
-    found = [line.split() for line in printed if line.startswith(("x[red]", "y "))]
-    assert [row[0] for row in found] == ["x[red]", "y"]
-    assert [float(x) for x in found[0][1::3] if x != "±"][:1] == [pytest.approx(1.0, abs=0.1)]
-    assert found[1][1:] == ["0.00", "±", "0.00", "0.00", "±", "0.00"]
+    first, second = (line.split() for line in printed if line.startswith(("x[red]", "y ")))
+    assert first[0] == "x[red]" and float(first[1]) == pytest.approx(1.0, abs=0.1)
+    assert second == ["y", "0.00", "±", "0.00", "0.00", "±", "0.00"]
 
 
 def test_too_few_base_samples_are_reported() -> None:
