@@ -14,11 +14,11 @@ from .columns import (
     FactorColumn,
     display_of,
     figure_values,
+    find_varying_factors,
     find_varying_figures,
     influence,
     is_truth,
     nothing_varies_error,
-    read_factor,
 )
 from .labels import factor_label, figure_label, is_wide, put_legend, put_levels, put_title, scale, wrap_text
 from .result import NOT_HELD, SweepResult
@@ -75,7 +75,7 @@ def draw_figures(result: SweepResult, figures: Sequence[str] = ()) -> "Figure":
     chosen = list(figures or find_varying_figures(result))[:_MOST_FIGURES]
     values = {figure: figure_values(result, figure) for figure in chosen}
     factors = sorted(
-        _varying_factors(result),
+        find_varying_factors(result),
         key=lambda factor: -max((influence(factor, v) for v in values.values()), default=0.0),
     )
     if not (chosen and factors):
@@ -105,10 +105,6 @@ def draw_figures(result: SweepResult, figures: Sequence[str] = ()) -> "Figure":
     ]
     _put_legend(figure, result, groups, " ".join(filter(None, notes)))
     return figure
-
-
-def _varying_factors(result: SweepResult) -> list[FactorColumn]:
-    return [factor for name in result.factors if (factor := read_factor(result, name)).varies]
 
 
 def _draw_panel(
@@ -195,7 +191,7 @@ def draw_map(result: SweepResult, figures: Sequence[str] = ()) -> "Figure":
         raise CommandError(
             f"the variants of the sweep '{result.name}' do not differ; there is nothing to map."
         )
-    factors, decide = _varying_factors(result), DONE in outcomes and differ
+    factors, decide = find_varying_factors(result), DONE in outcomes and differ
     if len(factors) < 2:
         raise CommandError(
             f"a map needs two factors that vary; the sweep '{result.name}' has {len(factors) or 'none'}."

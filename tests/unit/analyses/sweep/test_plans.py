@@ -165,7 +165,7 @@ def merge(parts: list[list[int]], path: Path) -> None:
     folder.begin(record, about, resume=False)
     for part in parts:
         outcomes = [VariantOutcome(n, "done", None, 1.0, {"y": math.sqrt(n)}) for n in part]
-        folder.keep_chunk(Chunk(outcomes, 0.1), Measures(figures=["y"]))
+        folder.keep_chunk(Chunk(outcomes), Measures(figures=["y"]))
     assert folder.finished() == set(range(12))
     folder.finish(True, 1.0)
 
