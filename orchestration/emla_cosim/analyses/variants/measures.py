@@ -197,12 +197,10 @@ def _quote_signals(text: str, signals: Sequence[str]) -> tuple[str, set[str]]:
     used = set[str]()
 
     def quote(match: re.Match[str]) -> str:
-        if match[1] is not None:
-            used.add(match[1])
-            return '"' + match[1].replace('"', '""') + '"'
-        if match[0][1:-1] in names:
-            used.add(match[0][1:-1])
-        return match[0]
+        name = match[1] or match[0][1:-1]
+        if name in names:
+            used.add(name)
+        return match[0] if match[1] is None else '"' + name.replace('"', '""') + '"'
 
     if not names:
         return text, used
