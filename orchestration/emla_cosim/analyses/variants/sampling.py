@@ -129,8 +129,8 @@ def _grid_count(distributions: Sequence[Distribution], _runs: int) -> int:
 
 def _grid(distributions: Sequence[Distribution], _runs: int, _seed: int) -> Columns:
     _grid_count(distributions, 0)
-    rows = itertools.product(*(d.levels or () for d in distributions))
-    return [list(column) for column in zip(*rows, strict=True)]
+    rows = list(itertools.product(*(d.levels or () for d in distributions)))
+    return [[row[i] for row in rows] for i in range(len(distributions))]
 
 
 def _random(distributions: Sequence[Distribution], runs: int, seed: int) -> Columns:
