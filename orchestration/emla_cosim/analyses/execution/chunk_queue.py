@@ -197,7 +197,7 @@ class ChunkQueue:
                 self._wait(WorkPackage(chunk.group, before, alone=True), first=False)
         if rest := [number for number in chunk.variants if number not in ran]:
             self._wait(WorkPackage(chunk.group, rest), first=True)
-        return [Chunk(outcomes, answer.wall_s, answer.series)] if outcomes else []
+        return [Chunk(outcomes, answer.series)] if outcomes else []
 
     def take_loss(self, chunk: WorkPackage, workers: int) -> list[Chunk]:
         """Return the results of a chunk that lost its workers: none, unless one variant is to blame."""
@@ -210,7 +210,7 @@ class ChunkQueue:
             self._suspects.append(chunk)
             return []
         reason = f"its worker ended {times} times: it ran out of memory, or its machine was lost."
-        return [Chunk([VariantOutcome(number, DIED, reason)], 0.0)]
+        return [Chunk([VariantOutcome(number, DIED, reason)])]
 
     def _wait(self, package: WorkPackage, first: bool) -> None:
         (self._waiting.appendleft if first else self._waiting.append)(package)

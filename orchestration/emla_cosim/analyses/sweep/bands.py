@@ -58,7 +58,10 @@ def compute_bands(result: SweepResult, signal: str) -> PercentileBands:
     )
     if extents.is_empty():
         raise CommandError(f"the sweep '{result.name}' kept no rows of signals.")
-    times = _times(series, extents)
+    furthest = extents.sort(["end", "rows", VARIANT], descending=[True, True, False])[VARIANT][0]
+    rows = series.filter(polars.col(VARIANT) == furthest).select("time").collect()["time"]
+    times = np.unique(rows.cast(polars.Float64).to_numpy())
+    times = times[np.unique(np.linspace(0, len(times) - 1, _MOST_TIMES).round().astype(int))]
     values = np.full((len(extents), len(times)), np.nan)
     row = 0
     for first, last in _parts(extents):
@@ -73,13 +76,6 @@ def compute_bands(result: SweepResult, signal: str) -> PercentileBands:
             values[row] = np.interp(times, own_times, own, left=np.nan, right=np.nan)
             row += 1
     return PercentileBands(times, np.column_stack([_percentiles(column) for column in values.T]))
-
-
-def _times(series: polars.LazyFrame, extents: polars.DataFrame) -> Vector:
-    furthest = extents.sort(["end", "rows", VARIANT], descending=[True, True, False])[VARIANT][0]
-    rows = series.filter(polars.col(VARIANT) == furthest).select("time").collect()["time"]
-    times = np.unique(rows.cast(polars.Float64).to_numpy())
-    return times[np.unique(np.linspace(0, len(times) - 1, _MOST_TIMES).round().astype(int))]
 
 
 def _parts(extents: polars.DataFrame) -> Iterator[tuple[int, int]]:

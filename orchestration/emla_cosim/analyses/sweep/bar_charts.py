@@ -45,20 +45,18 @@ def draw_tornado(result: SweepResult, figures: Sequence[str] = ()) -> "Figure":
         raise CommandError(
             f"the nominal variant of the sweep '{result.name}' has none of the figures; there is no tornado."
         )
-    more = 0 if figures else len(find_varying_figures(result)) - len(panels)
-    return _draw_panels(
-        result, panels, _draw_tornado, "each factor alone", ("factor low", "factor high"), more
-    )
+    bars = ("factor low", "factor high")
+    return _draw_panels(result, figures, panels, _draw_tornado, "each factor alone", bars)
 
 
 def draw_sobol(result: SweepResult, figures: Sequence[str] = ()) -> "Figure":
     """Draw a panel for each figure: first-order and total indices, 95 % confidence, largest total first."""
     check_sampling(result, SALTELLI, "Sobol indices")
     panels = _compute_panels(result, figures, sobol_indices)
-    more = 0 if figures else len(find_varying_figures(result)) - len(panels)
     biased = sum(indices.left_out > 0 for indices in panels.values())
     note = f"Biased, as base samples are left out: {biased} of {len(panels)}." if biased else ""
-    return _draw_panels(result, panels, _draw_sobol, "Sobol indices", ("first order", "total"), more, note)
+    bars = ("first order", "total")
+    return _draw_panels(result, figures, panels, _draw_sobol, "Sobol indices", bars, note)
 
 
 def _compute_panels(
@@ -82,24 +80,14 @@ def _compute_panels(
 
 def _draw_panels(
     result: SweepResult,
+    figures: Sequence[str],
     panels: dict[str, Any],
     draw: Callable[[SweepResult, "Axes", str, Any], None],
     title: str,
     labels: tuple[str, str],
-    more: int,
     note: str = "",
 ) -> "Figure":
-    """Draw panels by figure.
-
-    Args:
-        result: The sweep.
-        panels: What `draw` draws, by figure.
-        draw: Draws a panel.
-        title: What the picture shows.
-        labels: Meaning of the two bars of each factor.
-        more: Number of figures without a panel.
-        note: Last sentence of the note.
-    """
+    """Draw panels by figure, each factor with two bars of these labels; `note` is the last sentence below."""
     from matplotlib.patches import Patch
 
     factors = len(result.factors)
@@ -108,6 +96,7 @@ def _draw_panels(
     for axes, (name, panel) in zip(grid.flat, panels.items(), strict=False):
         draw(result, axes, name, panel)
     put_title(figure, f"{result.name}: {title}")
+    more = 0 if figures else len(find_varying_figures(result)) - len(panels)
     notes = [
         f"The {_MOST_BARS} strongest of {factors} factors." if factors > _MOST_BARS else "",
         f"{more} more figures vary." if more > 0 else "",

@@ -23,11 +23,6 @@ class FactorColumn:
     values: Vector
     levels: tuple[str, ...] | None
 
-    @property
-    def varies(self) -> bool:
-        """Whether it has at least two values."""
-        return _varies(self.values)
-
 
 def read_factor(result: SweepResult, name: str) -> FactorColumn:
     """Return a factor by name. One that is not numeric has levels, in the order of first occurrence."""
@@ -38,6 +33,11 @@ def read_factor(result: SweepResult, name: str) -> FactorColumn:
     levels = tuple(dict.fromkeys(texts))
     position = {level: float(i) for i, level in enumerate(levels)}
     return FactorColumn(name, np.array([position[text] for text in texts]), levels)
+
+
+def find_varying_factors(result: SweepResult) -> list[FactorColumn]:
+    """Return the factors with at least two values."""
+    return [factor for factor in (read_factor(result, n) for n in result.factors) if _varies(factor.values)]
 
 
 def figure_values(result: SweepResult, figure: str) -> Vector:

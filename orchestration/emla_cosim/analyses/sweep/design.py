@@ -57,15 +57,14 @@ class Design:
         """The factors."""
         return self.groups[0].factors
 
-    def values(self, number: int) -> list[Value | None]:
-        """Return the values of a variant in the table, one for each factor."""
+    def _values(self, number: int) -> list[tuple[Factor, Value | None]]:
+        """Return the factors of a variant with their values in the table."""
         own = self.groups[self.group_of[number]].factors
-        return [factor.value(column[number]) for factor, column in zip(own, self.drawn, strict=True)]
+        return [(factor, factor.value(drawn[number])) for factor, drawn in zip(own, self.drawn, strict=True)]
 
     def options(self, number: int) -> dict[str, Any]:
         """Return the options that are specific to a variant."""
-        own = self.groups[self.group_of[number]].factors
-        return merge_options(f.options(value) for f, value in zip(own, self.values(number), strict=True))
+        return merge_options(factor.options(value) for factor, value in self._values(number))
 
     def variant(self, number: int) -> Variant:
         """Return a variant with the options that a prepared simulation accepts."""
@@ -81,8 +80,8 @@ class Design:
 
     def table(self) -> polars.DataFrame:
         """Return a table with the number and values of every variant."""
-        rows = [self.values(number) for number in range(self.count)]
-        columns = [_column(f.name, [row[i] for row in rows]) for i, f in enumerate(self.factors)]
+        rows = [self._values(number) for number in range(self.count)]
+        columns = [_column(f.name, [row[i][1] for row in rows]) for i, f in enumerate(self.factors)]
         return polars.DataFrame([polars.Series(VARIANT, range(self.count), polars.Int64), *columns])
 
     @cached_property
@@ -121,9 +120,8 @@ def design_variants(plan: Plan, progress: Progress) -> Design:
     first = Preparation.of(load_planned(plan), progress)
     found = resolve_factors(plan.vary, first.system, first.interfaces, plan.where)
     method = plan.sampling or ("grid" if plan.runs is None else "random")
-    distributions = [f.distribution for f in found]
-    _check_memory(plan, _count(plan, method, found), len(found))
-    drawn = sample(method, distributions, plan.runs, plan.seed)
+    _check_size(plan, method, found)
+    drawn = sample(method, [f.distribution for f in found], plan.runs, plan.seed)
     prepared = [i for i, f in enumerate(found) if any(needs_preparation(target) for target in f.targets)]
     keys: dict[str, int] = {}
     groups, group_of = list[VariantGroup](), list[int]()
@@ -147,41 +145,33 @@ def _group(
     """Prepare the system with these options. Its factors must be the same as without them (`usual`)."""
     preparation = made or Preparation.of(load_planned(plan, options), progress)
     found = resolve_factors(plan.vary, preparation.system, preparation.interfaces, plan.where)
+    changed = ""
     if [f.name for f in found] != [f.name for f in usual]:
-        raise CommandError(
-            f"{plan.where} varies different start values with {_format_options(options)} than without."
-        )
-    shared = [(f, u) for f, u in zip(found, usual, strict=True) if len(f.targets) > 1]
-    if any(f.targets != u.targets for f, u in shared):
-        raise CommandError(
-            f"{plan.where} multiplies different values with {_format_options(options)} than without."
-        )
+        changed = "varies different start values"
+    elif any(f.targets != u.targets for f, u in zip(found, usual, strict=True) if len(f.targets) > 1):
+        changed = "multiplies different values"
+    if changed:
+        text = ", ".join(f"{name} = {value}" for name, value in options.items())
+        raise CommandError(f"{plan.where} {changed} with {text} than without.")
     return VariantGroup(preparation, found)
 
 
-def _count(plan: Plan, method: str, found: Sequence[Factor]) -> int:
-    """Return the number of variants. Raise CommandError, with the factor's name, if it cannot be sampled."""
+def _check_size(plan: Plan, method: str, found: Sequence[Factor]) -> None:
+    """Raise CommandError if the variants cannot be sampled, or do not fit into the memory."""
     try:
-        return count_variants(method, [f.distribution for f in found], plan.runs)
+        variants = count_variants(method, [f.distribution for f in found], plan.runs)
     except CommandError as error:
         if "index" in error.fields:
             name = found[error.fields["index"]].name
             raise CommandError(f"'{name}' of {plan.where}: {error}", name=name) from error
         raise CommandError(f"{plan.where}: {error}", **error.fields) from error
-
-
-def _check_memory(plan: Plan, variants: int, columns: int) -> None:
-    needed, there = variants * (columns + 8) * _BYTES_PER_VALUE, psutil.virtual_memory().available
-    if needed > 0.5 * there:
+    there = psutil.virtual_memory().available
+    if variants * (len(found) + 8) * _BYTES_PER_VALUE > 0.5 * there:
         raise CommandError(
             f"{plan.where} has {variants} variants; {there / 2**30:.3g} GiB of memory are not enough; use "
             "fewer levels or runs.",
             variants=variants,
         )
-
-
-def _format_options(options: Mapping[str, Any]) -> str:
-    return ", ".join(f"{name} = {value}" for name, value in options.items())
 
 
 def _column(name: str, values: Sequence[Value | None]) -> polars.Series:

@@ -45,10 +45,19 @@ class SweepFolder(AnalysisFolder[SweepResult]):
         """Check that a sweep with this identity can start or resume here.
 
         Raises:
-            CommandError: The folder has an unfinished sweep and `resume` is not set, or a different sweep.
+            CommandError: The folder has an unfinished sweep and `resume` is not set, a different sweep, or
+                an inner folder with files that do not belong to a sweep.
         """
         record = self._record()
-        self._check_inner_folders(begun=bool(record))
+        for name in self.inner:
+            path = self._place / name
+            with report_write_errors(self.path):
+                files = list(path.iterdir()) if path.is_dir() else []
+            strange = [file for file in files if not record or not _OURS.fullmatch(file.name)]
+            if strange or path.is_symlink() or (path.exists() and not path.is_dir()):
+                raise CommandError(
+                    f"'{self.path / name}' does not belong to a sweep; move it, or name another folder."
+                )
         if resume and not record:
             raise CommandError(f"'{self.path}' has no sweep to resume; run without --resume.")
         if resume and (differing := _describe_difference(record.get("identity"), identity)):
@@ -61,18 +70,6 @@ class SweepFolder(AnalysisFolder[SweepResult]):
                 f"'{self.path}' has an unfinished sweep; --resume continues it, --overwrite replaces it, or "
                 "name another folder."
             )
-
-    def _check_inner_folders(self, begun: bool) -> None:
-        """Raise CommandError if an inner folder has files that do not belong to a sweep."""
-        for name in (PARTS, SERIES):
-            path = self._place / name
-            with report_write_errors(self.path):
-                files = list(path.iterdir()) if path.is_dir() else []
-            strange = [file for file in files if not begun or not _OURS.fullmatch(file.name)]
-            if strange or path.is_symlink() or (path.exists() and not path.is_dir()):
-                raise CommandError(
-                    f"'{self.path / name}' does not belong to a sweep; move it, or name another folder."
-                )
 
     @property
     def is_complete(self) -> bool:
@@ -177,14 +174,10 @@ class SweepFolder(AnalysisFolder[SweepResult]):
 
 def _frame(chunk: Chunk, measures: Measures) -> polars.DataFrame:
     rows = [(o.number, o.status, o.problem, o.end_s) for o in chunk.outcomes]
+    types = {n: polars.Boolean if n in measures.truths else polars.Float64 for n in measures.names}
     columns = [
-        polars.Series(
-            name,
-            [o.figures.get(name) for o in chunk.outcomes],
-            polars.Boolean if name in measures.truths else polars.Float64,
-            strict=False,
-        )
-        for name in measures.names
+        polars.Series(name, [o.figures.get(name) for o in chunk.outcomes], kind, strict=False)
+        for name, kind in types.items()
     ]
     return polars.DataFrame(rows, schema=ENDS, orient="row").with_columns(columns)
 

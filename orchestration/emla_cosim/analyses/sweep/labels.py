@@ -139,10 +139,7 @@ def put_legend(figure: "Figure", handles: "Mapping[str, Artist]", note: str = ""
 def new_panels(titles: Sequence[str], width: float, **size: Any) -> tuple["Figure", np.ndarray]:
     """Return a picture with a panel for each title, and its axes: a row for each row of panels.
 
-    Args:
-        titles: The titles of the panels.
-        width: The width of a panel of several columns in inches.
-        **size: Further arguments of `new_figure`.
+    Panels in several columns have this `width` in inches; `size` are further arguments of `new_figure`.
     """
     columns = 1 if len(titles) <= 1 else 2 if len(titles) <= 4 else 3
     rows = -(-len(titles) // columns)

@@ -58,8 +58,7 @@ class Plan(AnalysisPlan):
             CommandError: a value has a wrong type.
         """
         method = SAMPLINGS.get(str(given.get("sampling")))
-        drops_runs = method is not None and not method.takes_runs
-        return super(Plan, replace(self, runs=None) if drops_runs else self).updated(given)
+        return super(Plan, replace(self, runs=None) if method and method.own_size else self).updated(given)
 
 
 def load_plan(source: Source | Plan) -> Plan:
@@ -71,26 +70,21 @@ def load_plan(source: Source | Plan) -> Plan:
     if isinstance(source, Plan):
         return source
     values, folder = read_plan(source, Plan, "sweep", "plan", PLANS)
-    if "vary" not in values:
-        return Plan(**values)
-    values["vary"] = {varied: _with_files_of(folder, given) for varied, given in values["vary"].items()}
+    if folder is not None:
+        values["vary"] = {name: _with_files_of(folder, given) for name, given in values["vary"].items()}
     plan = Plan(**values)
-    plan.check()
+    if "vary" in values:
+        plan.check()
     return plan
 
 
-def _with_files_of(folder: Path | None, given: Any) -> Any:
+def _with_files_of(folder: Path, given: Any) -> Any:
     """Return the values of a factor with files relative to the folder of the plan."""
-    if folder is None:
-        return given
-    if isinstance(given, str):
-        return (
-            str(folder / given)
-            if given.lower().endswith((".fmu", ".ssv", ".toml")) and "," not in given
-            else given
-        )
-    if isinstance(given, Mapping):
-        return {
-            key: _with_files_of(folder, value) if key == "values" else value for key, value in given.items()
-        }
-    return [_with_files_of(folder, one) for one in given] if isinstance(given, list) else given
+    match given:
+        case str() if given.lower().endswith((".fmu", ".ssv", ".toml")) and "," not in given:
+            return str(folder / given)
+        case {"values": values}:
+            return {**given, "values": _with_files_of(folder, values)}
+        case list():
+            return [_with_files_of(folder, value) for value in given]
+    return given

@@ -1,13 +1,13 @@
 """What a sweep writes and shows: statuses, figures, sensitivities, the worst variants, pictures."""
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import polars
 
-from ...base.errors import CommandError, check_choice
+from ...base.errors import CommandError
 from ...base.wording import format_count
 from ...master.instances.fmu_instance import tells_requested_end
 from ...recorders.metrics import MetricDisplay
@@ -15,43 +15,23 @@ from ...run.remarks import tells_lost_values
 from ...views.formatting import format_figure
 from ..frame.outputs import Outputs
 from ..frame.report import Report, ReportTable, Section
-from ..variants.data import (
-    DIED,
-    DIVERGED,
-    DONE,
-    FAILED,
-    PROBLEM,
-    REFUSED,
-    STATUS,
-    VARIANT,
-    to_parquet,
-)
+from ..variants.data import DIED, DIVERGED, DONE, FAILED, PROBLEM, REFUSED, STATUS, VARIANT, to_parquet
 from .bands import draw_bands
 from .bar_charts import draw_sobol, draw_tornado
-from .columns import (
-    display_of,
-    figure_values,
-    is_truth,
-    main_figure,
-)
+from .columns import display_of, figure_values, is_truth, main_figure
 from .result import NOT_HELD, RECORD, SERIES, TABLE, SweepResult
 from .scatter import draw_figures, draw_map
 from .sensitivity import ONE_AT_A_TIME, SALTELLI, all_sobol_indices, local_sensitivities, sobol_indices
-from .statements import QuantileInterval, Statements, make_statements
+from .statements import Statements, make_statements
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_MOST_FACTORS = 12
-"""Most factors in a table of sensitivities."""
+_MOST_FACTORS, _MOST_WORST = 12, 5
+"""Most factors in a table of sensitivities, and most of the worst variants to show."""
 
-_MOST_LETTERS = 1600
-"""Most letters of commands to show; more have a file."""
-
-_WORST_FILE = "worst.txt"
-
-_MOST_WORST = 5
-"""Most of the worst variants to show."""
+_WORST_FILE, _MOST_LETTERS = "worst.txt", 1600
+"""The file with the commands of the worst variants, if they have more letters."""
 
 PICTURES: dict[str, tuple["Callable[[SweepResult, Sequence[str]], Figure]", str]] = {
     "bands": (draw_bands, "Percentiles of the signals over time"),
@@ -65,20 +45,13 @@ PICTURES: dict[str, tuple["Callable[[SweepResult, Sequence[str]], Figure]", str]
 They raise CommandError if the result has no data for the picture.
 """
 
-_PICTURES_ONE_AT_A_TIME = ("bands", "tornado")  # a tornado shows all figures
-
-
-def draw_picture(result: SweepResult, kind: str, names: Sequence[str] = ()) -> "Figure":
-    """Draw one picture. Raise CommandError for an unknown kind or name, or if there is nothing to draw."""
-    check_choice("picture", kind, PICTURES)
-    return PICTURES[kind][0](result, names)
-
 
 def draw_pictures(result: SweepResult) -> "Iterator[tuple[str, Figure]]":
     """Yield each picture that suits a result, with its file name."""
-    for kind in _PICTURES_ONE_AT_A_TIME if result.sampling == ONE_AT_A_TIME else PICTURES:
+    kinds = ("bands", "tornado") if result.sampling == ONE_AT_A_TIME else PICTURES
+    for kind in kinds:  # a tornado shows all figures
         try:
-            figure = draw_picture(result, kind)
+            figure = result.plot(kind)
         except CommandError:  # the result has nothing for it
             continue
         yield f"{kind}.png", figure
@@ -94,8 +67,8 @@ def build_report(result: SweepResult) -> Report:
             sections.append(Section(tables=[_intervals_table(result, statements)], is_detail=True))
         sections += _sensitivities(result, figure)
     if figure is not None and len(result.variants):
-        commands = list_worst_commands(result)
-        if result.folder is not None and _are_long(commands):
+        commands = _list_worst_commands(result)
+        if result.folder is not None and _worst_file(result) is not None:
             commands = [f"Commands to run each of them alone are in {result.folder / _WORST_FILE}."]
         sections.append(Section(tables=[_worst_table(result, figure)], under=commands))
     pictures = {f"{kind}.png": shown for kind, (_, shown) in PICTURES.items()}
@@ -152,12 +125,11 @@ def _intervals_table(result: SweepResult, statements: Statements) -> ReportTable
     return ReportTable(title, header, rows, texts=(0, len(header) - 1))
 
 
-def _format_interval(interval: QuantileInterval, shown: MetricDisplay) -> tuple[str, str]:
-    """Return a quantile and its interval as texts."""
-    value, low, high = (format_figure(x, shown) for x in (interval.value, interval.low, interval.high))
-    if math.isinf(interval.low):
-        return value, "too few variants" if math.isinf(interval.high) else f"up to {high}"
-    return value, f"from {low}" if math.isinf(interval.high) else f"{low} to {high}"
+def _format_interval(interval: Mapping[str, float], shown: MetricDisplay) -> tuple[str, str]:
+    value, low, high = (format_figure(interval[name], shown) for name in ("value", "low", "high"))
+    if math.isinf(interval["low"]):
+        return value, "too few variants" if math.isinf(interval["high"]) else f"up to {high}"
+    return value, f"from {low}" if math.isinf(interval["high"]) else f"{low} to {high}"
 
 
 def _sensitivities(result: SweepResult, figure: str) -> list[Section]:
@@ -173,14 +145,12 @@ def _sensitivities(result: SweepResult, figure: str) -> list[Section]:
 def sobol_table(result: SweepResult, figure: str) -> ReportTable:
     """Tabulate the Sobol indices of a figure, the largest total first. Errors: as `sobol_indices`."""
     indices = sobol_indices(result, figure)
-    rows = [
-        [
-            indices.factors[i],
-            f"{indices.first[i]:.2f} ± {indices.first_confidence[i]:.2f}",
-            f"{indices.total[i]:.2f} ± {indices.total_confidence[i]:.2f}",
-        ]
-        for i in np.argsort(-indices.total, kind="stable")
+    first = zip(indices.first, indices.first_confidence, strict=True)
+    total = zip(indices.total, indices.total_confidence, strict=True)
+    cells = [
+        [f"{value:.2f} ± {width:.2f}" for value, width in pair] for pair in zip(first, total, strict=True)
     ]
+    rows = [[indices.factors[i], *cells[i]] for i in np.argsort(-indices.total, kind="stable")]
     left_out = f", {indices.left_out} left out" if indices.left_out else ""
     label = display_of(result, figure).label
     title = f"Sobol indices of {label}, from {indices.groups} base samples{left_out}"
@@ -228,20 +198,16 @@ def find_worst_variants(result: SweepResult, figure: str, count: int) -> polars.
 def _worst_table(result: SweepResult, figure: str) -> ReportTable:
     shown = display_of(result, figure)
     ended = dict(zip(result.variants[VARIANT], result.outcomes, strict=True))
+    worst = find_worst_variants(result, figure, _MOST_WORST).select(VARIANT, figure, PROBLEM).rows()
     rows = [
-        [
-            str(row[VARIANT]),
-            str(ended[row[VARIANT]]),
-            _format_figure(result, figure, row[figure]),
-            row[PROBLEM] or "",
-        ]
-        for row in find_worst_variants(result, figure, _MOST_WORST).iter_rows(named=True)
+        [str(number), str(ended[number]), _format_figure(result, figure, value), problem or ""]
+        for number, value, problem in worst
     ]
     head = f"{shown.label} / {shown.unit}" if shown.unit else shown.label
     return ReportTable("The worst variants", ("variant", "status", head, ""), rows, texts=(1, 3))
 
 
-def list_worst_commands(result: SweepResult) -> list[str]:
+def _list_worst_commands(result: SweepResult) -> list[str]:
     """Return lines with the commands that run the worst variants alone."""
     if (figure := main_figure(result)) is None:
         return []
@@ -250,22 +216,17 @@ def list_worst_commands(result: SweepResult) -> list[str]:
     return [f"What runs {'it' if len(lines) == 1 else 'each'} alone:", *lines] if lines else []
 
 
-def _are_long(lines: Sequence[str]) -> bool:
-    return sum(map(len, lines)) > _MOST_LETTERS
-
-
 def _worst_file(result: SweepResult) -> str | None:
     """Return the file with the commands that run the worst variants, if they are long."""
-    lines = list_worst_commands(result)
-    return "\n".join([f"# {lines[0]}", *lines[1:], ""]) if _are_long(lines) else None
+    lines = _list_worst_commands(result)
+    return "\n".join([f"# {lines[0]}", *lines[1:], ""]) if sum(map(len, lines)) > _MOST_LETTERS else None
 
 
 def _format_figure(result: SweepResult, figure: str, value: float | bool | None) -> str:
     if value is None:
         return "none"
-    return format_figure(
-        bool(value) if is_truth(result, figure) else float(value), display_of(result, figure)
-    )
+    value = bool(value) if is_truth(result, figure) else float(value)
+    return format_figure(value, display_of(result, figure))
 
 
 def _record(result: SweepResult) -> dict[str, Any]:

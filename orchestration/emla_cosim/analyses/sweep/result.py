@@ -12,7 +12,7 @@ import numpy as np
 import polars
 
 from ...base.arrays import Mask
-from ...base.errors import CommandError
+from ...base.errors import CommandError, check_choice
 from ...base.files import read_text
 from ...base.values import convert_value
 from ...recorders.metrics import HELD, MetricDisplay
@@ -163,9 +163,10 @@ class SweepResult:
         Raises:
             CommandError: a name does not exist, or the sampling does not allow this kind.
         """
-        from .report import draw_picture
+        from .report import PICTURES
 
-        return draw_picture(self, kind, names)
+        check_choice("picture", kind, PICTURES)
+        return PICTURES[kind][0](self, names)
 
 
 def read_sweep(folder: str | Path) -> SweepResult:
@@ -207,22 +208,16 @@ def make_result(
     if signals:  # each is sorted by variant, but retried chunks come late
         series = polars.scan_parquet(signals).sort(VARIANT, maintain_order=True)
     former = [name for name in record["figures"] if name.endswith(f".{HELD}")]  # of earlier versions
+    same = ("name", "sampling", "seed", "figures", "signals", "units", "required", "base")
     return SweepResult(
-        name=record["name"],
-        sampling=record["sampling"],
-        seed=record["seed"],
+        **{name: record[name] for name in same},
         factors=list(record["factors"]),
-        figures=record["figures"],
         variants=variants,
-        signals=record["signals"],
         series=series,
-        units=record["units"],
         shown={name: MetricDisplay(**shown) for name, shown in record["shown"].items()},
         verdicts=record.get("verdicts", former),
         folder=folder,
         complete=record["status"] == COMPLETED,
-        required=record["required"],
-        base=record["base"],
         targets={name: [Target(**t) for t in targets] for name, targets in record["factors"].items()},
         wall_s=record.get("wall_s", 0.0),
         notes=record.get("notes", ()),

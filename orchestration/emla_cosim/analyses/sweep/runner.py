@@ -208,8 +208,7 @@ def _record(
 ) -> dict[str, Any]:
     """Return the initial content of sweep.json."""
     plan = design.plan
-    own = format_arguments(plan.options)
-    base = None if own is None or not isinstance(plan.scenario, (str, Path)) else [str(plan.scenario), *own]
+    own = format_arguments(plan.options) if isinstance(plan.scenario, (str, Path)) else None
     known = {**described.further, **described.units}
     units = {f.name: f.unit for f in design.factors} | {name: known[name] for name in measures.signals}
     return {
@@ -226,15 +225,11 @@ def _record(
         "expressions": dict(measures.expressions),
         "signals": list(measures.signals),
         "units": units,
-        "shown": {
-            name: asdict(display)
-            for name in measures.figures
-            if (display := described.figures[name].display) is not None
-        },
+        "shown": {n: asdict(d) for n in measures.figures if (d := described.figures[n].display) is not None},
         "verdicts": list(measures.verdicts),
         "notes": list(notes),
         "required": list(design.groups[0].preparation.options.require),
-        "base": None if base is None else ["emla", "run", *base],
+        "base": None if own is None else ["emla", "run", str(plan.scenario), *own],
         "systems": design.identities,
         "version": version("emla-cosim"),
     }

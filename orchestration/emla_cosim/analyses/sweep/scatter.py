@@ -1,6 +1,6 @@
 """Draw a point for each variant: figures against factors, and a map over two factors."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -8,29 +8,19 @@ import numpy as np
 from ...base.arrays import Mask, Vector
 from ...base.errors import CommandError, join_names
 from ...base.wording import format_number
-from ...recorders.metrics import HELD
 from ...views.plots.style import BLUE, GREY, ORANGE, PURPLE, RED, new_figure, tidy_axes
 from ..variants.data import DIED, DIVERGED, DONE, FAILED, REFUSED, TIMED_OUT
 from .columns import (
     FactorColumn,
     display_of,
     figure_values,
+    find_varying_factors,
     find_varying_figures,
     influence,
     is_truth,
     nothing_varies_error,
-    read_factor,
 )
-from .labels import (
-    factor_label,
-    figure_label,
-    is_wide,
-    put_legend,
-    put_levels,
-    put_title,
-    scale,
-    wrap_text,
-)
+from .labels import factor_label, figure_label, is_wide, put_legend, put_levels, put_title, scale, wrap_text
 from .result import NOT_HELD, SweepResult
 
 if TYPE_CHECKING:
@@ -47,9 +37,6 @@ _ROOM, _ROOM_OF_MAP = 30, 80
 
 _SHADES = ("#cfe0f1", "#12355f")
 """Shades of good variants in a map, for small and large figures."""
-
-_TITLES = {HELD: "where it is held", DONE: "which variants are done"}
-"""Titles of maps by the name of the good outcome."""
 
 _COLORS = {
     DONE: BLUE,
@@ -88,7 +75,7 @@ def draw_figures(result: SweepResult, figures: Sequence[str] = ()) -> "Figure":
     chosen = list(figures or find_varying_figures(result))[:_MOST_FIGURES]
     values = {figure: figure_values(result, figure) for figure in chosen}
     factors = sorted(
-        _varying_factors(result),
+        find_varying_factors(result),
         key=lambda factor: -max((influence(factor, v) for v in values.values()), default=0.0),
     )
     if not (chosen and factors):
@@ -105,16 +92,19 @@ def draw_figures(result: SweepResult, figures: Sequence[str] = ()) -> "Figure":
     figure.align_ylabels()
     figure.set_layout_engine("constrained", w_pad=0.08)  # room for the numbers at the ends of axes
     put_title(figure, f"{result.name}: figures against factors")
+    rest = [factor.name for factor in factors[_MOST_FACTORS:]]
+    named = join_names(rest) if 0 < len(rest) <= _NAMED else f"{len(rest)} factors"
+    same = len(result.factors) - len(factors)
     more = 0 if figures else len(find_varying_figures(result)) - len(chosen)
-    notes = list(_describe_omissions(result, factors, more))
-    if any(np.isnan(column).any() for column in values.values()):
-        notes.append("Marks at the bottom are variants without the figure.")
-    _put_legend(figure, result, groups, " ".join(notes))
+    has_marks = any(np.isnan(column).any() for column in values.values())
+    notes = [
+        f"Omitted for smaller rank correlations: {named}." if rest else "",
+        f"Factors with one value only: {same}." if same > 0 else "",
+        f"{more} more figures vary." if more > 0 else "",
+        "Marks at the bottom are variants without the figure." if has_marks else "",
+    ]
+    _put_legend(figure, result, groups, " ".join(filter(None, notes)))
     return figure
-
-
-def _varying_factors(result: SweepResult) -> list[FactorColumn]:
-    return [factor for name in result.factors if (factor := read_factor(result, name)).varies]
 
 
 def _draw_panel(
@@ -180,19 +170,6 @@ def _put_legend(figure: "Figure", result: SweepResult, groups: Sequence[_Outcome
     put_legend(figure, handles, note)
 
 
-def _describe_omissions(
-    result: SweepResult, factors: Sequence[FactorColumn], figures_left: int
-) -> Iterator[str]:
-    if len(factors) > _MOST_FACTORS:
-        rest = [factor.name for factor in factors[_MOST_FACTORS:]]
-        named = join_names(rest) if len(rest) <= _NAMED else f"{len(rest)} factors"
-        yield f"Omitted for smaller rank correlations: {named}."
-    if (same := len(result.factors) - len(factors)) > 0:
-        yield f"Factors with one value only: {same}."
-    if figures_left > 0:
-        yield f"{figures_left} more figures vary."
-
-
 def draw_map(result: SweepResult, figures: Sequence[str] = ()) -> "Figure":
     """Draw which variants are held, shaded by a figure.
 
@@ -202,7 +179,7 @@ def draw_map(result: SweepResult, figures: Sequence[str] = ()) -> "Figure":
     """
     if len(figures) > 1:
         raise CommandError(f"a map shows one figure, not {len(figures)}.")
-    outcomes, good = result.outcomes, result.good_outcome
+    outcomes = result.outcomes
     varying = (figure for figure in find_varying_figures(result) if not is_truth(result, figure))
     name = next(iter(figures or varying), None)
     values = np.full(len(outcomes), np.nan)
@@ -214,7 +191,7 @@ def draw_map(result: SweepResult, figures: Sequence[str] = ()) -> "Figure":
         raise CommandError(
             f"the variants of the sweep '{result.name}' do not differ; there is nothing to map."
         )
-    factors, decide = _varying_factors(result), DONE in outcomes and differ
+    factors, decide = find_varying_factors(result), DONE in outcomes and differ
     if len(factors) < 2:
         raise CommandError(
             f"a map needs two factors that vary; the sweep '{result.name}' has {len(factors) or 'none'}."
@@ -232,15 +209,15 @@ def draw_map(result: SweepResult, figures: Sequence[str] = ()) -> "Figure":
         bar = figure.colorbar(shades, ax=axes)
         bar.ax.tick_params(labelsize=8)
         bar.set_label(wrap_text(figure_label(result, name), 54), fontsize=9, parse_math=False)
-    put_title(figure, f"{result.name}: {_TITLES[good]}")
-    what = f"being {good}" if decide else "the figure"
+    title = "where it is held" if result.verdicts else "which variants are done"
+    put_title(figure, f"{result.name}: {title}")
+    what = f"being {result.good_outcome}" if decide else "the figure"
     note = f"The two of {len(result.factors)} factors with the largest rank correlation with {what}."
     _put_legend(figure, result, groups, "" if len(result.factors) == 2 else note)
     return figure
 
 
 def _shading(values: Vector) -> dict[str, Any]:
-    """Return colour map and scale for the figure of good variants."""
     from matplotlib.colors import LinearSegmentedColormap, LogNorm, Normalize
 
     finite = values[~np.isnan(values)]

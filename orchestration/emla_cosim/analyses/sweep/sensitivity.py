@@ -128,13 +128,9 @@ def all_sobol_indices(result: SweepResult) -> dict[str, SobolIndices]:
 
 
 def _compute_indices(values: Vector, seed: int) -> list[Vector]:
-    """Return first-order indices, their confidence, total indices, and their confidence.
+    """Return `_INDICES` from a figure for A, A with each factor of B, and B, shape (base samples, d + 2).
 
     SciPy's `sobol_indices` takes powers of two only, but base samples can be left out.
-
-    Args:
-        values: A figure for A, A with each factor of B, and B, shape (base samples, d + 2).
-        seed: Seed of the bootstrap.
     """
     from scipy.special import ndtri
 
@@ -146,9 +142,8 @@ def _compute_indices(values: Vector, seed: int) -> list[Vector]:
         indices = _estimate(a, ab, b)
         resampled = _estimate(a[drawn], ab[drawn], b[drawn])
         rows.append([x for y, z in zip(indices, resampled, strict=True) for x in (y, z.std(ddof=1))])
-    first, first_deviation, total, total_deviation = np.array(rows).T
     width = ndtri(0.975)
-    return [first, width * first_deviation, total, width * total_deviation]
+    return list(np.array(rows).T * [[1.0], [width], [1.0], [width]])
 
 
 def _estimate(a: Vector, ab: Vector, b: Vector) -> tuple[Vector, Vector]:

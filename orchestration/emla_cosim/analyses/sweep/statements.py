@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -23,14 +23,6 @@ _ASSUMPTION = (
 )
 
 
-class QuantileInterval(NamedTuple):
-    """A quantile of a figure, and the ends of its interval, which can be infinite."""
-
-    value: float
-    low: float
-    high: float
-
-
 @dataclass(frozen=True)
 class Statements:
     """What a sweep says about all variants that could have been drawn.
@@ -40,24 +32,21 @@ class Statements:
         count: Number of variants that are.
         total: Number of variants that count.
         sentences: How probable it is, and the assumption.
-        quantiles: Quantiles of the figures over variants that are done, by figure and name of the quantile.
+        quantiles: Quantiles of the figures over variants that are done, by figure and name of the quantile:
+            its value, and low and high end of its interval, which can be infinite.
     """
 
     event: str
     count: int
     total: int
     sentences: list[str]
-    quantiles: Mapping[str, Mapping[str, QuantileInterval]]
+    quantiles: Mapping[str, Mapping[str, Mapping[str, float]]]
 
     def record(self) -> dict[str, Any]:
         """Return the entries for sweep.json."""
         low, high = share_interval(self.count, self.total)
         share = {"count": self.count, "total": self.total, "low": low, "high": high}
-        quantiles = {
-            figure: {name: interval._asdict() for name, interval in intervals.items()}
-            for figure, intervals in self.quantiles.items()
-        }
-        return {"statements": {"texts": self.sentences, self.event: share}, "quantiles": quantiles}
+        return {"statements": {"texts": self.sentences, self.event: share}, "quantiles": self.quantiles}
 
 
 def make_statements(result: SweepResult) -> Statements | None:
@@ -81,14 +70,14 @@ def make_statements(result: SweepResult) -> Statements | None:
     return Statements(event, count, total, sentences, {} if is_saltelli else _compute_intervals(result))
 
 
-def _compute_intervals(result: SweepResult) -> dict[str, dict[str, QuantileInterval]]:
-    intervals = dict[str, dict[str, QuantileInterval]]()
+def _compute_intervals(result: SweepResult) -> dict[str, dict[str, dict[str, float]]]:
+    intervals = dict[str, dict[str, dict[str, float]]]()
     for figure in result.figures:
         values = figure_values(result, figure)
         values = values[~np.isnan(values)]
         if len(values) and not is_truth(result, figure):
-            intervals[figure] = {
-                name: QuantileInterval(float(np.quantile(values, q)), *quantile_interval(values, q))
-                for name, q in _QUANTILES.items()
-            }
+            intervals[figure] = {}
+            for name, q in _QUANTILES.items():
+                low, high = quantile_interval(values, q)
+                intervals[figure][name] = {"value": float(np.quantile(values, q)), "low": low, "high": high}
     return intervals

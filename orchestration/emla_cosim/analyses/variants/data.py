@@ -56,10 +56,9 @@ class VariantOutcome:
 
 @dataclass(frozen=True)
 class Chunk:
-    """The outcomes of a chunk, its duration in s, and its signals as a Parquet file."""
+    """The outcomes of a chunk, and its signals as a Parquet file."""
 
     outcomes: Sequence[VariantOutcome]
-    wall_s: float
     series: bytes | None = None
 
 

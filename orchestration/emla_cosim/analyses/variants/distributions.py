@@ -1,8 +1,7 @@
 """Parse distributions of plans and of the command line."""
 
-import contextlib
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING, fields
 from typing import Any, NoReturn
 
@@ -25,11 +24,7 @@ _NUMBER = re.compile(
 )
 _WHOLE = re.compile(r"[+-]?[0-9]{1,30}")
 _NAMED = re.compile(r"([\w-]+)\s*\((.*)\)", re.DOTALL)
-_WORDS: dict[str, Value] = {"true": True, "false": False}
 
-
-Convert = Callable[[str], Any]
-"""Convert a text with a unit to a number. Raise CommandError for an incompatible unit."""
 
 _Fields = tuple[type[Distribution], Mapping[str, Any]]
 """A kind of distributions and its fields, unchecked."""
@@ -38,7 +33,7 @@ _LIST_OR_DECIMAL = re.compile(r"(?<![\w.,])([+-]?[0-9]+),([0-9]+)\s*([^\W\d_][^,
 """A number with a decimal comma and a unit, or two values of a list."""
 
 
-def parse_distribution(value: Any, where: str, convert: Convert | None = None) -> Distribution:
+def parse_distribution(value: Any, where: str, convert: Callable[[str], Any] | None = None) -> Distribution:
     """Read the distribution of a factor from a plan or from the command line.
 
     Texts have short forms:
@@ -53,30 +48,23 @@ def parse_distribution(value: Any, where: str, convert: Convert | None = None) -
         value: A table with `distribution` (the name) and its fields, a list of values, a text in a short
             form, a number, a Boolean, or a distribution.
         where: Name of the factor in messages.
-        convert: Converts texts such as "5 mm", unless the values are factors. Default: they stay texts.
+        convert: Converts texts such as "5 mm" to numbers, unless the values are factors. Messages of its
+            errors begin with `where`. Default: they stay texts.
 
     Raises:
         CommandError: The value is anything else, or only some of its values have a unit.
     """
     if isinstance(value, Distribution):
         return value
-    with _name_factor(where):
-        kind, given = _parse(value.strip()) if isinstance(value, str) else _read(value)
-        has_units = convert is not None and not given.get("relative")
-        if has_units:
-            _check_units(kind, given, value)
-    if convert is not None and has_units:
-        given = {**given, **_map_values(kind, given, lambda x: convert(x) if _is_quantity(x) else x)}
-    with _name_factor(where):
-        return _make_distribution(kind, given)
-
-
-@contextlib.contextmanager
-def _name_factor(where: str) -> Iterator[None]:
-    """Begin messages of errors with the name of the factor."""
     try:
-        yield
+        kind, given = _parse(value.strip()) if isinstance(value, str) else _read(value)
+        if convert is not None and not given.get("relative"):
+            _check_units(kind, given, value)
+            given = {**given, **_map_values(kind, given, lambda x: convert(x) if _is_quantity(x) else x)}
+        return _make_distribution(kind, given)
     except CommandError as error:
+        if str(error).startswith(where):
+            raise
         raise CommandError(f"{where}: {error}", **error.fields) from None
 
 
@@ -120,17 +108,18 @@ def _is_quantity(value: Any) -> bool:
 def _read(value: Any) -> _Fields:
     if hasattr(value, "tolist"):
         value = value.tolist()  # NumPy
-    if isinstance(value, Mapping):
-        if "distribution" not in value:
+    match value:
+        case {"distribution": name, **given}:
+            return _kind(name), given
+        case Mapping():
             raise CommandError(
                 f"the table has no distribution; write distribution = one of {join_names(DISTRIBUTIONS)}.",
                 choices=list(DISTRIBUTIONS),
             )
-        return _kind(value["distribution"]), {n: x for n, x in value.items() if n != "distribution"}
-    if isinstance(value, (bool, int, float)):
-        return ValueList, {"values": (value,)}
-    if isinstance(value, Sequence) and not isinstance(value, (str, bytes)):
-        return ValueList, {"values": value}
+        case int() | float():
+            return ValueList, {"values": (value,)}
+        case Sequence() if not isinstance(value, (str, bytes)):
+            return ValueList, {"values": value}
     raise CommandError(
         f"what varies is {value!r}; it must be a list of values, a text such as '0.1:0.3', or a table "
         'such as { distribution = "normal", mean = 0.14, deviation = 0.01 }.',
@@ -146,19 +135,16 @@ def _kind(name: Any) -> type[Distribution]:
 
 
 def _make_distribution(kind: type[Distribution], given: Mapping[str, Any]) -> Distribution:
-    """Create a distribution from unchecked fields."""
-    known = [*list_positional_fields(kind), "relative"]
-    for key in given:
-        if key not in known:
-            raise unknown_entry(kind.noun, key, known)
+    known = [*_list_positional_fields(kind), "relative"]
+    if unknown := [key for key in given if key not in known]:
+        raise unknown_entry(kind.noun, unknown[0], known)
     needed = [f.name for f in fields(kind) if f.default is MISSING]
     if any(name not in given for name in needed):
         raise CommandError(f"{kind.noun} needs {join_names(needed)}.", needed=needed)
     return kind(**given)
 
 
-def list_positional_fields(kind: type[Distribution]) -> list[str]:
-    """Return the fields of a kind in the order of its short form."""
+def _list_positional_fields(kind: type[Distribution]) -> list[str]:
     return [f.name for f in fields(kind) if not f.kw_only]
 
 
@@ -186,7 +172,7 @@ def _parse_call(kind: type[Distribution], arguments: Sequence[str]) -> _Fields:
     plain = [_value(a) for a in arguments if "=" not in a]
     if any("=" in a for a in arguments[: len(plain)]):
         raise CommandError(f"{kind.noun} takes arguments without a name first, then those with one.")
-    names = list_positional_fields(kind)
+    names = _list_positional_fields(kind)
     if kind is ValueList:
         plain = [plain] if plain else []
     if len(plain) > len(names):
@@ -216,11 +202,8 @@ def _parse_range(text: str) -> _Fields:
     low, high, *points = _parts(text, text, ":")
     if len(points) > 1:
         _refuse(text)
-    ends = [_percent(low), _percent(high)]
-    relative = ends != [None, None]
-    if not relative:
-        ends = [_value(low), _value(high)]
-    numbers = [*ends, *map(_value, points)]
+    relative = any(_percent(end) is not None for end in (low, high))
+    numbers = [*map(_percent if relative else _value, (low, high)), *map(_value, points)]
     if any(n is None or isinstance(n, (bool, str)) for n in numbers if relative or not has_unit(n)):
         _refuse(text)
     return Uniform, dict(zip(("low", "high", "points"), numbers, strict=False)) | {"relative": relative}
@@ -235,8 +218,8 @@ def _parts(text: str, inner: str, separator: str) -> list[str]:
 
 
 def _value(text: str) -> Value:
-    if text in _WORDS:
-        return _WORDS[text]
+    if text in ("true", "false"):
+        return text == "true"
     if _WHOLE.fullmatch(text):
         return int(text)
     return float(text) if _NUMBER.fullmatch(text) else text

@@ -1,6 +1,6 @@
 """Resolve the names and patterns of a plan into factors and their targets."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,7 +12,7 @@ from ...fmu.interface import Interface
 from ...fmu.units import read_si_number
 from ...run.options import list_options
 from ...system.model import System, Value
-from ...system.names import NamedVariable, Names
+from ...system.names import Names
 from .data import RESERVED
 from .distributions import parse_distribution
 from .kinds import Distribution
@@ -50,12 +50,23 @@ def resolve_factors(
     Raises:
         CommandError: A name does not exist, is driven or occurs twice, or a value is not a distribution.
     """
-    found, names = list[Factor](), Names(system, interfaces)
+    factors, names = list[Factor](), Names(system, interfaces)
     for name, given in vary.items():
-        varying = _FactorResolver(str(name), f"'{name}' of {where}", system, names)
-        found += varying.factors(given)
-    _check_names(found, where)
-    return found
+        factors += _FactorResolver(str(name), f"'{name}' of {where}", system, names).factors(given)
+    taken, owners = set[str](), dict[str, str]()
+    for factor in factors:
+        if (name := factor.name) in RESERVED:
+            raise CommandError(
+                f"'{name}' of {where} needs another name: every table of variants has this column."
+            )
+        if name in taken:
+            raise CommandError(f"{where} has two factors '{name}'; rename one of them.")
+        taken.add(name)
+        for target in factor.targets:
+            if (owner := owners.setdefault(target.name, name)) != name:
+                text = f"{where} varies {target.name} twice: as {owner} and as {name}."
+                raise CommandError(text, name=target.name)
+    return factors
 
 
 def find_start_values(
@@ -63,29 +74,11 @@ def find_start_values(
 ) -> dict[str, float | None]:
     """Return the names of settable numbers that match a pattern, with start values (None if unknown)."""
     names = Names(system, interfaces)
-    return {v.full_name: v.start_number for v in names.match(pattern) if names.is_free(v) and _is_number(v)}
-
-
-def _is_number(variable: NamedVariable) -> bool:
-    return variable.variable.type in ("Real", "Integer")
-
-
-def _check_names(found: Sequence[Factor], where: str) -> None:
-    """Raise CommandError if two factors share a name or target, or a name is reserved."""
-    names, targets = set[str](), dict[str, str]()
-    for factor in found:
-        if factor.name in RESERVED:
-            raise CommandError(
-                f"'{factor.name}' of {where} needs another name: every table of variants has this column."
-            )
-        if factor.name in names:
-            raise CommandError(f"{where} has two factors '{factor.name}'; rename one of them.")
-        names.add(factor.name)
-        for target in factor.targets:
-            if target.name in targets:
-                both = f"as {targets[target.name]} and as {factor.name}"
-                raise CommandError(f"{where} varies {target.name} twice: {both}.", name=target.name)
-        targets |= {target.name: factor.name for target in factor.targets}
+    return {
+        v.full_name: v.start_number
+        for v in names.match(pattern)
+        if names.is_free(v) and v.variable.type in ("Real", "Integer")
+    }
 
 
 @dataclass(frozen=True)
@@ -100,16 +93,6 @@ class _Subject:
     unit: SiUnit | None = None
     takes_text: bool = False
     number: float | None = None
-
-    def target(self, is_relative: bool, label: str) -> Target:
-        """Return the target. Raise CommandError for a relative value without a number to multiply."""
-        if not is_relative:
-            return Target(self.name, self.kind)
-        if self.number is None:
-            raise CommandError(f"{label} is relative, but {self.name} has no number in the scenario.")
-        if self.number == 0.0:
-            raise CommandError(f"{label} is relative, but {self.name} is 0 in the scenario; give it values.")
-        return Target(self.name, self.kind, self.number)
 
 
 @dataclass(frozen=True)
@@ -132,7 +115,13 @@ class _FactorResolver:
         joints = self.system.branches
         if of is None and self.name.partition(".")[0] == ACTUATOR and ACTUATOR not in joints:
             return [self._of_actuator(given, joints)]
-        in_si = parse_distribution(given, self.label, self._in_si)
+        in_si = parse_distribution(
+            given,
+            self.label,  # a number in SI units keeps the order of values
+            lambda text: read_si_number(
+                text, f"{self.label}: {text}", (i.units for i in self.names.interfaces.values())
+            ),
+        )
         if of is None:
             return [self._factor(s.name, [s], given) for s in self._subjects(self.name, in_si)]
         subjects = {s.name: s for pattern in of for s in self._subjects(pattern, in_si)}
@@ -172,12 +161,6 @@ class _FactorResolver:
         unit = "".join(units)
         return Factor(self.name, [Target(".".join([joint, *entry]), SHEET, unit=unit)], distributed, unit)
 
-    def _in_si(self, text: str) -> float:
-        """Return a quantity as a number in SI units, which keeps the order of values."""
-        return read_si_number(
-            text, f"{self.label}: {text}", (i.units for i in self.names.interfaces.values())
-        )
-
     def _subjects(self, name: str, distributed: Distribution) -> list[_Subject]:
         """Return the option, component or start value of a name, or the start values of a pattern."""
         options = list_options()
@@ -207,19 +190,8 @@ class _FactorResolver:
         ]
 
     def _factor(self, name: str, subjects: Sequence[_Subject], given: Any) -> Factor:
+        """Return a factor with its distribution in the common unit of the subjects."""
         units = {subject.unit for subject in subjects}
-        distributed = self._distribution(given, subjects, units)
-        relative = distributed.relative
-        targets = [subject.target(relative, self.label) for subject in subjects]
-        if len(targets) > 1 and any(t.kind != START for t in targets):
-            raise CommandError(f"{self.label} varies several names at once; only start values can do that.")
-        unit = units.pop() if len(units) == 1 and not (relative and len(targets) > 1) else None
-        return Factor(name, targets, distributed, "" if unit is None else str(unit))
-
-    def _distribution(
-        self, given: Any, subjects: Sequence[_Subject], units: Collection[SiUnit | None]
-    ) -> Distribution:
-        """Return the distribution in the common unit of the subjects."""
 
         def convert(text: str) -> Any:
             label = f"{self.label}: {text}"
@@ -227,6 +199,18 @@ class _FactorResolver:
                 raise CommandError(f"{label} is for variables with different units; vary each separately.")
             return read_quantity(text, label, next(iter(units)))
 
-        if any(subject.takes_text for subject in subjects):
-            return parse_distribution(given, self.label)
-        return parse_distribution(given, self.label, convert)
+        takes_text = any(subject.takes_text for subject in subjects)
+        distributed = parse_distribution(given, self.label, None if takes_text else convert)
+        relative = distributed.relative
+        for subject in subjects:
+            if relative and not subject.number:
+                reason = "has no number in" if subject.number is None else "is 0 in"
+                remedy = "" if subject.number is None else "; give it values"
+                raise CommandError(
+                    f"{self.label} is relative, but {subject.name} {reason} the scenario{remedy}."
+                )
+        targets = [Target(s.name, s.kind, s.number if relative else None) for s in subjects]
+        if len(targets) > 1 and any(t.kind != START for t in targets):
+            raise CommandError(f"{self.label} varies several names at once; only start values can do that.")
+        unit = units.pop() if len(units) == 1 and not (relative and len(targets) > 1) else None
+        return Factor(name, targets, distributed, "" if unit is None else str(unit))

@@ -17,9 +17,6 @@ from ...system.model import Value
 MOST_LEVELS = 1000
 """Most integers that are levels of a grid; a longer range has no levels."""
 
-_LARGEST_INTEGER = 2**53
-"""A double holds every integer up to this one."""
-
 _OUTERMOST = 2.0**-53
 """Quantile used instead of 0 (and its complement instead of 1) without a bound; random numbers reach 0."""
 
@@ -66,20 +63,22 @@ class Distribution(ABC):
     @property
     def levels(self) -> Sequence[Value] | None:
         """The levels in a grid, in order; None if there are none."""
-        return None
+        count = self.level_count
+        return None if count is None else self.at((np.arange(count) + 0.5) / count)
 
     @property
-    @abstractmethod
     def ends(self) -> tuple[Value, Value]:
         """The lowest and highest value; without a bound, the 5 % or 95 % quantile."""
+        low, high = self.at(np.array([0.0, 1.0]))
+        return low, high
 
     @abstractmethod
     def _check(self) -> None:
         """Raise CommandError for inconsistent values."""
 
     def _check_integer(self, value: int) -> None:
-        if abs(value) > _LARGEST_INTEGER:
-            self.refuse(f"supports integers up to 2^53, {_LARGEST_INTEGER}; {value} is larger.")
+        if abs(value) > 2**53:  # a double holds every integer up to this one
+            self.refuse(f"supports integers up to 2^53, {2**53}; {value} is larger.")
 
     def refuse(self, sentence: str, **details: Any) -> NoReturn:
         """Raise CommandError with a message that begins with the name of the distribution."""
@@ -114,11 +113,6 @@ class ValueList(Distribution):
     def level_count(self) -> int:
         """The number of values."""
         return len(self.values)
-
-    @property
-    def levels(self) -> Sequence[Value]:
-        """The values in the order of the list."""
-        return self.values
 
     @property
     def ends(self) -> tuple[Value, Value]:
@@ -161,16 +155,6 @@ class Integers(Distribution):
         """The number of integers, up to `MOST_LEVELS`."""
         count = self.high - self.low + 1
         return count if count <= MOST_LEVELS else None
-
-    @property
-    def levels(self) -> Sequence[Value] | None:
-        """All integers, up to `MOST_LEVELS` of them."""
-        return None if self.level_count is None else range(self.low, self.high + 1)
-
-    @property
-    def ends(self) -> tuple[Value, Value]:
-        """The lowest and highest integer."""
-        return self.low, self.high
 
     def _check(self) -> None:
         self._check_integer(self.low)
@@ -288,37 +272,32 @@ class _Truncated(_Continuous):
     def _standard(self, value: float) -> float:
         """Return how many standard deviations a value is above the middle."""
 
-    @property
-    def _standard_bounds(self) -> tuple[float, float]:
+    def _bounds_and_probability(self) -> tuple[float, float, float]:
+        """Return the bounds as standard deviations above the middle, and the probability between them."""
+        from scipy.special import ndtr  # slow to import, and most sweeps have no normal distribution
+
         low = -math.inf if self.low is None else self._standard(self.low)
-        return low, math.inf if self.high is None else self._standard(self.high)
+        high = math.inf if self.high is None else self._standard(self.high)
+        return low, high, float(ndtr(-low) - ndtr(-high) if low > 0 else ndtr(high) - ndtr(low))
 
     def _away(self, q: Vector) -> Vector:
         """Return how far quantiles are above the middle.
 
         It uses the probability below in the lower half and above in the upper half, to resolve both tails.
         """
-        from scipy.special import ndtr, ndtri  # slow to import, and most sweeps have no normal distribution
+        from scipy.special import ndtr, ndtri
 
-        low, high = self._standard_bounds
-        probability = _probability(low, high)
+        low, high, probability = self._bounds_and_probability()
         below = ndtr(low) + q * probability
         above = ndtr(-high) + (1 - q) * probability
         return self.deviation * np.where(below < 0.5, ndtri(below), -ndtri(above))
 
     def _check(self) -> None:
         super()._check()
-        if _probability(*self._standard_bounds) < _LEAST_PROBABILITY:
+        if self._bounds_and_probability()[2] < _LEAST_PROBABILITY:
             self.refuse("has no values between its low and high; choose bounds nearer to its middle.")
         if not np.isfinite(self.at(np.array([0.0, 1.0]))).all():
             self.refuse("as wide as this exceeds 1.8e308; reduce the deviation, or set low and high.")
-
-
-def _probability(low: float, high: float) -> float:
-    """Return the probability of the standard normal distribution between two bounds."""
-    from scipy.special import ndtr
-
-    return float(ndtr(-low) - ndtr(-high) if low > 0 else ndtr(high) - ndtr(low))
 
 
 @dataclass(frozen=True)

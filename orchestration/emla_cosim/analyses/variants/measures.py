@@ -42,9 +42,8 @@ class MetricRequest:
         """
         if isinstance(metrics, str) or not isinstance(metrics, (Mapping, Sequence)):
             raise CommandError(f"the metrics of {where} are {metrics!r}; they must be a list or a table.")
-        named: list[tuple[Any, Any]] = [(None, metric) for metric in metrics]
-        if isinstance(metrics, Mapping):
-            named = list(metrics.items())
+        is_table = isinstance(metrics, Mapping)
+        named: Any = metrics.items() if is_table else [(None, metric) for metric in metrics]
         figures, expressions, functions = list[Any](), dict[str, Any](), dict[str, Any]()
         for name, metric in named:
             if callable(metric):
@@ -60,10 +59,7 @@ class MetricRequest:
                 figures.append(metric)
                 continue
             _check_name(name, [*expressions, *functions], where)
-            if callable(metric):
-                functions[name] = metric
-            else:
-                expressions[name] = metric
+            (functions if callable(metric) else expressions)[name] = metric
         return cls(figures, expressions, functions)
 
     def identity(self, signals: Sequence[str]) -> list[Any]:
@@ -136,9 +132,8 @@ class Measures:
         Raises:
             MeasureError: An expression or function fails.
         """
-        figures, found = list_figures(result.metrics), dict[str, float | bool | None]()
-        for name in self.figures:
-            found[name] = figures[name].value if name in figures else None
+        figures = list_figures(result.metrics)
+        found: dict[str, Any] = {n: figures[n].value if n in figures else None for n in self.figures}
         if self.expressions:
             found |= _evaluate(self.expressions, polars.DataFrame(result.read([_TIME, *self.read])))
         for name, function in self.functions.items():
@@ -178,18 +173,20 @@ def resolve_measures(
     Raises:
         CommandError: A figure does not exist, or an expression cannot be computed.
     """
-    chosen = (
-        list(figures)
-        if not (asked.figures or asked.expressions or asked.functions)
-        else _select_figures(asked.figures, list(figures), where)
-    )
+    chosen = list(figures)
+    if asked.figures or asked.expressions or asked.functions:
+        try:
+            chosen = select_names(asked.figures, chosen, "metric")
+        except CommandError as error:
+            hint = "" if figures else " Use an expression."
+            raise CommandError(f"{where}: {error}{hint}", **error.fields) from error
     for name in (*asked.expressions, *asked.functions):
         _check_name(name, chosen, where)
     quoted, used, known = dict[str, str](), set[str](), [*signals, *further]
     for name, text in asked.expressions.items():
         quoted[name], inside = _quote_signals(text, known)
         used |= inside
-    read = sorted({*kept, *used} if not asked.functions else {*kept, *used, *signals})
+    read = sorted({*kept, *used, *(signals if asked.functions else ())})
     measures = Measures(chosen, quoted, asked.functions, list(kept), read)
     tried = _check_expressions(measures, asked.expressions, known, where)
     truths = [name for name in chosen if figures[name].is_boolean]
@@ -204,26 +201,16 @@ def with_verdicts(measures: Measures, figures: Mapping[str, Figure]) -> Measures
     return replace(measures, figures=names, truths=truths, verdicts=verdicts)
 
 
-def _select_figures(patterns: Sequence[str], figures: Sequence[str], where: str) -> list[str]:
-    try:
-        return select_names(patterns, figures, "metric")
-    except CommandError as error:
-        hint = "" if figures else " Use an expression."
-        raise CommandError(f"{where}: {error}{hint}", **error.fields) from error
-
-
 def _quote_signals(text: str, signals: Sequence[str]) -> tuple[str, set[str]]:
     """Quote the signals in an expression for SQL. Return it with the set of its signals."""
     names = sorted((s for s in signals if s in text), key=len, reverse=True)
     used = set[str]()
 
     def quote(match: re.Match[str]) -> str:
-        if match[1] is not None:
-            used.add(match[1])
-            return '"' + match[1].replace('"', '""') + '"'
-        if match[0][1:-1] in names:
-            used.add(match[0][1:-1])
-        return match[0]
+        name = match[1] or match[0][1:-1]
+        if name in names:
+            used.add(name)
+        return match[0] if match[1] is None else '"' + name.replace('"', '""') + '"'
 
     if not names:
         return text, used

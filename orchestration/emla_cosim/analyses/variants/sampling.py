@@ -1,5 +1,6 @@
 """Samplings: choose the variants of a sweep from the distributions of its factors."""
 
+import itertools
 import math
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
@@ -13,11 +14,8 @@ from ...base.values import convert_value
 from ...system.model import Value
 from .kinds import Distribution
 
-_MOST_SOBOL_RUNS = 2**30
-"""Length of SciPy's Sobol sequence."""
-
-_MOST_SOBOL_DIMENSIONS = 21201
-"""Dimensions of SciPy's Sobol sequence."""
+_MOST_SOBOL_RUNS, _MOST_SOBOL_DIMENSIONS = 2**30, 21201
+"""Length and dimensions of SciPy's Sobol sequence."""
 
 Columns = list[list[Value | None]]
 """For each factor its value in each variant; None for the nominal value."""
@@ -39,11 +37,6 @@ class Sampling:
     own_size: str = ""
     dimensions: int = 0
 
-    @property
-    def takes_runs(self) -> bool:
-        """Whether the user sets the number of runs."""
-        return not self.own_size
-
 
 def count_variants(method: str, distributions: Sequence[Distribution], runs: int | None) -> int:
     """Return the number of variants of a sampling, without drawing them.
@@ -54,9 +47,7 @@ def count_variants(method: str, distributions: Sequence[Distribution], runs: int
     return _check_method(method, distributions, runs).count(distributions, runs or 0)
 
 
-def sample(
-    method: str, distributions: Sequence[Distribution], runs: int | None, seed: int
-) -> list[list[Value | None]]:
+def sample(method: str, distributions: Sequence[Distribution], runs: int | None, seed: int) -> Columns:
     """Draw the values of all variants.
 
     - `grid` takes all combinations of levels. The last distribution changes fastest.
@@ -94,7 +85,7 @@ def _check_method(method: str, distributions: Sequence[Distribution], runs: Any)
     if not distributions:
         raise CommandError("nothing varies; a sampling needs at least one distribution.")
     dimensions = sampling.dimensions * len(distributions)
-    if not sampling.takes_runs:
+    if sampling.own_size:
         if runs is not None:
             raise CommandError(
                 f"the sampling '{method}' has no number of runs: {sampling.own_size}.",
@@ -121,77 +112,55 @@ def _check_method(method: str, distributions: Sequence[Distribution], runs: Any)
     return sampling
 
 
-def _generator(seed: int) -> np.random.Generator:
-    return np.random.Generator(np.random.PCG64(seed))
-
-
 def _at(distributions: Sequence[Distribution], quantiles: Vector) -> Columns:
     return [list(d.at(column)) for d, column in zip(distributions, quantiles.T, strict=True)]
 
 
 def _grid_count(distributions: Sequence[Distribution], _runs: int) -> int:
-    sizes = []
     for i, distribution in enumerate(distributions):
-        size = distribution.level_count
-        if size is None:
+        if distribution.level_count is None:
             raise CommandError(
                 f"a grid needs levels, but {distribution.noun}, number {i + 1} of the factors, has none; "
                 "add points or values, or choose another sampling such as latin-hypercube.",
                 index=i,
             )
-        sizes.append(size)
-    return math.prod(sizes)
+    return math.prod(d.level_count or 0 for d in distributions)
 
 
 def _grid(distributions: Sequence[Distribution], _runs: int, _seed: int) -> Columns:
-    """Repeat each level for all combinations of later factors, and all levels for those of earlier ones."""
-    rows, before = _grid_count(distributions, 0), 1
-    columns = Columns()
-    for distribution in distributions:
-        levels = distribution.levels or ()
-        after = rows // (before * len(levels))
-        columns.append([level for level in levels for _ in range(after)] * before)
-        before *= len(levels)
-    return columns
+    _grid_count(distributions, 0)
+    rows = list(itertools.product(*(d.levels or () for d in distributions)))
+    return [[row[i] for row in rows] for i in range(len(distributions))]
 
 
 def _random(distributions: Sequence[Distribution], runs: int, seed: int) -> Columns:
-    return _at(distributions, _generator(seed).random((runs, len(distributions))))
+    return _at(distributions, np.random.default_rng(seed).random((runs, len(distributions))))
 
 
 def _latin_hypercube(distributions: Sequence[Distribution], runs: int, seed: int) -> Columns:
     from scipy.stats import qmc  # takes a second, which a grid does not need
 
-    return _at(distributions, qmc.LatinHypercube(len(distributions), rng=_generator(seed)).random(runs))
+    return _at(distributions, qmc.LatinHypercube(len(distributions), rng=seed).random(runs))
+
+
+def _sobol_points(dimensions: int, runs: int, seed: int) -> Vector:
+    from scipy.stats import qmc
+
+    return qmc.Sobol(dimensions, rng=seed).random_base2((runs - 1).bit_length())[:runs]
 
 
 def _sobol(distributions: Sequence[Distribution], runs: int, seed: int) -> Columns:
-    from scipy.stats import qmc
-
-    engine = qmc.Sobol(len(distributions), rng=_generator(seed))
-    return _at(distributions, engine.random_base2(_exponent(runs))[:runs])
+    return _at(distributions, _sobol_points(len(distributions), runs, seed))
 
 
 def _saltelli(distributions: Sequence[Distribution], runs: int, seed: int) -> Columns:
-    from scipy.stats import qmc
-
     factors = len(distributions)
-    # two matrices A and B, side by side
-    base = qmc.Sobol(2 * factors, rng=_generator(seed)).random_base2(_exponent(runs))[:runs]
+    base = _sobol_points(2 * factors, runs, seed)  # two matrices A and B, side by side
     rows = np.repeat(base[:, None, :factors], factors + 2, axis=1)
     for i in range(factors):
         rows[:, 1 + i, i] = base[:, factors + i]
     rows[:, -1] = base[:, factors:]
     return _at(distributions, rows.reshape(-1, factors))
-
-
-def _saltelli_count(distributions: Sequence[Distribution], runs: int) -> int:
-    return runs * (len(distributions) + 2)
-
-
-def _exponent(runs: int) -> int:
-    """Return the exponent of the smallest power of two that is not less than `runs`."""
-    return (runs - 1).bit_length()
 
 
 def _one_at_a_time(distributions: Sequence[Distribution], _runs: int, _seed: int) -> Columns:
@@ -207,7 +176,9 @@ SAMPLINGS: dict[str, Sampling] = {
     "random": Sampling(_random),
     "latin-hypercube": Sampling(_latin_hypercube),
     "sobol": Sampling(_sobol, dimensions=1),
-    "saltelli": Sampling(_saltelli, _saltelli_count, dimensions=2),
+    "saltelli": Sampling(
+        _saltelli, lambda distributions, runs: runs * (len(distributions) + 2), dimensions=2
+    ),
     "one-at-a-time": Sampling(
         _one_at_a_time,
         lambda distributions, _: 2 * len(distributions) + 1,

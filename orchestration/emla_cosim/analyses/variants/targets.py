@@ -70,13 +70,9 @@ def merge_options(parts: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
 
 def format_arguments(options: Mapping[str, Any]) -> list[str] | None:
     """Return options as arguments of `emla run`; None if one is an object that only Python has."""
-    known, found = list_options(SWEEP), list[str]()
-    for name, value in select_repeatable(options).items():
-        arguments = _arguments(known[name], value)
-        if arguments is None:
-            return None
-        found += arguments
-    return found
+    known = list_options(SWEEP)
+    parts = [_arguments(known[name], value) for name, value in select_repeatable(options).items()]
+    return None if None in parts else [text for part in parts for text in part or ()]
 
 
 def _arguments(option: Option, value: Any) -> list[str] | None:
@@ -86,8 +82,7 @@ def _arguments(option: Option, value: Any) -> list[str] | None:
     if isinstance(value, bool):
         return [flag if value else f"--no-{flag.removeprefix('--')}"]
     if isinstance(value, Mapping):
-        entered = [one for one in value.values() if isinstance(one, FileOrObject)]
-        if any(one.file is None for one in entered):
+        if any(isinstance(inner, FileOrObject) and inner.file is None for inner in value.values()):
             return None
         arguments = list[str]()
         for name, inner in value.items():

@@ -6,6 +6,7 @@ import pickle
 import random
 from collections import deque
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import pytest
@@ -24,22 +25,17 @@ def answer_of(numbers: Sequence[int], seconds: float, **more: Any) -> ChunkAnswe
     return ChunkAnswer(outcomes, seconds, **more)
 
 
+@dataclass
 class Process:
-    """A worker's process: what it answers, and whether it ends when another variant begins.
+    """A worker's process: what it answers, and whether it ends when another variant begins."""
 
-    Args:
-        seconds: Duration of a variant.
-        killers: Variants that end it.
-        late: Variants that end it when the next one begins.
-        hangs: Variants that never end.
-        has_signals: Whether outcomes are lost with it.
-    """
-
-    def __init__(
-        self, seconds: float, killers: set[int], late: set[int], hangs: set[int], has_signals: bool
-    ) -> None:
-        self.seconds, self.killers, self.late, self.hangs = seconds, killers, late, hangs
-        self.has_signals, self.before, self.ends = has_signals, -1, 0
+    seconds: float  # of a variant
+    killers: set[int]  # which end it
+    late: set[int]  # which end it when the next one begins
+    hangs: set[int]  # which never end
+    has_signals: bool  # outcomes are lost with it
+    before: int = -1
+    ends: int = 0
 
     def run(self, chunk: WorkPackage, limit: float) -> ChunkAnswer:
         """Stop at what ends it, at what hangs, and at the limit."""

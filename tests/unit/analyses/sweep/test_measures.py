@@ -27,14 +27,11 @@ def kept(metrics: Any, signals: tuple[str, ...] = ()) -> Measures:
     return resolve_measures(MetricRequest.of(metrics, "the plan"), FIGURES, SIGNALS, [], signals, "the plan")
 
 
-def result(**figures: Any) -> Any:
-    """As much of a result as measures look at."""
+def result(lift: dict[str, Any] | None = None) -> Any:
+    """As much of a result as measures look at, with figures of lift."""
     table = {"time": TIMES, **VALUES}
-    of: dict[str, dict[str, Any]] = {}
-    for name, value in figures.items():
-        joint, _, figure = name.partition("__")
-        of.setdefault(joint, {})[figure] = value
-    return SimpleNamespace(metrics={"joints": of}, read=lambda names: {n: table[n] for n in names})
+    metrics = {"joints": {"lift": lift or {}}}
+    return SimpleNamespace(metrics=metrics, read=lambda names: {n: table[n] for n in names})
 
 
 def test_without_metrics_all_figures_are_kept() -> None:
@@ -42,11 +39,8 @@ def test_without_metrics_all_figures_are_kept() -> None:
     assert measures.names == list(FIGURES)
     assert measures.truths == ["lift.held"]
     assert measures.read == []
-    assert measures.of(result(lift__error_m=1.0, lift__held=True)) == {
-        "lift.error_m": 1.0,
-        "lift.held": True,
-        "tilt.error_m": None,
-    }
+    found = measures.of(result({"error_m": 1.0, "held": True}))
+    assert found == {"lift.error_m": 1.0, "lift.held": True, "tilt.error_m": None}
 
 
 def test_patterns_keep_the_order_of_the_plan_and_each_figure_once() -> None:

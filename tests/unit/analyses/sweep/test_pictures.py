@@ -61,9 +61,7 @@ def texts(figure: Any) -> list[Any]:
     found = [t for t in figure.findobj(Text) if t.get_visible() and t.get_text().strip()]
     hidden = [axes for axes in figure.axes if not axes.get_visible()]
     shown = [t for t in found if t.axes not in hidden]
-    ticks = {
-        id(label) for axes in figure.axes for axis in (axes.xaxis, axes.yaxis) for label in outside(axis)
-    }
+    ticks = {id(label) for ax in figure.axes for axis in (ax.xaxis, ax.yaxis) for label in outside(axis)}
     return [t for t in shown if id(t) not in ticks]
 
 
@@ -89,9 +87,8 @@ KINDS = ["bands", "figures", "sobol", "tornado", "map"]
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", mostly_slow(KINDS, ["tornado", "map"]))
 def test_labels_do_not_overlap_and_no_panel_is_empty(kind: str) -> None:
-    sampling, count = {"sobol": ("saltelli", 14 * 20), "tornado": ("one-at-a-time", 25)}.get(
-        kind, ("random", 100)
-    )
+    samplings = {"sobol": ("saltelli", 14 * 20), "tornado": ("one-at-a-time", 25)}
+    sampling, count = samplings.get(kind, ("random", 100))
     named = ["tilt.held", "lift.observer_error_1_m_s"] if kind == "figures" else []
     figure = wide(sampling, count).plot(kind, *named)
     assert overlapping(figure) == []
@@ -111,10 +108,9 @@ def test_bands_are_percentiles_of_running_variants() -> None:
     kept = series({"s": lambda i, own: values[i, : len(own)]}, [t[:n] for n in lengths])
     found = compute_bands(swept({"a": range(40)}, {}, signals=["s"], series=kept), "s")
     assert np.array_equal(found.times, t)
-    expected = [
-        np.percentile([values[i, k] for i in range(40) if k < lengths[i]], PERCENTILES) for k in range(11)
-    ]
-    assert np.allclose(found.values, np.transpose(expected), rtol=1e-12)
+    running = [[values[i, k] for i in range(40) if k < lengths[i]] for k in range(11)]
+    expected = np.transpose([np.percentile(column, PERCENTILES) for column in running])
+    assert np.allclose(found.values, expected, rtol=1e-12)
 
 
 def test_bands_of_variants_with_other_times_are_interpolated() -> None:
@@ -149,9 +145,8 @@ def test_map_of_a_grid_has_a_cell_for_each_variant() -> None:
     held = np.arange(20) % 7 != 3
     status = ["done"] * 18 + ["diverged"] * 2
     figures = {"x.held": held, "x.error": error}
-    figure: Any = swept(
-        GRID, figures, "grid", status, shown={"x.error": MetricDisplay("error", "error", 2.0)}
-    ).plot("map")
+    shown = {"x.error": MetricDisplay("error", "error", 2.0)}
+    figure: Any = swept(GRID, figures, "grid", status, shown=shown).plot("map")
     shades = figure.axes[0].collections[-1].get_array()
     expected = np.where(held & (np.arange(20) < 18), 2 * error, np.nan).reshape(5, 4).T
     assert np.array_equal(shades.filled(np.nan), expected, equal_nan=True)

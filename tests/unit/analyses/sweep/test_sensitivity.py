@@ -9,6 +9,7 @@ from scipy.stats import sobol_indices as scipy_indices
 from scipy.stats import spearmanr
 
 from emla_cosim.analyses.sweep.columns import FactorColumn, influence
+from emla_cosim.analyses.sweep.report import sobol_table
 from emla_cosim.analyses.sweep.result import SweepResult
 from emla_cosim.analyses.sweep.sensitivity import local_sensitivities, sobol_indices
 from emla_cosim.analyses.variants.kinds import Uniform
@@ -72,6 +73,21 @@ def test_incomplete_base_samples_are_omitted(ishigami: SweepResult, missing: Any
     assert (found.groups, found.left_out) == (1022, 2)
     assert np.array_equal(found.first, expected.first)
     assert np.array_equal(found.total, expected.total)
+
+
+def test_biased_indices_have_a_warning(ishigami: SweepResult) -> None:
+    """The top tenth missing changes the indices by more than their confidence."""
+    f = ishigami.variants["f"].to_numpy()
+    failing = f > np.quantile(f, 0.9)
+    status = np.where(failing, "diverged", "done").tolist()
+    table = swept({}, {"f": f}, status=status).variants
+    with pytest.warns(UserWarning, match="base samples are left out of the Sobol indices of 'f'"):
+        found = replace(ishigami, variants=table).sobol("f")
+    assert found.left_out == int(failing.reshape(-1, 5).any(axis=1).sum())
+    bias = np.abs(found.first - sobol_indices(ishigami, "f").first)
+    assert (bias > found.first_confidence).any()
+    assert "biases" in str(found.warning)
+    assert sobol_table(replace(ishigami, variants=table), "f").under == [f"Warning: {found.warning}"]
 
 
 def test_unfinished_variants_are_missing(ishigami: SweepResult) -> None:
@@ -155,10 +171,6 @@ def test_invalid_samplings_and_figures_give_one_message() -> None:
         local_sensitivities(result, "lift.eror_m")
     with pytest.raises(CommandError, match=r"no figure 'x'; there are lift\.error_m\."):
         sobol_indices(replace(result, sampling="saltelli"), "x")
-    with pytest.raises(
-        CommandError, match="has the sampling grid; local sensitivities need the sampling one-at"
-    ):
-        local_sensitivities(replace(result, sampling="grid"), "lift.error_m")
 
 
 def test_influence_is_the_rank_correlation() -> None:

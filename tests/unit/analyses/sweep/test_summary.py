@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import polars
 import pytest
 from rich.console import Console
 
@@ -64,13 +63,12 @@ def test_counts_by_status_and_figures_in_display_units() -> None:
     assert "plain 0 4 8.2 9" in printed
 
 
-def numbers(table: polars.DataFrame) -> list[int]:
-    return table["variant"].to_list()
-
-
 def test_worst_variants_are_failed_ones_first() -> None:
-    assert numbers(find_worst_variants(made(), "lift.error_m", 20)) == [8, 10, 3, 4, 7, 2, 5, 9, 6, 1, 0]
-    assert numbers(find_worst_variants(made(), "lift.held", 5)) == [8, 10, 3, 0, 1]
+    by_error, by_verdict = (
+        find_worst_variants(made(), f"lift.{n}", 20)["variant"] for n in ("error_m", "held")
+    )
+    assert by_error.to_list() == [8, 10, 3, 4, 7, 2, 5, 9, 6, 1, 0]
+    assert by_verdict.to_list()[:5] == [8, 10, 3, 0, 1]
     worst = find_worst_variants(made(), "plain", 4).row(3, named=True)
     assert (worst["variant"], worst["status"], worst["problem"], worst["plain"]) == (9, "done", None, 9.0)
     assert find_worst_variants(made(), "plain", 0).is_empty()
@@ -109,10 +107,9 @@ def test_summary_of_a_saltelli_sample() -> None:
     values = [None, *rows[1:]]
     printed = lines(build_report(swept({"x[red]": rows, "y": rows}, {"f": values}, "saltelli")))
     assert "Sobol indices of f, from 2999 base samples, 1 left out" in printed
-    found = [line.split() for line in printed if line.startswith(("x[red]", "y "))]
-    assert [row[0] for row in found] == ["x[red]", "y"]
-    assert [float(x) for x in found[0][1::3] if x != "±"][:1] == [pytest.approx(1.0, abs=0.1)]
-    assert found[1][1:] == ["0.00", "±", "0.00", "0.00", "±", "0.00"]
+    first, second = (line.split() for line in printed if line.startswith(("x[red]", "y ")))
+    assert first[0] == "x[red]" and float(first[1]) == pytest.approx(1.0, abs=0.1)
+    assert second == ["y", "0.00", "±", "0.00", "0.00", "±", "0.00"]
 
 
 def test_too_few_base_samples_are_reported() -> None:

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +29,7 @@ GAINS, RATES = [0.5, 1.0, 1.5], [1.0, 2.0, 3.0]
 class Growth(Block):
     """a k t, which is beyond 2 at t = 1 where a k is."""
 
-    a = Parameter(1.0)
+    a = Parameter(1.0, maximum=2.0)
     k = Parameter(1.0)
     y = Output()
 
@@ -208,3 +209,28 @@ def test_unknown_lead_is_not_held_unless_models_follow(scheduler: Client, fmu_fo
     followed = sweep("prototype", {lead: leads}, follow_models=True, **given)
     assert followed.variants["prototype.held"].to_list() == [True, True, True]
     assert max(followed.variants["prototype.position_error_m"].to_list()) < 1e-4
+
+
+@pytest.mark.parametrize("high", [2.0, 3.0])
+def test_record_has_indices_with_their_warning(
+    high: float, scheduler: Client, growth: System, tmp_path: Path
+) -> None:
+    given: dict[str, Any] = {"vary": {"j.y.a": f"0:{high}", "j.y.k": "0:1"}, "scheduler": scheduler}
+    given |= {"metrics": ["y = last(j.y.y)", "same = 1"], "sampling": "saltelli", "runs": 32}
+    given |= {"stop_time": 0.1, "step_size": 0.1}
+    result = sweep(growth, **given, output=tmp_path / "out")
+    with warnings.catch_warnings(record=True) as shown_warnings:
+        warnings.simplefilter("always")
+        found = result.sobol("y")
+    kept = json.loads((tmp_path / "out/sweep.json").read_text())["sobol"]
+    assert list(kept) == ["y"]
+    assert kept["y"]["factors"] == ["j.y.a", "j.y.k"]
+    for name in ("first", "first_confidence", "total", "total_confidence"):
+        assert kept["y"][name] == getattr(found, name).tolist()
+    failed = int((result.variants["status"] != "done").sum())
+    assert (failed > 0) == (high > 2.0) == (kept["y"]["left_out"] > 0) == bool(shown_warnings)
+    assert kept["y"]["warning"] == found.warning
+    text = (tmp_path / "out/sweep.json").read_text()
+    again = sweep(growth, **given, output=tmp_path / "out", resume=True)
+    assert (tmp_path / "out/sweep.json").read_text() == text
+    assert again.variants.equals(result.variants)

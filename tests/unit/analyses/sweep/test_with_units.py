@@ -87,19 +87,14 @@ def test_units_in_patterns_several_targets_and_options(fmu_folder: Path) -> None
         ({LEAD: "1 furlong:2 furlong"}, "the unknown unit 'furlong'"),
         ({"lift.plant.motor.N_p": "4 mm,5 mm"}, "4 mm has a unit, but takes none"),
         ({"x": {"of": [LEAD, L_D], "distribution": "values", "values": ["1 mm"]}}, "with different units"),
-        (
-            {LEAD: {"distribution": "values", "values": ["90 mm"], "relative": True}},
-            "'90 mm' is not a number",
-        ),
+        ({LEAD: {"distribution": "values", "values": ["9 mm"], "relative": True}}, "'9 mm' is not a number"),
     ],
     ids=str,
 )
 def test_incompatible_units_are_refused(vary: Any, message: str, fmu_folder: Path) -> None:
     with pytest.raises(ec.CommandError, match=message) as caught:
         table(vary, fmu_folder)
-    assert str(caught.value).startswith(f"'{next(iter(vary))}' of the sweep of 'lift'") or "relative" in str(
-        vary
-    )
+    assert str(caught.value).startswith(f"'{next(iter(vary))}' of the sweep of 'lift'")
 
 
 class Gauge(Block):
