@@ -5,8 +5,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
+from ...base.output_files import is_page, is_regular
 from ...views.folder import Folder
 from ...views.pages.plain import to_plain
+from ...views.plots.style import is_picture
 from .report import Report
 
 if TYPE_CHECKING:
@@ -55,6 +57,11 @@ class Outputs(Generic[R]):
     def page_name(self) -> str:
         """Name of the page."""
         return f"{self.name}.html"
+
+
+def is_drawn(path: Path) -> bool:
+    """Return whether emla drew the picture or wrote the page at this path."""
+    return is_regular(path) and (is_picture(path) or is_page(path))
 
 
 class AnalysisFolder(Folder, Generic[R]):
@@ -110,7 +117,10 @@ class AnalysisFolder(Folder, Generic[R]):
             else:
                 self.write(name, content.encode() if isinstance(content, str) else content)
                 names.append(name)
-        return [*names, *self.draw_result(result)] if is_final else names
+        if is_final:
+            return [*names, *self.draw_result(result)]
+        self._remove_drawn(result, [])
+        return names
 
     def draw_result(self, result: R) -> list[str]:
         """Draw the pictures and write the page, as asked for, and return their names. Raises RunError."""
@@ -124,6 +134,10 @@ class AnalysisFolder(Folder, Generic[R]):
 
             self.write(outputs.page_name, render_page(outputs.report(result), figures).encode())
             names.append(outputs.page_name)
-        possible = (*self.pictures, *outputs.list_pictures(result))
-        self.remove(name for name in possible if name not in names)
+        self._remove_drawn(result, names)
         return names
+
+    def _remove_drawn(self, result: R, names: Sequence[str]) -> None:
+        """Remove pictures and pages of an earlier result, other than these. Raises RunError."""
+        possible = (*self.pictures, *self.outputs.list_pictures(result))
+        self.remove(name for name in possible if name not in names and is_drawn(self.path / name))

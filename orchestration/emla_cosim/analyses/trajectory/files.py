@@ -6,7 +6,7 @@ from hdrm_fmu.optimisation.problem import MotionProblem
 
 from ...base.errors import CommandError
 from ...base.files import check_output_files
-from ...base.output_files import OutputFile, has_mark
+from ...base.output_files import OutputFile, has_mark, is_page
 from ...study.trajectory_file import WHAT, check_trajectory
 from ...views.plots.style import is_picture, save
 from .pictures import PICTURES, draw_pictures
@@ -14,7 +14,6 @@ from .report import build_report
 from .result import TrajectoryResult
 
 _PAYLOAD_MARK = "# emla-cosim payload 1\n"
-_PAGE_MARK = b'<meta name="generator" content="emla-cosim">'
 
 
 class MotionFiles:
@@ -46,7 +45,7 @@ class MotionFiles:
         self._pictures = [OutputFile(one, "the picture", is_picture, overwrite) for one in pictures]
         self._page = self._payload = None
         if report:
-            self._page = OutputFile(path.with_suffix(".html"), "the page", has_mark(_PAGE_MARK), overwrite)
+            self._page = OutputFile(path.with_suffix(".html"), "the page", is_page, overwrite)
         if len(problem.loads) > 1:
             place = path.with_name(f"{path.stem}-payload.csv")
             is_ours = has_mark(_PAYLOAD_MARK.encode())
