@@ -119,7 +119,7 @@ class AnalysisFolder(Folder, Generic[R]):
                 names.append(name)
         if is_final:
             return [*names, *self.draw_result(result)]
-        self._remove_drawn(result, [])
+        self.remove_drawn([*self.pictures, *outputs.list_pictures(result)])
         return names
 
     def draw_result(self, result: R) -> list[str]:
@@ -134,10 +134,10 @@ class AnalysisFolder(Folder, Generic[R]):
 
             self.write(outputs.page_name, render_page(outputs.report(result), figures).encode())
             names.append(outputs.page_name)
-        self._remove_drawn(result, names)
+        possible = (*self.pictures, *outputs.list_pictures(result))
+        self.remove_drawn(name for name in possible if name not in names)
         return names
 
-    def _remove_drawn(self, result: R, names: Sequence[str]) -> None:
-        """Remove pictures and pages of an earlier result, other than these. Raises RunError."""
-        possible = (*self.pictures, *self.outputs.list_pictures(result))
-        self.remove(name for name in possible if name not in names and is_drawn(self.path / name))
+    def remove_drawn(self, names: Iterable[str]) -> None:
+        """Remove pictures and pages of emla with these names. Raises RunError."""
+        self.remove(name for name in names if is_drawn(self.path / name))
