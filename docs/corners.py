@@ -20,6 +20,7 @@ from emla_cosim.analyses.variants.measures import MetricRequest, resolve_measure
 from emla_cosim.analyses.variants.targets import merge_options
 from emla_cosim.base.progress import Progress
 from emla_cosim.cli.commands.analysis import show_result
+from emla_cosim.cli.commands.options import read_factors
 from emla_cosim.views.plots.style import BLUE, new_figure, tidy_axes
 
 if TYPE_CHECKING:
@@ -67,6 +68,10 @@ def corners(
         report: Whether to write a page.
         progress: Receives the progress.
         **options: Options of the runs, as for `load`.
+
+    Raises:
+        CommandError: A name or a range is wrong. Nothing was run.
+        RunError: No corner was run, or files cannot be written.
     """
     session = Session(OUTPUTS, output=output, plots=plots, report=report, progress=progress)
     with session.with_workers():
@@ -89,6 +94,8 @@ def corners(
             Corner(dict(zip(names, values[i], strict=True)), outcome.figures.get(metric), outcome.problem)
             for i, outcome in outcomes.by_job.items()
         ]
+        if not ran:
+            raise ec.RunError("interrupted before the first corner ended.")
         ran.sort(key=_badness, reverse=True)
         result = CornersResult(Path(str(source)).stem, metric, ran, outcomes.complete)
         session.keep(result)
@@ -104,10 +111,12 @@ def build_report(result: CornersResult) -> Report:
     names = list(result.corners[0].values)
     rows = [
         [f"{value:.6g}" for value in corner.values.values()]
-        + [Text(str(corner.problem), is_failure=True) if corner.figure is None else f"{corner.figure:.6g}"]
+        + [Text("none", is_failure=True) if corner.figure is None else f"{corner.figure:.6g}"]
         for corner in result.corners
     ]
-    table = ReportTable(f"Corners of {result.name}, the worst first", [*names, result.metric], rows, texts=())
+    problems = dict.fromkeys(corner.problem for corner in result.corners if corner.problem is not None)
+    title = f"Corners of {result.name}, the worst first"
+    table = ReportTable(title, [*names, result.metric], rows, under=[*problems], texts=())
     pictures = {"corners.png": f"{result.metric} at each corner"}
     facts = [f"{len(rows)} corners", *([] if result.complete else ["interrupted"])]
     return Report("Corners", result.name, facts, [Section(tables=[table], pictures=pictures)])
@@ -145,11 +154,18 @@ def main() -> None:
     parser.add_argument("--output", type=Path, default=Path("results/corners"))
     parser.add_argument("--report", action="store_true")
     given = parser.parse_args()
-    vary = dict(text.split("=", 1) for text in given.vary)
-    with ec.BarProgress() as progress:
-        result = corners(
-            given.scenario, vary, given.metric, output=given.output, report=given.report, progress=progress
-        )
+    try:
+        with ec.BarProgress() as progress:
+            result = corners(
+                given.scenario,
+                read_factors(given.vary),
+                given.metric,
+                output=given.output,
+                report=given.report,
+                progress=progress,
+            )
+    except ec.CosimError as error:
+        raise SystemExit(f"Error: {error}") from error
     show_result(OUTPUTS, result, given.output)
 
 

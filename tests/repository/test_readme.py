@@ -40,13 +40,13 @@ def test_every_model_and_scenario_named_exists() -> None:
 @pytest.mark.parametrize("page", ["ARCHITECTURE.md", "CONTRIBUTING.md"])
 def test_every_named_file_exists(page: str) -> None:
     text = (ROOT / page).read_text(encoding="utf-8")
-    top = {folder.name for folder in ROOT.iterdir() if folder.is_dir()}
-    rooms = {folder.name for folder in (ROOT / "orchestration/emla_cosim").iterdir() if folder.is_dir()}
-    named = [n for n in re.findall(r"`(\w+)/([^`* ]*)`", text) if n[0] in top | rooms]
+    package = ROOT / "orchestration/emla_cosim"
+    homes = {path.name: path for above in (package / "analyses", package, ROOT) for path in above.iterdir()}
+    named = [n for n in re.findall(r"`(\w+)/([^`* ]*)`", text) if n[0] in homes or n[1].endswith(".py")]
     assert len(named) > 15
     for first, rest in named:
-        folder = ROOT / first if first in top else ROOT / "orchestration/emla_cosim" / first
-        assert (folder / rest.replace("NAME", "EmlaPlant")).exists(), f"{first}/{rest}"
+        path = homes.get(first, ROOT / first) / rest.replace("NAME", "EmlaPlant")
+        assert path.exists(), f"{first}/{rest}"
 
 
 def test_gain_sets_of_scenarios_are_those_of_the_page() -> None:

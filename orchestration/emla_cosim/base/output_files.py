@@ -59,6 +59,9 @@ def has_entries(*choices: set[str]) -> IsOurs:
     return is_ours
 
 
+is_page = has_mark(b'<meta name="generator" content="emla-cosim">')
+"""Recognize pages that emla wrote."""
+
 RECORDS: Mapping[str, IsOurs] = {
     "run.json": has_entries({"scenario", "status"}, {"settings", "versions"}),
     "sweep.json": has_entries({"identity", "status"}),

@@ -6,4 +6,3 @@ JSON_FORMAT = "emla-verify"
 
 is_json = has_format(JSON_FORMAT)
 is_junit = has_mark(b'<testsuites name="emla verify"')
-is_page = has_mark(b'<meta name="generator" content="emla-cosim">')

@@ -9,11 +9,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from ..base.output_files import OutputFile
+from ..base.output_files import OutputFile, is_page
 from ..views.pages.comparisons import build_comparison_rows
 from ..views.pages.page import Plots, render_template
 from .findings import Examined, Finding, Findings, worst
-from .marks import is_page
 from .repetition import format_command
 from .short_names import shorten_names
 from .verdict import Verdict

@@ -5,9 +5,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
+from ...base.output_files import is_page, is_regular
 from ...views.folder import Folder
 from ...views.pages.plain import to_plain
-from ...views.plots.style import to_png
+from ...views.plots.style import is_picture, to_png
 from .report import Report
 
 if TYPE_CHECKING:
@@ -56,6 +57,11 @@ class Outputs(Generic[R]):
     def page_name(self) -> str:
         """Name of the page."""
         return f"{self.name}.html"
+
+
+def is_drawn(path: Path) -> bool:
+    """Return whether emla drew the picture or wrote the page at this path."""
+    return is_regular(path) and (is_picture(path) or is_page(path))
 
 
 class AnalysisFolder(Folder, Generic[R]):
@@ -111,13 +117,16 @@ class AnalysisFolder(Folder, Generic[R]):
             else:
                 self.write(name, content.encode() if isinstance(content, str) else content)
                 names.append(name)
-        return [*names, *self.draw_result(result)] if is_final else names
+        if is_final:
+            return [*names, *self.draw_result(result)]
+        self.remove_drawn([*self.pictures, *outputs.list_pictures(result)])
+        return names
 
     def draw_result(self, result: R) -> list[str]:
         """Draw the pictures and write the page, as asked for, and return their names. Raises RunError."""
         outputs = self.outputs
-        is_drawn = self._plots or self._report
-        pictures = {name: to_png(figure) for name, figure in (outputs.draw(result) if is_drawn else ())}
+        figures = outputs.draw(result) if self._plots or self._report else ()
+        pictures = {name: to_png(figure) for name, figure in figures}
         names = list(pictures) if self._plots else []
         for name in names:
             self.write(name, pictures[name])
@@ -127,5 +136,9 @@ class AnalysisFolder(Folder, Generic[R]):
             self.write(outputs.page_name, render_page(outputs.report(result), pictures))
             names.append(outputs.page_name)
         possible = (*self.pictures, *outputs.list_pictures(result))
-        self.remove(name for name in possible if name not in names)
+        self.remove_drawn(name for name in possible if name not in names)
         return names
+
+    def remove_drawn(self, names: Iterable[str]) -> None:
+        """Remove pictures and pages of emla with these names. Raises RunError."""
+        self.remove(name for name in names if is_drawn(self.path / name))

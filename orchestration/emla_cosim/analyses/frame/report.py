@@ -6,9 +6,8 @@ from typing import Any, NamedTuple
 
 from rich.box import SIMPLE
 from rich.console import Group
-from rich.markup import escape
 from rich.table import Table
-from rich.text import Text as Title
+from rich.text import Text as Styled
 
 _MOST_COLUMNS = 8
 """A table with more columns has no lines between them in the terminal."""
@@ -21,11 +20,10 @@ class Text(NamedTuple):
     is_best: bool = False
     is_failure: bool = False
 
-    def styled(self) -> str:
-        """Return the text with markup for the terminal; a star marks the best one also without colours."""
-        text = escape(f"{self.text} *" if self.is_best else self.text)
+    def styled(self) -> Styled:
+        """Return the text for the terminal; a star marks the best one also without colours."""
         style = "bold green" if self.is_best else "bold red" if self.is_failure else ""
-        return f"[{style}]{text}[/]" if style and text else text
+        return Styled(f"{self.text} *" if self.is_best else self.text, style)
 
 
 @dataclass(frozen=True)
@@ -61,7 +59,7 @@ class ReportTable:
         for number, head in enumerate(self.header):
             is_text = number in self.texts
             table.add_column(
-                escape(head),
+                Styled(head, overflow="fold", no_wrap=False),
                 justify="left" if is_text else "right",
                 overflow="fold" if is_text else "ellipsis",
                 no_wrap=not is_text,
@@ -70,7 +68,7 @@ class ReportTable:
             if number in self.lines:
                 table.add_section()
             table.add_row(*(cell.styled() for cell in row))
-        return Group(Title(self.title, style="table.title"), table)
+        return Group(Styled(self.title, style="table.title"), table)
 
     def markdown(self) -> str:
         """Return the table as Markdown."""

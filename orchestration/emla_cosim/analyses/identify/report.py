@@ -50,7 +50,8 @@ def build_report(result: IdentificationResult) -> Report:
             Section("Estimates", tables=[_estimates_table(result)], under=limits, pictures=certainty),
             Section("Fit", tables=fits, pictures=fit, under=duration),
         ]
-    return Report("Identification", result.name, [count], sections)
+    facts = [count] if result.complete else [count, "interrupted"]
+    return Report("Identification", result.name, facts, sections)
 
 
 def _estimates_table(result: IdentificationResult) -> ReportTable:
@@ -62,7 +63,7 @@ def _estimates_table(result: IdentificationResult) -> ReportTable:
         rows.append([name, f"{one.start:.5g}", f"{one.value:.5g}", error, interval, one.unit, step_change])
     header = ("", "start", "estimate", "std. error", "95 % interval", "", "½ step")
     under = ("½ step: change of the estimate by half the step size, in standard errors.",)
-    return ReportTable(f"Estimates of {result.name}", header, rows, under, texts=(0, 5))
+    return ReportTable(f"Estimates of {result.name}", header, rows, under, texts=(0, 4, 5))
 
 
 def _format_interval(one: Estimate) -> str:

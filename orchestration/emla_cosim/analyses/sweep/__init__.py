@@ -1,1 +1,1 @@
-"""Sweeps: plan many variants of one scenario, run them on Dask, and evaluate them."""
+"""Sweeps: plan many variants of one scenario, run them, and evaluate them."""

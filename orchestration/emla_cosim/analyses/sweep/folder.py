@@ -105,7 +105,8 @@ class SweepFolder(AnalysisFolder[SweepResult]):
             if not resume:
                 for name in (PARTS, SERIES):
                     self._remove_parts(name)
-                self.remove((*self.pictures, *self.outputs.tables))
+                self.remove(self.outputs.tables)
+                self.remove_drawn(self.pictures)
             # the record first: without it, the parts would be files of the user's
             earlier = self._record() if resume else {}
             self._begun = {**earlier, **record, "status": UNFINISHED_SWEEP}

@@ -5,16 +5,16 @@ from pathlib import Path
 from hdrm_fmu.optimisation.problem import MotionProblem
 
 from ...base.errors import CommandError
-from ...base.files import check_output_files
-from ...base.output_files import OutputFile, has_mark
+from ...base.files import check_output_files, report_write_errors
+from ...base.output_files import OutputFile, has_mark, is_page
 from ...study.trajectory_file import WHAT, check_trajectory
 from ...views.plots.style import is_picture, to_png
+from ..frame.outputs import is_drawn
 from .pictures import PICTURES, draw_pictures
 from .report import build_report
 from .result import TrajectoryResult
 
 _PAYLOAD_MARK = "# emla-cosim payload 1\n"
-_PAGE_MARK = b'<meta name="generator" content="emla-cosim">'
 
 
 class MotionFiles:
@@ -38,7 +38,10 @@ class MotionFiles:
         if (suffix := path.suffix.lower()) in (".png", ".html"):
             what = "pictures do" if suffix == ".png" else "page does"
             raise CommandError(f"the trajectory '{path}' must not end in {suffix}, as its {what}.")
-        pictures = [path.with_name(f"{path.stem}-{name}.png") for name in PICTURES] if plots else []
+        drawn = [path.with_name(f"{path.stem}-{name}.png") for name in PICTURES]
+        pictures = drawn if plots else []
+        page = path.with_suffix(".html")
+        self._drawn = [*drawn, page]
         used = {Path(source): "the problem"} if isinstance(source, (str, Path)) else {}
         check_output_files({path: WHAT} | dict.fromkeys(pictures, "the picture"), used)
         self._path, self._overwrite = path, overwrite
@@ -46,7 +49,7 @@ class MotionFiles:
         self._pictures = [OutputFile(one, "the picture", is_picture, overwrite) for one in pictures]
         self._page = self._payload = None
         if report:
-            self._page = OutputFile(path.with_suffix(".html"), "the page", has_mark(_PAGE_MARK), overwrite)
+            self._page = OutputFile(page, "the page", is_page, overwrite)
         if len(problem.loads) > 1:
             place = path.with_name(f"{path.stem}-payload.csv")
             is_ours = has_mark(_PAYLOAD_MARK.encode())
@@ -59,14 +62,16 @@ class MotionFiles:
         return [self._path, *(file.path for file in beside if file is not None)]
 
     def write(self, result: TrajectoryResult) -> None:
-        """Write all files. Raises RunError."""
+        """Write all files, and remove pictures and pages of the motion before. Raises RunError."""
         result.save(self._path, self._overwrite)
+        with report_write_errors(self._path.parent):
+            for path in self._drawn:
+                if path not in self.paths and is_drawn(path):
+                    path.unlink()
         if self._payload is not None:
             self._payload.write(_format_payload(result).encode())
-        is_drawn = self._pictures or self._page
-        pictures = (
-            {name: to_png(figure) for name, figure in draw_pictures(result).items()} if is_drawn else {}
-        )
+        figures = draw_pictures(result) if self._pictures or self._page else {}
+        pictures = {name: to_png(figure) for name, figure in figures.items()}
         for file, picture in zip(self._pictures, pictures.values(), strict=False):
             file.write(picture)
         if self._page is not None:

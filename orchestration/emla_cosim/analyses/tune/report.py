@@ -44,6 +44,8 @@ def build_report(result: TuneResult) -> Report:
         Section("Plan", tables=[_plan_table(result.plan)], is_detail=True),
     ]
     facts = [format_count(result.history.height, "set") + " of gains", format_count(result.runs, "run")]
+    if not result.complete:
+        facts.append("interrupted")
     return Report("Tuning", result.name, facts, sections)
 
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ...analyses.frame.outputs import Outputs
+from ...analyses.frame.outputs import Outputs, is_drawn
 from ...analyses.frame.report import Report, Text
 from ...views.terminal import print_line, show
 
@@ -12,9 +12,10 @@ from ...views.terminal import print_line, show
 def show_result(outputs: Outputs[Any], result: Any, folder: Path) -> None:
     """Show the report of a result, then its files in a folder."""
     show_report(outputs.report(result))
-    files = (outputs.record_name, *outputs.tables, *outputs.folders)
-    possible = [*files, *outputs.pictures, *outputs.list_pictures(result), outputs.page_name]
-    names = [name for name in dict.fromkeys(possible) if (folder / name).exists()]
+    files = dict.fromkeys((outputs.record_name, *outputs.tables, *outputs.folders))
+    drawn = (*outputs.pictures, *outputs.list_pictures(result), outputs.page_name)
+    names = [name for name in files if (folder / name).exists()]
+    names += [name for name in drawn if is_drawn(folder / name)]
     print_line(f"Wrote {folder}/: {', '.join(names)}")
 
 

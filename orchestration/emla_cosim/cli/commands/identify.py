@@ -70,7 +70,8 @@ class Parameters:
 def command(chosen: Parameters, given: dict[str, Any]) -> None:
     """Estimate parameters from measured data."""
     loaded = load_identification_plan(chosen.plan)
-    folder = Path(given.get("output") or results_folder(f"identify-{loaded.name}"))
+    kind = "design" if chosen.design or loaded.design else "identify"  # estimates of the same plan stay
+    folder = Path(given.get("output") or results_folder(f"{kind}-{loaded.name}"))
     given |= vars(chosen) | {"plan": loaded, "output": folder, "design": chosen.design or None}
     with BarProgress() as progress:
         result = identify(given.pop("plan"), progress=progress, **given)

@@ -11,12 +11,11 @@ from ...analyses.trajectory.problem import load_problem, override_values
 from ...analyses.trajectory.report import build_report
 from ...analyses.trajectory.runner import trajectory
 from ...base.errors import CosimError
-from ...base.option import OUTPUT, TRAJECTORY, argument, option
+from ...base.option import OUTPUT, TRAJECTORY, argument, option, switch
 from ...views.output_folder import results_folder
 from ...views.progress_bars import BarProgress
 from ...views.terminal import print_line
 from .analysis import show_report
-from .options import report
 
 OPTIONS = TRAJECTORY
 
@@ -70,7 +69,7 @@ class Parameters:
         help="Trajectory file to write. Default: results/trajectory/trajectory.json.", group=OUTPUT
     )
     plots: bool = option(True, help="Draw plots beside the trajectory file.", group=OUTPUT)
-    report: bool = report()
+    report: bool = switch("Write a page with all results beside the trajectory file.", OUTPUT)
 
 
 def command(chosen: Parameters, given: dict[str, Any]) -> None:

@@ -13,14 +13,14 @@ from ...base.errors import CommandError, CosimError, check_choice
 from ...base.files import check_output_files
 from ...base.interruption import catch_interrupts
 from ...base.option import OUTPUT, VERIFY, argument, option, switch
-from ...base.output_files import IsOurs, OutputFile
+from ...base.output_files import IsOurs, OutputFile, is_page
 from ...base.progress import Progress
 from ...base.wording import format_count
 from ...fmu.models import FLAVOURS, MODELS, build, documents_root
 from ...recorders.tubes.tolerance import Tolerance, read_tolerances
 from ...verification.catalogue import CHECKS
 from ...verification.findings import Examined
-from ...verification.marks import is_json, is_junit, is_page
+from ...verification.marks import is_json, is_junit
 from ...verification.references.excitation import SHAPES
 from ...verification.repetition import format_command
 from ...verification.report import Report

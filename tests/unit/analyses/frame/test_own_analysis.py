@@ -5,9 +5,13 @@ import json
 from pathlib import Path
 
 import pytest
+from rich.console import Console
 
 import emla_cosim as ec
-from docs.corners import corners
+from docs.corners import OUTPUTS, corners
+from emla_cosim.analyses.frame.outputs import AnalysisFolder
+from emla_cosim.analyses.frame.report import ReportTable
+from emla_cosim.cli.commands.analysis import show_result
 
 FACTORS = {"lift.plant.motor.R_s": "0.1:0.2", "lift.plant.motor.J_m": "0.01:0.02"}
 METRIC = "lift.torque_peak_N_m"
@@ -39,3 +43,26 @@ def test_files_of_the_user_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ec.CommandError, match=r"corners.png.*not written by emla"):
         corners("lift", FACTORS, METRIC, output=tmp_path, stop_time=0.01)
     assert (tmp_path / "corners.png").read_text() == "mine"
+
+
+def test_a_page_of_the_user_stays_and_is_not_listed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    result = corners("lift", FACTORS, METRIC, output=tmp_path, stop_time=0.01)
+    (tmp_path / "corners.html").write_text("mine")
+    corners("lift", FACTORS, METRIC, output=tmp_path, stop_time=0.01)
+    show_result(OUTPUTS, result, tmp_path)
+    assert (tmp_path / "corners.html").read_text() == "mine"
+    assert capsys.readouterr().out.rstrip().endswith("corners.json, corners.png")
+
+
+def test_a_result_that_is_not_final_removes_pictures_and_pages_of_the_one_before(tmp_path: Path) -> None:
+    result = corners("lift", FACTORS, METRIC, output=tmp_path, report=True, stop_time=0.01)
+    AnalysisFolder(OUTPUTS, tmp_path, report=True).keep(result, is_final=False)
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["corners.json"]
+
+
+def test_names_in_tables_are_shown_as_they_are(capsys: pytest.CaptureFixture[str]) -> None:
+    name = "[red]:warning:\\"
+    Console(width=80).print(ReportTable(name, [name], [[name]]).rich())
+    assert capsys.readouterr().out.count(name) == 3

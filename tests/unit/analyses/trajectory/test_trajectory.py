@@ -64,6 +64,15 @@ def test_command_reports_and_writes_the_motion(emla: Emla, tmp_path: Path) -> No
         assert (tmp_path / name).read_bytes().startswith(b"\x89PNG")
 
 
+def test_pictures_and_page_of_the_motion_before_are_removed(tmp_path: Path) -> None:
+    path = tmp_path / "motion.json"
+    ec.trajectory(**FAST, output=path, report=True)
+    assert len([*tmp_path.iterdir()]) == 2 + len(PICTURES)
+    (tmp_path / f"motion-{PICTURES[0]}.png").write_text("mine")
+    ec.trajectory(**FAST, output=path, plots=False)
+    assert sorted(file.name for file in tmp_path.iterdir()) == [f"motion-{PICTURES[0]}.png", "motion.json"]
+
+
 def test_file_can_be_read_with_scipy(coarse: ec.TrajectoryResult, tmp_path: Path) -> None:
     file = tmp_path / "motion.json"
     coarse.save(file)
