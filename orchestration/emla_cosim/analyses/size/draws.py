@@ -243,7 +243,7 @@ class _Jobs:
             entries = self._examinations[name].tasks[joint].sheet.values
             heat = examine_heat(entries, figures, float(values[AMBIENT]), winding)
             by_name = {one.name: one for one in heat if isinstance(one, Utilisation)}
-            limits = [by_name.get(one.name, one) for one in limits]
+            limits = sorted((by_name.get(one.name, one) for one in limits), key=lambda one: -one.fraction)
         return Draw(values, limits, reason)
 
 

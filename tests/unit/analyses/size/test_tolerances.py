@@ -39,17 +39,17 @@ def fractions(limits: Any) -> dict[str, float]:
 
 def test_ends_equal_a_loop_over_sizings(size: Callable[..., ec.SizeResult]) -> None:
     """Bit by bit, also where only the ambient temperature differs, which no run knows."""
-    vary = {LOAD: [500.0, 2000.0], MASS: "80%:120%", "ambient": "20degC:60degC"}
+    vary = {LOAD: [500.0, 2000.0], MASS: "80%:120%", "ambient": "20degC:120degC"}
     result = size(vary=vary, set=LIGHT, **RUN)
     joint = result["prototype"]
     mass = joint.cycle.emla.M_BS
-    ends = itertools.product([500.0, 2000.0], [0.8 * mass, 1.2 * mass], [293.15, 333.15])
+    ends = itertools.product([500.0, 2000.0], [0.8 * mass, 1.2 * mass], [293.15, 393.15])
     assert joint.tolerances is not None and not joint.tolerances.is_random
     for draw, (load, mass, ambient) in zip(joint.tolerances.draws, ends, strict=True):
         assert list(draw.values.values()) == pytest.approx([load, mass, ambient])
         values = {name: draw.values[name] for name in (LOAD, MASS)}
         alone = size(set=values, ambient=draw.values["ambient"], **RUN)["prototype"]
-        assert fractions(draw.limits) == fractions(alone.limits)
+        assert list(fractions(draw.limits).items()) == list(fractions(alone.limits).items())
         assert draw.reasons == alone.reasons
         assert draw.holds is alone.holds
     for limit in joint.tolerances.limits(joint.limits):
