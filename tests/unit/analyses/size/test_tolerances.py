@@ -115,6 +115,14 @@ def test_a_failing_draw_decides(emla: Emla, tmp_path: Path) -> None:
     assert not (tmp_path / "out/tolerances.csv").exists()
 
 
+def test_an_ambient_without_effect_is_reported(emla: Emla) -> None:
+    """Also with a time limit, which the runs of draws have like those of a sweep."""
+    run = ("size", "prototype", "--stop-time", "400ms", "--lead-in", "0.1s", "--no-plots", "--workers", "1")
+    result = emla(*run, "--vary", "ambient=20degC:60degC", "--timeout", "60s")
+    assert result.exit_code == 0, result.output
+    assert "ambient changes nothing: only the limit thermal.T_max" in " ".join(result.stdout.split())
+
+
 def test_random_draws_state_their_confidence(size: Callable[..., ec.SizeResult]) -> None:
     study, again = (
         size(vary={"ambient": "20degC:60degC"}, runs=59, seed=3, set=LIGHT, **RUN)["prototype"].tolerances
