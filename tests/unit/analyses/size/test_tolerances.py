@@ -178,7 +178,10 @@ def test_plots_have_all_candidates_and_their_worst_draws(size: Callable[..., ec.
         ({"vary": {"ambient": "20:40"}}, "write temperatures with their unit"),
         ({"vary": {"ambient": "±10%"}}, "write temperatures with their unit"),
         ({"vary": {"ambient": [0.0, 300.0]}}, "above 0 K"),
-        ({"vary": {"actuator.motor.i_nominal": "1 A rms,2 A rms"}}, "i_nominal"),
+        (
+            {"vary": {"actuator.motor.i_nominal": "1 A rms,2 A rms"}},
+            "no draw can run; with actuator.motor.i_nominal = 1 A rms: ",
+        ),
         ({"vary": {"prototype.plant.motor.*": "1:2"}}, "combinations of their ends; the most are 64"),
         ({"runs": 5}, "add 'vary'"),
         ({"vary": {LOAD: "1:2"}, "runs": 0}, "it must be 1 or more"),
