@@ -42,7 +42,9 @@ def _read_bonds(texts: Sequence[str]) -> dict[str, str]:
 
 _output = partial(option, group=OUTPUT)
 _single = partial(_output, commands=(RUN,), in_file=False)
-_shared = partial(option, group=RUNS, recorded=False, commands=(SWEEP, COMPARE), stage=SHARING, in_sweep=SAME)
+_shared = partial(
+    option, group=RUNS, recorded=False, commands=(SWEEP, COMPARE, SIZE), stage=SHARING, in_sweep=SAME
+)
 _shown = partial(_output, recorded=False, stage=SHOWING, in_sweep=LEFT_OUT)
 
 

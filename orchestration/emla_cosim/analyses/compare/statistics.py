@@ -206,7 +206,7 @@ def describe_confidence(rows: Sequence[Row]) -> list[str]:
     groups = group_rows(drawn, "scenario", "case", "joint", "controller", "gains").values()
     counts = {(sum(not row[HELD] for row in runs), len(runs)) for runs in groups if len(runs) > 1}
     shares = "; ".join(describe_share(lost, total, "not held") for lost, total in sorted(counts))
-    return [f"Of all seeds that could be drawn: {shares}."] if shares else []
+    return [f"For a joint with one controller, of all seeds that could be drawn: {shares}."] if shares else []
 
 
 def describe_inequality(rows: Sequence[Row]) -> list[str]:

@@ -76,4 +76,6 @@ def describe_share(count: int, total: int, what: str) -> str:
 
 
 def _percent(share: float) -> str:
+    if share > 0.9:  # as many digits of what is left, so that only 1 is 100 %
+        return f"{100.0 - float(f'{100.0 * (1.0 - share):.2g}'):.10g} %"
     return f"{100.0 * share:.2g} %" if share < 0.1 else f"{100.0 * share:.3g} %"

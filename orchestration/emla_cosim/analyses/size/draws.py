@@ -213,12 +213,9 @@ class _Jobs:
         """Run all jobs.
 
         Raises:
-            CommandError: No scenario can have its options, such as an entry that does not exist.
             RunError: The workers are lost, or the user interrupts.
         """
         if not self._jobs:
-            for error in (group for group in self._groups.values() if isinstance(group, CommandError)):
-                raise error
             return
         measures = SizingMeasures(read=sorted(self._signals), examinations=self._examinations)
         jobs, progress = list(self._jobs.values()), session.progress
@@ -243,7 +240,7 @@ class _Jobs:
             entries = self._examinations[name].tasks[joint].sheet.values
             heat = examine_heat(entries, figures, float(values[AMBIENT]), winding)
             by_name = {one.name: one for one in heat if isinstance(one, Utilisation)}
-            limits = [by_name.get(one.name, one) for one in limits]
+            limits = sorted((by_name.get(one.name, one) for one in limits), key=lambda one: -one.fraction)
         return Draw(values, limits, reason)
 
 
@@ -263,6 +260,14 @@ def run_draws(session: Session[SizeResult], sized: Mapping[Any, SizedRun]) -> di
     keys = dict[Any, list[str | CommandError]]()
     for name, (run, one) in drawn.items():
         keys[name] = [jobs.add(run, one.preparation, options) for _, options in one.draws]
+    tried = [
+        (one.study, values, key)
+        for name, (_, one) in drawn.items()
+        for (values, _), key in zip(one.draws, keys[name], strict=True)
+    ]
+    if all(isinstance(key, CommandError) for *_, key in tried):  # such as an entry that does not exist
+        for study, values, error in tried:
+            raise CommandError(f"no draw can run; with {study.label(Draw(values, (), None))}: {error}")
     jobs.run(session)
     for name, (run, one) in drawn.items():
         values = [values for values, _ in one.draws]

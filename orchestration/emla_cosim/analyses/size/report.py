@@ -10,6 +10,7 @@ from ..frame.report import Report, ReportTable, Section, Text
 from .limits import Utilisation, format_percent, format_value
 from .pictures import draw_limits, draw_motion, draw_motor
 from .result import Candidate, JointSizing, SizeResult
+from .tolerances import AMBIENT
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -206,6 +207,9 @@ def _tolerances(sizing: JointSizing) -> Iterator[ReportTable]:
     what = f"{total} random draws" if study.is_random else f"{total} combinations of the ends"
     failed = [draw for draw in study.failures if draw.reason is not None]
     under = [f"Values are those of {', '.join(study.units)}. With tolerances, {study.sentence}."]
+    sources = {limit.source for draw in study.draws for limit in draw.limits}
+    if AMBIENT in study.units and sources and "thermal.T_max" not in sources:
+        under.append(f"{AMBIENT} changes nothing: only the limit thermal.T_max depends on it.")
     if failed:
         under.append(f"With {study.label(failed[0])}: {failed[0].reasons[0]}.")
     title = f"Tolerances of {sizing.joint}, worst of {what}"

@@ -144,7 +144,8 @@ def test_table_shows_mean_and_spread(compared: ec.CompareResult) -> None:
     assert cell.text == f"{1e6 * tilt.mean():.3g} ± {1e6 * tilt.std(ddof=1):.2g}"
     assert "3 seeds that no tuning used" in grid.under[0]
     assert grid.under[-1] == (
-        "Of all seeds that could be drawn: 0 of 3 not held: below 63.2 % with 95 % confidence."
+        "For a joint with one controller, of all seeds that could be drawn: "
+        "0 of 3 not held: below 63.2 % with 95 % confidence."
     )
     assert "±" not in grid.cells[0][1].text
     written = polars.read_csv(compared.folder / "comparison.csv")  # type: ignore[operator]

@@ -216,7 +216,8 @@ def test_robustness_table_has_means_and_counts_held_runs() -> None:
     assert not any(cell.is_best for cell in cases.cells[1])  # there is only one left
     assert [[cell.text for cell in row] for row in held.cells] == [["lift", "2 of 2", "1 of 2"]]
     assert held.under == [
-        "Of all seeds that could be drawn: 0 of 6 not held: below 39.3 % with 95 % confidence; "
+        "For a joint with one controller, of all seeds that could be drawn: "
+        "0 of 6 not held: below 39.3 % with 95 % confidence; "
         "1 of 6 not held: 16.7 %, 0.42 % to 64.1 % with 95 % confidence."
     ]
     assert describe_lost_joints(robustness()) == [

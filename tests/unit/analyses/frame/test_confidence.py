@@ -45,6 +45,8 @@ def test_an_interval_of_a_quantile_holds_it_as_often_as_it_says() -> None:
     [
         (0, 200, "0 of 200 failed: below 1.5 % with 95 % confidence"),
         (200, 200, "all 200 failed: above 98.5 % with 95 % confidence"),
+        (10_000, 10_000, "all 10000 failed: above 99.97 % with 95 % confidence"),
+        (9_999, 10_000, "9999 of 10000 failed: 99.99 %, 99.944 % to 99.99975 % with 95 % confidence"),
         (12, 200, "12 of 200 failed: 6 %, 3.1 % to 10.2 % with 95 % confidence"),
     ],
 )
