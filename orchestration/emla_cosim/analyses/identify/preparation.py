@@ -121,15 +121,14 @@ def _cut(
 def _extend(preparations: Sequence[Preparation], parameters: Parameters) -> list[Preparation]:
     """Return preparations whose runs are so long that a sensor ahead of time can be predicted to the end."""
     ahead = max((-one.low for one in parameters.items if one.sensor and one.sensor[0] == DELAY), default=0.0)
-    found = list[Preparation]()
-    for one in preparations:
-        options = one.options
-        if ahead > 0.0 and options.stop_time is not None:
-            step = options.step_size or ahead
-            stop = options.stop_time + step * math.ceil(ahead / step - 1e-9)
-            options = replace(options, stop_time=stop)
-        found.append(replace(one, options=options))
-    return found
+
+    def extend(options: Options) -> Options:
+        if ahead <= 0.0 or options.stop_time is None:
+            return options
+        step = options.step_size or ahead
+        return replace(options, stop_time=options.stop_time + step * math.ceil(ahead / step - 1e-9))
+
+    return [replace(one, options=extend(one.options)) for one in preparations]
 
 
 def _find_signal(preparation: Preparation, signal: str) -> tuple[str, SiUnit | None]:
