@@ -53,7 +53,7 @@ def compute_margins(frequency: Vector, L: Complex) -> Margins:
     """
     log_f, log_gain = np.log(frequency), np.log(np.maximum(np.abs(L), 1e-300))
     phase = np.unwrap(np.angle(L))
-    crossings = [(f, p) for f, p in _crossings(log_gain, log_f, phase)]
+    crossings = _crossings(log_gain, log_f, phase)
     phases = [(math.remainder(p + math.pi, 2.0 * math.pi), f) for f, p in crossings]
     worst, at = min(phases, key=lambda x: abs(x[0]), default=(math.inf, math.nan))
     delays = [((p + math.pi) % (2.0 * math.pi)) / (2.0 * math.pi * math.exp(f)) for f, p in crossings]

@@ -27,6 +27,10 @@ _GOOD, NONLINEAR = 1e-3, 0.05
 """Nonlinearity at which no other amplitude is tried, and above which there is no linear response."""
 
 
+_POINTS = 400
+"""Number of frequencies."""
+
+
 @dataclass(frozen=True)
 class _Reaction:
     """The change of a signal by pulses.
@@ -45,7 +49,10 @@ class _Reaction:
 
 
 def measure(
-    perturbation: Perturbation, place: Place, frequency: Vector, amplitude: float | None = None
+    perturbation: Perturbation,
+    place: Place,
+    amplitude: float | None = None,
+    frequency: Vector | None = None,
 ) -> Measured:
     """Return the frequency response at a place.
 
@@ -55,8 +62,9 @@ def measure(
     Args:
         perturbation: The system at its operating point.
         place: The place.
-        frequency: Frequencies in Hz.
         amplitude: Height of the pulse; None chooses the one with the smallest nonlinearity.
+        frequency: Frequencies in Hz. Default: evenly spaced on a logarithmic axis, from that with one period
+            in the response.
 
     Raises:
         CommandError: The place does not exist, or does not react.
@@ -75,6 +83,8 @@ def measure(
     later = perturbation.respond(resolved, found.amplitude, at=1)
     drift = relative_norm(later[1:] - found.positive[:-1], found.positive)
     step = perturbation.step
+    if frequency is None:
+        frequency = np.geomspace(1.0 / perturbation.duration, 0.5 / step, _POINTS)
     values = [_per_pulse(place, signal / found.amplitude) for signal in (found.linear, found.positive)]
     H, other = (transform_response(v, integrators, frequency, step) for v in values)
     if not place.is_loop:

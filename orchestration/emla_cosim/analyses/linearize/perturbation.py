@@ -140,23 +140,17 @@ class Perturbation:
         before = self.undisturbed(place)
         return self._repeat(place, amplitude, at) - before
 
-    def _begin(self) -> None:
-        self._simulation.start(recorders=[], **self._options)
-        self._reach()
-
     def _reach(self) -> None:
         self._simulation.advance(self.at)
         check_reached(self._simulation, self.at)
 
-    def _rewind(self) -> None:
+    def _repeat(self, place: ResolvedPlace, amplitude: float, at: int) -> Vector:
         if self._snapshot is not None:
             self._snapshot.restore()
         elif self._moved:
-            self._begin()
+            self._simulation.start(recorders=[], **self._options)
+            self._reach()
         self._moved = True
-
-    def _repeat(self, place: ResolvedPlace, amplitude: float, at: int) -> Vector:
-        self._rewind()
         stepping, values = self._stepping, np.empty(self.count)
         network = stepping.algorithm.network
         waits = stepping.algorithm.multiples[place.instance] > 1

@@ -86,8 +86,13 @@ def parse_opening(system: System, text: str) -> Place:
     Raises:
         CommandError: The text is none of these.
     """
-    source, arrow, target = (part.strip() for part in _of_joint(system, text).partition("->"))
-    if not (source and arrow and target):
+    joints = _joints(system)
+    if "->" not in text and text not in joints:
+        hint = f", or a joint: {suggest_names(text, joints)}" if joints else "."
+        raise CommandError(f"'{text}' is not a connection; write a.output->b.input{hint}", name=text)
+    path = text if "->" in text else position_loop(text)
+    source, _, target = (part.strip() for part in path.partition("->"))
+    if not (source and target):
         raise CommandError(f"'{text}' is not a connection; write a.output->b.input.", name=text)
     (first, start), (second, end) = system.split(source), system.split(target)
     ends = (first.name, first.alias(start).variable), (second.name, second.alias(end).variable)
@@ -112,16 +117,6 @@ def default_openings(system: System) -> list[str]:
 
 def _joints(system: System) -> list[str]:
     return [c.branch for c in system.components if c.name == f"{c.branch}.observer"]
-
-
-def _of_joint(system: System, text: str) -> str:
-    if "->" in text:
-        return text
-    joints = _joints(system)
-    if text not in joints:
-        known = f", or a joint: {suggest_names(text, joints)}" if joints else "."
-        raise CommandError(f"'{text}' is not a connection; write a.output->b.input{known}", name=text)
-    return position_loop(text)
 
 
 def resolve_place(system: System, network: Network, place: Place) -> ResolvedPlace:

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import closing
 from dataclasses import replace
 
 import numpy as np
@@ -52,25 +53,19 @@ def judge_step(
     found, remarks = dict(responses), list[str]()
     try:
         half = halve_step(simulation, {})
-        perturbation = Perturbation(simulation, at, duration, half.options)
-        try:
+        with closing(Perturbation(simulation, at, duration, half.options)) as perturbation:
             for place in places:
                 whole = found[place.label]
-                halved = measure(perturbation, place, whole.response.frequency, whole.amplitude)
-                judged = replace(
-                    whole,
-                    margins_at_half_step=halved.margins,
-                    step_change=_compare(whole.response, halved.response),
-                )
+                halved = measure(perturbation, place, whole.amplitude, whole.response.frequency)
+                change = _compare(whole.response, halved.response)
+                judged = replace(whole, margins_at_half_step=halved.margins, step_change=change)
                 found[place.label] = judged
-                if (worst := _find_worst(judged)) is not None:
-                    subject, change, ratio = worst
+                subject, change, ratio = _find_worst(judged)
+                if ratio > 1.0:
                     remarks.append(
                         f"{place.label}: half the step changes {subject} by {change}, so the step makes a "
                         f"part of it; {half.suggest(ratio)}."
                     )
-        finally:
-            perturbation.close()
     except CosimError as error:
         remarks.append(f"The step is not judged: {str(error).rstrip('.')}.")
     return found, remarks
@@ -83,16 +78,13 @@ def _compare(whole: FrequencyResponse, halved: FrequencyResponse) -> float:
     return float(np.sqrt(np.mean(change[slow] ** 2)))
 
 
-def _find_worst(measured: Measured) -> tuple[str, str, float] | None:
-    """Return what changes most, its change, and this as a multiple of the limit; None within the limits."""
+def _find_worst(measured: Measured) -> tuple[str, str, float]:
+    """Return what changes most, its change, and this as a multiple of the limit."""
     whole, halved = measured.margins, measured.margins_at_half_step
     if whole is None or halved is None:
         change = measured.step_change or 0.0
-        changes = [("the response", f"{100.0 * change:.2g} %", change / LARGEST_CHANGE)]
-    else:
-        changes = [_compare_margin(whole, halved, *limit) for limit in _LIMITS]
-    worst = max(changes, key=lambda one: one[2])
-    return worst if worst[2] > 1.0 else None
+        return "the response", f"{100.0 * change:.2g} %", change / LARGEST_CHANGE
+    return max((_compare_margin(whole, halved, *limit) for limit in _LIMITS), key=lambda one: one[2])
 
 
 def _compare_margin(

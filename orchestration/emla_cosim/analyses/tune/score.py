@@ -165,20 +165,11 @@ class Objective:
         """Return the violation of a run; among lost runs, too, a smaller one is nearer to the conditions."""
         found = sum(_excess(r, outcome.figures.get(r.figure), self.margin) for r in required)
         if is_lost:
-            found += _LOST + _LOST * self._missing_part(outcome)
-        return found + self._distance(outcome) if found else 0.0
-
-    def _distance(self, outcome: VariantOutcome) -> float:
-        """Return how far the joints are from their references."""
+            end = self.start if outcome.end_s is None else outcome.end_s
+            missing = 0.0 if outcome.complete else (self.stop - end) / (self.stop - self.start)
+            found += _LOST + _LOST * min(max(missing, 0.0), 1.0)
         errors = [float(x) for n in self.tracking_errors if (x := outcome.figures.get(n)) is not None]
-        return sum(errors) / len(errors) if errors else 0.0
-
-    def _missing_part(self, outcome: VariantOutcome) -> float:
-        """Return the part of the run that is missing."""
-        if outcome.complete:
-            return 0.0
-        end = self.start if outcome.end_s is None else outcome.end_s
-        return min(max((self.stop - end) / (self.stop - self.start), 0.0), 1.0)
+        return found + (sum(errors) / len(errors) if errors else 0.0) if found else 0.0
 
 
 def _excess(required: Requirement, figure: Any, margin: float = 0.0) -> float:
