@@ -182,7 +182,7 @@ class Estimator:
             if self.loss == LINEAR:
                 (values,) = self.problem.residuals([point])
                 if values is not None and _find_offset(point, values, slopes) < _OFFSET:
-                    raise _ArrivedError(point)
+                    raise _ArrivedError(point.copy())
             return slopes
 
         try:
@@ -201,7 +201,7 @@ class Estimator:
             )
             end, converged = result.x, result.status > 0
         except _ArrivedError as arrived:
-            end, converged = arrived.point, True
+            end, converged = arrived.args[0], True
         (found,) = self.problem.residuals([end])
         if found is None:
             return None
@@ -215,11 +215,7 @@ class Estimator:
 
 
 class _ArrivedError(Exception):
-    """The search is so near to the minimum that the residuals hide the rest of the way."""
-
-    def __init__(self, point: Vector) -> None:
-        super().__init__("the search has arrived")
-        self.point = point.copy()
+    """The search is at a point so near to the minimum that the residuals hide the rest of the way."""
 
 
 def _find_offset(point: Vector, residuals: Vector, jacobian: NDArray[np.float64]) -> float:

@@ -119,7 +119,6 @@ class SheetEntries:
 
     @cached_property
     def _before(self) -> list[dict[str, Value]]:
-        """Return the start values of each experiment without other entries."""
         return [_all_start_values(one.scenario, one) for one in self.preparations if one.scenario is not None]
 
 

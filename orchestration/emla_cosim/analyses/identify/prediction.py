@@ -69,7 +69,6 @@ class Predictor:
 
     @property
     def _size(self) -> int:
-        """Return the bytes of a prediction."""
         return _BYTES * (1 + len(self.signals)) * max(self.rows, 1)
 
     def batches(self, points: Sequence[Vector], experiments: Sequence[int]) -> list[Sequence[Vector]]:

@@ -72,11 +72,16 @@ def prepare_task(plan: IdentificationPlan, session: Session[Any]) -> Identificat
             end = max(float(LoadedInput.of(source, begin).times[-1]) for source in one.measured)
             scenario = scenario.with_options({"stop_time": end})
         preparation = session.prepare(scenario)
+        names = Names(preparation.system, preparation.interfaces)
 
-        def find_signal(name: str, of: Preparation = preparation) -> tuple[str, SiUnit | None]:
-            signal, unit = _find_signal(of, name)
-            units[signal] = unit
-            return signal, unit
+        def find_signal(name: str, names: Names = names) -> tuple[str, SiUnit | None]:
+            found = names.find(name)
+            if found.variable.type not in ("Real", "Integer"):
+                raise CommandError(
+                    f"{name} is of the type {found.variable.type}; measured signals are numbers."
+                )
+            units[found.full_name] = found.unit
+            return found.full_name, found.unit
 
         measured, remarks = read_measurements(one.measured, find_signal, label, begin)
         sigma = {find_signal(name)[0]: value for name, value in plan.sigma.items()}
@@ -129,14 +134,6 @@ def _extend(preparations: Sequence[Preparation], parameters: Parameters) -> list
         return replace(options, stop_time=options.stop_time + step * math.ceil(ahead / step - 1e-9))
 
     return [replace(one, options=extend(one.options)) for one in preparations]
-
-
-def _find_signal(preparation: Preparation, signal: str) -> tuple[str, SiUnit | None]:
-    """Return full name and unit of a signal; raise CommandError if it does not exist, or is no number."""
-    found = Names(preparation.system, preparation.interfaces).find(signal)
-    if found.variable.type not in ("Real", "Integer"):
-        raise CommandError(f"{signal} is of the type {found.variable.type}; measured signals are numbers.")
-    return found.full_name, found.unit
 
 
 def _choose_times(options: Options, measured: Sequence[MeasuredSignal], may_be_late: bool) -> dict[str, Any]:

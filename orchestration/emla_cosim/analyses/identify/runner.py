@@ -159,7 +159,6 @@ class _Identification:
         self.estimator = Estimator(self.problem, plan.loss, plan.evaluations, self._advance)
 
     def rank(self) -> IdentificationResult:
-        """Rank the experiments by what they would tell."""
         self.session.progress.begin("ranking", 1)
         candidates = rank_experiments(self.task, self.predictor)
         self.session.progress.advance(1)
@@ -167,7 +166,6 @@ class _Identification:
         return self._keep(sigma=dict(self.task.sigma), candidates=candidates)
 
     def run(self) -> IdentificationResult:
-        """Estimate the parameters."""
         plan, estimator, problem = self.task.plan, self.estimator, self.problem
         self.session.progress.begin("identifying", plan.starts * plan.evaluations, "evaluations")
         points = draw_starting_points(self._choose_start(), plan.starts, plan.seed)

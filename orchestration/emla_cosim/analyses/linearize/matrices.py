@@ -144,14 +144,12 @@ def _scaled_slopes(
 def _find_moving(
     system: ContinuousSystem, states: Vector, shifts: Vector, rates: Vector, free: Collection[str]
 ) -> list[str]:
-    """Return the states that change."""
     slopes, _ = _scaled_slopes(system, states, shifts, rates, free)
     moving = np.abs(rates) > _STEADY * np.abs(slopes).max(axis=1)
     return [name for name, moves in zip(system.states, moving, strict=True) if moves]
 
 
 def _read_sizes(system: ContinuousSystem, states: Vector) -> Vector:
-    """Return the sizes of states and inputs."""
     inputs = system.read_inputs()
     input_sizes = np.where(inputs != 0.0, np.abs(inputs), 1.0)
     return np.concatenate([np.maximum(np.abs(states), system.nominals), input_sizes])

@@ -11,7 +11,6 @@ import numpy as np
 from ...base.arrays import Vector
 from ...base.errors import CommandError, RunError
 from ...master.algorithms.snapshot import Snapshot
-from ...master.network import Network
 from ...master.stepping.fixed_steps import FixedSteps
 from ...master.stepping.stepping_base import ROUNDING
 from ...run.simulation import Simulation
@@ -93,21 +92,17 @@ class Perturbation:
         """Length of the stretch in s."""
         return self.count * self.step
 
-    @property
-    def _network(self) -> Network:
-        return self._simulation.stepping.algorithm.network
-
     def resolve(self, place: Place) -> ResolvedPlace:
         """Return the positions of a place; CommandError if it does not exist, or is not Real."""
-        return resolve_place(self._simulation.system, self._network, place)
+        return resolve_place(self._simulation.system, self._stepping.algorithm.network, place)
 
     def unit(self, place: Place) -> str:
         """Return the unit of a response: that of the output per unit of the input."""
-        system, units = self._simulation.system, []
+        units = []
         for name in (place.output, place.input):
-            component, variable = system.split(name)
-            own = find_described(self._network, component.name).own
-            units.append(own.file.interface.unit(component.alias(variable).variable))
+            component, variable = self._simulation.system.split(name)
+            instance, *_ = find_described(self._stepping.algorithm.network, component.name)
+            units.append(instance.file.interface.unit(component.alias(variable).variable))
         return "/".join(
             "1" if unit is None else f"({unit})" if "/" in str(unit) else str(unit) for unit in units
         )

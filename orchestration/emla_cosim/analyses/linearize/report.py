@@ -55,7 +55,6 @@ def _facts(result: LinearizeResult) -> list[str]:
 
 
 def _margin_tables(result: LinearizeResult) -> Iterator[ReportTable]:
-    """Yield a table of margins for each loop."""
     for name, margins in result.margins.items():
         halved = result.responses[name].margins_at_half_step
         rows = list[list[str]]()
@@ -96,7 +95,6 @@ def _poles_table(matrices: StateSpace) -> ReportTable:
 
 
 def _point_table(result: LinearizeResult, matrices: StateSpace) -> ReportTable:
-    """Return a table of states, inputs and outputs at the operating point."""
     where = f"steady state near t = {result.at:g} s" if result.is_steady else f"t = {result.at:g} s"
     rows = [
         [kind.removesuffix("s"), name, f"{value:.6g}", matrices.units[name]]

@@ -23,13 +23,12 @@ from ...system.model import System, Value
 from ..frame.session import Session
 from .continuous_system import ContinuousSystem
 from .matrices import compute_matrices, find_steady_state
-from .measurement import measure
+from .measurement import judge_step, measure
 from .perturbation import Perturbation, check_reached
 from .places import Place, default_openings, parse_opening
 from .report import OUTPUTS
 from .response import FrequencyResponse
 from .result import LinearizeResult, Measured
-from .step_influence import judge_step
 
 SAMPLES = 2000
 """Default length of a response in steps."""

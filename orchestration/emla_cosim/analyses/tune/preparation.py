@@ -85,7 +85,6 @@ class TuningTask:
     cases: Sequence[Mapping[str, Any]]
     loops: Sequence[LoopMargins | None]
     seeds: Factor | None
-    units: Mapping[str, str]
     identity: Mapping[str, Any]
 
 
@@ -127,7 +126,6 @@ def prepare_task(
         cases,
         loops,
         _seeds(plan, preparation),
-        {axis.name: axis.factor.unit for axis in found.axes if axis.factor is not None},
         preparation.identity,
     )
 

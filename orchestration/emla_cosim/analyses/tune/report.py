@@ -148,7 +148,6 @@ def _format_worst(score: Score | None, case: str, condition: str) -> Text | str:
 
 
 def _plan_table(plan: Mapping[str, Any]) -> ReportTable:
-    """Return what the plan says, entry by entry."""
     rows = list[list[str]]()
     for key, value in plan.items():
         if isinstance(value, Mapping):

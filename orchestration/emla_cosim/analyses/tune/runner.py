@@ -192,7 +192,6 @@ class _Tuning:
     remarks: Sequence[str] = ()
 
     def run(self) -> TuneResult:
-        """Run the whole tuning."""
         plan, space = self.task.plan, self.task.space
         count = 0 if self.task.seeds is None else plan.training + plan.validation
         drawn = draw_seeds(plan.seed, count)
@@ -253,7 +252,6 @@ class _Tuning:
         return True
 
     def _add_rows(self, generation: int, tried: Sequence[tuple[Mapping[str, Value | None], Score]]) -> None:
-        """Add gains and their scores to the history."""
         for values, score in tried:
             before = self.rows[-1]["best"] if self.rows else float("inf")
             objective = score.objective if not score.violation else float("inf")
@@ -280,7 +278,7 @@ class _Tuning:
             self.start,
             self.best,
             history.with_columns(polars.col("best").replace(float("inf"), None)),
-            self.task.units,
+            {axis.name: axis.factor.unit for axis in self.task.space.axes if axis.factor is not None},
             self.drawn,
             plan.tolerance,
             complete,

@@ -205,7 +205,6 @@ class _TrackingErrorMetrics(Metrics):
         self._rows = 0
 
     def write(self, rows: Vector) -> None:
-        """Take the next rows."""
         self._rows += len(rows)
         for joint, (position, reference) in self._columns.items():
             error = np.abs(rows[:, position] - rows[:, reference])
@@ -215,15 +214,12 @@ class _TrackingErrorMetrics(Metrics):
             )
 
     def figures(self) -> Figures:
-        """Return the mean by joint."""
         return {joint: {TRACKING_ERROR: total / max(self._rows, 1)} for joint, total in self._sums.items()}
 
     def memory(self) -> Any:
-        """Return sums by joint and the number of rows."""
         return {"sums": self._sums, "rows": self._rows}
 
     def remember(self, memory: Any) -> None:
-        """Continue from a checkpoint."""
         self._sums, self._rows = dict(memory["sums"]), int(memory["rows"])
 
 
