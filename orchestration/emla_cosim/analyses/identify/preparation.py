@@ -136,23 +136,25 @@ def _extend(preparations: Sequence[Preparation], parameters: Parameters) -> list
     return [replace(one, options=extend(one.options)) for one in preparations]
 
 
-def _choose_times(options: Options, measured: Sequence[MeasuredSignal], may_be_late: bool) -> dict[str, Any]:
+def _choose_times(
+    options: Options, measured: Sequence[MeasuredSignal], may_be_late: bool
+) -> dict[str, float]:
     """Return stop time and output interval that suit the measurement, where the user gave none.
 
     Samples of a sensor that may be late are between rows, which are nearer to each other then.
     """
-    changed: dict[str, Any] = {}
     if not measured:
-        return changed
+        return {}
+    changed = dict[str, float]()
     last = max(float(one.time[-1]) for one in measured)
     start, step = options.start_time or 0.0, options.step_size
     if options.stop_time is None or options.stop_time > last:
-        changed["stop_time"] = last if not step else start + step * np.ceil((last - start) / step - 1e-9)
+        changed["stop_time"] = last if not step else start + step * math.ceil((last - start) / step - 1e-9)
     if options.output_interval is None and step:
         between = min(float(np.median(np.diff(one.time))) for one in measured)
         rows = _ROWS if may_be_late else 1
         changed["output_interval"] = step * max(round(min(between, 1e-3) / rows / step), 1)
-    return {name: float(value) for name, value in changed.items()}
+    return changed
 
 
 def _read_sigma(asked: Mapping[str, Any], units: Mapping[str, SiUnit | None]) -> dict[str, float]:

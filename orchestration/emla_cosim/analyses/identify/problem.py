@@ -230,7 +230,7 @@ class Problem:
         parts = list[Vector]()
         for i in self.fitted:
             differences = self.differences(point, predictions, i)
-            if len(differences) < len(self.predictor.experiments[i]):
+            if not differences:
                 return None
             parts += [values / self.sigma[signal] for signal, values in differences.items()]
         return np.concatenate(parts)

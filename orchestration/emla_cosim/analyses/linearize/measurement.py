@@ -4,7 +4,7 @@ The same response with half the step shows how much of it the communication step
 """
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 
@@ -57,14 +57,7 @@ _FASTEST = 0.1
 
 @dataclass(frozen=True)
 class _Reaction:
-    """The change of a signal by pulses.
-
-    Attributes:
-        amplitude: Height of the first pulse.
-        positive: Change by this pulse.
-        linear: Its linear part.
-        nonlinearity: Difference to the effect of a pulse of other size and sign.
-    """
+    """The change of a signal by a pulse, its linear part, and how much other pulses differ."""
 
     amplitude: float
     positive: Vector
@@ -125,10 +118,9 @@ def _react(
 ) -> _Reaction:
     """Return the most linear reaction to pulses of several heights."""
     scale = perturbation.scale(resolved)
-    heights: Iterable[float] = [f * scale for f in _FACTORS] if amplitude is None else [amplitude]
     best: _Reaction | None = None
     failure: RunError | None = None
-    for height in heights:
+    for height in [f * scale for f in _FACTORS] if amplitude is None else [amplitude]:
         try:
             found = _reaction(perturbation, resolved, height)
         except RunError as error:  # so large a pulse may end the run

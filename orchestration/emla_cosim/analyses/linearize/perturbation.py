@@ -3,7 +3,6 @@
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -15,8 +14,6 @@ from ...master.stepping.fixed_steps import FixedSteps
 from ...master.stepping.stepping_base import ROUNDING
 from ...run.simulation import Simulation
 from .places import Place, ResolvedPlace, find_described, resolve_place
-
-NO_OPTIONS: Mapping[str, Any] = MappingProxyType({})
 
 
 class Perturbation:
@@ -37,7 +34,7 @@ class Perturbation:
     """
 
     def __init__(
-        self, simulation: Simulation, at: float, duration: float, options: Mapping[str, Any] = NO_OPTIONS
+        self, simulation: Simulation, at: float, duration: float, options: Mapping[str, Any] | None = None
     ) -> None:
         """Run up to the operating point.
 
@@ -45,14 +42,14 @@ class Perturbation:
             simulation: The prepared system.
             at: Time of the operating point in s; it is moved back to a sample.
             duration: Length of the stretch in s.
-            options: Options of the runs that differ from those of the simulation.
+            options: Options of the runs that differ from those of the simulation. Default: none.
 
         Raises:
             CommandError: The steps have no fixed length, or components do not sample at the same times.
             RunError: The run fails before the operating point.
         """
         self._simulation: Simulation = simulation
-        self._options: dict[str, Any] = {**options, "estimate_coupling": False}
+        self._options: dict[str, Any] = {**(options or {}), "estimate_coupling": False}
         simulation.start(recorders=[], **self._options)
         stepping = simulation.stepping
         algorithm = stepping.algorithm

@@ -11,7 +11,7 @@ from ..variants.data import VariantOutcome
 from ..variants.targets import merge_options
 from .preparation import TuningTask
 from .result import Tuned
-from .score import Objective, Score, format_figure
+from .score import Objective, Score
 
 LARGEST_CHANGE = 0.01
 """Relative change of the objective by half the step above which it is reported.
@@ -145,12 +145,6 @@ def describe_step(start: Tuned, best: Tuned, halved: HalvedScore) -> list[str]:
             f"Half the step changes the objective by {100.0 * change / abs(before):+.2g} %; "
             f"{half.suggest(relative / LARGEST_CHANGE)}."
         )
-    unmet = [
-        f"{case}: {condition}, but it is {format_figure(worst['figure'])}"
-        for case, conditions in score.worst.items()
-        for condition, worst in conditions.items()
-        if best.training.worst[case][condition]["met"] and not worst["met"]
-    ]
-    if unmet:
+    if unmet := score.list_unmet(best.training):
         remarks.append(f"With half the step, conditions do not hold: {'; '.join(unmet)}.")
     return remarks

@@ -76,13 +76,13 @@ class Score:
         """The key that the search compares."""
         return (True, self.violation) if self.violation else (False, self.objective)
 
-    def list_unmet(self) -> list[str]:
-        """Return the conditions that do not hold, with their case and the worst figure."""
+    def list_unmet(self, before: "Score | None" = None) -> list[str]:
+        """Return the conditions that do not hold, but did `before`, with their case and the worst figure."""
         return [
             f"{case}: {condition}, but it is {format_figure(worst['figure'])}"
             for case, conditions in self.worst.items()
             for condition, worst in conditions.items()
-            if not worst["met"]
+            if not worst["met"] and (before is None or before.worst[case][condition]["met"])
         ]
 
 
