@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Unpack
 
@@ -149,6 +149,7 @@ class _Identification:
     task: IdentificationTask
     session: Session[IdentificationResult]
     predictor: Predictor
+    began: float = field(default_factory=time.monotonic)
     saved: float = 0.0
 
     def __post_init__(self) -> None:
@@ -308,7 +309,7 @@ class _Identification:
             name=self.task.plan.name,
             history=polars.DataFrame(self.estimator.history),
             runs=self.predictor.runs.count,
-            wall_s=self.session.wall_s,
+            wall_s=time.monotonic() - self.began,
             folder=self.session.path,
             data_notes=self.task.notes,
             plan=self.task.plan.record,

@@ -1,6 +1,7 @@
 """Run a tuning: a search proposes gains, workers evaluate them, and other seeds validate the result."""
 
 import math
+import time
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -189,6 +190,7 @@ class _Tuning:
     session: Session[TuneResult]
     notes: Sequence[str]
     rows: list[dict[str, Any]] = field(default_factory=list)
+    began: float = field(default_factory=time.monotonic)
     remarks: Sequence[str] = ()
 
     def run(self) -> TuneResult:
@@ -283,7 +285,7 @@ class _Tuning:
             plan.tolerance,
             complete,
             self.evaluation.runs.count,
-            self.session.wall_s,
+            time.monotonic() - self.began,
             self.session.path,
             self.notes,
             self.remarks,
