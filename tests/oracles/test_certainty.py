@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
+from scipy.stats import t as student
 
 from emla_cosim.analyses.identify.certainty import judge, profile
 from emla_cosim.analyses.identify.parameters import Parameter, Parameters
@@ -17,13 +18,11 @@ from emla_cosim.analyses.identify.residuals import (
     scale_for_loss,
 )
 from emla_cosim.analyses.identify.systematic_errors import find_time_shifts
-from tests.support.known_predictions import measured, parameter, problem
+from tests.support.known_predictions import contain, measured, parameter, problem
 from tests.support.tiers import mostly_slow
 
 TIME = np.linspace(0.0, 1.0, 400)
 LINE = np.column_stack([np.ones_like(TIME), TIME])
-
-
 NOISE = np.random.default_rng(3).standard_normal(len(TIME))
 BOTH = Parameters([parameter("a", 0.0, 10.0), parameter("b", 0.0, 10.0)])
 
@@ -56,8 +55,7 @@ def test_intervals_contain_true_values_with_correlated_residuals(memory: float, 
         noise = lfilter([1.0], [1.0, -memory], random.standard_normal(len(TIME) + 200))[200:]
         found, residuals = fitted(LINE @ [4.0, 6.0] + 0.2 * noise)
         got = judge(BOTH, found / 10.0, residuals, 10.0 * LINE, [len(TIME)]).estimates
-        inside += [one.interval is not None and one.interval[0] <= x <= one.interval[1]
-                   for one, x in zip(got, (4.0, 6.0), strict=True)]  # fmt: skip
+        inside += contain(got, (4.0, 6.0))
     assert (inside / runs > least).all() and (inside / runs < 0.985).all(), inside / runs
 
 
@@ -71,8 +69,7 @@ def test_intervals_contain_true_values_despite_outliers(loss: str) -> None:
         residuals = LINE @ found - values
         got = judge(BOTH, found / 10.0, residuals, 10.0 * LINE, [len(TIME)], loss=loss).estimates
         widths.append(float(got[1].error or np.inf))
-        inside += [one.interval is not None and one.interval[0] <= x <= one.interval[1]
-                   for one, x in zip(got, (4.0, 6.0), strict=True)]  # fmt: skip
+        inside += contain(got, (4.0, 6.0))
     assert (inside / runs > 0.91).all() and (inside / runs < 0.99).all(), inside / runs
     alone = np.sqrt(np.linalg.inv(LINE.T @ LINE)[1, 1])  # the error without outliers
     assert np.median(widths) < 1.4 * alone
@@ -107,28 +104,21 @@ def test_unidentifiable_parameters_are_named() -> None:
     assert np.isnan(got.correlations[1:, :]).all()
 
 
-def test_uncertain_derivatives_widen_intervals() -> None:
-    """Where another step of the differences changes a slope by a fifth, the error is a quarter larger."""
+def test_uncertain_derivatives_and_uneven_responses_widen_intervals() -> None:
+    """Where another step changes a slope by a fifth, the error is a quarter larger.
+
+    Where nearby costs exceed the tangent by 1.5 variances, 2 standard errors away costs as much.
+    """
     found, residuals = fitted(LINE @ [4.0, 6.0] + NOISE)
-    shown = 10.0 * LINE
-    sure, unsure, lost = (
-        judge(BOTH, found / 10.0, residuals, shown, [len(TIME)], factor * shown).estimates
-        for factor in (0.0, 0.2, 0.6)
+    slopes = 10.0 * LINE
+    sure, unsure, uneven, lost = (
+        judge(BOTH, found / 10.0, residuals, slopes, [len(TIME)], part * slopes, unevenness=x).estimates
+        for part, x in ((0.0, 0.0), (0.2, 0.0), (0.0, 1.5), (0.6, 0.0))
     )
-    for one, other in zip(sure, unsure, strict=True):
-        assert one.error is not None and other.error == pytest.approx(one.error / 0.8)
+    for one, wider, widest in zip(sure, unsure, uneven, strict=True):
+        assert one.error is not None and wider.error == pytest.approx(one.error / 0.8)
+        assert widest.error == pytest.approx(2.0 * one.error)
     assert all("do not tell" in str(one.problem) for one in lost)
-
-
-def test_uneven_response_widens_intervals() -> None:
-    """Where nearby costs exceed the tangent by 1.5 variances, 2 standard errors away costs as much."""
-    found, residuals = fitted(LINE @ [4.0, 6.0] + NOISE)
-    even, uneven = (
-        judge(BOTH, found / 10.0, residuals, 10.0 * LINE, [len(TIME)], unevenness=x).estimates
-        for x in (0.0, 1.5)
-    )
-    for one, other in zip(even, uneven, strict=True):
-        assert one.error is not None and other.error == pytest.approx(2.0 * one.error)
 
 
 def test_interval_wider_than_the_range_names_similar_parameters() -> None:
@@ -166,27 +156,19 @@ def test_profile_of_a_linear_model_equals_its_interval() -> None:
     def model(p: dict[str, float]) -> list[dict[str, np.ndarray]]:
         return [{"time": TIME, "y": p["a"] + p["b"] * TIME}]
 
-    solved = problem(
-        [parameter("a", 0.0, 10.0), parameter("b", 0.0, 10.0)],
-        [[measured(TIME, values)]],
-        model,  # type: ignore[arg-type]
-    )
-    from scipy.stats import t as student
+    def ends(low: float) -> tuple[float | None, float | None]:
+        """Ends of the interval of b, whose range begins at `low`."""
+        space = [parameter("a", 0.0, 10.0), parameter("b", low, 10.0)]
+        solved = problem(space, [[measured(TIME, values)]], model)  # type: ignore[arg-type]
+        point = np.array([one.place(x) for one, x in zip(space, found, strict=True)])
+        return profile(solved, point, 1, None, lambda n: None)
 
     variance = residuals @ residuals / (len(TIME) - 2)
     width = student.ppf(0.975, len(TIME) - 2) * np.sqrt(variance * np.linalg.inv(LINE.T @ LINE)[1, 1])
-    low, high = profile(solved, found / 10.0, 1, None, lambda n: None)
+    low, high = ends(0.0)
     assert low is not None and high is not None
     assert (10.0 * low, 10.0 * high) == pytest.approx((found[1] - width, found[1] + width), rel=5e-3)
-    near = np.array([found[0] / 10.0, 0.0])
-    near[1] = found[1] / 10.0
-    wide = problem(
-        [parameter("a", 0.0, 10.0), parameter("b", found[1] - 0.5 * width, 10.0)],
-        [[measured(TIME, values)]],
-        model,  # type: ignore[arg-type]
-    )
-    near[1] = wide.predictor.parameters.items[1].place(found[1])
-    assert profile(wide, near, 1, None, lambda n: None)[0] is None
+    assert ends(found[1] - 0.5 * width)[0] is None
 
 
 @pytest.mark.parametrize("late", [0.0, 0.004, -0.004])

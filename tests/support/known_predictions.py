@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from emla_cosim.analyses.identify.certainty import Estimate
 from emla_cosim.analyses.identify.measurement import MeasuredSignal
 from emla_cosim.analyses.identify.parameters import Parameter, Parameters
 from emla_cosim.analyses.identify.problem import Problem
@@ -46,6 +47,12 @@ def parameter(name: str, low: float, high: float, start: float | None = None) ->
 
 def measured(time: np.ndarray, values: np.ndarray, signal: str = "y") -> MeasuredSignal:
     return MeasuredSignal(signal, time, values, "", f"the column '{signal}'")
+
+
+def contain(estimates: Sequence[Estimate], values: Sequence[float]) -> list[bool]:
+    """Whether the interval of each estimate contains its true value."""
+    pairs = zip(estimates, values, strict=True)
+    return [one.interval is not None and one.interval[0] <= x <= one.interval[1] for one, x in pairs]
 
 
 def problem(

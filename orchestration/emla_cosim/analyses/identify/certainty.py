@@ -48,7 +48,6 @@ _CONDITION = 1e6
 _SEVERAL = 1.5
 """Factor by which other parameters widen an interval before they are named."""
 
-
 _EVALUATIONS = 20
 """Most iterations of the other parameters for each value."""
 
@@ -190,7 +189,11 @@ def judge(
     for i, one in enumerate(parameters.items):
         place = float(point[i])
         if i not in problems and width * errors[i] > _WIDEST:
-            problems[i] = _describe_wide(parameters, i, free, errors[i], noise / sizes[i], jacobian)
+            problems[i] = "its interval is wider than its range"
+            if errors[i] > _SEVERAL * noise / sizes[i] and len(free) > 1:
+                others = [k for k in free if k != i]
+                nearest = max(others, key=lambda k: abs(jacobian[:, i] @ jacobian[:, k]) / sizes[k])
+                problems[i] += f": its influence resembles that of {parameters.items[nearest].name}"
         if i in problems:
             estimates.append(make_estimate(one, place, problem=problems[i]))
             continue
@@ -209,26 +212,6 @@ def make_estimate(parameter: Parameter, place: float, **fields: Any) -> Estimate
     return Estimate(one.name, value, one.unit, one.start, one.low, one.high, **fields)
 
 
-def _describe_wide(
-    parameters: Parameters,
-    i: int,
-    free: Sequence[int],
-    error: float,
-    alone: float,
-    jacobian: NDArray[np.float64],
-) -> str:
-    """Return why the interval of a parameter is wider than its range."""
-    if error <= _SEVERAL * alone or len(free) < 2:
-        return "its interval is wider than its range"
-    others = [k for k in free if k != i]
-    unit = {k: jacobian[:, k] / np.linalg.norm(jacobian[:, k]) for k in free}
-    nearest = max(others, key=lambda k: abs(float(unit[i] @ unit[k])))
-    return (
-        "its interval is wider than its range: its influence resembles that of "
-        f"{parameters.items[nearest].name}"
-    )
-
-
 def find_covariance(
     jacobian: NDArray[np.float64], scores: NDArray[np.float64], pulls: Vector, lengths: Sequence[int]
 ) -> NDArray[np.float64]:
@@ -244,26 +227,20 @@ def find_covariance(
     _, triangle = np.linalg.qr(jacobian)
     inverse = np.linalg.inv(triangle)
     bread = inverse @ inverse.T
-    meat, at = np.zeros((count, count)), 0
-    for length in lengths:
-        part, of = scores[at : at + length], pulls[at : at + length]
+    meat, ends = np.zeros((count, count)), np.cumsum(lengths)[:-1]
+    for part, of in zip(np.split(scores, ends), np.split(pulls, ends), strict=True):
         meat += part.T @ part
         lags = count_correlated_lags(of)
         for lag in range(1, lags + 1):
             cross = part[lag:].T @ part[:-lag]
             meat += (1.0 - lag / (lags + 1.0)) * (cross + cross.T)
-        at += length
     return bread @ meat @ bread
 
 
 def _widen(scaled: NDArray[np.float64], change: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the matrix that widens errors where derivatives are uncertain.
+    """Return the matrix that widens errors where derivatives, each of length 1, are uncertain.
 
-    Args:
-        scaled: derivatives, each of length 1, shape (n, p).
-        change: what another step of the differences changes in them, shape (n, p).
-
-    The influence of each principal direction may be smaller by what changes in it.
+    The influence of each principal direction may be smaller by what another step changes in it.
     """
     _, singular, directions = np.linalg.svd(scaled, full_matrices=False)
     doubt = np.linalg.norm(change @ directions.T, axis=0) / singular
@@ -272,14 +249,12 @@ def _widen(scaled: NDArray[np.float64], change: NDArray[np.float64]) -> NDArray[
 
 def _count_independent(residuals: Vector, lengths: Sequence[int]) -> float:
     """Return how many independent residuals would tell as much as these, which may be correlated."""
-    found, at = 0.0, 0
-    for length in lengths:
-        of = residuals[at : at + length]
+    found = 0.0
+    for of in np.split(residuals, np.cumsum(lengths)[:-1]):
         lags = count_correlated_lags(of)
         weights = 1.0 - np.arange(1, lags + 1) / (lags + 1.0)
         excess = 2.0 * float(np.sum(weights * autocorrelation(of)[1 : lags + 1]))
-        found += length / max(1.0 + excess, 1.0)
-        at += length
+        found += len(of) / max(1.0 + excess, 1.0)
     return found
 
 
@@ -313,9 +288,8 @@ def profile(
 
     def find_end(sign: float) -> float | None:
         near = point[others].copy()
-        excesses = {
-            0.0: float(smallest - limit)
-        }  # searches that begin elsewhere end in other dents: run each once
+        # searches that begin elsewhere end in other dents: run each once
+        excesses = {0.0: float(smallest - limit)}
 
         def excess(distance: float) -> float:
             nonlocal near

@@ -108,18 +108,14 @@ class Estimator:
                 break
         if free:
             best = self._leave_valleys(best)
-        return self.refine(best)
-
-    def refine(self, found: Solution) -> Solution:
-        """Return the minimum from a solution with central differences, which do not move it."""
-        return self._search(found.point, -1, central=True) or found
+        return self._search(best.point, -1, central=True) or best
 
     def differentiate(self, found: Solution) -> tuple[Solution, Derivatives]:
         """Return a solution and its derivatives; if these need longer steps, search with them again."""
         slopes = self.problem.differentiate(found.point)
         if slopes.steps:
             self.problem.fixed_steps = slopes.steps
-            found = self.refine(found)
+            found = self._search(found.point, -1, central=True) or found
             slopes = self.problem.differentiate(found.point)
         return found, slopes
 
@@ -151,16 +147,14 @@ class Estimator:
 
         With a loss for outliers they are those of the median, which outliers do not move.
         """
-        parts, spreads, at = dict[str, list[Vector]](), dict[str, float](), 0
-        for one in self.problem.samples:
-            parts.setdefault(one.signal, []).append(found.residuals[at : at + len(one.time)])
-            spreads[one.signal] = max(spreads.get(one.signal, 0.0), float(np.std(one.values)))
-            at += len(one.time)
+        parts = self.problem.split(found.residuals)
         for signal in free:
-            of = np.concatenate(parts[signal]) * self.problem.sigma[signal]
+            of = np.concatenate([part for one, part in parts if one.signal == signal])
+            of = of * self.problem.sigma[signal]
             rms = float(np.sqrt(np.mean(of**2)))
             deviation = rms if self.loss == LINEAR else find_robust_deviation(of)
-            self.problem.sigma[signal] = max(deviation, EXACT * spreads[signal])
+            spread = max(float(np.std(one.values)) for one, _ in parts if one.signal == signal)
+            self.problem.sigma[signal] = max(deviation, EXACT * spread)
         # costs with other standard deviations cannot be compared
         self.best = replace(found, cost=np.inf)
 
@@ -188,7 +182,7 @@ class Estimator:
             if self.loss == LINEAR:
                 (values,) = self.problem.residuals([point])
                 if values is not None and _find_offset(point, values, slopes) < _OFFSET:
-                    raise _ArrivedError(point)
+                    raise _ArrivedError(point.copy())
             return slopes
 
         try:
@@ -207,7 +201,7 @@ class Estimator:
             )
             end, converged = result.x, result.status > 0
         except _ArrivedError as arrived:
-            end, converged = arrived.point, True
+            end, converged = arrived.args[0], True
         (found,) = self.problem.residuals([end])
         if found is None:
             return None
@@ -221,11 +215,7 @@ class Estimator:
 
 
 class _ArrivedError(Exception):
-    """The search is so near to the minimum that the residuals hide the rest of the way."""
-
-    def __init__(self, point: Vector) -> None:
-        super().__init__("the search has arrived")
-        self.point = point.copy()
+    """The search is at a point so near to the minimum that the residuals hide the rest of the way."""
 
 
 def _find_offset(point: Vector, residuals: Vector, jacobian: NDArray[np.float64]) -> float:
@@ -248,7 +238,5 @@ def _find_offset(point: Vector, residuals: Vector, jacobian: NDArray[np.float64]
 
 def draw_starting_points(start: Vector, count: int, seed: int) -> list[Vector]:
     """Return the starting point of the scenario, and further ones of a Latin hypercube."""
-    if count == 1:
-        return [start]
     drawn = qmc.LatinHypercube(len(start), rng=np.random.default_rng(seed)).random(count - 1)
     return [start, *drawn]

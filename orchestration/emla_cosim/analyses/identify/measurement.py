@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -45,7 +45,7 @@ class MeasuredSignal:
     def between(self, start: float, stop: float) -> "MeasuredSignal":
         """Return the samples from start to stop, in s."""
         inside = (self.time >= start - 1e-9 * abs(start)) & (self.time <= stop + 1e-9 * abs(stop))
-        return MeasuredSignal(self.signal, self.time[inside], self.values[inside], self.unit, self.label)
+        return replace(self, time=self.time[inside], values=self.values[inside])
 
 
 def read_measurements(
@@ -64,7 +64,11 @@ def read_measurements(
     """
     found, notes = list[MeasuredSignal](), list[str]()
     for source in sources:
-        _check_settings(source)
+        for name in ("interpolation", "end"):
+            if (value := getattr(source, name)) != getattr(Input(data={}), name):
+                raise CommandError(
+                    f"{source.label} has {name}={value}, which only data for inputs have; remove it."
+                )
         loaded = LoadedInput.of(source, start)
         notes += [f"{source.label} {note}." for note in loaded.data.notes]
         steps = np.diff(loaded.times)
@@ -84,7 +88,6 @@ def read_measurements(
             text = f"the column '{loaded.data.headers[position].text}' of {source.label}"
             if is_assumed:
                 notes.append(f"{text} has no unit and is read in {unit}.")
-
             if np.ptp(values) == 0.0:
                 raise CommandError(f"{text} does not vary: it tells nothing of {signal}.", signal=signal)
             if any(one.signal == signal for one in found):
@@ -93,24 +96,10 @@ def read_measurements(
     return found, notes
 
 
-def _check_settings(source: Input) -> None:
-    """Raise CommandError for settings that only data for inputs have."""
-    usual = Input(data={})
-    for name in ("interpolation", "end"):
-        if (value := getattr(source, name)) != getattr(usual, name):
-            raise CommandError(
-                f"{source.label} has {name}={value}, which only data for inputs have; remove it."
-            )
-
-
 def _find_columns(
     source: Input, loaded: LoadedInput, find_signal: FindSignal
 ) -> tuple[dict[str, Column], list[str]]:
-    """Return the columns by signal, and the names of the columns that no signal has.
-
-    Raises:
-        CommandError: A pattern has no match, or no column is called as a signal.
-    """
+    """Return the columns by signal, and the names of the columns that no signal has."""
     asked, idle = dict(source.signals), list[str]()
     for name, column in match_columns(source, loaded.data, loaded.time).items():
         if name in asked:
@@ -130,12 +119,7 @@ def _find_columns(
 
 
 def read_drivers(sources: Sequence[Input], start: float = 0.0) -> dict[str, tuple[Vector, Vector]]:
-    """Return times and values of the columns of numbers that drive inputs, by signal.
-
-    Args:
-        sources: the data of the inputs.
-        start: start of the run in s.
-    """
+    """Return times and values of the columns of numbers that drive inputs; runs begin at `start` in s."""
     found = dict[str, tuple[Vector, Vector]]()
     for source in sources:
         loaded = LoadedInput.of(source, start)

@@ -28,9 +28,6 @@ from .plan import IdentificationPlan
 DELAY = "delay"
 """Kind of the parameter of a sensor that is late."""
 
-_UNUSED_FILES = ("input",)
-"""Options whose files are not read again for other entries: no start value follows from them."""
-
 _SENSOR = re.compile(rf"\s*(offset|gain|{DELAY})\((.+)\)\s*")
 
 _DECADE = 10.0
@@ -83,10 +80,10 @@ class Parameter:
     def place(self, value: float) -> float:
         """Return the place of a value, within 0 and 1."""
         if self.is_logarithmic:
-            found = np.log(max(value, self.low) / self.low) / np.log(self.high / self.low)
+            place = np.log(max(value, self.low) / self.low) / np.log(self.high / self.low)
         else:
-            found = (value - self.low) / (self.high - self.low)
-        return float(np.clip(found, 0.0, 1.0))
+            place = (value - self.low) / (self.high - self.low)
+        return float(np.clip(place, 0.0, 1.0))
 
 
 @dataclass(frozen=True)
@@ -114,20 +111,20 @@ class SheetEntries:
             CommandError: A data sheet with these entries has errors.
         """
         before = self._before[experiment]
-        plan = replace(self.plan, options=_without_data(self.plan.options))
-        own = _without_data(plan.experiments[experiment].options)
+        plan = replace(self.plan, options=_without_inputs(self.plan.options))
+        own = _without_inputs(plan.experiments[experiment].options)
         changed = load_planned(plan, merge_options([own, {SHEET: entries}]))
         after = _all_start_values(changed, self.preparations[experiment])
         return {name: value for name, value in after.items() if before.get(name) != value}
 
     @cached_property
     def _before(self) -> list[dict[str, Value]]:
-        """Return the start values of each experiment without other entries."""
         return [_all_start_values(one.scenario, one) for one in self.preparations if one.scenario is not None]
 
 
-def _without_data(options: Mapping[str, Any]) -> dict[str, Any]:
-    return {name: value for name, value in options.items() if name not in _UNUSED_FILES}
+def _without_inputs(options: Mapping[str, Any]) -> dict[str, Any]:
+    """Return options without data of inputs: no start value follows from these."""
+    return {name: value for name, value in options.items() if name != "input"}
 
 
 def _all_start_values(scenario: Scenario, preparation: Preparation) -> dict[str, Value]:
@@ -181,10 +178,9 @@ class Parameters:
             CommandError: A data sheet has errors with these values.
         """
         options = self.options(places)
-        found = dict[str, Value]()
-        if self.entries is not None:
-            found |= self.entries.start_values(experiment, options.get(SHEET, {}))
-        return found | options.get(START, {})
+        entries = options.get(SHEET, {})
+        changed = {} if self.entries is None else self.entries.start_values(experiment, entries)
+        return changed | options.get(START, {})
 
     def key(self, places: Vector) -> tuple[float, ...]:
         """Return what decides the result of a run; sensors do not."""
@@ -217,38 +213,33 @@ def resolve_parameters(
     for name, given in plan.vary.items():
         label = f"'{name}' of {plan.where}"
         if (of_sensor := _SENSOR.fullmatch(name)) is not None:
-            found.append(
-                _sensor(
-                    name, of_sensor[1], _full_name(of_sensor[2].strip(), preparation), given, label, measured
-                )
-            )
-            continue
-        for factor in resolve_factors({name: given}, preparation.system, preparation.interfaces, plan.where):
-            found.append(_parameter(factor, preparation, label))
+            component, variable = preparation.system.split(of_sensor[2].strip())
+            sensor = of_sensor[1], f"{component.name}.{variable}"
+            found.append(_sensor(name, sensor, given, label, measured))
+        else:
+            factors = resolve_factors({name: given}, preparation.system, preparation.interfaces, plan.where)
+            found += [_parameter(factor, preparation, label) for factor in factors]
     if twice := [one.name for one in found if [x.name for x in found].count(one.name) > 1]:
         raise CommandError(f"{plan.where} has the parameter '{twice[0]}' twice; remove one.", name=twice[0])
     if not any(_is_entry(one) for one in found):
         return Parameters(found)
-    resolved = Parameters(found, SheetEntries(plan, preparations))
-    _check_entries(resolved, plan, len(preparations))
-    return resolved
+    entries = SheetEntries(plan, preparations)
+    _check_entries(entries, found)
+    return Parameters(found, entries)
 
 
 def _is_entry(one: Parameter) -> bool:
     return one.factor is not None and any(t.kind == SHEET for t in one.factor.targets)
 
 
-def _check_entries(parameters: Parameters, plan: IdentificationPlan, experiments: int) -> None:
+def _check_entries(entries: SheetEntries, parameters: Sequence[Parameter]) -> None:
     """Raise CommandError if entries change no start value, one that varies too, or have errors."""
-    varied = {
-        t.name for one in parameters.items if one.factor and not _is_entry(one) for t in one.factor.targets
-    }
-    entries = parameters.entries
-    assert entries is not None
-    for one in filter(_is_entry, parameters.items):
+    plan = entries.plan
+    varied = {t.name for one in parameters if one.factor and not _is_entry(one) for t in one.factor.targets}
+    for one in filter(_is_entry, parameters):
         label, factor = f"'{one.name}' of {plan.where}", one.factor
         assert factor is not None
-        for experiment in range(experiments):
+        for experiment, described in enumerate(plan.experiments):
             changed, problem = set[str](), None
             for value in (one.low, one.start, one.high):
                 try:
@@ -258,17 +249,11 @@ def _check_entries(parameters: Parameters, plan: IdentificationPlan, experiments
             if not changed and problem is not None:
                 raise problem
             if not changed:
-                name = plan.experiments[experiment].name
                 raise CommandError(
-                    f"{label} changes no start value of the experiment '{name}'.", name=one.name
+                    f"{label} changes no start value of the experiment '{described.name}'.", name=one.name
                 )
             if both := sorted(changed & varied):
                 raise CommandError(f"{label} changes {both[0]}, which is estimated itself.", name=both[0])
-
-
-def _full_name(signal: str, preparation: Preparation) -> str:
-    component, name = preparation.system.split(signal)
-    return f"{component.name}.{name}"
 
 
 def _parameter(factor: Factor, preparation: Preparation, label: str) -> Parameter:
@@ -282,9 +267,7 @@ def _parameter(factor: Factor, preparation: Preparation, label: str) -> Paramete
             raise CommandError(
                 f"{label} cannot be estimated: {target.name} is of the type {kind}.", name=target.name
             )
-    low, high = _ends(factor.distribution, label)
-    ends = [float(x) for x in (factor.value(low), factor.value(high)) if x is not None]  # type: ignore[arg-type]
-    low, high = min(ends), max(ends)
+    low, high = sorted(float(factor.value(x)) for x in _ends(factor.distribution, label))  # type: ignore[arg-type]
     start = None
     if len(factor.targets) == 1:
         start = names.find(factor.targets[0].name).start_number
@@ -294,18 +277,15 @@ def _parameter(factor: Factor, preparation: Preparation, label: str) -> Paramete
 
 
 def _sensor(
-    name: str, kind: str, signal: str, given: Any, label: str, measured: Mapping[str, SiUnit | None]
+    name: str, sensor: tuple[str, str], given: Any, label: str, measured: Mapping[str, SiUnit | None]
 ) -> Parameter:
+    kind, signal = sensor
     if signal not in measured:
         raise CommandError(f"{label}: {signal} is not measured.", name=signal)
     unit = {"offset": measured[signal], "gain": None, "delay": parse_unit_name("s", label)}[kind]
-
-    def convert(text: str) -> float:
-        return read_quantity(text, label, unit)
-
-    low, high = _ends(parse_distribution(given, label, convert), label)
-    usual = 1.0 if kind == "gain" else 0.0
-    return _with_start(name, low, high, usual, str(unit or ""), sensor=(kind, signal))
+    distribution = parse_distribution(given, label, lambda text: read_quantity(text, label, unit))
+    start = 1.0 if kind == "gain" else 0.0
+    return _with_start(name, *_ends(distribution, label), start, str(unit or ""), sensor=sensor)
 
 
 def _with_start(name: str, low: float, high: float, start: float | None, unit: str, **more: Any) -> Parameter:

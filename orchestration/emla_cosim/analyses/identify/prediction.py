@@ -1,5 +1,6 @@
 """Run experiments with values of the parameters on workers, and predict what was measured."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -61,14 +62,13 @@ class Predictor:
     experiments: Sequence[Sequence[MeasuredSignal]]
     signals: Sequence[str]
     rows: int
-    failures: dict[str, int] = field(default_factory=dict)
+    failures: Counter[str] = field(default_factory=Counter)
     lost: str = ""
     half_steps: dict[int, HalfStep] = field(default_factory=dict)
     _cache: dict[Task, Prediction] = field(default_factory=dict)
 
     @property
     def _size(self) -> int:
-        """Return the bytes of a prediction."""
         return _BYTES * (1 + len(self.signals)) * max(self.rows, 1)
 
     def batches(self, points: Sequence[Vector], experiments: Sequence[int]) -> list[Sequence[Vector]]:
@@ -111,12 +111,9 @@ class Predictor:
                 options = {START: self.parameters.start_values(point, experiment)}
                 tasks[task] = Job(options, experiment, is_halved)
             except CommandError as error:  # entries of a data sheet that contradict each other
-                predictions[task] = self._fail(task, str(error))
-        if not tasks:
-            return predictions
-        jobs = list(tasks.values())
+                predictions[task] = str(error)
         measures = Measures(signals=list(self.signals), read=list(self.signals))
-        outcomes = self.runs.run(jobs, measures, bytes_each=self._size)
+        outcomes = self.runs.run(list(tasks.values()), measures, bytes_each=self._size)
         if not outcomes.complete:
             raise InterruptedRunsError
         for position, task in enumerate(tasks):
@@ -125,34 +122,26 @@ class Predictor:
                 self.lost = self.lost or str(outcome.problem)
             if outcome.half_step is not None:
                 self.half_steps[task[0]] = outcome.half_step
-            data = None if series is None else {s.name: np.asarray(s, dtype=float) for s in series}
-            predictions[task] = self._judge(outcome.status, outcome.problem, data, task)
+            if outcome.status != DONE or series is None:
+                predictions[task] = (outcome.problem or outcome.status).splitlines()[0]
+            else:
+                data = {column.name: np.asarray(column, dtype=float) for column in series}
+                predictions[task] = _find_defect(data, self.experiments[task[0]]) or data
+        self.failures.update(
+            x for (*_, is_halved), x in predictions.items() if isinstance(x, str) and not is_halved
+        )
         return predictions
 
-    def _judge(
-        self, status: str, problem: str | None, data: Mapping[str, Vector] | None, task: Task
-    ) -> Prediction:
-        """Return the signals of a run, or why they cannot be compared."""
-        reason = ""
-        if status != DONE or data is None:
-            reason = (problem or status).splitlines()[0]
-        else:
-            end = max((one.time[-1] for one in self.experiments[task[0]]), default=data["time"][-1])
-            step = data["time"][-1] - data["time"][-2] if len(data["time"]) > 1 else 0.0
-            if data["time"][-1] < end - 1.5 * step:
-                reason = f"it ended at {data['time'][-1]:.6g} s"
-            elif not all(np.isfinite(values).all() for values in data.values()):
-                reason = "it has values that are not finite"
-        if reason:
-            return self._fail(task, reason)
-        assert data is not None
-        return data
 
-    def _fail(self, task: Task, reason: str) -> str:
-        """Count a run without a result, unless it judges the step, and return the reason."""
-        if not task[2]:
-            self.failures[reason] = self.failures.get(reason, 0) + 1
-        return reason
+def _find_defect(data: Mapping[str, Vector], measured: Sequence[MeasuredSignal]) -> str | None:
+    """Return why signals of a run cannot be compared; None if they can."""
+    last = data["time"][-1]
+    end = max((one.time[-1] for one in measured), default=last)
+    step = last - data["time"][-2] if len(data["time"]) > 1 else 0.0
+    if last < end - 1.5 * step:
+        return f"it ended at {last:.6g} s"
+    is_finite = all(np.isfinite(values).all() for values in data.values())
+    return None if is_finite else "it has values that are not finite"
 
 
 def predict_samples(

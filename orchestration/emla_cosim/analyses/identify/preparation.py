@@ -72,11 +72,16 @@ def prepare_task(plan: IdentificationPlan, session: Session[Any]) -> Identificat
             end = max(float(LoadedInput.of(source, begin).times[-1]) for source in one.measured)
             scenario = scenario.with_options({"stop_time": end})
         preparation = session.prepare(scenario)
+        names = Names(preparation.system, preparation.interfaces)
 
-        def find_signal(name: str, of: Preparation = preparation) -> tuple[str, SiUnit | None]:
-            signal, unit = _find_signal(of, name)
-            units[signal] = unit
-            return signal, unit
+        def find_signal(name: str, names: Names = names) -> tuple[str, SiUnit | None]:
+            found = names.find(name)
+            if found.variable.type not in ("Real", "Integer"):
+                raise CommandError(
+                    f"{name} is of the type {found.variable.type}; measured signals are numbers."
+                )
+            units[found.full_name] = found.unit
+            return found.full_name, found.unit
 
         measured, remarks = read_measurements(one.measured, find_signal, label, begin)
         sigma = {find_signal(name)[0]: value for name, value in plan.sigma.items()}
@@ -121,42 +126,35 @@ def _cut(
 def _extend(preparations: Sequence[Preparation], parameters: Parameters) -> list[Preparation]:
     """Return preparations whose runs are so long that a sensor ahead of time can be predicted to the end."""
     ahead = max((-one.low for one in parameters.items if one.sensor and one.sensor[0] == DELAY), default=0.0)
-    found = list[Preparation]()
-    for one in preparations:
-        options = one.options
-        if ahead > 0.0 and options.stop_time is not None:
-            step = options.step_size or ahead
-            stop = options.stop_time + step * math.ceil(ahead / step - 1e-9)
-            options = replace(options, stop_time=stop)
-        found.append(replace(one, options=options))
-    return found
+
+    def extend(options: Options) -> Options:
+        if ahead <= 0.0 or options.stop_time is None:
+            return options
+        step = options.step_size or ahead
+        return replace(options, stop_time=options.stop_time + step * math.ceil(ahead / step - 1e-9))
+
+    return [replace(one, options=extend(one.options)) for one in preparations]
 
 
-def _find_signal(preparation: Preparation, signal: str) -> tuple[str, SiUnit | None]:
-    """Return full name and unit of a signal; raise CommandError if it does not exist, or is no number."""
-    found = Names(preparation.system, preparation.interfaces).find(signal)
-    if found.variable.type not in ("Real", "Integer"):
-        raise CommandError(f"{signal} is of the type {found.variable.type}; measured signals are numbers.")
-    return found.full_name, found.unit
-
-
-def _choose_times(options: Options, measured: Sequence[MeasuredSignal], may_be_late: bool) -> dict[str, Any]:
+def _choose_times(
+    options: Options, measured: Sequence[MeasuredSignal], may_be_late: bool
+) -> dict[str, float]:
     """Return stop time and output interval that suit the measurement, where the user gave none.
 
     Samples of a sensor that may be late are between rows, which are nearer to each other then.
     """
-    changed: dict[str, Any] = {}
     if not measured:
-        return changed
+        return {}
+    changed = dict[str, float]()
     last = max(float(one.time[-1]) for one in measured)
     start, step = options.start_time or 0.0, options.step_size
     if options.stop_time is None or options.stop_time > last:
-        changed["stop_time"] = last if not step else start + step * np.ceil((last - start) / step - 1e-9)
+        changed["stop_time"] = last if not step else start + step * math.ceil((last - start) / step - 1e-9)
     if options.output_interval is None and step:
         between = min(float(np.median(np.diff(one.time))) for one in measured)
         rows = _ROWS if may_be_late else 1
         changed["output_interval"] = step * max(round(min(between, 1e-3) / rows / step), 1)
-    return {name: float(value) for name, value in changed.items()}
+    return changed
 
 
 def _read_sigma(asked: Mapping[str, Any], units: Mapping[str, SiUnit | None]) -> dict[str, float]:

@@ -1,8 +1,8 @@
 """The least-squares problem: weighted residuals of all samples, and their derivatives."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
+from itertools import islice, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,6 @@ _CHANGE = 30.0
 sensors and in the instants at which limits begin and end, larger ones leave the tangent. Residuals that are
 smaller than the standard deviations, such as those before these are known, reduce it.
 """
-
 
 UNSURE = 0.1
 """Relative difference between derivatives of two steps from which longer steps are tried."""
@@ -88,6 +87,11 @@ class Problem:
         """The measured signals that are fitted, in the order of the residuals."""
         return [one for i in self.fitted for one in self.predictor.experiments[i]]
 
+    def split(self, residuals: Vector) -> list[tuple[MeasuredSignal, Vector]]:
+        """Return the measured signals with their part of the residuals, which have the shape (n,)."""
+        ends = np.cumsum([len(one.time) for one in self.samples])
+        return list(zip(self.samples, np.split(residuals, ends[:-1]), strict=True))
+
     def residuals(self, points: Sequence[Vector]) -> list[Vector | None]:
         """Return prediction minus measurement at each point in standard deviations; None if a run failed."""
         return [
@@ -99,22 +103,15 @@ class Problem:
     def halve_step(self, point: Vector) -> Vector | str:
         """Return the residuals at a point with half the step, or why they cannot be judged."""
         (found,) = self.predictor.predict([point], self.fitted, is_halved=True)
-        failures = [prediction for prediction in found.values() if isinstance(prediction, str)]
-        if failures:
-            return failures[0]
         residuals = self._weigh(point, found)
-        assert residuals is not None  # as each run has a result
-        return residuals
+        return next(x for x in found.values() if isinstance(x, str)) if residuals is None else residuals
 
     def is_exact(self, residuals: Vector) -> bool:
         """Return whether the predictions differ from all measured signals by rounding only."""
-        at = 0
-        for one in self.samples:
-            of = residuals[at : at + len(one.time)] * self.sigma[one.signal]
-            if _length(of) > EXACT * _length(one.values - one.values.mean()):
-                return False
-            at += len(one.time)
-        return True
+        return all(
+            _length(part * self.sigma[one.signal]) <= EXACT * _length(one.values - one.values.mean())
+            for one, part in self.split(residuals)
+        )
 
     def differences(
         self, point: Vector, predictions: Mapping[int, Prediction], i: int
@@ -138,24 +135,16 @@ class Problem:
 
         Derivatives by a parameter for which all other runs fail are 0.
         """
-        count = len(point)
         shifted = list[Vector]()
-        for i in range(count):
+        for i in range(len(point)):
             step = self.fixed_steps.get(i, self.steps.get(i, _FIRST_STEP))
-            sign = 1.0 if point[i] + step <= 1.0 else -1.0
-            for direction in (sign, -sign) if central else (sign,):
-                moved = point.copy()
-                moved[i] = np.clip(point[i] + direction * step, 0.0, 1.0)
-                shifted.append(moved)
+            step = step if point[i] + step <= 1.0 else -step
+            shifted += [_shift(point, i, x) for x in ((step, -step) if central else (step,))]
         here, *found = self.residuals([point, *shifted])
         assert here is not None
+        moved = iter(zip(shifted, found, strict=True))
         width = 2 if central else 1
-        columns = [
-            self._differentiate(
-                i, (point, here), list(zip(shifted, found, strict=True))[width * i : width * (i + 1)]
-            )
-            for i in range(count)
-        ]
+        columns = [self._differentiate(i, point, here, islice(moved, width)) for i in range(len(point))]
         return np.column_stack(columns)
 
     def differentiate(self, point: Vector) -> Derivatives:
@@ -182,10 +171,7 @@ class Problem:
             for i, (short, long) in enumerate(rungs)
             if _length(long.slope - short.slope) >= UNSURE * _length(long.slope) and long.sides
         ]  # without any change the step may be shorter than the rounding
-        asked = list[tuple[int, float]]()
-        for i in uneven:
-            steps = [f * first[i] for f in _LADDER]
-            asked += [(i, step) for step in steps if step <= _LONGEST]
+        asked = [(i, step) for i in uneven for f in _LADDER if (step := f * first[i]) <= _LONGEST]
         for (i, _), rung in zip(asked, self._try_steps(point, here, asked), strict=True):
             rungs[i].append(rung)
         chosen = [_choose_rung(of) for of in rungs]
@@ -198,13 +184,7 @@ class Problem:
         return Derivatives(matrix, change, doubts, unevenness, steps)
 
     def _find_unevenness(self, point: Vector, here: Vector, matrix: NDArray[np.float64]) -> float:
-        """Return by how much the cost near a point exceeds that of the tangent, in variances.
-
-        Args:
-            point: Places of the parameters, shape (p,).
-            here: Residuals there, shape (n,).
-            matrix: Their derivatives, shape (n, p).
-        """
+        """Return by how much the cost near a point exceeds that of the tangent, in variances."""
         deviation = _length(here) / np.sqrt(max(len(here) - len(point), 1))
         sizes = np.linalg.norm(matrix, axis=0)
         steps = {i: min(_NEAR * deviation / size, _LONGEST) for i, size in enumerate(sizes) if size > 0.0}
@@ -218,44 +198,31 @@ class Problem:
 
     def _try_steps(self, point: Vector, here: Vector, asked: Sequence[tuple[int, float]]) -> list["_Rung"]:
         """Return the residuals at both sides of a point for each parameter and step."""
-        shifted = list[Vector]()
-        for i, step in asked:
-            for direction in (1.0, -1.0):
-                moved = point.copy()
-                moved[i] = np.clip(point[i] + direction * step, 0.0, 1.0)
-                shifted.append(moved)
-        values = self.residuals(shifted)
+        shifted = [_shift(point, i, sign * step) for i, step in asked for sign in (1.0, -1.0)]
+        moved = iter(zip(shifted, self.residuals(shifted), strict=True))
         rungs = list[_Rung]()
-        for k, (i, step) in enumerate(asked):
+        for i, step in asked:
             sides = [
-                (shifted[n][i] - point[i], value)
-                for n in (2 * k, 2 * k + 1)
-                if (value := values[n]) is not None and shifted[n][i] != point[i]
+                (at[i] - point[i], values)
+                for at, values in islice(moved, 2)
+                if values is not None and at[i] != point[i]
             ]
             rungs.append(_Rung(step, here, sides))
         return rungs
 
     def _differentiate(
-        self, i: int, here: tuple[Vector, Vector], moved: Sequence[tuple[Vector, Vector | None]]
+        self, i: int, point: Vector, here: Vector, moved: Iterable[tuple[Vector, Vector | None]]
     ) -> Vector:
-        """Return the derivative of the residuals by parameter i, and choose its next step.
-
-        Args:
-            i: Position of the parameter.
-            here: A point and its residuals.
-            moved: Other points, which differ in this parameter, with their residuals; None for a failed run.
-        """
-        known = [
-            (point[i], values) for point, values in moved if values is not None and point[i] != here[0][i]
-        ]
-        if not known:
+        """Return the derivative of the residuals by parameter i, and choose its next step."""
+        sides = [(at[i], values) for at, values in moved if values is not None and at[i] != point[i]]
+        if not sides:
             self.blocked.add(i)
-            return np.zeros_like(here[1])
+            return np.zeros_like(here)
         self.blocked.discard(i)
-        (at, values), (bt, other) = known[0], known[1] if len(known) > 1 else (here[0][i], here[1])
+        (at, values), (bt, other), *_ = *sides, (point[i], here)
         change = float(np.sqrt(np.mean((values - other) ** 2))) / abs(at - bt)
         if change > 0.0:
-            aim = _CHANGE * min(float(np.sqrt(np.mean(here[1] ** 2))), 1.0)
+            aim = _CHANGE * min(float(np.sqrt(np.mean(here**2))), 1.0)
             self.steps[i] = float(np.clip(aim / change, *_STEPS))
         return (values - other) / (at - bt)
 
@@ -263,7 +230,7 @@ class Problem:
         parts = list[Vector]()
         for i in self.fitted:
             differences = self.differences(point, predictions, i)
-            if len(differences) < len(self.predictor.experiments[i]):
+            if not differences:
                 return None
             parts += [values / self.sigma[signal] for signal, values in differences.items()]
         return np.concatenate(parts)
@@ -282,7 +249,7 @@ class _Rung:
         """The derivative between both sides, or that of the only side."""
         if not self.sides:
             return np.zeros_like(self.here)
-        (at, values), (bt, other) = self.sides[0], self.sides[1] if len(self.sides) > 1 else (0.0, self.here)
+        (at, values), (bt, other), *_ = *self.sides, (0.0, self.here)
         return (values - other) / (at - bt)
 
     @property
@@ -310,6 +277,13 @@ def _choose_rung(rungs: Sequence[_Rung]) -> tuple[Vector, Vector, float]:
     if all(_length(rung.bend) > _CORNER * _length(rung.slope) for rung in rungs):
         error = here.bend
     return slope, error, here.step
+
+
+def _shift(point: Vector, i: int, step: float) -> Vector:
+    """Return a point with another place of parameter i, within its range."""
+    moved = point.copy()
+    moved[i] = np.clip(point[i] + step, 0.0, 1.0)
+    return moved
 
 
 def _length(values: Vector) -> float:

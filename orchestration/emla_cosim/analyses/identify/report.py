@@ -100,7 +100,6 @@ def _fits_table(result: IdentificationResult) -> ReportTable:
 
 
 def _describe_residuals(one: Fit) -> str:
-    """Return what the residuals of a fit still contain."""
     if one.related_input is not None:
         return f"related to {one.related_input}"
     return "white" if one.is_white else "correlated in time"

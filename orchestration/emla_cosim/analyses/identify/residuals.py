@@ -26,45 +26,20 @@ _PROBABILITY = 0.01
 _OUTLIER = 6.0
 """Distance from the median of residuals in robust standard deviations from which a sample is an outlier."""
 
-_Rho = tuple[Vector, Vector, Vector]
+_Rho = Callable[[Vector], Sequence[Vector]]
 
-
-def _linear(z: Vector) -> _Rho:
-    return z, np.ones_like(z), np.zeros_like(z)
-
-
-def _soft_l1(z: Vector) -> _Rho:
-    t = 1.0 + z
-    return 2.0 * (np.sqrt(t) - 1.0), t**-0.5, -0.5 * t**-1.5
-
-
-def _huber(z: Vector) -> _Rho:
-    far = np.maximum(z, 1.0)
-    inside = z <= 1.0
-    return (
-        np.where(inside, z, 2.0 * np.sqrt(far) - 1.0),
-        np.where(inside, 1.0, far**-0.5),
-        np.where(inside, 0.0, -0.5 * far**-1.5),
-    )
-
-
-def _cauchy(z: Vector) -> _Rho:
-    t = 1.0 + z
-    return np.log1p(z), 1.0 / t, -1.0 / t**2
-
-
-def _arctan(z: Vector) -> _Rho:
-    t = 1.0 + z**2
-    return np.arctan(z), 1.0 / t, -2.0 * z / t**2
-
-
-_RHO: dict[str, Callable[[Vector], _Rho]] = {
-    LINEAR: _linear,
-    "soft_l1": _soft_l1,
-    "huber": _huber,
-    "cauchy": _cauchy,
-    "arctan": _arctan,
+_RHO: dict[str, _Rho] = {
+    LINEAR: lambda z: (z, np.ones_like(z), np.zeros_like(z)),
+    "soft_l1": lambda z: (2.0 * (np.sqrt(1.0 + z) - 1.0), (1.0 + z) ** -0.5, -0.5 * (1.0 + z) ** -1.5),
+    "huber": lambda z: (
+        np.where(z <= 1.0, z, 2.0 * np.sqrt(np.maximum(z, 1.0)) - 1.0),
+        np.maximum(z, 1.0) ** -0.5,
+        np.where(z <= 1.0, 0.0, -0.5 * np.maximum(z, 1.0) ** -1.5),
+    ),
+    "cauchy": lambda z: (np.log1p(z), 1.0 / (1.0 + z), -1.0 / (1.0 + z) ** 2),
+    "arctan": lambda z: (np.arctan(z), 1.0 / (1.0 + z**2), -2.0 * z / (1.0 + z**2) ** 2),
 }
+"""Losses of squares, and their first and second derivatives."""
 
 LOSSES = tuple(_RHO)
 """Loss functions; all but the first reduce the weight of outliers."""
@@ -200,8 +175,7 @@ def _find_related_input(
 
     The band widens with the autocorrelations of both (Bartlett's formula).
     """
-    best, worst = None, 1.0
-    count = len(differences)
+    best, worst, count = None, 1.0, len(differences)
     for name, (at, values) in inputs.items():
         driven = np.interp(time, at, values)
         if np.ptp(driven) == 0.0 or np.ptp(differences) == 0.0 or count < 4 * _LAGS:
@@ -216,8 +190,3 @@ def _find_related_input(
         if most / band > worst:
             best, worst = name, most / band
     return best
-
-
-def list_poor_fits(fits: Sequence[Fit]) -> list[Fit]:
-    """Return the fits whose residuals still contain something."""
-    return [one for one in fits if not one.is_white or one.related_input is not None]

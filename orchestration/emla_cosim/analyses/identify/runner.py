@@ -30,7 +30,7 @@ from .prediction import InterruptedRunsError, Predictor
 from .preparation import IdentificationTask, prepare_task
 from .problem import UNSURE, Derivatives, Problem
 from .report import OUTPUTS, read_unfinished
-from .residuals import LINEAR, Fit, assess_fit, list_poor_fits
+from .residuals import LINEAR, Fit, assess_fit
 from .result import SAMPLES, IdentificationResult
 from .systematic_errors import judge_estimates
 
@@ -118,18 +118,9 @@ def identify(
     """
     converted = convert_value(list(measured), Sequence[Input], "'measured'") if measured is not None else None
     first = [] if converted is None else [Experiment(_MEASURED, converted)]
-    given = {
-        "vary": vary,
-        "experiments": [*first, *(experiments or ())] or None,
-        "sigma": sigma,
-        "loss": loss,
-        "starts": starts,
-        "evaluations": evaluations,
-        "profile": profile,
-        "seed": seed,
-        "design": design,
-        "options": {**options, "overwrite": True} if overwrite else {**options},
-    }
+    given = {name: x for name, x in locals().items() if name in IdentificationPlan.__dataclass_fields__}
+    given["experiments"] = [*first, *(experiments or ())] or None
+    given["options"] = {**options, "overwrite": True} if overwrite else options
     plan = load_identification_plan(source).updated(given)
     session = Session(
         OUTPUTS,
@@ -169,7 +160,6 @@ class _Identification:
         self.estimator = Estimator(self.problem, plan.loss, plan.evaluations, self._advance)
 
     def rank(self) -> IdentificationResult:
-        """Rank the experiments by what they would tell."""
         self.session.progress.begin("ranking", 1)
         candidates = rank_experiments(self.task, self.predictor)
         self.session.progress.advance(1)
@@ -177,7 +167,6 @@ class _Identification:
         return self._keep(sigma=dict(self.task.sigma), candidates=candidates)
 
     def run(self) -> IdentificationResult:
-        """Estimate the parameters."""
         plan, estimator, problem = self.task.plan, self.estimator, self.problem
         self.session.progress.begin("identifying", plan.starts * plan.evaluations, "evaluations")
         points = draw_starting_points(self._choose_start(), plan.starts, plan.seed)
@@ -240,14 +229,16 @@ class _Identification:
         best = self.estimator.best
         if best is None:
             raise RunError("interrupted before any values were tried.")
-        parameters = self.task.parameters
-        estimates = [
-            make_estimate(parameter, place, problem="interrupted")
-            for parameter, place in zip(parameters.items, best.point, strict=True)
-        ]
-        notes = self._describe_failures()
         return self._keep(
-            best.point, is_final, estimates=estimates, complete=False, converged=False, notes=notes
+            best.point,
+            is_final,
+            estimates=[
+                make_estimate(parameter, place, problem="interrupted")
+                for parameter, place in zip(self.task.parameters.items, best.point, strict=True)
+            ],
+            complete=False,
+            converged=False,
+            notes=self._describe_failures(),
         )
 
     def _describe_unevenness(self, slopes: Derivatives) -> list[str]:
@@ -273,9 +264,8 @@ class _Identification:
         estimates = list(certainty.estimates)
         for name in self.task.plan.profile:
             i = self.task.parameters.names.index(name)
-            one, interval = self.task.parameters.items[i], estimates[i].interval
-            error = None
-            if interval is not None:
+            one, error = self.task.parameters.items[i], None
+            if (interval := estimates[i].interval) is not None:
                 error = max((one.place(interval[1]) - one.place(interval[0])) / 4.0, 1e-6)
             ends = find_profile(self.problem, point, i, error, self.session.progress.advance, unevenness)
             low, high = (None if x is None else one.value(x) for x in ends)
@@ -302,8 +292,8 @@ class _Identification:
         """Return notes on start values that were not taken, and on runs that failed."""
         notes = [self.predictor.lost] if self.predictor.lost else []
         if failures := self.predictor.failures:
-            reason = max(failures, key=failures.__getitem__)
-            notes.append(f"{format_count(sum(failures.values()), 'run')} failed, most because: {reason}")
+            ((reason, _),) = failures.most_common(1)
+            notes.append(f"{format_count(failures.total(), 'run')} failed, most because: {reason}")
         return notes
 
     def _keep(
@@ -333,7 +323,9 @@ class _Identification:
 def _describe_limits(fits: Sequence[Fit], certainty: Certainty, task: IdentificationTask) -> list[str]:
     """Return what limits the worth of the estimates."""
     notes = list[str]()
-    for one in list_poor_fits([x for x in fits if not x.held_out]):
+    for one in fits:
+        if one.held_out or (one.is_white and one.related_input is None):
+            continue
         why = f"related to the input {one.related_input}" if one.related_input else "correlated in time"
         notes.append(
             f"the residuals of {one.signal} in {one.experiment} are {why}: the model lacks something, and "

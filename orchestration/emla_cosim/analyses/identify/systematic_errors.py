@@ -62,22 +62,17 @@ def judge_estimates(
         loss: the loss function, a name of `LOSSES`.
     """
     parameters = problem.predictor.parameters
-    lengths = [len(one.time) for one in problem.samples]
-
-    def assess(of: Vector, moves: Vector | None = None) -> Certainty:
-        return judge(
-            parameters,
-            point,
-            of,
-            slopes.matrix,
-            lengths,
-            slopes.change,
-            loss,
-            problem.blocked,
-            slopes.unevenness,
-            moves,
-        )
-
+    assess = partial(
+        judge,
+        parameters,
+        point,
+        jacobian=slopes.matrix,
+        lengths=[len(one.time) for one in problem.samples],
+        change=slopes.change,
+        loss=loss,
+        blocked=problem.blocked,
+        unevenness=slopes.unevenness,
+    )
     if problem.is_exact(residuals):
         return assess(residuals), ["the step is not judged: the fit is exact, residuals are rounding"]
     sensors = [one.sensor for one in parameters.items if one.sensor is not None]
@@ -169,15 +164,7 @@ def find_time_shifts(
 def _describe_shifts(
     shifts: Sequence[TimeShift], parameters: Parameters, point: Vector, moves: Vector, found: Certainty
 ) -> list[str]:
-    """Return a note on shifts in time.
-
-    Args:
-        shifts: the shifts.
-        parameters: the parameters.
-        point: places of the estimates, shape (p,).
-        moves: by how much these would move without the shifts, shape (p,).
-        found: the certainty without regard to the shifts.
-    """
+    """Return a note on shifts in time; `found` is the certainty without regard to them."""
     if not shifts:
         return []
     changes = [
@@ -207,19 +194,6 @@ def _judge_step(
 
     The change is one Gauss-Newton step from the residuals at half the step. It needs no further runs, and
     what a search has left of the way to its minimum is in both residuals.
-
-    Args:
-        parameters: the parameters.
-        point: places of the estimates, shape (p,).
-        residuals: residuals in standard deviations, shape (n,).
-        halved: residuals of the runs with half the step, shape (n,).
-        jacobian: derivatives of the residuals by the places, shape (n, p).
-        loss: the loss function, a name of `LOSSES`.
-        half: how the runs with half the step were made.
-        assess: returns the certainty for residuals.
-
-    Returns:
-        The certainty for `residuals`, and a note on the estimates that the step makes, if there are any.
     """
     found = assess(residuals)
     free = [i for i, one in enumerate(found.estimates) if one.error]

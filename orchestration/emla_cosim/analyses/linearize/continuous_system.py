@@ -1,7 +1,6 @@
 """A system whose components all run as Model Exchange, as functions of its states and inputs."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from fmpy.model_description import ModelVariable
@@ -13,14 +12,8 @@ from ...master.instances.model_exchange_instance import ModelExchangeInstance
 from ...run.simulation import Simulation
 from ...system.names import Names
 
-
-@dataclass(frozen=True)
-class _Variable:
-    """A variable, with the part of the system and the position of its FMU in this part."""
-
-    part: int
-    member: int
-    own: ModelVariable
+_Variable = tuple[IntegratedInstance, int, ModelVariable]
+"""The part of the system with a variable, the position of its FMU in this part, and the variable there."""
 
 
 class ContinuousSystem:
@@ -48,8 +41,8 @@ class ContinuousSystem:
         instances = simulation.stepping.algorithm.network.instances
         self._parts = [x for x in instances if isinstance(x, IntegratedInstance)]
         self._check(len(instances) > len(self._parts))
-        members = [(i, k, m) for i, p in enumerate(self._parts) for k, m in enumerate(p.members)]
-        self._members = {m.name: (i, k, m) for i, k, m in members}
+        members = [(p, k, m) for p in self._parts for k, m in enumerate(p.members)]
+        self._members = {m.name: (p, k, m) for p, k, m in members}
         self._names = Names(self._system, {m.name: m.file.interface for _, _, m in members})
         self.states = [f"{m.name}.{name}" for _, _, m in members for name in _state_names(m)]
         self.nominals = np.concatenate([m.read_nominals() for _, _, m in members])
@@ -68,7 +61,7 @@ class ContinuousSystem:
 
     def read_inputs(self) -> Vector:
         """Return the present values of the inputs, with their shifts."""
-        return np.array([self._read(x) for x in self._inputs])
+        return self._read(self._inputs)
 
     def unit(self, name: str) -> str:
         """Return the unit of a state, an input or an output; 1 if it has none."""
@@ -85,14 +78,13 @@ class ContinuousSystem:
         Raises:
             RunError: An FMU fails.
         """
-        for variable, by in zip(self._inputs, shifts - self._shifts, strict=True):
+        for (part, member, variable), by in zip(self._inputs, shifts - self._shifts, strict=True):
             if by != 0.0:
-                member = self._parts[variable.part]
-                member.shift_input(variable.member, variable.own, float(by))
+                part.shift_input(member, variable, float(by))
         self._shifts = np.array(shifts, dtype=float)
         parts = zip(self._parts, np.split(states, self._bounds), strict=True)
         rates = np.concatenate([part.derivatives(np.ascontiguousarray(own)) for part, own in parts])
-        return rates, np.array([self._read(x) for x in self._outputs])
+        return rates, self._read(self._outputs)
 
     def handle_event(self) -> None:
         """Let all components find their discrete states and relations for the present states."""
@@ -111,23 +103,23 @@ class ContinuousSystem:
             )
         ]
 
-    def _read(self, variable: _Variable) -> float:
-        return float(self._parts[variable.part].members[variable.member].value(variable.own))
+    def _read(self, variables: Sequence[_Variable]) -> Vector:
+        return np.array([float(part.members[k].value(variable)) for part, k, variable in variables])
 
     def _find(self, name: str, is_input: bool = False) -> _Variable:
         named = self._names.find(name)
         found = named.variable
-        i, k, _ = self._members[named.component.name]
+        part, position, _ = self._members[named.component.name]
         if found.type != "Real":
             raise CommandError(f"{name} is {found.type}; state matrices need a Real.", name=name)
         if is_input and (found.causality != "input" or found.variability != "continuous"):
             raise CommandError(f"{name} is no continuous input.", name=name)
-        return _Variable(i, k, found)
+        return part, position, found
 
     def _check(self, has_others: bool) -> None:
         """Raise CommandError if a component has states that cannot be reached, or is integrated apart."""
-        reached = {m.name for p in self._parts for m in p.members}
-        others = [c.name for c in self._system.components if c.name not in reached]
+        part_of = {m.name: p for p in self._parts for m in p.members}
+        others = [c.name for c in self._system.components if c.name not in part_of]
         if has_others or others:
             raise CommandError(
                 f"state matrices need all states, and those of {join_names(others)} cannot be reached. Run "
@@ -135,14 +127,12 @@ class ContinuousSystem:
                 "that sample have no state matrices; frequency responses work for any system.",
                 components=others,
             )
-        part_of = {m.name: p for p in self._parts for m in p.members}
-        apart = [x for x in self._system.connections if part_of[x.source] is not part_of[x.target]]
-        if apart:
-            x = apart[0]
-            raise CommandError(
-                f"{x.source} and {x.target} are integrated apart, so there are no state matrices of both "
-                "together. Leave out --no-together; signals between them must be continuous Reals."
-            )
+        for x in self._system.connections:
+            if part_of[x.source] is not part_of[x.target]:
+                raise CommandError(
+                    f"{x.source} and {x.target} are integrated apart, so there are no state matrices of both "
+                    "together. Leave out --no-together; signals between them must be continuous Reals."
+                )
 
 
 def _state_names(member: ModelExchangeInstance) -> list[str]:

@@ -53,11 +53,14 @@ def compute_margins(frequency: Vector, L: Complex) -> Margins:
     """
     log_f, log_gain = np.log(frequency), np.log(np.maximum(np.abs(L), 1e-300))
     phase = np.unwrap(np.angle(L))
-    crossings = [(f, p) for f, p in _crossings(log_gain, log_f, phase)]
+    crossings = _crossings(log_gain, log_f, phase)
     phases = [(math.remainder(p + math.pi, 2.0 * math.pi), f) for f, p in crossings]
     worst, at = min(phases, key=lambda x: abs(x[0]), default=(math.inf, math.nan))
     delays = [((p + math.pi) % (2.0 * math.pi)) / (2.0 * math.pi * math.exp(f)) for f, p in crossings]
-    gains = _real_crossings(L, log_f)
+    # where L crosses the real axis, also at half the sample rate
+    gains = [(x, math.exp(f)) for x, f in _crossings(L.imag, L.real, log_f)]
+    if abs(L[-1].imag) <= 1e-6 * abs(L[-1]):
+        gains.append((float(L[-1].real), math.exp(log_f[-1])))
     up = min(((-20.0 * math.log10(-x), f) for x, f in gains if -1.0 < x < 0.0), default=(math.inf, math.nan))
     down = max(((-20.0 * math.log10(-x), f) for x, f in gains if x < -1.0), default=(-math.inf, math.nan))
     S = 1.0 / np.abs(1.0 + L)
@@ -82,11 +85,3 @@ def _crossings(values: Vector, *others: Vector) -> list[tuple[float, ...]]:
     return [
         tuple(float(o[k] + s * (o[k + 1] - o[k])) for o in others) for k, s in zip(places, share, strict=True)
     ]
-
-
-def _real_crossings(L: Complex, log_f: Vector) -> list[tuple[float, float]]:
-    """Return where L crosses the real axis, with the frequencies in Hz; also at half the sample rate."""
-    found = [(x, math.exp(f)) for x, f in _crossings(L.imag, L.real, log_f)]
-    if abs(L[-1].imag) <= 1e-6 * abs(L[-1]):
-        found.append((float(L[-1].real), math.exp(log_f[-1])))
-    return found

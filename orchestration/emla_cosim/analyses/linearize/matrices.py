@@ -36,10 +36,8 @@ def compute_matrices(
         RunError: An FMU fails.
     """
     rates, outputs = system.evaluate(states, shifts)
-    at_inputs = system.read_inputs()
-    x_sizes = np.maximum(np.abs(states), system.nominals)
-    u_sizes = np.where(at_inputs != 0.0, np.abs(at_inputs), 1.0)
-    slopes, rough = _differentiate(system, states, shifts, x_sizes, u_sizes, np.concatenate([rates, outputs]))
+    at_inputs, sizes = system.read_inputs(), _read_sizes(system, states)
+    slopes, rough = _differentiate(system, states, shifts, sizes, np.concatenate([rates, outputs]))
     system.evaluate(states, shifts)
     n = len(states)
     names = [*system.states, *system.inputs, *system.outputs]
@@ -102,9 +100,9 @@ def _solve(system: ContinuousSystem, shifts: Vector, free: Collection[str]) -> t
     rates, _ = system.evaluate(states, shifts)
     movable = np.array([name in free for name in system.inputs], dtype=bool)
     for _ in range(_ITERATIONS):
-        slopes, sizes = _scaled_slopes(system, states, shifts, rates, movable)
+        slopes, sizes = _scaled_slopes(system, states, shifts, rates, free)
         rows = np.abs(slopes).max(axis=1)
-        if not _fails(rates, rows).any():
+        if not (np.abs(rates) > _STEADY * rows).any():
             return states, shifts
         rows = np.where(rows > 0.0, rows, 1.0)
         move = -np.linalg.lstsq(slopes / rows[:, None], rates / rows, rcond=1e-10)[0] * sizes
@@ -133,44 +131,35 @@ def _solve(system: ContinuousSystem, shifts: Vector, free: Collection[str]) -> t
 
 
 def _scaled_slopes(
-    system: ContinuousSystem, states: Vector, shifts: Vector, rates: Vector, movable: np.ndarray
+    system: ContinuousSystem, states: Vector, shifts: Vector, rates: Vector, free: Collection[str]
 ) -> tuple[np.ndarray, Vector]:
     """Return the slopes of the derivatives per size of states and free inputs, and these sizes."""
-    x_sizes = np.maximum(np.abs(states), system.nominals)
     system.evaluate(states, shifts)
-    at_inputs = system.read_inputs()
-    u_sizes = np.where(at_inputs != 0.0, np.abs(at_inputs), 1.0)
-    slopes, _ = _differentiate(system, states, shifts, x_sizes, u_sizes, rates, with_outputs=False)
-    kept = np.concatenate([np.ones(len(states), dtype=bool), movable])
-    sizes = np.concatenate([x_sizes, u_sizes])[kept]
-    return slopes[:, kept] * sizes, sizes
-
-
-def _fails(rates: Vector, rows: Vector) -> np.ndarray:
-    return np.abs(rates) > _STEADY * rows
+    sizes = _read_sizes(system, states)
+    slopes, _ = _differentiate(system, states, shifts, sizes, rates)
+    movable = [*(True for _ in states), *(name in free for name in system.inputs)]
+    return slopes[:, movable] * sizes[movable], sizes[movable]
 
 
 def _find_moving(
     system: ContinuousSystem, states: Vector, shifts: Vector, rates: Vector, free: Collection[str]
 ) -> list[str]:
-    """Return the states that change."""
-    movable = np.array([name in free for name in system.inputs], dtype=bool)
-    slopes, _ = _scaled_slopes(system, states, shifts, rates, movable)
-    failing = _fails(rates, np.abs(slopes).max(axis=1))
-    return [name for name, fails in zip(system.states, failing, strict=True) if fails]
+    slopes, _ = _scaled_slopes(system, states, shifts, rates, free)
+    moving = np.abs(rates) > _STEADY * np.abs(slopes).max(axis=1)
+    return [name for name, moves in zip(system.states, moving, strict=True) if moves]
+
+
+def _read_sizes(system: ContinuousSystem, states: Vector) -> Vector:
+    inputs = system.read_inputs()
+    input_sizes = np.where(inputs != 0.0, np.abs(inputs), 1.0)
+    return np.concatenate([np.maximum(np.abs(states), system.nominals), input_sizes])
 
 
 def _differentiate(
-    system: ContinuousSystem,
-    states: Vector,
-    shifts: Vector,
-    x_sizes: Vector,
-    u_sizes: Vector,
-    middle: Vector,
-    with_outputs: bool = True,
+    system: ContinuousSystem, states: Vector, shifts: Vector, sizes: Vector, middle: Vector
 ) -> tuple[np.ndarray, Sequence[tuple[int, int]]]:
-    """Return the slopes of derivatives and outputs, and the places at which they are not smooth."""
-    steps = _STEP * np.concatenate([x_sizes, u_sizes])
+    """Return the slopes of the values in `middle`, and the places at which they are not smooth."""
+    steps = _STEP * sizes
     n, m = len(states), len(steps)
     differences, curvatures = np.zeros((len(middle), m)), np.zeros((len(middle), m))
     for j in range(m):
@@ -179,7 +168,7 @@ def _differentiate(
             change = np.zeros(m)
             change[j] = sign * steps[j]
             rates, outputs = system.evaluate(states + change[:n], shifts + change[n:])
-            both.append(np.concatenate([rates, outputs]) if with_outputs else rates)
+            both.append(np.concatenate([rates, outputs])[: len(middle)])
         differences[:, j] = both[0] - both[1]
         curvatures[:, j] = both[0] + both[1] - 2.0 * middle
     rows = np.abs(differences).max(axis=1, keepdims=True)

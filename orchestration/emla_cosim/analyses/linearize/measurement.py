@@ -1,13 +1,20 @@
-"""Measure one frequency response: choose the amplitude, check linearity, transform."""
+"""Measure frequency responses: choose the amplitude, check linearity, transform, judge the step.
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+The same response with half the step shows how much of it the communication step makes.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ...base.arrays import Vector
-from ...base.errors import CommandError, RunError
-from .margins import compute_margins
+from ...base.errors import CommandError, CosimError, RunError
+from ...run.half_step import halve_step
+from ...run.simulation import Simulation
+from .margins import Margins, compute_margins
 from .perturbation import Perturbation
 from .places import Place, ResolvedPlace
 from .response import (
@@ -27,16 +34,30 @@ _GOOD, NONLINEAR = 1e-3, 0.05
 """Nonlinearity at which no other amplitude is tried, and above which there is no linear response."""
 
 
+_POINTS = 400
+"""Number of frequencies."""
+
+
+LARGEST_CHANGE = 0.02
+"""Relative change of a response above which it is reported, as for one that changes with time."""
+
+_LIMITS = (
+    ("the phase margin", "phase_deg", "°", math.degrees(LARGEST_CHANGE)),
+    ("the upper gain margin", "gain_up_dB", " dB", 20.0 * math.log10(1.0 + LARGEST_CHANGE)),
+    ("the lower gain margin", "gain_down_dB", " dB", 20.0 * math.log10(1.0 + LARGEST_CHANGE)),
+    ("the crossover frequency", "phase_at", " Hz", LARGEST_CHANGE),
+)
+"""Margins with their units, and what a change of the loop gain by 2 % makes of them; that of the crossover
+is relative.
+"""
+
+_FASTEST = 0.1
+"""Frequency, as a part of the sample rate, up to which responses are compared."""
+
+
 @dataclass(frozen=True)
 class _Reaction:
-    """The change of a signal by pulses.
-
-    Attributes:
-        amplitude: Height of the first pulse.
-        positive: Change by this pulse.
-        linear: Its linear part.
-        nonlinearity: Difference to the effect of a pulse of other size and sign.
-    """
+    """The change of a signal by a pulse, its linear part, and how much other pulses differ."""
 
     amplitude: float
     positive: Vector
@@ -45,7 +66,10 @@ class _Reaction:
 
 
 def measure(
-    perturbation: Perturbation, place: Place, frequency: Vector, amplitude: float | None = None
+    perturbation: Perturbation,
+    place: Place,
+    amplitude: float | None = None,
+    frequency: Vector | None = None,
 ) -> Measured:
     """Return the frequency response at a place.
 
@@ -55,8 +79,9 @@ def measure(
     Args:
         perturbation: The system at its operating point.
         place: The place.
-        frequency: Frequencies in Hz.
         amplitude: Height of the pulse; None chooses the one with the smallest nonlinearity.
+        frequency: Frequencies in Hz. Default: evenly spaced on a logarithmic axis, from that with one period
+            in the response.
 
     Raises:
         CommandError: The place does not exist, or does not react.
@@ -75,6 +100,8 @@ def measure(
     later = perturbation.respond(resolved, found.amplitude, at=1)
     drift = relative_norm(later[1:] - found.positive[:-1], found.positive)
     step = perturbation.step
+    if frequency is None:
+        frequency = np.geomspace(1.0 / perturbation.duration, 0.5 / step, _POINTS)
     values = [_per_pulse(place, signal / found.amplitude) for signal in (found.linear, found.positive)]
     H, other = (transform_response(v, integrators, frequency, step) for v in values)
     if not place.is_loop:
@@ -91,10 +118,9 @@ def _react(
 ) -> _Reaction:
     """Return the most linear reaction to pulses of several heights."""
     scale = perturbation.scale(resolved)
-    heights: Iterable[float] = [f * scale for f in _FACTORS] if amplitude is None else [amplitude]
     best: _Reaction | None = None
     failure: RunError | None = None
-    for height in heights:
+    for height in [f * scale for f in _FACTORS] if amplitude is None else [amplitude]:
         try:
             found = _reaction(perturbation, resolved, height)
         except RunError as error:  # so large a pulse may end the run
@@ -163,3 +189,67 @@ def _per_pulse(place: Place, samples: Vector) -> Vector:
 
 def _error(H: Complex, other: Complex) -> Vector:
     return np.abs(other - H) / np.maximum(np.abs(H), 1e-300)
+
+
+def judge_step(
+    simulation: Simulation,
+    places: Sequence[Place],
+    at: float,
+    duration: float,
+    responses: Mapping[str, Measured],
+) -> tuple[dict[str, Measured], list[str]]:
+    """Return responses with what half the step makes of them, and remarks.
+
+    Args:
+        simulation: The prepared system.
+        places: Where the responses were measured.
+        at: Time of the operating point in s.
+        duration: Length of the responses in s.
+        responses: What was measured, by label.
+    """
+    found, remarks = dict(responses), list[str]()
+    try:
+        half = halve_step(simulation, {})
+        with closing(Perturbation(simulation, at, duration, half.options)) as perturbation:
+            for place in places:
+                whole = found[place.label]
+                halved = measure(perturbation, place, whole.amplitude, whole.response.frequency)
+                change = _compare(whole.response, halved.response)
+                judged = replace(whole, margins_at_half_step=halved.margins, step_change=change)
+                found[place.label] = judged
+                subject, change, ratio = _find_worst(judged)
+                if ratio > 1.0:
+                    remarks.append(
+                        f"{place.label}: half the step changes {subject} by {change}, so the step makes a "
+                        f"part of it; {half.suggest(ratio)}."
+                    )
+    except CosimError as error:
+        remarks.append(f"The step is not judged: {str(error).rstrip('.')}.")
+    return found, remarks
+
+
+def _compare(whole: FrequencyResponse, halved: FrequencyResponse) -> float:
+    """Return the relative change of a response."""
+    slow = whole.frequency <= _FASTEST / whole.step
+    change = np.abs(halved.value - whole.value) / np.maximum(np.abs(whole.value), 1e-300)
+    return float(np.sqrt(np.mean(change[slow] ** 2)))
+
+
+def _find_worst(measured: Measured) -> tuple[str, str, float]:
+    """Return what changes most, its change, and this as a multiple of the limit."""
+    whole, halved = measured.margins, measured.margins_at_half_step
+    if whole is None or halved is None:
+        change = measured.step_change or 0.0
+        return "the response", f"{100.0 * change:.2g} %", change / LARGEST_CHANGE
+    return max((_compare_margin(whole, halved, *limit) for limit in _LIMITS), key=lambda one: one[2])
+
+
+def _compare_margin(
+    whole: Margins, halved: Margins, subject: str, name: str, unit: str, limit: float
+) -> tuple[str, str, float]:
+    """Return a margin, its change as text, and this as a multiple of the limit."""
+    before, after = getattr(whole, name), getattr(halved, name)
+    if not (math.isfinite(before) and math.isfinite(after)):
+        return subject, "", 0.0
+    change = after - before
+    return subject, f"{change:+.3g}{unit}", abs(change) / (limit * (before if name == "phase_at" else 1.0))

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -11,13 +10,10 @@ import numpy as np
 from ...base.arrays import Vector
 from ...base.errors import CommandError, RunError
 from ...master.algorithms.snapshot import Snapshot
-from ...master.network import Network
 from ...master.stepping.fixed_steps import FixedSteps
 from ...master.stepping.stepping_base import ROUNDING
 from ...run.simulation import Simulation
 from .places import Place, ResolvedPlace, find_described, resolve_place
-
-NO_OPTIONS: Mapping[str, Any] = MappingProxyType({})
 
 
 class Perturbation:
@@ -38,7 +34,7 @@ class Perturbation:
     """
 
     def __init__(
-        self, simulation: Simulation, at: float, duration: float, options: Mapping[str, Any] = NO_OPTIONS
+        self, simulation: Simulation, at: float, duration: float, options: Mapping[str, Any] | None = None
     ) -> None:
         """Run up to the operating point.
 
@@ -46,14 +42,14 @@ class Perturbation:
             simulation: The prepared system.
             at: Time of the operating point in s; it is moved back to a sample.
             duration: Length of the stretch in s.
-            options: Options of the runs that differ from those of the simulation.
+            options: Options of the runs that differ from those of the simulation. Default: none.
 
         Raises:
             CommandError: The steps have no fixed length, or components do not sample at the same times.
             RunError: The run fails before the operating point.
         """
         self._simulation: Simulation = simulation
-        self._options: dict[str, Any] = {**options, "estimate_coupling": False}
+        self._options: dict[str, Any] = {**(options or {}), "estimate_coupling": False}
         simulation.start(recorders=[], **self._options)
         stepping = simulation.stepping
         algorithm = stepping.algorithm
@@ -93,21 +89,17 @@ class Perturbation:
         """Length of the stretch in s."""
         return self.count * self.step
 
-    @property
-    def _network(self) -> Network:
-        return self._simulation.stepping.algorithm.network
-
     def resolve(self, place: Place) -> ResolvedPlace:
         """Return the positions of a place; CommandError if it does not exist, or is not Real."""
-        return resolve_place(self._simulation.system, self._network, place)
+        return resolve_place(self._simulation.system, self._stepping.algorithm.network, place)
 
     def unit(self, place: Place) -> str:
         """Return the unit of a response: that of the output per unit of the input."""
-        system, units = self._simulation.system, []
+        units = []
         for name in (place.output, place.input):
-            component, variable = system.split(name)
-            own = find_described(self._network, component.name).own
-            units.append(own.file.interface.unit(component.alias(variable).variable))
+            component, variable = self._simulation.system.split(name)
+            instance, *_ = find_described(self._stepping.algorithm.network, component.name)
+            units.append(instance.file.interface.unit(component.alias(variable).variable))
         return "/".join(
             "1" if unit is None else f"({unit})" if "/" in str(unit) else str(unit) for unit in units
         )
@@ -140,23 +132,17 @@ class Perturbation:
         before = self.undisturbed(place)
         return self._repeat(place, amplitude, at) - before
 
-    def _begin(self) -> None:
-        self._simulation.start(recorders=[], **self._options)
-        self._reach()
-
     def _reach(self) -> None:
         self._simulation.advance(self.at)
         check_reached(self._simulation, self.at)
 
-    def _rewind(self) -> None:
+    def _repeat(self, place: ResolvedPlace, amplitude: float, at: int) -> Vector:
         if self._snapshot is not None:
             self._snapshot.restore()
         elif self._moved:
-            self._begin()
+            self._simulation.start(recorders=[], **self._options)
+            self._reach()
         self._moved = True
-
-    def _repeat(self, place: ResolvedPlace, amplitude: float, at: int) -> Vector:
-        self._rewind()
         stepping, values = self._stepping, np.empty(self.count)
         network = stepping.algorithm.network
         waits = stepping.algorithm.multiples[place.instance] > 1

@@ -45,23 +45,13 @@ class ResolvedPlace:
     output: int | None
 
 
-@dataclass(frozen=True)
-class Described:
-    """A component in a network, alone or in a group that is integrated together.
+def find_described(network: Network, component: str) -> tuple[DescribedInstance, int, dict[str, int]]:
+    """Return the instance of a component in a network, alone or in a group that is integrated together.
 
-    Attributes:
-        position: Position of the FMU instance in the network.
-        own: The instance of the component's own FMU.
-        inputs: Positions of its inputs in the vector of the instance, by name.
+    Returns:
+        The instance of its own FMU, the position of the instance or group in the network, and the positions
+        of its inputs in the vector of that, by name.
     """
-
-    position: int
-    own: DescribedInstance
-    inputs: dict[str, int]
-
-
-def find_described(network: Network, component: str) -> Described:
-    """Return a component of a network by name."""
     for i, instance in enumerate(network.instances):
         members = instance.members if isinstance(instance, IntegratedInstance) else [instance]
         for m, own in enumerate(members):
@@ -70,8 +60,7 @@ def find_described(network: Network, component: str) -> Described:
                 ends = [(m, k) for k in range(len(own.read))]
                 if isinstance(instance, IntegratedGroup):
                     ends = instance.free
-                inputs = {own.read[k].name: n for n, (at, k) in enumerate(ends) if at == m}
-                return Described(i, own, inputs)
+                return own, i, {own.read[k].name: n for n, (at, k) in enumerate(ends) if at == m}
     raise ValueError(component)
 
 
@@ -86,8 +75,13 @@ def parse_opening(system: System, text: str) -> Place:
     Raises:
         CommandError: The text is none of these.
     """
-    source, arrow, target = (part.strip() for part in _of_joint(system, text).partition("->"))
-    if not (source and arrow and target):
+    joints = _joints(system)
+    if "->" not in text and text not in joints:
+        hint = f", or a joint: {suggest_names(text, joints)}" if joints else "."
+        raise CommandError(f"'{text}' is not a connection; write a.output->b.input{hint}", name=text)
+    path = text if "->" in text else position_loop(text)
+    source, _, target = (part.strip() for part in path.partition("->"))
+    if not (source and target):
         raise CommandError(f"'{text}' is not a connection; write a.output->b.input.", name=text)
     (first, start), (second, end) = system.split(source), system.split(target)
     ends = (first.name, first.alias(start).variable), (second.name, second.alias(end).variable)
@@ -114,16 +108,6 @@ def _joints(system: System) -> list[str]:
     return [c.branch for c in system.components if c.name == f"{c.branch}.observer"]
 
 
-def _of_joint(system: System, text: str) -> str:
-    if "->" in text:
-        return text
-    joints = _joints(system)
-    if text not in joints:
-        known = f", or a joint: {suggest_names(text, joints)}" if joints else "."
-        raise CommandError(f"'{text}' is not a connection; write a.output->b.input{known}", name=text)
-    return position_loop(text)
-
-
 def resolve_place(system: System, network: Network, place: Place) -> ResolvedPlace:
     """Return the positions of a place.
 
@@ -136,8 +120,8 @@ def resolve_place(system: System, network: Network, place: Place) -> ResolvedPla
         CommandError: The input is no connected input, one of the signals does not exist, or is not Real.
     """
     component, variable = system.split(place.input)
-    found = find_described(network, component.name)
-    read = {v.name: v for v in found.own.read}
+    instance, position, inputs = find_described(network, component.name)
+    read = {v.name: v for v in instance.read}
     own = component.alias(variable).variable
     if own not in read:
         raise CommandError(f"{place.input} is no input; {suggest_names(variable, read)}", name=place.input)
@@ -145,13 +129,13 @@ def resolve_place(system: System, network: Network, place: Place) -> ResolvedPla
         raise CommandError(
             f"{place.input} is {read[own].type}; a frequency response needs a Real.", name=place.input
         )
-    if own not in found.inputs:
+    if own not in inputs:
         raise CommandError(
             f"{place.input} is connected inside of components that are integrated together; set "
             "--no-together, or compute state matrices.",
             name=place.input,
         )
-    at, nominal = (found.position, found.inputs[own]), abs(float(read[own].nominal or 1.0))
+    at, nominal = (position, inputs[own]), abs(float(read[own].nominal or 1.0))
     if not place.output:
         return ResolvedPlace(*at, nominal, None)
     reached, variable = system.split(place.output)
@@ -162,7 +146,7 @@ def resolve_place(system: System, network: Network, place: Place) -> ResolvedPla
             f"{place.output} is no Real output; {suggest_names(place.output, network.names)}",
             name=place.output,
         )
-    if place.is_loop and not found.own.file.interface.direct.among({output}, own):
+    if place.is_loop and not instance.file.interface.direct.among({output}, own):
         raise CommandError(
             f"{place.output} does not depend on {place.input} without delay, so no loop can be opened there.",
             name=place.output,

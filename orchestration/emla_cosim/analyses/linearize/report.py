@@ -4,9 +4,11 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from ...views.plots.style import COLORS, GREY, RED, new_figure, tidy_axes
 from ..frame.outputs import Outputs
 from ..frame.report import Report, ReportTable, Section
-from .pictures import draw_bode, draw_nyquist
 from .result import LinearizeResult
 from .state_space import StateSpace
 
@@ -14,6 +16,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _BODE, _NYQUIST = "bode.png", "nyquist.png"
+
+_RADIUS = 3.0
+"""Largest |L| in a Nyquist plot; what is farther out decides no margin."""
 
 _ROWS = (
     ("phase margin", "phase_deg", "phase_at", "°", 1.0),
@@ -50,7 +55,6 @@ def _facts(result: LinearizeResult) -> list[str]:
 
 
 def _margin_tables(result: LinearizeResult) -> Iterator[ReportTable]:
-    """Yield a table of margins for each loop."""
     for name, margins in result.margins.items():
         halved = result.responses[name].margins_at_half_step
         rows = list[list[str]]()
@@ -91,7 +95,6 @@ def _poles_table(matrices: StateSpace) -> ReportTable:
 
 
 def _point_table(result: LinearizeResult, matrices: StateSpace) -> ReportTable:
-    """Return a table of states, inputs and outputs at the operating point."""
     where = f"steady state near t = {result.at:g} s" if result.is_steady else f"t = {result.at:g} s"
     rows = [
         [kind.removesuffix("s"), name, f"{value:.6g}", matrices.units[name]]
@@ -99,6 +102,57 @@ def _point_table(result: LinearizeResult, matrices: StateSpace) -> ReportTable:
         for name, value in zip(getattr(matrices, kind), getattr(matrices, f"at_{kind}"), strict=True)
     ]
     return ReportTable(f"Operating point, {where}", ("", "name", "value", "unit"), rows, texts=(0, 1, 3))
+
+
+def draw_bode(result: LinearizeResult) -> "Figure":
+    """Draw gain and phase of all responses; points with an estimated error above 10 % are left out."""
+    figure, axes = new_figure(2, 1, 6.5, 2.6)
+    gain, phase = axes[:, 0]
+    labels = []
+    for i, (name, measured) in enumerate(result.responses.items()):
+        response, known = measured.response, measured.response.error < 0.1
+        color = COLORS[i % len(COLORS)]
+        gain.semilogx(response.frequency, np.where(known, response.gain_dB, np.nan), color=color)
+        phases = response.phase_deg
+        if measured.margins is not None:  # turned so that -180 degrees are those of the phase margin
+            crossing = int(np.argmin(np.abs(response.gain_dB)))
+            phases = phases - 360.0 * np.round((phases[crossing] + 180.0) / 360.0)
+        phase.semilogx(response.frequency, np.where(known, phases, np.nan), color=color)
+        labels.append(f"{name} / ({response.unit})" if measured.margins is None else name)
+    tidy_axes(gain, labels)
+    if result.margins:
+        gain.axhline(0.0, color=GREY, linewidth=0.8)
+        phase.axhline(-180.0, color=GREY, linewidth=0.8)
+    tidy_axes(phase)
+    gain.set_ylabel("gain / dB", fontsize=9)
+    phase.set_ylabel("phase / °", fontsize=9)
+    phase.set_xlabel("frequency / Hz", fontsize=9)
+    return figure
+
+
+def draw_nyquist(result: LinearizeResult) -> "Figure":
+    """Draw the loop gains near -1, with the circle that they may not enter at their Ms."""
+    figure, axes = new_figure(1, 1, 5.0, 4.6)
+    plot = axes[0, 0]
+    for i, (name, margins) in enumerate(result.margins.items()):
+        L, color = result[name].value, COLORS[i % len(COLORS)]
+        shown = np.where(np.abs(L) < 2.0 * _RADIUS, L, np.nan)
+        plot.plot(np.real(shown), np.imag(shown), color=color)
+        plot.add_patch(_circle(1.0 / margins.Ms, color))
+    labels = [f"{name}, Ms = {m.Ms:.3g}" for name, m in result.margins.items()]
+    tidy_axes(plot, labels)
+    plot.plot([-1.0], [0.0], "+", color=RED, markersize=9)
+    plot.add_patch(_circle(1.0, GREY, 0.0))
+    plot.set(xlim=(-_RADIUS, 1.0), ylim=(-2.0, 2.0), aspect="equal")
+    plot.set_xlabel("real part of L", fontsize=9)
+    plot.set_ylabel("imaginary part of L", fontsize=9)
+    return figure
+
+
+def _circle(radius: float, color: str, center: float = -1.0) -> "object":
+    from matplotlib.patches import Circle
+
+    return Circle((center, 0.0), radius, fill=False, color=color, linewidth=0.8, linestyle="--")
 
 
 def _draw(result: LinearizeResult) -> "Iterator[tuple[str, Figure]]":

@@ -12,7 +12,7 @@ from ...base.errors import CommandError
 
 Complex = NDArray[np.complex128]
 
-DECAYED = 1e-3
+_DECAYED = 1e-3
 """Largest remainder of a response at its end, relative to its peak."""
 
 _END = 20
@@ -69,26 +69,14 @@ def import_control() -> Any:
     return control
 
 
-def choose_frequencies(step: float, count: int, points: int) -> Vector:
-    """Return frequencies in Hz, evenly spaced on a logarithmic axis.
-
-    Args:
-        step: Sample time in s.
-        count: Number of samples; the lowest frequency has one period in them.
-        points: Number of frequencies.
-    """
-    return np.geomspace(1.0 / (count * step), 0.5 / step, points)
-
-
-def has_decayed(samples: Vector) -> bool:
-    """Return whether a response is over at the end of its samples."""
-    end = max(len(samples) // _END, 1)
-    return bool(np.abs(samples[-end:]).max() <= DECAYED * np.abs(samples).max())
-
-
 def count_integrators(samples: Vector) -> int | None:
     """Return how often a response must be differenced until it decays; None if that is more than twice."""
-    return next((n for n in range(3) if has_decayed(_difference(samples, n))), None)
+    end = max(len(samples) // _END, 1)
+    for order in range(3):
+        sizes = np.abs(_difference(samples, order))
+        if sizes[-end:].max() <= _DECAYED * sizes.max():
+            return order
+    return None
 
 
 def transform_response(samples: Vector, integrators: int, frequency: Vector, step: float) -> Complex:

@@ -106,9 +106,7 @@ def _record(measured: Measured) -> dict[str, Any]:
         "nonlinearity": measured.nonlinearity,
         "drift": measured.drift,
         "unit": measured.response.unit,
-        "margins": None if measured.margins is None else asdict(measured.margins),
-        "margins_at_half_step": (
-            None if measured.margins_at_half_step is None else asdict(measured.margins_at_half_step)
-        ),
+        "margins": measured.margins and asdict(measured.margins),
+        "margins_at_half_step": measured.margins_at_half_step and asdict(measured.margins_at_half_step),
         "step_change": measured.step_change,
     }

@@ -1,6 +1,7 @@
 """Compute frequency responses of a system at a time of a run."""
 
 from collections.abc import Mapping, Sequence
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Unpack
@@ -22,18 +23,17 @@ from ...system.model import System, Value
 from ..frame.session import Session
 from .continuous_system import ContinuousSystem
 from .matrices import compute_matrices, find_steady_state
-from .measurement import measure
+from .measurement import judge_step, measure
 from .perturbation import Perturbation, check_reached
 from .places import Place, default_openings, parse_opening
 from .report import OUTPUTS
-from .response import FrequencyResponse, choose_frequencies
+from .response import FrequencyResponse
 from .result import LinearizeResult, Measured
-from .step_influence import judge_step
 
 SAMPLES = 2000
 """Default length of a response in steps."""
 
-_LEAST_SAMPLES, _POINTS = 20, 400
+_LEAST_SAMPLES = 20
 
 _SUSPECT_NONLINEARITY, _SUSPECT_DRIFT = 0.01, 0.02
 
@@ -101,7 +101,11 @@ def linearize(
     scenario = load(source, **options)
     check_no_condition(scenario.options.stop_when, "linearize")
     if matrices:
-        _check_no_responses(_texts(open), duration, amplitude)
+        if _texts(open) or duration is not None or amplitude is not None:
+            raise CommandError(
+                "state matrices are not measured with pulses; leave out 'open', 'duration' and 'amplitude', "
+                "or 'matrices'."
+            )
         places, openings = [], []
     elif steady or free:
         raise CommandError("a steady state is for state matrices only; set 'matrices', too.")
@@ -167,17 +171,15 @@ def measure_loops(
     start, length = _stretch(scenario, at, duration)
     found = dict[str, Measured | CosimError]()
     try:
-        with scenario.prepare(set={**values, **ideal_sensors(scenario.system)}) as simulation:
-            perturbation = Perturbation(simulation, start, length)
-            try:
-                frequency = choose_frequencies(perturbation.step, perturbation.count, _POINTS)
-                for loop in loops:
-                    try:
-                        found[loop] = measure(perturbation, parse_opening(scenario.system, loop), frequency)
-                    except CosimError as error:
-                        found[loop] = error
-            finally:
-                perturbation.close()
+        with (
+            scenario.prepare(set={**values, **ideal_sensors(scenario.system)}) as simulation,
+            closing(Perturbation(simulation, start, length)) as perturbation,
+        ):
+            for loop in loops:
+                try:
+                    found[loop] = measure(perturbation, parse_opening(scenario.system, loop))
+                except CosimError as error:
+                    found[loop] = error
     except CosimError as error:
         return dict.fromkeys(loops, error)
     return found
@@ -216,14 +218,6 @@ def _places(
     return list({p.label: p for p in places}.values())
 
 
-def _check_no_responses(openings: Sequence[str], duration: float | None, amplitude: float | None) -> None:
-    if openings or duration is not None or amplitude is not None:
-        raise CommandError(
-            "state matrices are not measured with pulses; leave out 'open', 'duration' and 'amplitude', or "
-            "'matrices'."
-        )
-
-
 def _compute_matrices(
     scenario: Scenario,
     simulation: Simulation,
@@ -250,8 +244,7 @@ def _compute_matrices(
     if steady:
         states, shifts = find_steady_state(system, free)
     found, remarks = compute_matrices(system, states, shifts)
-    step = times.step
-    return LinearizeResult(scenario.name, at, step, False, {}, tuple(remarks), found, steady)
+    return LinearizeResult(scenario.name, at, times.step, False, {}, tuple(remarks), found, steady)
 
 
 def _is_free(system: System, place: Place) -> bool:
@@ -288,26 +281,21 @@ def _measure_all(
     at: float,
     duration: float,
     amplitude: float | None,
-    told: Progress,
+    progress: Progress,
 ) -> LinearizeResult:
-    perturbation = Perturbation(simulation, at, duration)
-    try:
+    with closing(Perturbation(simulation, at, duration)) as perturbation:
         for place in places:
             perturbation.resolve(place)  # report wrong names before anything is measured
-        frequency = choose_frequencies(perturbation.step, perturbation.count, _POINTS)
-        told.begin("measuring", 2 * len(places))
+        progress.begin("measuring", 2 * len(places))
         found = dict[str, Measured]()
         for place in places:
-            found[place.label] = measure(perturbation, place, frequency, amplitude)
-            told.advance(1)
-    finally:
-        perturbation.close()
+            found[place.label] = measure(perturbation, place, amplitude)
+            progress.advance(1)
     remarks = [text for label, m in found.items() for text in _remarks(label, m)]
     found, judgement = judge_step(simulation, places, perturbation.at, duration, found)
-    told.advance(len(places))
-    remarks += judgement
+    progress.advance(len(places))
     at, step, rolls_back = perturbation.at, perturbation.step, perturbation.rolls_back
-    return LinearizeResult(name, at, step, rolls_back, found, tuple(remarks))
+    return LinearizeResult(name, at, step, rolls_back, found, (*remarks, *judgement))
 
 
 def _remarks(label: str, measured: Measured) -> list[str]:

@@ -56,15 +56,13 @@ class StateSpace:
     @property
     def record(self) -> dict[str, Any]:
         """Content for `linearize.json`."""
-        groups = {
-            "states": zip(self.states, self.at_states, strict=True),
-            "inputs": zip(self.inputs, self.at_inputs, strict=True),
-            "outputs": zip(self.outputs, self.at_outputs, strict=True),
-        }
         return {
             **{
-                kind: [{"name": n, "unit": self.units[n], "value": float(x)} for n, x in group]
-                for kind, group in groups.items()
+                kind: [
+                    {"name": n, "unit": self.units[n], "value": float(x)}
+                    for n, x in zip(getattr(self, kind), getattr(self, f"at_{kind}"), strict=True)
+                ]
+                for kind in ("states", "inputs", "outputs")
             },
             **{name: getattr(self, name).tolist() for name in "ABCD"},
             "poles": [

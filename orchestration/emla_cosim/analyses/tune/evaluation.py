@@ -11,7 +11,7 @@ from ..variants.data import VariantOutcome
 from ..variants.targets import merge_options
 from .preparation import TuningTask
 from .result import Tuned
-from .score import Objective, Score, format_figure
+from .score import Objective, Score
 
 LARGEST_CHANGE = 0.01
 """Relative change of the objective by half the step above which it is reported.
@@ -83,8 +83,12 @@ class Evaluation:
         self, candidates: Sequence[Mapping[str, Any]], seeds: Sequence[int | None], is_halved: bool = False
     ) -> list[list[list[VariantOutcome]]] | None:
         """Return the outcomes of each candidate by case and seed; None after an interrupt."""
+        factor = self.task.seeds
         jobs = [
-            Job(merge_options([gains, self._list_options(seed), case]), is_halved=is_halved)
+            Job(
+                merge_options([gains, {} if factor is None else factor.options(seed), case]),
+                is_halved=is_halved,
+            )
             for gains, case, seed in itertools.product(candidates, self.task.cases, seeds)
         ]
         outcomes = self.runs.run(jobs, self.task.measures)
@@ -92,10 +96,6 @@ class Evaluation:
             return None
         ordered = (outcomes.by_job[position] for position in range(len(jobs)))
         return [[[next(ordered) for _ in seeds] for _ in self.task.cases] for _ in candidates]
-
-    def _list_options(self, seed: int | None) -> dict[str, Any]:
-        """Return the options that set a seed."""
-        return {} if seed is None or self.task.seeds is None else self.task.seeds.options(seed)
 
     def _add_margins(
         self, gains: Mapping[str, Any], outcomes: Sequence[Sequence[VariantOutcome]]
@@ -110,13 +110,11 @@ class Evaluation:
 
 def _score_halved(objective: Objective, outcomes: Sequence[Sequence[VariantOutcome]]) -> HalvedScore:
     """Return the score of runs with half the step, without conditions on figures that they do not have."""
-    reasons, judged = dict[str, str](), list[int]()
-    for i, (case, by_seed) in enumerate(zip(objective.cases, outcomes, strict=True)):
-        lost = next((outcome for outcome in by_seed if not outcome.complete), None)
-        if lost is None:
-            judged.append(i)
-        else:
+    reasons = dict[str, str]()
+    for case, by_seed in zip(objective.cases, outcomes, strict=True):
+        if (lost := next((outcome for outcome in by_seed if not outcome.complete), None)) is not None:
             reasons[case.name] = (lost.problem or lost.status).splitlines()[0].rstrip(".")
+    judged = [i for i, case in enumerate(objective.cases) if case.name not in reasons]
     half = next((o.half_step for by_seed in outcomes for o in by_seed if o.half_step is not None), None)
     if half is None or any(case.weight and case.name in reasons for case in objective.cases):
         return HalvedScore(None, half, reasons)
@@ -147,12 +145,6 @@ def describe_step(start: Tuned, best: Tuned, halved: HalvedScore) -> list[str]:
             f"Half the step changes the objective by {100.0 * change / abs(before):+.2g} %; "
             f"{half.suggest(relative / LARGEST_CHANGE)}."
         )
-    unmet = [
-        f"{case}: {condition}, but it is {format_figure(worst['figure'])}"
-        for case, conditions in score.worst.items()
-        for condition, worst in conditions.items()
-        if best.training.worst[case][condition]["met"] and not worst["met"]
-    ]
-    if unmet:
+    if unmet := score.list_unmet(best.training):
         remarks.append(f"With half the step, conditions do not hold: {'; '.join(unmet)}.")
     return remarks

@@ -81,32 +81,23 @@ def _compile(tree: ast.expr, names: set[str]) -> _Compute:
     if (name := _read_name(tree)) is not None:
         names.add(name)
         return operator.itemgetter(name)
-    if isinstance(tree, ast.BinOp) and type(tree.op) in _OPERATIONS:
-        operands, function = [tree.left, tree.right], _OPERATIONS[type(tree.op)]
-    elif isinstance(tree, ast.UnaryOp) and type(tree.op) in _OPERATIONS:
-        operands, function = [tree.operand], _OPERATIONS[type(tree.op)]
-    elif (
-        isinstance(tree, ast.Call)
-        and not tree.keywords
-        and isinstance(tree.func, ast.Name)
-        and tree.func.id in _FUNCTIONS
-    ):
-        operands, function = tree.args, _FUNCTIONS[tree.func.id]
-        function(*(2.0 for _ in operands))  # raises TypeError if the number of arguments is wrong
-    else:
-        raise ValueError
+    match tree:
+        case ast.BinOp(left, operation, right) if type(operation) in _OPERATIONS:
+            operands, function = [left, right], _OPERATIONS[type(operation)]
+        case ast.UnaryOp(operation, operand) if type(operation) in _OPERATIONS:
+            operands, function = [operand], _OPERATIONS[type(operation)]
+        case ast.Call(ast.Name(name), operands, []) if name in _FUNCTIONS:
+            function = _FUNCTIONS[name]
+            function(*(2.0 for _ in operands))  # raises TypeError if the number of arguments is wrong
+        case _:
+            raise ValueError
     parts = [_compile(operand, names) for operand in operands]
     return lambda values: function(*(part(values) for part in parts))
 
 
 def _read_name(tree: ast.expr) -> str | None:
     """Return the name that a tree represents: `a`, `a.b[1].c`; None for anything else."""
-    if isinstance(tree, ast.Name):
-        return tree.id
-    if isinstance(tree, ast.Attribute):
-        before = _read_name(tree.value)
-        return None if before is None else f"{before}.{tree.attr}"
-    if isinstance(tree, ast.Subscript):
-        before = _read_name(tree.value)
-        return None if before is None else f"{before}[{ast.unparse(tree.slice).replace(' ', '')}]"
-    return None
+    root = tree
+    while isinstance(root, (ast.Attribute, ast.Subscript)):
+        root = root.value
+    return ast.unparse(tree).replace(" ", "") if isinstance(root, ast.Name) else None

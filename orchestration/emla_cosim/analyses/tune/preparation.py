@@ -66,10 +66,10 @@ class LoopMargins:
                 continue
             margins = one.margins
             figures |= {
-                _name_figure(loop, _PHASE): margins.phase_deg,
-                _name_figure(loop, _GAIN_UP): min(margins.gain_up_dB, _UNLIMITED_DB),
-                _name_figure(loop, _GAIN_DOWN): max(margins.gain_down_dB, -_UNLIMITED_DB),
-                _name_figure(loop, _MS): margins.Ms,
+                f"{loop}: {_PHASE}": margins.phase_deg,
+                f"{loop}: {_GAIN_UP}": min(margins.gain_up_dB, _UNLIMITED_DB),
+                f"{loop}: {_GAIN_DOWN}": max(margins.gain_down_dB, -_UNLIMITED_DB),
+                f"{loop}: {_MS}": margins.Ms,
             }
         return {name: value for name, value in figures.items() if math.isfinite(value)}
 
@@ -85,7 +85,6 @@ class TuningTask:
     cases: Sequence[Mapping[str, Any]]
     loops: Sequence[LoopMargins | None]
     seeds: Factor | None
-    units: Mapping[str, str]
     identity: Mapping[str, Any]
 
 
@@ -107,24 +106,26 @@ def prepare_task(
         _prepare_loops(case, values, scenario, plan.where)
         for case, values in zip(plan.cases, cases, strict=True)
     ]
-    checked = [[*found, *_require_margins(case)] for case, found in zip(plan.cases, required, strict=True)]
+    checked = [
+        [
+            *conditions,
+            *(
+                Requirement(f"{loop}: {name}", sign, x)
+                for loop in case.margins
+                for name, sign, x in _CONDITIONS
+            ),
+        ]
+        for case, conditions in zip(plan.cases, required, strict=True)
+    ]
+    errors = _tracking_errors(described)
     return TuningTask(
         plan,
         found,
-        Objective(
-            objective,
-            plan.cases,
-            checked,
-            times.start,
-            times.stop,
-            plan.margin,
-            _tracking_errors(described),
-        ),
+        Objective(objective, plan.cases, checked, times.start, times.stop, plan.margin, errors),
         measures,
         cases,
         loops,
         _seeds(plan, preparation),
-        {axis.name: axis.factor.unit for axis in found.axes if axis.factor is not None},
         preparation.identity,
     )
 
@@ -136,14 +137,14 @@ def _conditions(
     found = [parse_requirement(text) for text in (plan.require if case.require is None else case.require)]
     named = {one.figure for one in found}
     verdicts = {f.subject: name for name, f in described.figures.items() if f.is_verdict}
-    subjects = dict.fromkeys(_subject(name, described) for name in sorted(objective.names))
+    figures = described.figures
+    # a metric of the plan belongs to the object that its name begins with
+    subjects = dict.fromkeys(
+        figures[name].subject if name in figures else name.rpartition(".")[0]
+        for name in sorted(objective.names)
+    )
     held = [verdicts[subject] for subject in subjects if subject in verdicts]
     return [*found, *(Requirement(name, "==", True) for name in held if name not in named)]
-
-
-def _subject(name: str, described: SimulationDescription) -> str:
-    """Return the object of a metric; a metric of the plan belongs to the one that its name begins with."""
-    return described.figures[name].subject if name in described.figures else name.rpartition(".")[0]
 
 
 def _measures(
@@ -205,29 +206,10 @@ def _seeds(plan: TuningPlan, preparation: Preparation) -> Factor | None:
     return found
 
 
-def _require_margins(case: Case) -> list[Requirement]:
-    """Return the conditions on the loops of a case, in a form that objectives can check."""
-    return [
-        Requirement(_name_figure(loop, name), sign, x)
-        for loop in case.margins
-        for name, sign, x in _CONDITIONS
-    ]
-
-
 def _prepare_loops(
     case: Case, values: Mapping[str, Any], scenario: Scenario, where: str
 ) -> LoopMargins | None:
-    """Return the loops of a case; None if it has none.
-
-    Args:
-        case: The case.
-        values: Its options, as for a variant.
-        scenario: The scenario of the tuning.
-        where: What messages call the plan.
-
-    Raises:
-        CommandError: A loop does not exist, or the operating point is outside of the run.
-    """
+    """Return the loops of a case with these options; None if it has none."""
     if not case.margins:
         return None
     if further := [name for name in values if name != "set"]:
@@ -247,7 +229,3 @@ def _prepare_loops(
             f"{last:g} s, so that the responses of {count * times.step:g} s end within the run."
         )
     return LoopMargins(scenario, case.margins, at, count * times.step, values.get("set", {}))
-
-
-def _name_figure(loop: str, figure: str) -> str:
-    return f"{loop}: {figure}"

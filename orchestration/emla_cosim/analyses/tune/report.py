@@ -57,7 +57,10 @@ def _list_sentences(result: TuneResult) -> Iterator[str]:
         f"{format_count(int((result.history['violation'] == 0.0).sum()), 'set')} meet all conditions"
     )
     if (halved := result.best.half_step) is not None:
-        yield f"With half the step the objective is {_format(halved.objective)}{_format_change(result.best)}."
+        before, change = result.best.training.objective, ""
+        if before and math.isfinite(halved.objective):
+            change = f", a change of {100.0 * (halved.objective / before - 1.0):+.2g} %"
+        yield f"With half the step the objective is {_format(halved.objective)}{change}."
     yield from (f"Note: {remark}" for remark in result.remarks)
     if result.best.validation is not None:
         worse = 100.0 * (result.best.ratio - 1.0)
@@ -77,22 +80,10 @@ def _format(value: float) -> str:
     return "" if value != value else f"{value:.4g}"
 
 
-def _format_change(best: Tuned) -> str:
-    """Return the relative change of the objective by half the step as text; empty if there is none."""
-    before, halved = best.training.objective, best.half_step
-    if halved is None or not before or not math.isfinite(halved.objective):
-        return ""
-    return f", a change of {100.0 * (halved.objective / before - 1.0):+.2g} %"
-
-
 def _gains_table(result: TuneResult) -> ReportTable:
+    start, units = result.start.values, result.units
     rows = [
-        [
-            name,
-            _format_value(result.start.values.get(name)),
-            _format_value(value),
-            result.units.get(name, ""),
-        ]
+        [name, _format_value(start.get(name)), _format_value(value), units.get(name, "")]
         for name, value in result.best.values.items()
     ]
     return ReportTable(f"Gains of {result.name}", ("", "start", "best", ""), rows, texts=(0, 3))
@@ -117,15 +108,12 @@ def _objective_table(result: TuneResult) -> ReportTable:
 
 def _format_pair(gains: Tuned, case: str | None) -> tuple[str, str, str]:
     """Return the objective in training and validation, and their ratio; `case` None is the sum."""
-    training, validation = (_read_objective(score, case) for score in (gains.training, gains.validation))
+    training, validation = (
+        math.nan if score is None else score.objective if case is None else score.by_case.get(case, math.nan)
+        for score in (gains.training, gains.validation)
+    )
     ratio = validation / training if training else math.nan
     return _format(training), _format(validation), "" if ratio != ratio else f"{ratio:.2f}"
-
-
-def _read_objective(score: Score | None, case: str | None) -> float:
-    if score is None:
-        return math.nan
-    return score.objective if case is None else score.by_case.get(case, math.nan)
 
 
 def _conditions_table(result: TuneResult) -> ReportTable:
@@ -150,7 +138,6 @@ def _format_worst(score: Score | None, case: str, condition: str) -> Text | str:
 
 
 def _plan_table(plan: Mapping[str, Any]) -> ReportTable:
-    """Return what the plan says, entry by entry."""
     rows = list[list[str]]()
     for key, value in plan.items():
         if isinstance(value, Mapping):

@@ -110,19 +110,8 @@ def tune(
         >>> found.history.height
         1
     """
-    given = {
-        "vary": vary,
-        "objective": objective,
-        "require": require,
-        "derive": derive,
-        "metrics": metrics,
-        "evaluations": evaluations,
-        "training": training,
-        "validation": validation,
-        "seed": seed,
-        "tolerance": tolerance,
-        "options": {**options, "overwrite": True} if overwrite else {**options},
-    }
+    given = {name: x for name, x in locals().items() if name in TuningPlan.__dataclass_fields__}
+    given["options"] = {**options, "overwrite": True} if overwrite else options
     plan = load_tuning_plan(source).updated(given)
     session = Session(
         OUTPUTS,
@@ -165,9 +154,8 @@ class Search:
 
     def tell(self, orders: Sequence[Order]) -> None:
         """Take the sort keys of the points of this generation, in the same order."""
-        known = [(bad, math.inf if math.isnan(value) else value) for bad, value in orders]
-        places = {order: place for place, order in enumerate(sorted(set(known)))}
-        self._strategy.tell(self._asked, [float(places[order]) for order in known])
+        places = {order: place for place, order in enumerate(sorted(set(orders)))}
+        self._strategy.tell(self._asked, [float(places[order]) for order in orders])
 
     def _begin(self, start: Vector, size: int | None) -> None:
         import cma  # slow to import
@@ -206,13 +194,11 @@ class _Tuning:
     remarks: Sequence[str] = ()
 
     def run(self) -> TuneResult:
-        """Run the whole tuning."""
         plan, space = self.task.plan, self.task.space
-        training, validation = self._draw_seeds()
-        self.drawn = {
-            kind: [seed for seed in seeds if seed is not None]
-            for kind, seeds in (("training", training), ("validation", validation))
-        }
+        count = 0 if self.task.seeds is None else plan.training + plan.validation
+        drawn = draw_seeds(plan.seed, count)
+        self.drawn = {"training": drawn[: plan.training], "validation": drawn[plan.training :]}
+        training, validation = self.drawn["training"] or [None], self.drawn["validation"]
         self.session.progress.begin("tuning", plan.evaluations, "gains")
         first = self.evaluation.score([{}], training)
         if first is None:
@@ -241,8 +227,8 @@ class _Tuning:
             search.tell([score.order for score in scores])
             left -= len(points)
             self._add_rows(generation, list(zip(values, scores, strict=True)))
-            first = min(range(len(scores)), key=[_comparison_key(score) for score in scores].__getitem__)
-            if _comparison_key(scores[first]) < _comparison_key(self.best.training):
+            first = min(range(len(scores)), key=[score.order for score in scores].__getitem__)
+            if scores[first].order < self.best.training.order:
                 self.best = Tuned(values[first], gains[first]["set"], scores[first])
             self._keep(False, is_final=False)
         return True
@@ -267,16 +253,7 @@ class _Tuning:
         self.remarks = describe_step(self.start, self.best, halved)
         return True
 
-    def _draw_seeds(self) -> tuple[list[int | None], list[int | None]]:
-        """Return the seeds of training and of validation; [None] and [] without random sequences."""
-        plan = self.task.plan
-        if self.task.seeds is None:
-            return [None], []
-        drawn: list[int | None] = [*draw_seeds(plan.seed, plan.training + plan.validation)]
-        return drawn[: plan.training], drawn[plan.training :]
-
     def _add_rows(self, generation: int, tried: Sequence[tuple[Mapping[str, Value | None], Score]]) -> None:
-        """Add gains and their scores to the history."""
         for values, score in tried:
             before = self.rows[-1]["best"] if self.rows else float("inf")
             objective = score.objective if not score.violation else float("inf")
@@ -303,7 +280,7 @@ class _Tuning:
             self.start,
             self.best,
             history.with_columns(polars.col("best").replace(float("inf"), None)),
-            self.task.units,
+            {axis.name: axis.factor.unit for axis in self.task.space.axes if axis.factor is not None},
             self.drawn,
             plan.tolerance,
             complete,
@@ -318,9 +295,3 @@ class _Tuning:
         )
         self.session.keep(result, is_final)
         return result
-
-
-def _comparison_key(score: Score) -> tuple[bool, float]:
-    """Return the sort key of a score; a score without a number is last."""
-    is_invalid, value = score.order
-    return is_invalid, value if value == value else float("inf")

@@ -76,13 +76,13 @@ class Score:
         """The key that the search compares."""
         return (True, self.violation) if self.violation else (False, self.objective)
 
-    def list_unmet(self) -> list[str]:
-        """Return the conditions that do not hold, with their case and the worst figure."""
+    def list_unmet(self, before: "Score | None" = None) -> list[str]:
+        """Return the conditions that do not hold, but did `before`, with their case and the worst figure."""
         return [
             f"{case}: {condition}, but it is {format_figure(worst['figure'])}"
             for case, conditions in self.worst.items()
             for condition, worst in conditions.items()
-            if not worst["met"]
+            if not worst["met"] and (before is None or before.worst[case][condition]["met"])
         ]
 
 
@@ -165,20 +165,11 @@ class Objective:
         """Return the violation of a run; among lost runs, too, a smaller one is nearer to the conditions."""
         found = sum(_excess(r, outcome.figures.get(r.figure), self.margin) for r in required)
         if is_lost:
-            found += _LOST + _LOST * self._missing_part(outcome)
-        return found + self._distance(outcome) if found else 0.0
-
-    def _distance(self, outcome: VariantOutcome) -> float:
-        """Return how far the joints are from their references."""
+            end = self.start if outcome.end_s is None else outcome.end_s
+            missing = 0.0 if outcome.complete else (self.stop - end) / (self.stop - self.start)
+            found += _LOST + _LOST * min(max(missing, 0.0), 1.0)
         errors = [float(x) for n in self.tracking_errors if (x := outcome.figures.get(n)) is not None]
-        return sum(errors) / len(errors) if errors else 0.0
-
-    def _missing_part(self, outcome: VariantOutcome) -> float:
-        """Return the part of the run that is missing."""
-        if outcome.complete:
-            return 0.0
-        end = self.start if outcome.end_s is None else outcome.end_s
-        return min(max((self.stop - end) / (self.stop - self.start), 0.0), 1.0)
+        return found + (sum(errors) / len(errors) if errors else 0.0) if found else 0.0
 
 
 def _excess(required: Requirement, figure: Any, margin: float = 0.0) -> float:
@@ -214,7 +205,6 @@ class _TrackingErrorMetrics(Metrics):
         self._rows = 0
 
     def write(self, rows: Vector) -> None:
-        """Take the next rows."""
         self._rows += len(rows)
         for joint, (position, reference) in self._columns.items():
             error = np.abs(rows[:, position] - rows[:, reference])
@@ -224,15 +214,12 @@ class _TrackingErrorMetrics(Metrics):
             )
 
     def figures(self) -> Figures:
-        """Return the mean by joint."""
         return {joint: {TRACKING_ERROR: total / max(self._rows, 1)} for joint, total in self._sums.items()}
 
     def memory(self) -> Any:
-        """Return sums by joint and the number of rows."""
         return {"sums": self._sums, "rows": self._rows}
 
     def remember(self, memory: Any) -> None:
-        """Continue from a checkpoint."""
         self._sums, self._rows = dict(memory["sums"]), int(memory["rows"])
 
 

@@ -103,24 +103,19 @@ def build_space(plan: TuningPlan, system: System, interfaces: Mapping[str, Inter
 
 def check_during_a_run(found: Sequence[Factor], where: str) -> None:
     """Raise CommandError for a factor that a prepared simulation cannot vary."""
-    for factor in found:
-        for target in factor.targets:
-            if needs_preparation(target):
-                raise CommandError(
-                    f"'{factor.name}' of {where} needs a new preparation; vary start values or "
-                    "options of the stepping.",
-                    name=factor.name,
-                )
+    if wrong := [factor.name for factor in found if any(map(needs_preparation, factor.targets))]:
+        raise CommandError(
+            f"'{wrong[0]}' of {where} needs a new preparation; vary start values or options of the stepping.",
+            name=wrong[0],
+        )
 
 
 def _check_start_values(found: Sequence[Factor], where: str) -> None:
     """Raise CommandError for a gain that is an option or an FMU."""
-    for factor in found:
-        if wrong := [target for target in factor.targets if target.kind != START]:
-            raise CommandError(
-                f"'{wrong[0].name}' of {where} is not a start value; gains must be start values.",
-                name=wrong[0].name,
-            )
+    if wrong := [target.name for factor in found for target in factor.targets if target.kind != START]:
+        raise CommandError(
+            f"'{wrong[0]}' of {where} is not a start value; gains must be start values.", name=wrong[0]
+        )
 
 
 def _is_free(name: str, given: Any, system: System) -> bool:
@@ -134,11 +129,7 @@ def _range(given: Any, units: Sequence[FmuUnits]) -> Any:
     """Return the range of a gain; LOW:HIGH of positive numbers is logarithmic."""
     if not isinstance(given, str):
         return given
-
-    def read_si(text: str) -> float:
-        return read_si_number(text, "the range", units)
-
-    found = parse_distribution(given, "the range", read_si)
+    found = parse_distribution(given, "the range", lambda text: read_si_number(text, "the range", units))
     if isinstance(found, Uniform) and found.low > 0:
         ends = [text.strip() for text in given.split(":")]
         if any(map(has_unit, ends[:2])) and not found.relative:
@@ -171,8 +162,9 @@ def _derive_gains(
 
 def _start(axis: GainAxis, system: System, interfaces: Mapping[str, Interface]) -> float | None:
     """Return the value of a gain in the scenario; None if it is not a single number."""
-    if axis.factor is None or axis.factor.targets[0].kind != START:
+    if axis.factor is None:
         return None
-    if axis.factor.targets[0].nominal is not None and len(axis.factor.targets) > 1:
+    first, *others = axis.factor.targets
+    if others and first.nominal is not None:
         return 1.0
-    return Names(system, interfaces).find(axis.factor.targets[0].name).start_number
+    return Names(system, interfaces).find(first.name).start_number

@@ -50,8 +50,6 @@ pytestmark = pytest.mark.usefixtures("on_one_cluster")
 TIME = np.linspace(0.0, 2.0, 201)
 FORCE = 3.0 * np.sign(np.sin(5.0 * TIME)) + TIME
 TRUE = {"m": 1.3, "b": 0.7, "c": 0.4}
-
-
 STEP = 2e-3
 
 
@@ -238,20 +236,6 @@ def test_held_out_experiments_run_once(identify: Identify) -> None:
     given = {"sigma": {"Cart.x": 1e-3}, **first}
     alone, both = (identify({"Cart.m": "0.2:10"}, experiments=more, **given) for more in ([], [second]))
     assert both.runs == alone.runs + 1 and both.set == alone.set
-
-
-@pytest.mark.slow
-def test_batches_do_not_change_estimates(identify: Identify, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A run of 1001 rows and two columns has 16 kB; two batches of eight points are the smallest."""
-    from emla_cosim.analyses.identify import prediction
-
-    ranges = {name: RANGES[name] for name in ("Cart.m", "Cart.b")}
-    given = {"set": {"Cart.c": TRUE["c"]}, **data(noisy())}
-    at_once = identify(ranges, **given)
-    monkeypatch.setattr(prediction, "_MEMORY", 5_000)
-    in_batches = identify(ranges, **given)
-    for name in ranges:
-        assert (in_batches[name].value, in_batches[name].error) == (at_once[name].value, at_once[name].error)
 
 
 @pytest.mark.slow

@@ -399,13 +399,6 @@ def test_invalid_plans_give_one_message(
     assert sentence in str(refused.value)
 
 
-def test_unknown_key_of_a_file_is_reported(tmp_path: Path) -> None:
-    file = tmp_path / "gains.toml"
-    file.write_text('scenario = "tilt"\nevaluation = 3\n[vary]\na = "1:2"\n')
-    with pytest.raises(CommandError, match="has the unknown entry 'evaluation'; did you mean 'evaluations'"):
-        ec.tune(file)
-
-
 @pytest.mark.parametrize("dimension", [1, 3])
 def test_converged_search_restarts_with_twice_as_many_points(dimension: int) -> None:
     search = Search([0.0] * dimension, 1)  # begins at the end of a range
