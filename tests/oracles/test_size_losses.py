@@ -18,13 +18,6 @@ from emla_cosim.analyses.size.plant import find_plant
 from emla_cosim.study.joints.schema import load_joint
 from tests.support.commands import Emla
 
-MOVES: dict[str, Any] = {
-    "{}.reference.period": 1.0,
-    "{}.reference.move.start": [0.0, 0.5, 2.0, 2.0, 2.0, 2.0, 2.0, 2.0],
-    "{}.reference.move.duration": [0.5] * 8,
-}
-"""Moves without rest, out and back, so that the load drives half of the time."""
-
 
 @pytest.fixture(scope="module")
 def size(fmu_folder: Path) -> Callable[..., ec.SizeResult]:
@@ -36,10 +29,15 @@ def rms(time: np.ndarray, values: np.ndarray) -> float:
 
 
 def shuttle(joint: str, way: float, directional: bool, **plant: float) -> dict[str, Any]:
-    """Start values of a joint that moves a way in m out and back, without disturbance."""
+    """Start values of a joint that moves a way in m out and back without rest: the load drives half the time.
+
+    There is no disturbance.
+    """
     start = load_joint(joint).start.x_L
     return {
-        **{name.format(joint): value for name, value in MOVES.items()},
+        f"{joint}.reference.period": 1.0,
+        f"{joint}.reference.move.start": [0.0, 0.5, *[2.0] * 6],
+        f"{joint}.reference.move.duration": [0.5] * 8,
         f"{joint}.reference.waypoint": [start, start + way, *[start] * 7],
         f"{joint}.plant.gearbox.directional": directional,
         **{f"{joint}.disturbance.d_2.{part}": 0.0 for part in ("amplitude[*]", "arctan", "low", "high")},
@@ -58,9 +56,8 @@ def test_run_and_size_agree(
     """The torque of the run, with whatever losses its plant has, is that of the sizing."""
     given: dict[str, Any] = {"set": {f"{joint}.plant.{name}": x for name, x in values.items()}}
     figures = size(joint, lead_in=0.0, stop_time=1.5, **given)[joint].figures
-    with ec.load(
-        joint, stop_time=1.5, output_interval=1e-4, fmus=fmu_folder, **given
-    ).prepare() as simulation:
+    given |= {"stop_time": 1.5, "output_interval": 1e-4, "fmus": fmu_folder}
+    with ec.load(joint, **given).prepare() as simulation:
         run = simulation.run(recorders=[ec.TimeSeries()])
     torque, power = run[f"{joint}.plant.tau_m"], run[f"{joint}.plant.P_el"]
     assert figures.torque_rms_N_m == pytest.approx(rms(run.time, torque), rel=1e-9)
@@ -92,11 +89,8 @@ def test_torque_equals_that_of_ideal_tracking(
     v, a = np.concatenate([v, -v]), np.concatenate([a, -a])
     load = float(sizing.cycle.load[0])
     alpha = 2.0 * math.pi / (p.rho * p.lead)
-    lossy = np.where(
-        load * v > 0.0,
-        1.0 / efficiency,
-        (back or 2.0 - 1.0 / efficiency) if directional else 1.0 / efficiency,
-    )
+    driven = (back or 2.0 - 1.0 / efficiency) if directional else 1.0 / efficiency
+    lossy = np.where(load * v > 0.0, 1.0 / efficiency, driven)
     torque = load * lossy / alpha + np.sign(v) * plant.get("friction.F_C", 0.0) / alpha
     torque += (alpha * (p.J_m + p.J_c + p.J_GB) + p.M_BS / alpha) * a + (alpha * p.B_m + p.B_BS / alpha) * v
     time = np.linspace(0.0, 1.0, len(v))
@@ -134,10 +128,8 @@ def test_disturbance_is_part_of_what_a_motion_requires(size: Callable[..., ec.Si
     run = size("lift", stop_time=1.0, set=values)["lift"]
     lost = size("lift", stop_time=1.0, set=values | broken)["lift"]
     assert lost.required and not run.required
-    assert lost.figures.torque_rms_N_m == pytest.approx(run.figures.torque_rms_N_m, rel=2e-3)
-    assert lost.figures.electrical_power_peak_W == pytest.approx(
-        run.figures.electrical_power_peak_W, rel=0.02
-    )
+    for name, rel in (("torque_rms_N_m", 2e-3), ("electrical_power_peak_W", 0.02)):
+        assert getattr(lost.figures, name) == pytest.approx(getattr(run.figures, name), rel=rel)
 
 
 def test_rigid_limit_of_a_compliant_plant() -> None:
