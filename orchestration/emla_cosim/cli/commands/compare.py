@@ -13,9 +13,7 @@ from ...analyses.compare.result import STABILITY, TABLES
 from ...analyses.compare.runner import RESOLUTION, SEEDS, compare
 from ...base.errors import CommandError, CosimError
 from ...base.option import COMPARE, argument, option
-from ...views.output_folder import results_folder
-from ...views.progress_bars import BarProgress
-from .analysis import show_result
+from .analysis import run_analysis
 from .options import report, scheduler, workers
 
 OPTIONS = COMPARE
@@ -89,19 +87,15 @@ class Parameters:
 
 def command(chosen: Parameters, given: dict[str, Any]) -> None:
     """Compare several controllers in the same scenario."""
-    folder = Path(given.pop("output", None) or results_folder(Path(chosen.scenario).stem))
-    plots = given.pop("plots", True)
+    name = Path(chosen.scenario).stem
     if chosen.table == CERTIFICATE:
         _check_certificate(chosen)
-        given |= {"output": folder, "report": chosen.report}
-        with BarProgress() as progress:
-            certified = certify_gains(chosen.scenario, chosen.gains, progress=progress, **given)
-        show_result(certificates.OUTPUTS, certified, folder)
+        given.pop("plots", None)
+        given |= {"gains": chosen.gains, "report": chosen.report}
+        run_analysis(certificates.OUTPUTS, certify_gains, chosen.scenario, name, given)
         return
-    given |= vars(chosen) | {"output": folder, "plots": plots}
-    with BarProgress() as progress:
-        result = compare(progress=progress, **given)
-    show_result(OUTPUTS, result, folder)
+    given = {"plots": True, **given, **vars(chosen)}
+    result, folder = run_analysis(OUTPUTS, compare, given.pop("scenario"), name, given)
     if not result.complete:
         raise CosimError(f"interrupted; results so far are in {folder}.")
 
