@@ -188,10 +188,8 @@ def _scenarios(scenario: str, table: str | None) -> list[str]:
         return [scenario]
     printed = [s for t in PRINTED for s in t.scenarios]
     if scenario not in printed:
-        raise CommandError(
-            f"the paper's tables need the scenarios {join_names(printed)}; use {printed[0]}, not "
-            f"'{scenario}'."
-        )
+        needed = f"the paper's tables need the scenarios {join_names(printed)}"
+        raise CommandError(f"{needed}; use {printed[0]}, not '{scenario}'.")
     return [s for s in printed if s in SCENARIOS]
 
 

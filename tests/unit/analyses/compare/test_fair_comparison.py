@@ -161,13 +161,9 @@ def test_notes_state_reserves_and_offer_other_sets(compared: ec.CompareResult) -
 
 @pytest.mark.parametrize("controller", list(CONTROLLERS))
 def test_equal_reserves_are_set_on_every_controller(controller: str, fmu_folder: Path) -> None:
-    part = Preparation.of(load("study", controller=controller, fmus=fmu_folder))
+    part = Preparation.of(load("tilt", controller=controller, fmus=fmu_folder))
     values = reserve_values(part, Reserves(0.02, 0.2))
-    assert values == {
-        f"{joint}.controller.limit.{name}": part
-        for joint in ("lift", "tilt", "telescope")
-        for name, part in (("i_reserve", 0.02), ("u_reserve", 0.2))
-    }
+    assert values == {"tilt.controller.limit.i_reserve": 0.02, "tilt.controller.limit.u_reserve": 0.2}
     assert describe_reserves(part, values) == "2 % and 20 %"
 
 
