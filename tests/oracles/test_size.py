@@ -158,8 +158,7 @@ def test_temperature_equals_that_of_the_plant_after_many_cycles(
     sheet = replace(sheet, thermal={"tau_th": "1 s", "permitted_rise": "105 K"}, file=None)
     joint = sized(sheet)
     options: dict[str, Any] = {"actuator": {"prototype": sheet}, "set": PRESS, "stop_time": 9.0}
-    with ec.load("prototype", **options, fmus=fmu_folder).prepare() as simulation:
-        run = simulation.run(recorders=[ec.TimeSeries()])
+    run = ec.load("prototype", **options, fmus=fmu_folder).prepare().run()
     last = run.time >= 6.0
     rise = run["prototype.plant.motor.temperature_rise"][last]
     assert joint.figures.temperature_rise_peak_K == pytest.approx(rise.max(), rel=0.01)
@@ -350,9 +349,8 @@ def test_only_compression_buckles(press: ec.JointSizing) -> None:
 def test_ambient_and_life_have_a_verdict(press: ec.JointSizing, sized: Callable[..., ec.JointSizing]) -> None:
     hot = sized(ambient=390.0, life=1e5 * 3600.0)
     limits = {one.name: one for one in hot.limits}
-    rise = press.figures.temperature_rise_peak_K
+    rise, temperature = press.figures.temperature_rise_peak_K, limits["winding temperature"]
     assert rise is not None
-    temperature = limits["winding temperature"]
     limit = (266.0 - 32.0) * 5 / 9
     assert temperature.limit == pytest.approx(limit)
     assert temperature.used == pytest.approx(390.0 - 273.15 + rise, rel=1e-6)
@@ -518,8 +516,8 @@ def test_verdicts_of_incomplete_runs(press: ec.JointSizing) -> None:
     (limit,) = (one for one in press.limits if one.name == "peak torque")
     beyond = replace(kept, limits=[replace(limit, fraction=1.1)])
     assert beyond.holds is False and "controller" not in beyond.verdict
-    labels = [ec.Candidate("x", {"a": one, "b": press}).holds for one in (press, kept, beyond)]
-    assert labels == [True, None, False]
+    verdicts = [ec.Candidate("x", {"a": one, "b": press}).holds for one in (press, kept, beyond)]
+    assert verdicts == [True, None, False]
     assert ec.Candidate("x", {"a": kept, "b": beyond}).holds is False
 
 
@@ -527,11 +525,9 @@ def test_joints_coupled_to_a_lost_joint_are_marked(size: Callable[..., ec.SizeRe
     """The payload is too heavy for the lift; tilt follows, but against forces of another motion."""
     heavy = {"machine.manipulator.payload.m": 9e3}
     joints = size("hdrm-coupled", stop_time=0.4, lead_in=0.0, set=heavy).joints
-    lost = [joint for joint, one in joints.items() if one.reason is not None]
-    kept = [joint for joint in joints if joint not in lost]
-    for joint in kept:
-        assert any(f"{joint} is coupled to {lost[0]}" in one for one in joints[joint].remarks)
-    assert lost
+    lost, *_ = (joint for joint, one in joints.items() if one.reason is not None)
+    for joint, one in joints.items():
+        assert one.reason is not None or any(f"{joint} is coupled to {lost}" in text for text in one.remarks)
 
 
 def test_only_the_cycle_of_a_long_run_is_stored(sized: Callable[..., ec.JointSizing]) -> None:

@@ -122,8 +122,7 @@ def test_rows_equal_single_runs(
 ) -> None:
     """Though there the three joints run together, and here each alone."""
     scenario = load("study", controller=controller, gains=gains, stop_time=0.4, fmus=fmu_folder)
-    with scenario.prepare() as simulation:
-        figures = simulation.run().metrics["joints"]
+    figures = scenario.prepare().run().metrics["joints"]
     rows = compared.rows.filter(controller=controller, gains=gains).rows(named=True)
     assert [row["joint"] for row in rows] == list(figures)
     for row in rows:
@@ -183,8 +182,7 @@ def test_motion_and_load_of_each_joint_are_kept_once(compared: ec.CompareResult,
     assert list(compared.motions) == [("study", joint) for joint in ("lift", "tilt", "telescope")]
     motion = compared.motions["study", "lift"]
     assert 200 <= motion.height <= 500 and motion["time"][-1] == pytest.approx(0.4, abs=2e-3)
-    with load("lift", stop_time=0.4, fmus=fmu_folder).prepare() as simulation:
-        run = simulation.run()
+    run = load("lift", stop_time=0.4, fmus=fmu_folder).prepare().run()
     reference = np.interp(motion["time"], run["time"], run["lift.reference.x_d"])
     assert motion["reference"].to_numpy() == pytest.approx(reference, abs=1e-12)
     assert motion["load"].to_list() == pytest.approx([57e3] * motion.height)

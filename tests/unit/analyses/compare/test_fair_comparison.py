@@ -118,8 +118,7 @@ def test_controllers_get_the_same_random_sequences(compared: ec.CompareResult, f
     assert all(sets["rsba", seed] == sets["foc", seed] for seed in HeldOutSeeds(3).drawn)
     run = next(r for r in runs if r["joints"] == ["tilt"] and r["controller"] == "foc")
     scenario = load("tilt", controller="foc", gains="damped", set=run["set"], stop_time=0.4, fmus=fmu_folder)
-    with scenario.prepare() as simulation:
-        alone = simulation.run().metrics["joints"]["tilt"]
+    alone = scenario.prepare().run().metrics["joints"]["tilt"]
     assert alone["position_error_m"] == compared.rows.filter(run=run["run"])["position_error_m"][0]
 
 
@@ -130,8 +129,7 @@ def test_controllers_meet_equal_noise_and_disturbances(fmu_folder: Path) -> None
     sequences = []
     for controller in ("rsba", "foc"):
         scenario = load("tilt", controller=controller, stop_time=0.05, output_interval=1e-4, fmus=fmu_folder)
-        with scenario.prepare() as simulation:
-            result = simulation.run(set=seed | sensor)
+        result = scenario.prepare().run(set=seed | sensor)
         noise = result["tilt.plant.x_measured"] - result["tilt.plant.x_L"]
         sequences.append([*result["tilt.disturbance.d_2"], *noise])
     assert sequences[0] == sequences[1] and np.std(sequences[0]) > 0.0
