@@ -92,7 +92,8 @@ def compare(
         >>> compared.rows["controller"].to_list()
         ['rsba', 'foc']
     """
-    name = _name_of(scenario)
+    if not isinstance(scenario, (str, Path)):
+        raise CommandError(f"the scenario is {scenario!r}; it must be the name or the file of a scenario.")
     overrides: dict[str, Any] = {**options, "overwrite": True} if overwrite else {**options}
     _check(table, resolution, seeds, overrides)
     if seeds is None:
@@ -116,7 +117,7 @@ def compare(
     plan = plan_runs(scenarios, chosen, cases, terms, session.progress)
     session.check_unread([group.read for group in plan.groups])
     with session.alone():
-        result = _run(plan, name, table, session)
+        result = _run(plan, Path(scenario).stem, table, session)
         session.keep(result)
     return result
 
@@ -156,13 +157,6 @@ def _run(
         folder=session.path,
         plan=plan,
     )
-
-
-def _name_of(scenario: str | Path) -> str:
-    if not isinstance(scenario, (str, Path)):
-        raise CommandError(f"the scenario is {scenario!r}; it must be the name or the file of a scenario.")
-    path = Path(scenario)
-    return path.stem if path.suffix else path.name
 
 
 def _check(table: str | None, resolution: int | None, seeds: int | None, options: Mapping[str, Any]) -> None:

@@ -134,20 +134,16 @@ def _judge_candidates(result: SizeResult) -> Iterator[Text | str]:
     """Yield which candidates fall out, and which hold."""
     joints = dict.fromkeys(one.joint for one in result.candidates)
     several = len(joints) > 1
-    for one in result.candidates:
-        if not one.holds:
-            label = f"{one.joint}, {one.label}" if several else one.label
-            verb = "could not be judged" if one.holds is None else "falls out"
-            yield Text(f"{label} {verb}: {'; '.join(one.reasons)}.", is_failure=True)
+    for one in (one for one in result.candidates if not one.holds):
+        label = f"{one.joint}, {one.label}" if several else one.label
+        verb = "could not be judged" if one.holds is None else "falls out"
+        yield Text(f"{label} {verb}: {'; '.join(one.reasons)}.", is_failure=True)
     limits = [limit for _, sizing in result.sizings for limit in sizing.unexamined]
-    unexamined = dict.fromkeys(f"{limit.name} ({limit.missing})" for limit in limits)
-    if unexamined:
+    if unexamined := dict.fromkeys(f"{limit.name} ({limit.missing})" for limit in limits):
         yield f"Not examined for at least one actuator: {', '.join(unexamined)}."
     for joint in joints:
         labels = [one.label for one in result.candidates if one.joint == joint and one.holds]
-        verdict = (
-            f"{', '.join(labels)} hold{'s' if len(labels) == 1 else ''}." if labels else "No actuator holds."
-        )
+        verdict = f"{', '.join(labels) or 'No actuator'} hold{'' if len(labels) > 1 else 's'}."
         yield f"{joint}: {verdict}" if several else verdict
 
 

@@ -11,7 +11,7 @@ from ...analyses.compare.certificates import CERTIFICATE, certify_gains
 from ...analyses.compare.report import OUTPUTS
 from ...analyses.compare.result import STABILITY, TABLES
 from ...analyses.compare.runner import RESOLUTION, SEEDS, compare
-from ...base.errors import CommandError, CosimError
+from ...base.errors import CommandError, CosimError, join_names
 from ...base.option import COMPARE, argument, option
 from .analysis import run_analysis
 from .options import report, scheduler, workers
@@ -105,9 +105,6 @@ def _check_certificate(chosen: Parameters) -> None:
     if chosen.controllers not in (None, ["rsba"]):
         names = ",".join(chosen.controllers)
         raise CommandError(f"--table certificate supports only the controller rsba, not {names}.")
-    others = chosen.seeds, chosen.reserves, chosen.resolution, chosen.scheduler, chosen.workers
-    if any(other is not None for other in others):
-        raise CommandError(
-            "--table certificate does not support --seeds, --reserves, --resolution, --scheduler "
-            "and --workers."
-        )
+    others = ("seeds", "reserves", "resolution", "scheduler", "workers")
+    if any(getattr(chosen, name) is not None for name in others):
+        raise CommandError(f"--table certificate does not support {join_names(f'--{x}' for x in others)}.")
