@@ -18,13 +18,6 @@ from emla_cosim.analyses.size.plant import find_plant
 from emla_cosim.study.joints.schema import load_joint
 from tests.support.commands import Emla
 
-MOVES: dict[str, Any] = {
-    "{}.reference.period": 1.0,
-    "{}.reference.move.start": [0.0, 0.5, 2.0, 2.0, 2.0, 2.0, 2.0, 2.0],
-    "{}.reference.move.duration": [0.5] * 8,
-}
-"""Moves without rest, out and back, so that the load drives half of the time."""
-
 
 @pytest.fixture(scope="module")
 def size(fmu_folder: Path) -> Callable[..., ec.SizeResult]:
@@ -36,10 +29,15 @@ def rms(time: np.ndarray, values: np.ndarray) -> float:
 
 
 def shuttle(joint: str, way: float, directional: bool, **plant: float) -> dict[str, Any]:
-    """Start values of a joint that moves a way in m out and back, without disturbance."""
+    """Start values of a joint that moves a way in m out and back without rest: the load drives half the time.
+
+    There is no disturbance.
+    """
     start = load_joint(joint).start.x_L
     return {
-        **{name.format(joint): value for name, value in MOVES.items()},
+        f"{joint}.reference.period": 1.0,
+        f"{joint}.reference.move.start": [0.0, 0.5, *[2.0] * 6],
+        f"{joint}.reference.move.duration": [0.5] * 8,
         f"{joint}.reference.waypoint": [start, start + way, *[start] * 7],
         f"{joint}.plant.gearbox.directional": directional,
         **{f"{joint}.disturbance.d_2.{part}": 0.0 for part in ("amplitude[*]", "arctan", "low", "high")},
@@ -58,10 +56,8 @@ def test_run_and_size_agree(
     """The torque of the run, with whatever losses its plant has, is that of the sizing."""
     given: dict[str, Any] = {"set": {f"{joint}.plant.{name}": x for name, x in values.items()}}
     figures = size(joint, lead_in=0.0, stop_time=1.5, **given)[joint].figures
-    with ec.load(
-        joint, stop_time=1.5, output_interval=1e-4, fmus=fmu_folder, **given
-    ).prepare() as simulation:
-        run = simulation.run(recorders=[ec.TimeSeries()])
+    given |= {"stop_time": 1.5, "output_interval": 1e-4, "fmus": fmu_folder}
+    run = ec.load(joint, **given).prepare().run()
     torque, power = run[f"{joint}.plant.tau_m"], run[f"{joint}.plant.P_el"]
     assert figures.torque_rms_N_m == pytest.approx(rms(run.time, torque), rel=1e-9)
     assert figures.torque_peak_N_m == pytest.approx(np.abs(torque).max(), rel=1e-9)
@@ -92,11 +88,8 @@ def test_torque_equals_that_of_ideal_tracking(
     v, a = np.concatenate([v, -v]), np.concatenate([a, -a])
     load = float(sizing.cycle.load[0])
     alpha = 2.0 * math.pi / (p.rho * p.lead)
-    lossy = np.where(
-        load * v > 0.0,
-        1.0 / efficiency,
-        (back or 2.0 - 1.0 / efficiency) if directional else 1.0 / efficiency,
-    )
+    driven = (back or 2.0 - 1.0 / efficiency) if directional else 1.0 / efficiency
+    lossy = np.where(load * v > 0.0, 1.0 / efficiency, driven)
     torque = load * lossy / alpha + np.sign(v) * plant.get("friction.F_C", 0.0) / alpha
     torque += (alpha * (p.J_m + p.J_c + p.J_GB) + p.M_BS / alpha) * a + (alpha * p.B_m + p.B_BS / alpha) * v
     time = np.linspace(0.0, 1.0, len(v))
@@ -119,8 +112,8 @@ def test_effect_of_the_other_losses_equals_their_run(joint: str, size: Callable[
 
 
 def test_losses_without_an_alternative(size: Callable[..., ec.SizeResult]) -> None:
-    set_ = {"telescope.plant.gearbox.eta_GB": 1.0}
-    losses = size("telescope", stop_time=0.5, set=set_)["telescope"].losses
+    lossless = {"telescope.plant.gearbox.eta_GB": 1.0}
+    losses = size("telescope", stop_time=0.5, set=lossless)["telescope"].losses
     assert losses.other_torque_rms_N_m is None and "eta_GB is 1" in losses.sentence
     machine = size("hdrm-merged", stop_time=0.4, lead_in=0.0)["lift"].losses
     assert machine.setting is None and "if they oppose the motion" in machine.sentence
@@ -134,10 +127,8 @@ def test_disturbance_is_part_of_what_a_motion_requires(size: Callable[..., ec.Si
     run = size("lift", stop_time=1.0, set=values)["lift"]
     lost = size("lift", stop_time=1.0, set=values | broken)["lift"]
     assert lost.required and not run.required
-    assert lost.figures.torque_rms_N_m == pytest.approx(run.figures.torque_rms_N_m, rel=2e-3)
-    assert lost.figures.electrical_power_peak_W == pytest.approx(
-        run.figures.electrical_power_peak_W, rel=0.02
-    )
+    for name, rel in (("torque_rms_N_m", 2e-3), ("electrical_power_peak_W", 0.02)):
+        assert getattr(lost.figures, name) == pytest.approx(getattr(run.figures, name), rel=rel)
 
 
 def test_rigid_limit_of_a_compliant_plant() -> None:
@@ -156,8 +147,7 @@ def test_axial_force_of_a_compliant_plant_is_that_of_its_transmission(
 ) -> None:
     cycle = size("study-compliant", lead_in=0.0, stop_time=0.4)["telescope"].cycle
     options: dict[str, Any] = {"stop_time": 0.4, "output_interval": 1e-4, "fmus": fmu_folder}
-    with ec.load("study-compliant", **options).prepare() as simulation:
-        run = simulation.run(recorders=[ec.TimeSeries()])
+    run = ec.load("study-compliant", **options).prepare().run()
     force, a = run["telescope.plant.transmission.force"], run["telescope.plant.a_L"]
     assert cycle.force == pytest.approx(force + cycle.emla.M_BS * a)
 
@@ -212,8 +202,7 @@ def test_trip_in_the_run_is_a_limit_not_a_lost_motion(
     options: dict[str, Any] = {"set": values, "criteria": {"telescope.over_temperature": 0.2}}
     joint = size("telescope", stop_time=6.0, **options)["telescope"]
     assert joint.holds is False and not joint.required and joint.reason is None
-    with ec.load("telescope", stop_time=6.0, fmus=fmu_folder, **options).prepare() as simulation:
-        run = simulation.run()
+    run = ec.load("telescope", stop_time=6.0, fmus=fmu_folder, **options).prepare().run()
     trip = run.metrics["joints"]["telescope"]["trip"]
     assert trip["what"] == "winding temperature" and trip["threshold"] == pytest.approx(96.0)
     assert joint.figures.trip_time_s == pytest.approx(trip["time_s"], rel=0.02)
@@ -250,15 +239,12 @@ def test_warm_resistance_adds_to_the_losses(size: Callable[..., ec.SizeResult]) 
 def test_drawn_limits_are_the_judged_ones(size: Callable[..., ec.SizeResult]) -> None:
     sizing = size("study-drive", stop_time=0.5)["tilt"]
     torque, _, temperature, *_ = draw_motor({"": sizing}).axes
-    judged = {one.name: one.limit for one in sizing.limits}
-    lines = dict(zip(labels(torque), torque.lines, strict=True))
-    assert lines["limit of the rms torque"].get_ydata()[0] == pytest.approx(judged["rms torque"])
-    lines = dict(zip(labels(temperature), temperature.lines, strict=True))
-    assert lines["permitted rise"].get_ydata()[0] == judged["winding temperature rise"]
+    judged, drawn = {one.name: one.limit for one in sizing.limits}, dict[str, float]()
+    for axes in (torque, temperature):
+        labels = [text.get_text() for text in axes.get_legend().get_texts()]
+        drawn |= {name: line.get_ydata()[0] for name, line in zip(labels, axes.lines, strict=True)}
+    assert drawn["limit of the rms torque"] == pytest.approx(judged["rms torque"])
+    assert drawn["permitted rise"] == judged["winding temperature rise"]
     assert isinstance(sizing.winding, Winding)
-    assert lines["trip"].get_ydata()[0] == pytest.approx(1.05 * sizing.winding.permitted_rise)
+    assert drawn["trip"] == pytest.approx(1.05 * sizing.winding.permitted_rise)
     assert temperature.get_ylim()[1] > sizing.winding.trip_rise
-
-
-def labels(axes: Any) -> list[str]:
-    return [text.get_text() for text in axes.get_legend().get_texts()]

@@ -1,7 +1,7 @@
 """The stability certificate of a scenario's RSBA gains: predictions of the proof beside a simulation."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,7 +11,6 @@ from rsba_fmu.certificate import Bounds, Certificate, ControlGains, Four, Observ
 
 from ..base.arrays import Vector
 from ..base.errors import CommandError
-from ..recorders.recorder import Outline, Recorder
 from ..recorders.table import TimeSeries
 from ..run.simulation import Simulation
 from .criteria import EVALUATED_AFTER
@@ -42,24 +41,6 @@ class JointCertificate:
     remarks: Sequence[str]
 
 
-_CHOICES = (
-    "observer.use_model",
-    "observer.use_measured_current",
-    "observer.model.N_p",
-    "plant.use_commanded_current",
-)
-"""Parameters that are not real numbers, which the outline of a run does not have."""
-
-
-class _ParameterRecorder(Recorder):
-    """Stores the real parameters at the start of a run."""
-
-    parameters: Mapping[str, float]
-
-    def begin(self, outline: Outline, memory: Any = None) -> None:
-        self.parameters = outline.parameters
-
-
 def certify(simulation: Simulation) -> list[JointCertificate]:
     """Run a prepared scenario once, and return the certificate of each joint that has an `RsbaController`.
 
@@ -72,32 +53,19 @@ def certify(simulation: Simulation) -> list[JointCertificate]:
         RunError: The run fails.
     """
     names = set(simulation.names)
-    joints = [
-        name.removesuffix(".controller.P[4]")
-        for name in simulation.names
-        if name.endswith(".controller.P[4]")
-    ]
-    joints = [j for j in joints if f"{j}.observer.x_hat" in names and f"{j}.plant.x_L" in names]
+    needed = (".controller.P[4]", ".observer.x_hat", ".plant.x_L")
+    branches = dict.fromkeys(name.partition(".")[0] for name in simulation.names)
+    joints = [joint for joint in branches if all(joint + name in names for name in needed)]
     if not joints:
         raise CommandError(
             f"'{simulation.name}' has no joint with our plant, an RSBA controller and our observer."
         )
     references = [name for joint in joints if (name := find_variable(joint, "x_d", names)) is not None]
     own = [f"{joint}.{part}" for joint in joints for part in ("controller.*", "plant.*", "observer.*")]
-    chosen = [f"{joint}.{name}" for joint in joints for name in _CHOICES]
-    choices = {name: float(simulation[name]) for name in chosen}
-    started, step = _ParameterRecorder(), simulation.options.step_size
-    result = simulation.run(
-        recorders=[started, TimeSeries()], signals=[*own, *references], output_interval=step
-    )
-    wanted = [
-        name
-        for name in simulation.names
-        if name.partition(".")[0] in joints and name.split(".")[1] in ("controller", "plant", "observer")
-    ]
-    columns = result.read(["time", *wanted, *references])
-    parameters = {**started.parameters, **choices}
-    return [_certify_joint(joint, columns, parameters) for joint in joints]
+    step = simulation.options.step_size
+    result = simulation.run(recorders=[TimeSeries()], signals=[*own, *references], output_interval=step)
+    columns = result.read(["time", *result.names])
+    return [_certify_joint(joint, columns, result.parameters) for joint in joints]
 
 
 def _certify_joint(
@@ -110,32 +78,30 @@ def _certify_joint(
         return columns[f"{joint}.{name}"]
 
     def four(name: str) -> Four:
-        a, b, c, d = (parameters[f"{joint}.controller.{name}[{i}]"] for i in _SUBSYSTEMS)
+        a, b, c, d = (own[f"controller.{name}[{i}]"] for i in _SUBSYSTEMS)
         return a, b, c, d
 
-    own = {
-        name.removeprefix(f"{joint}."): x for name, x in parameters.items() if name.startswith(f"{joint}.")
-    }
+    start = f"{joint}."
+    own = {name.removeprefix(start): x for name, x in parameters.items() if name.startswith(start)}
     gains = ControlGains(four("beta"), four("zeta"), four("delta"), four("sigma"))
     P = np.array([signal(f"controller.P[{i}]") for i in _SUBSYSTEMS])
     theta = np.array([signal(f"controller.theta[{i}]") for i in _SUBSYSTEMS])
     D = np.abs(_acting(time, P, theta, gains))[:, late].max(axis=1)
     unknown = np.abs(_unknown_acceleration(signal, own))[late].max()
     bounds = Bounds((D[0], D[1], D[2], D[3]), float(unknown), float(time[-1] - time[0]))
-    found = certificate(gains, _observer(own), bounds)
     saturated = np.maximum(signal("controller.saturated"), signal("plant.inverter.saturated"))
     limited = float(np.mean(saturated[late] > 0))
     travel = float(np.abs(np.diff(signal("plant.x_L")[late])).max())
     step = float(time[1] - time[0])
     return JointCertificate(
         joint,
-        found,
+        certificate(gains, _observer(own), bounds),
         bounds,
         float(np.abs(signal("plant.x_L") - columns[str(find_variable(joint, "x_d", columns))])[late].max()),
         float(np.linalg.norm(P[:, late], axis=0).max()),
         float(np.abs(P[2, late]).max()),
         float(np.abs(signal("observer.x_hat") - signal("plant.x_L"))[late].max()),
-        _remarks(gains, own, step, limited, travel),
+        list(_remarks(gains, own, step, limited, travel)),
     )
 
 
@@ -154,78 +120,56 @@ def _unknown_acceleration(signal: Any, own: Mapping[str, float]) -> Vector:
     if not own["observer.use_model"]:
         return found
     current = signal("plant.i_q_measured" if own["observer.use_measured_current"] else "controller.i_q_ref")
-    torque = 1.5 * own["observer.model.N_p"] * own["observer.model.Phi_PM"] * current
-    return (
-        found - (torque - own["observer.model.B_eq"] * signal("observer.v_hat")) / own["observer.model.A_eq"]
-    )
+    N_p, Phi_PM, B_eq, A_eq = (own[f"observer.model.{name}"] for name in ("N_p", "Phi_PM", "B_eq", "A_eq"))
+    return found - (1.5 * N_p * Phi_PM * current - B_eq * signal("observer.v_hat")) / A_eq
 
 
 def _observer(own: Mapping[str, float]) -> ObserverConstants:
-    def value(name: str) -> float:
-        return own[f"observer.{name}"]
-
-    return ObserverConstants(
-        (value("alpha_1"), value("alpha_2")),
-        (value("Q_11"), value("Q_12"), value("Q_22")),
-        value("ell"),
-        value("m_0"),
-        value("m_decay"),
-    )
+    names = ("alpha_1", "alpha_2", "Q_11", "Q_12", "Q_22", "ell", "m_0", "m_decay")
+    alpha_1, alpha_2, Q_11, Q_12, Q_22, *others = (own[f"observer.{name}"] for name in names)
+    return ObserverConstants((alpha_1, alpha_2), (Q_11, Q_12, Q_22), *others)
 
 
 def _remarks(
     gains: ControlGains, own: Mapping[str, float], step: float, limited: float, travel: float
-) -> list[str]:
-    """Return the assumptions of the proof that do not hold for this loop."""
+) -> Iterator[str]:
+    """Yield the assumptions of the proof that do not hold for this loop."""
+    slowest, fastest = min(gains.beta), max(gains.beta)
     forgetting = min(delta * sigma for delta, sigma in zip(gains.delta, gains.sigma, strict=True))
-    no_zeta = [i for i, zeta in zip(_SUBSYSTEMS, gains.zeta, strict=True) if zeta == 0.0]
-    said = [
-        (
-            bool(no_zeta),
-            f"zeta_i is 0 for i = {', '.join(map(str, no_zeta))}: (43) divides by it, so nothing is proved.",
-        ),
-        (
-            forgetting < 0.1 * min(gains.beta),
+    if no_zeta := [str(i) for i, zeta in zip(_SUBSYSTEMS, gains.zeta, strict=True) if zeta == 0.0]:
+        yield f"zeta_i is 0 for i = {', '.join(no_zeta)}: (43) divides by it, so nothing is proved."
+    if forgetting < 0.1 * slowest:
+        yield (
             f"The smallest of phi_1 to phi_4 is theta_hat's decay, delta_i sigma_i = {forgetting:.3g} 1/s, "
-            f"{min(gains.beta) / max(forgetting, 1e-300):.3g} times slower than the loops.",
-        ),
-        (
-            own["observer.m_decay"] > 0.0,
+            f"{slowest / max(forgetting, 1e-300):.3g} times slower than the loops."
+        )
+    if own["observer.m_decay"] > 0.0:
+        yield (
             "(22) requires a finite integral of m(t), (55) a positive infimum. Over unlimited time both "
-            "are impossible; phi_0 is that of this run.",
-        ),
-        (True, "(19) requires K along p^-1 C'. Loads act on the speed alone, so they violate this."),
-        (
-            True,
-            f"Measurements are held for a step, in which the joint moves {1e6 * travel:.3g} µm at most. "
-            f"Their resolution is {1e6 * own.get('plant.sensor.resolution', 0.0):.2g} µm. The bound of the "
-            "observer's error ignores both.",
-        ),
-        (
-            own.get("observer.omega_d", 0.0) > 0.0,
-            "The observer estimates the disturbance as a third state, which (44) does not have.",
-        ),
-        (
-            not own["plant.use_commanded_current"],
+            "are impossible; phi_0 is that of this run."
+        )
+    yield "(19) requires K along p^-1 C'. Loads act on the speed alone, so they violate this."
+    yield (
+        f"Measurements are held for a step, in which the joint moves {1e6 * travel:.3g} µm at most. "
+        f"Their resolution is {1e6 * own.get('plant.sensor.resolution', 0.0):.2g} µm. The bound of the "
+        "observer's error ignores both."
+    )
+    if own.get("observer.omega_d", 0.0) > 0.0:
+        yield "The observer estimates the disturbance as a third state, which (44) does not have."
+    if not own["plant.use_commanded_current"]:
+        yield (
             "x_3d is u_2, for whose derivative Omega_3 there is no prior bound, and P_3 acts on the speed, "
-            "which (36) omits. Both are measured here.",
-        ),
-        (True, "F* of (34) contains P_1 and P_2 themselves, so Lambda_2 r_2 is known only after the run."),
-        (
-            True,
-            f"The proof is for continuous laws. Here they are held for {1e3 * step:g} ms, in which the "
-            f"fastest loop decays by {100 * (1 - math.exp(-0.5 * max(gains.beta) * step)):.2g} %.",
-        ),
-        (
-            own.get("plant.inverter.delay", 0.0) > 0.0,
-            "The proof ignores the delay of the inverter.",
-        ),
-        (
-            limited > 0.0,
-            f"A limit is active {100 * limited:.2g} % of the time; the laws are not applied then.",
-        ),
-    ]
-    return [sentence for holds, sentence in said if holds]
+            "which (36) omits. Both are measured here."
+        )
+    yield "F* of (34) contains P_1 and P_2 themselves, so Lambda_2 r_2 is known only after the run."
+    yield (
+        f"The proof is for continuous laws. Here they are held for {1e3 * step:g} ms, in which the "
+        f"fastest loop decays by {100 * (1 - math.exp(-0.5 * fastest * step)):.2g} %."
+    )
+    if own.get("plant.inverter.delay", 0.0) > 0.0:
+        yield "The proof ignores the delay of the inverter."
+    if limited > 0.0:
+        yield f"A limit is active {100 * limited:.2g} % of the time; the laws are not applied then."
 
 
 def build_certificate_rows(found: Sequence[JointCertificate]) -> list[tuple[str, str, list[float]]]:

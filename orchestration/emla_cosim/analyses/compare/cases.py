@@ -42,22 +42,12 @@ class ComparisonCase:
 
     def resolve_start_values(self, prepared: Preparation) -> dict[str, Value] | None:
         """Return the start values of the case by full name; None if the system has no such variable."""
-        values = dict[str, Value]()
-        for pattern, value in self.set.items():
-            names = _start_values(pattern, prepared)
-            if not names:
-                return None
-            values |= dict.fromkeys(names, value)
-        changes = [_scale_values(pattern, factor, prepared) for pattern, factor in self.scale.items()]
-        if self.scale and not any(changes):
+        fixed = [dict.fromkeys(_start_values(name, prepared), value) for name, value in self.set.items()]
+        scaled = [_scale_values(pattern, factor, prepared) for pattern, factor in self.scale.items()]
+        moved = [] if self.start_error is None else [_shift_start(self.start_error, prepared)]
+        if not all((*fixed, *moved)) or (scaled and not any(scaled)):
             return None
-        if self.start_error is not None:
-            changes.append(_shift_start(self.start_error, prepared))
-            if not changes[-1]:
-                return None
-        for change in changes:
-            values |= change
-        return values
+        return {name: value for change in (*fixed, *scaled, *moved) for name, value in change.items()}
 
 
 @dataclass(frozen=True)

@@ -32,10 +32,8 @@ class SetCertificate:
     @property
     def table(self) -> ReportTable:
         """Constants, predicted bounds and simulated values, with a column for each joint."""
-        rows = [
-            [label, *(f"{value:.4g}" for value in values), unit]
-            for label, unit, values in build_certificate_rows(self.joints)
-        ]
+        found = build_certificate_rows(self.joints)
+        rows = [[label, *(f"{value:.4g}" for value in values), unit] for label, unit, values in found]
         header = ["", *(joint.joint for joint in self.joints), "unit"]
         title = f"Certificate of {self.gains}: bounds of the proof beside the run, from 0.3 s on"
         return ReportTable(title, header, rows, texts=(0, len(header) - 1))
@@ -65,7 +63,12 @@ class CertificateResult:
 
     def markdown(self) -> str:
         """Return the tables and remarks of all sets as Markdown."""
-        return "\n".join(line for each in self.sets for line in _format_set(each))
+        lines = list[str]()
+        for each in self.sets:
+            lines += [f"## {each.gains}", "", f"{each.problem}\n" if each.problem else each.table.markdown()]
+            for joint in each.joints:
+                lines += [f"{joint.joint}:", "", *(f"- {remark}" for remark in joint.remarks), ""]
+        return "\n".join(lines)
 
 
 def certify_gains(
@@ -111,13 +114,6 @@ def certify_gains(
         result = CertificateResult(Path(scenario).stem, sets)
         session.keep(result)
     return result
-
-
-def _format_set(each: SetCertificate) -> list[str]:
-    lines = [f"## {each.gains}", "", f"{each.problem}\n" if each.problem else each.table.markdown()]
-    for joint in each.joints:
-        lines += [f"{joint.joint}:", "", *(f"- {remark}" for remark in joint.remarks), ""]
-    return lines
 
 
 def build_report(result: CertificateResult) -> Report:

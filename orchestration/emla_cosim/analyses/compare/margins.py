@@ -1,7 +1,7 @@
 """Stability margins of each joint with each controller, where its reference moves fastest."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import polars
@@ -19,7 +19,7 @@ from ..linearize.runner import measure_loops
 from ..variants.data import VariantOutcome
 from ..variants.factors import find_start_values
 from .plan import ComparisonPlan
-from .result import SHOWN, CompareResult, Row, group_rows
+from .result import LABELS, SHOWN, CompareResult, Row
 from .rows import FASTEST_AT, LARGEST_SPEED, list_joint_figures
 from .statistics import describe_ranking, group_by_variant, mark_winner, name_observers
 
@@ -34,10 +34,8 @@ LOOPS: Mapping[str, str] = {
 FIGURES = ("phase_margin_deg", "gain_margin_up_dB", "gain_margin_down_dB", "Ms", "delay_margin_s")
 PROBLEM, AT, DELAY = "problem", "margins_at_s", "computing_delay_s"
 
-_KEYS = ("scenario", "case", "joint", "controller", "gains")
-
 COLUMNS: Mapping[str, Any] = {
-    **dict.fromkeys(_KEYS, polars.String),
+    **dict.fromkeys(LABELS, polars.String),
     AT: polars.Float64,
     DELAY: polars.Float64,
     **{
@@ -57,16 +55,8 @@ measured during a larger change differed by 20 degrees from those around it.
 """
 
 _ERROR = SHOWN["position_error_m"]
-_HEADER = (
-    "controller,\nobserver",
-    "error\n/ µm",
-    "loop",
-    "phase\n/ °",
-    "gain\n/ dB",
-    "Ms",
-    "delay\n/ ms",
-    "conditions",
-)
+_UNITS = ("error\n/ µm", "loop", "phase\n/ °", "gain\n/ dB", "Ms", "delay\n/ ms")
+_HEADER = ("controller,\nobserver", *_UNITS, "conditions")
 
 
 def measure_margins(
@@ -80,13 +70,12 @@ def measure_margins(
     The operating point of all controllers is where the reference of the joint is fastest, or up to 200 steps
     later if the loop is not linear and constant there. An interrupt ends the measurement early.
 
-    Args:
-        plan: The runs.
-        outcomes: What came out of them, measured with `WITH_ERRORS`.
-        interrupted: Whether the user has interrupted.
-        progress: Receives the progress.
+    The outcomes must be measured with `WITH_ERRORS`.
     """
-    fastest = _find_fastest(plan, outcomes)
+    fastest = dict[tuple[str, str], tuple[float, float]]()  # runs that ended early may not reach it
+    for key, figures in list_joint_figures(plan, outcomes):
+        if LARGEST_SPEED in figures and figures[LARGEST_SPEED] > fastest.get(key, (-1.0, 0.0))[0]:
+            fastest[key] = figures[LARGEST_SPEED], figures[FASTEST_AT]
     runs = list({run.group: run for run in reversed(plan.runs)}.values())[::-1]
     progress.begin("measuring margins", len(runs), "systems")
     rows = list[dict[str, Any]]()
@@ -94,27 +83,15 @@ def measure_margins(
         if interrupted():
             break
         for joint in run.joints:
-            at = fastest.get((run.scenario, joint))
-            figures = _measure(plan.groups[run.group], joint, at, run.own["set"])
-            rows.append(run.labels(joint) | figures)
+            _, at = fastest.get((run.scenario, joint), (0.0, None))
+            rows.append(run.labels(joint) | _measure(plan.groups[run.group], joint, at, run.own["set"]))
         progress.advance(1)
     return polars.DataFrame(rows, schema=dict(COLUMNS), orient="row")
 
 
 def add_margins(rows: polars.DataFrame, margins: polars.DataFrame | None) -> polars.DataFrame:
     """Return the rows of a comparison with the columns of its margins, if there are any."""
-    return rows if margins is None else rows.join(margins, on=_KEYS, how="left", maintain_order="left")
-
-
-def _find_fastest(
-    plan: ComparisonPlan, outcomes: Mapping[int, VariantOutcome]
-) -> dict[tuple[str, str], float]:
-    """Return when the reference of each joint is fastest, in s; runs that ended early may not reach it."""
-    fastest = dict[tuple[str, str], tuple[float, float]]()
-    for key, figures in list_joint_figures(plan, outcomes):
-        if LARGEST_SPEED in figures and figures[LARGEST_SPEED] > fastest.get(key, (-1.0, 0.0))[0]:
-            fastest[key] = figures[LARGEST_SPEED], figures[FASTEST_AT]
-    return {key: at for key, (_, at) in fastest.items()}
+    return rows if margins is None else rows.join(margins, on=[*LABELS], how="left", maintain_order="left")
 
 
 def _measure(
@@ -138,7 +115,7 @@ def _measure(
         if _change(best) < _CONSTANT:
             break
     for loop, place in opened.items():
-        row |= {f"{loop}_{name}": value for name, value in _figures(best[place])}
+        row |= {f"{loop}_{name}": value for name, value in _figures(best[place]).items()}
     return row | {AT: at}
 
 
@@ -150,22 +127,20 @@ def _change(found: Mapping[str, Measured | CosimError]) -> float:
     )
 
 
-def _figures(found: Measured | CosimError) -> Iterator[tuple[str, Any]]:
+def _figures(found: Measured | CosimError) -> dict[str, Any]:
     """Return the figures of a loop, or the problem in words."""
     if isinstance(found, CosimError):
-        yield PROBLEM, found.fields.get("reason", "run ended" if isinstance(found, RunError) else str(found))
-        return
+        problem = found.fields.get("reason", "run ended" if isinstance(found, RunError) else str(found))
+        return {PROBLEM: problem}
     margins = found.margins
     assert margins is not None
     if not margins.has_crossover:
-        yield PROBLEM, f"gain stays {'above' if found.response.gain_dB[0] > 0.0 else 'below'} 1"
-        return
+        return {PROBLEM: f"gain stays {'above' if found.response.gain_dB[0] > 0.0 else 'below'} 1"}
     if found.drift > NONLINEAR:
-        yield PROBLEM, "changes with time"
-        return
+        return {PROBLEM: "changes with time"}
     values = (margins.phase_deg, margins.gain_up_dB, margins.gain_down_dB, margins.Ms, margins.delay_s)
-    for name, value in zip(FIGURES, values, strict=True):
-        yield name, value if math.isfinite(value) else None
+    finite = (value if math.isfinite(value) else None for value in values)
+    return dict(zip(FIGURES, finite, strict=True))
 
 
 def missed_conditions(figures: Mapping[str, Any]) -> list[str]:
@@ -181,7 +156,7 @@ def missed_conditions(figures: Mapping[str, Any]) -> list[str]:
 
 def build_margin_tables(result: CompareResult) -> list[ReportTable]:
     """Return a table for each joint, with a row for each loop of each controller."""
-    joints = group_rows(result.rows.rows(named=True), "scenario", "joint")
+    joints = result.group("scenario", "joint")
     return [_build_table(scenario, joint, rows) for (scenario, joint), rows in joints.items()]
 
 
@@ -211,10 +186,9 @@ def _cells(row: Row, loop: str) -> list[Text | str]:
     """Return margins and conditions of a loop, or the reason in words why there are none."""
     problem = row[f"{loop}_{PROBLEM}"]
     figures = {name: row[f"{loop}_{name}"] for name in FIGURES}
-    if problem is None and figures["Ms"] is None:
-        problem = "not measured"
-    if problem is not None:
-        return [Text(problem, is_failure=True), "", "", "", Text("not met", is_failure=True)]
+    if problem is not None or figures["Ms"] is None:
+        reason = Text(problem or "not measured", is_failure=True)
+        return [reason, "", "", "", Text("not met", is_failure=True)]
     phase, up, down, Ms, delay = figures.values()
     missed = missed_conditions(figures)
     return [

@@ -57,10 +57,6 @@ def draw_pictures(result: CompareResult) -> "dict[str, Figure]":
     return pictures
 
 
-def _group_joints(result: CompareResult) -> dict[tuple[Any, ...], list[Row]]:
-    return group_rows(result.rows.rows(named=True), "scenario", "joint")
-
-
 def _color(result: CompareResult, variant: str) -> str:
     return _COLORS[list(result.entrants).index(variant) % len(_COLORS)]
 
@@ -70,7 +66,7 @@ def _bars(result: CompareResult) -> "Figure":
 
     Bars are means over seeds, with their standard deviations.
     """
-    joints = _group_joints(result)
+    joints = result.group("scenario", "joint")
     bars = (*_BARS, "convergence_time_s" if result.table == PAPER else "settling_time_s")
     height = 0.6 + 0.22 * len(result.entrants)
     figure, grid = new_figure(len(joints), len(bars), 2.6, height, sharex="none")
@@ -158,12 +154,16 @@ def _printed(scenario: str, joint: str, figure: str) -> float | None:
 
 def _errors(result: CompareResult) -> "Figure":
     """Draw the position error of each joint over time, for each controller."""
-    joints = _group_joints(result)
+    joints = result.group("scenario", "joint")
     figure, grid = new_figure(len(joints), 1, 8.0, 1.9, sharex="none")
     for axes, ((scenario, joint), rows) in zip(grid[:, 0], joints.items(), strict=True):
         for row in rows:
             if (errors := result.errors.get(row["run"])) is not None:
-                _draw_error(axes, errors, joint, _color(result, label_variant(row)))
+                time, error = errors["time"].to_numpy(), np.abs(errors[joint].to_numpy())
+                every = max(len(time) // 400, 1)  # the largest error of those that share a dot
+                whole = len(time) // every * every
+                largest = 1e6 * np.fmax(error[:whole].reshape(-1, every).max(axis=1), _SMALLEST)
+                axes.plot(time[:whole:every], largest, color=_color(result, label_variant(row)), lw=1.0)
         axes.set_yscale("log")
         axes.set_ylim(1e-2, 1e5)
         axes.set_ylabel(f"{', '.join(dict.fromkeys([scenario, joint]))}\n|error| / µm", fontsize=9)
@@ -177,14 +177,6 @@ def _errors(result: CompareResult) -> "Figure":
     )
     figure.suptitle("Position errors: the largest in each 400th of the time", fontsize=12, fontweight="bold")
     return figure
-
-
-def _draw_error(axes: "Axes", errors: polars.DataFrame, joint: str, color: str) -> None:
-    time, error = errors["time"].to_numpy(), np.abs(errors[joint].to_numpy())
-    every = max(len(time) // 400, 1)  # the largest error of those that share a dot
-    whole = len(time) // every * every
-    largest = error[:whole].reshape(-1, every).max(axis=1)
-    axes.plot(time[:whole:every], 1e6 * np.fmax(largest, _SMALLEST), color=color, lw=1.0)
 
 
 def _motions(result: CompareResult) -> "Figure":
@@ -209,7 +201,7 @@ def _robustness(result: CompareResult) -> "Figure":
     """Draw for each joint a table of cases and controllers, shaded by the position error."""
     from matplotlib.colors import LinearSegmentedColormap, LogNorm
 
-    joints, shown = _group_joints(result), SHOWN["position_error_m"]
+    joints, shown = result.group("scenario", "joint"), SHOWN["position_error_m"]
     cases, columns = list(dict.fromkeys(result.rows["case"])), list(result.entrants)
     height = 0.6 + 0.24 * len(cases)
     figure, grid = new_figure(1, len(joints), 1.2 + 0.62 * len(columns), height, sharex="none")
@@ -231,9 +223,8 @@ def _robustness(result: CompareResult) -> "Figure":
                 is_dark = not summary.is_held or norm(values[y, x]) < 0.45
                 style = {"fontsize": 6, "color": "white" if is_dark else "black"}
                 axes.text(x + 0.5, y + 0.5, text, ha="center", va="center", **style)
-        picture = axes.pcolormesh(
-            np.ma.masked_invalid(values), cmap=shades, norm=norm, edgecolors="white", lw=0.5
-        )
+        cells = np.ma.masked_invalid(values)
+        picture = axes.pcolormesh(cells, cmap=shades, norm=norm, edgecolors="white", lw=0.5)
         labels = [variant.replace("/", "\n") for variant in columns]
         axes.set_xticks(np.arange(len(columns)) + 0.5, labels, fontsize=7, rotation=40, ha="right")
         names = cases if axes is grid[0, 0] else []
@@ -279,10 +270,8 @@ def _draw_map(axes: "Axes", rows: Sequence[Row]) -> None:
     for row in rows:
         point = y.index(row["y"]), x.index(row["x"])
         table[point] = np.fmin(table[point], row[HELD])  # the worst of several seeds
-    if len(rows):
-        colors = ListedColormap([_LOST, _HOLDS])
-        axes.pcolormesh(
-            x, y, np.ma.masked_invalid(table), cmap=colors, vmin=0.0, vmax=1.0, edgecolors="white", lw=0.5
-        )
+    if rows:
+        style = {"cmap": ListedColormap([_LOST, _HOLDS]), "edgecolors": "white", "lw": 0.5}
+        axes.pcolormesh(x, y, np.ma.masked_invalid(table), vmin=0.0, vmax=1.0, **style)
     axes.tick_params(labelsize=7)
     axes.spines[:].set_visible(False)

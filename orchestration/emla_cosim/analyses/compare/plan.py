@@ -19,6 +19,7 @@ from ..frame.session import Job
 from ..variants.targets import changed_in_run, format_arguments, merge_options
 from .cases import ComparisonCase
 from .controller_variants import ControllerVariant
+from .result import LABELS
 from .terms import (
     CURRENT,
     VOLTAGE,
@@ -59,8 +60,9 @@ class ComparisonRun:
     def labels(self, joint: str) -> dict[str, str]:
         """Return what tells the row of a joint from those of other runs, except for seeds."""
         variant = self.controller_variant
-        labels = {"scenario": self.scenario, "case": self.case.name, "joint": joint}
-        return {**labels, "controller": variant.label, "gains": variant.gains}
+        return dict(
+            zip(LABELS, (self.scenario, self.case.name, joint, variant.label, variant.gains), strict=True)
+        )
 
 
 @dataclass(frozen=True)
@@ -127,14 +129,14 @@ def plan_runs(
     for scenario in scenarios:
         for variant in variants:
             try:
-                planned = list(_cases(scenario, variant, cases, terms, progress))
+                parts = list(_cases(scenario, variant, cases, terms, progress))
             except CommandError as error:
                 if not (terms.skips_missing_gains and "gains" in error.fields and "joint" in error.fields):
                     raise
                 joint = error.fields["joint"]
                 lacking.append(f"{scenario} runs without {variant}: the joint {joint} has no such gains.")
                 continue
-            for part, case, own in planned:
+            for part, case, own in parts:
                 if not groups or groups[-1] is not part:
                     groups.append(part)
                 described = describe_reserves(part, own["set"])
@@ -143,10 +145,17 @@ def plan_runs(
                     fixed[str(variant)] = None
                 joints, sequences = _joints(part), random_seeds(part, own["set"])
                 observers = list_observers(part, joints, own["set"])
-                for seed, options in _choose_seeds(sequences, own, held_out, terms.options):
-                    position = scenario, variant, case, joints, options, len(groups) - 1, seed
-                    runs.append(ComparisonRun(*position, bool(sequences), observers, described))
-    notes = [*_describe_missing(scenarios, cases, runs), *lacking]
+                names = [name for name in sequences if name not in (terms.options.get("set") or {})]
+                for seed in (held_out.drawn if names else ()) or [None]:  # seeds of the user are kept
+                    drawn = {} if seed is None else {"set": held_out.values(names, seed)}
+                    position = scenario, variant, case, joints, merge_options([own, drawn]), len(groups) - 1
+                    runs.append(ComparisonRun(*position, seed, bool(sequences), observers, described))
+    planned = {(run.scenario, run.case.name) for run in runs}
+    notes = list[str]()
+    for scenario in scenarios:
+        if missing := [case.name for case in cases if (scenario, case.name) not in planned]:
+            notes.append(f"Not run, as {scenario} has no such variables: {join_names(missing)}.")
+    notes += lacking
     if not runs:
         raise CommandError(" ".join(notes))
     notes += dict.fromkeys(
@@ -159,40 +168,16 @@ def plan_runs(
     return ComparisonPlan(runs, groups, terms.options, notes)
 
 
-def _describe_missing(
-    scenarios: Sequence[str], cases: Sequence[ComparisonCase], runs: Sequence[ComparisonRun]
-) -> Iterator[str]:
-    """Yield a message for each scenario with cases that it has no variables for."""
-    planned = {(run.scenario, run.case.name) for run in runs}
-    for scenario in scenarios:
-        if missing := [case.name for case in cases if (scenario, case.name) not in planned]:
-            yield f"Not run, as {scenario} has no such variables: {join_names(missing)}."
-
-
 def _suggest_equal_observers(runs: Sequence[ComparisonRun], options: Mapping[str, Any]) -> Iterator[str]:
     """Yield a remark for each scenario with unequal observers: sets of gains that have equal ones."""
     for scenario in dict.fromkeys(run.scenario for run in runs):
         of_scenario = [run for run in runs if run.scenario == scenario]
         controllers = list(dict.fromkeys(run.controller_variant.controller for run in of_scenario))
-        pairs = {(joint, observer) for run in of_scenario for joint, observer in run.observers.items()}
-        is_equal = len(pairs) == len({joint for joint, _ in pairs})
-        if len(controllers) < 2 or is_equal:
+        pairs = {pair for run in of_scenario for pair in run.observers.items()}
+        if len(controllers) < 2 or len(pairs) == len(dict(pairs)):
             continue
         if equal := find_equal_gains(scenario, controllers, options):
             yield f"Equal observers in {scenario}: --gains {shlex.quote(','.join(map(str, equal)))}."
-
-
-def _choose_seeds(
-    sequences: Sequence[str], own: Mapping[str, Any], held_out: HeldOutSeeds, options: Mapping[str, Any]
-) -> list[tuple[int | None, Mapping[str, Any]]]:
-    """Return held-out seeds, each with the options of its run; a single None if there is nothing to draw.
-
-    Seeds that the user sets are not replaced.
-    """
-    names = [name for name in sequences if name not in (options.get("set") or {})]
-    if not (names and held_out.drawn):
-        return [(None, own)]
-    return [(seed, merge_options([own, {"set": held_out.values(names, seed)}])) for seed in held_out.drawn]
 
 
 def _cases(
@@ -204,7 +189,7 @@ def _cases(
 ) -> Iterator[tuple[Preparation, ComparisonCase, Mapping[str, Any]]]:
     """Yield the subsystems of a scenario, each with a case that it can run and the options of the case."""
 
-    def prepare(**own: Any) -> list[Preparation]:
+    def prepare(own: Mapping[str, Any]) -> list[Preparation]:
         """Return the subsystems that have joints, with this controller."""
         given: dict[str, Any] = {"controller": variant.controller, "gains": variant.gains}
         chosen = load(scenario, **{**terms.options, **given, **own})
@@ -212,28 +197,22 @@ def _cases(
         parts = find_independent_subsystems(Preparation.of(chosen, progress))
         return [part for part in parts if _joints(part)]
 
-    def pair(
-        part: Preparation, case: ComparisonCase, **own: Any
-    ) -> Iterator[tuple[Preparation, ComparisonCase, Mapping[str, Any]]]:
-        if (values := case.resolve_start_values(part)) is not None:
-            common = {} if terms.reserves is None else reserve_values(part, terms.reserves)
-            yield part, case, {**own, "set": {**values, **common}}
-
-    nominal = prepare()
+    nominal = prepare({})
     if not nominal:
         raise CommandError(
             f"'{scenario}' has no joint, a plant with its reference, to compare controllers on."
         )
-    for part in nominal:
-        for case in cases:
-            if not case.fault:
-                yield from pair(part, case)
+    pairs: list[tuple[Preparation, ComparisonCase, dict[str, Any]]]
+    pairs = [(part, case, {}) for part in nominal for case in cases if not case.fault]
     joints = [joint for part in nominal for joint in _joints(part)]
     for case in cases:
         if case.fault:  # faults become part of the system before it is prepared
-            faults = [*terms.options.get("fault", ()), *case.faults(joints)]
-            for part in prepare(fault=faults):
-                yield from pair(part, case, fault=faults)
+            own = {"fault": [*terms.options.get("fault", ()), *case.faults(joints)]}
+            pairs += [(part, case, own) for part in prepare(own)]
+    for part, case, own in pairs:
+        if (values := case.resolve_start_values(part)) is not None:
+            common = {} if terms.reserves is None else reserve_values(part, terms.reserves)
+            yield part, case, {**own, "set": {**values, **common}}
 
 
 def _joints(part: Preparation) -> list[str]:
@@ -248,9 +227,7 @@ def find_independent_subsystems(prepared: Preparation) -> list[Preparation]:
     graph.add_nodes_from(branch.values())
     graph.add_edges_from((branch[x.source], branch[x.target]) for x in system.connections)
     found = list(networkx.connected_components(graph))
-    if len(found) == 1:
-        return [prepared]
-    return [_make_subsystem(prepared, branches) for branches in found]
+    return [prepared] if len(found) == 1 else [_make_subsystem(prepared, branches) for branches in found]
 
 
 def _make_subsystem(prepared: Preparation, branches: set[str]) -> Preparation:
@@ -260,15 +237,14 @@ def _make_subsystem(prepared: Preparation, branches: set[str]) -> Preparation:
     others = {c.name for c in system.components} - names
     bonds = {name: bond for name, bond in system.bonds.items() if system.split(bond.effort)[0].name in names}
     fmus = {name: sha for name, sha in prepared.fmus.items() if name in names}
-    options = prepared.options
     layers = [
         {name: _remove_components(value, others) for name, value in layer.items()}
-        for layer in options.resolution.layers
+        for layer in prepared.options.resolution.layers
     ]
     return replace(
         prepared,
         system=System(components, tuple(x for x in system.connections if x.source in names), bonds),
-        options=replace(options, resolution=resolve(layers)),
+        options=replace(prepared.options, resolution=resolve(layers)),
         fmus=fmus,
         interfaces={name: one for name, one in prepared.interfaces.items() if name in names},
         files={sha: path for sha, path in prepared.files.items() if sha in fmus.values()},

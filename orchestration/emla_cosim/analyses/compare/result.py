@@ -29,13 +29,12 @@ LOST_AT, WHY, SEED = "lost_at_s", "why", "seed"
 RANDOM, OBSERVER, RESERVES = "random", "observer", "reserves"
 """Columns that say whether random sequences affect the run, and what may differ between controllers."""
 
+LABELS = ("scenario", "case", "joint", "controller", "gains")
+"""Columns that tell the rows of runs apart, except for seeds."""
+
 COLUMNS: Mapping[str, Any] = {
     "run": polars.Int64,
-    "scenario": polars.String,
-    "case": polars.String,
-    "joint": polars.String,
-    "controller": polars.String,
-    "gains": polars.String,
+    **dict.fromkeys(LABELS, polars.String),
     OBSERVER: polars.String,
     RESERVES: polars.String,
     SEED: polars.Int64,
@@ -88,6 +87,10 @@ class CompareResult:
     wall_s: float = 0.0
     folder: Path | None = None
     plan: "ComparisonPlan | None" = field(default=None, compare=False, repr=False)
+
+    def group(self, *by: str) -> dict[tuple[Any, ...], list[Row]]:
+        """Return the rows, grouped by the values of these columns."""
+        return group_rows(self.rows.rows(named=True), *by)
 
     @property
     def grids(self) -> list[ReportTable]:

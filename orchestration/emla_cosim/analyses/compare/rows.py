@@ -14,7 +14,7 @@ from ...study.registration import JOINTS
 from ...study.roles import find_tracked_joints, find_variable, list_role_patterns
 from ..variants.data import DIED, VariantOutcome
 from ..variants.measures import Measures
-from .plan import ComparisonPlan, ComparisonRun
+from .plan import ComparisonPlan
 from .result import COLUMNS, FIGURES, LOST_AT, OBSERVER, RANDOM, RESERVES, SEED, WHY
 
 LARGEST_SPEED, FASTEST_AT, MOTION = "largest_speed_m_s", "fastest_at_s", "motion"
@@ -56,18 +56,18 @@ class JointMeasures(Measures):
 
 def _measure_motion(result: Result, joint: str, reference: str) -> dict[str, Any]:
     load = find_variable(joint, "F_L", result.names, result.roles)
-    signals = result.read(["time", reference, *([load] if load else [])])
+    names = {"time": "time", "reference": reference, **({"load": load} if load else {})}
+    signals = result.read([*names.values()])
     time = signals["time"]
     if len(time) < 2:
         return {}
     speed = np.abs(np.gradient(signals[reference], time))
     k = int(np.argmax(speed))
-    points = slice(None, None, -(-len(time) // _POINTS))
-    motion = {"time": time, "reference": signals[reference], **({"load": signals[load]} if load else {})}
+    every = -(-len(time) // _POINTS)
     return {
         LARGEST_SPEED: float(speed[k]),
         FASTEST_AT: float(time[k]),
-        MOTION: {name: values[points].tolist() for name, values in motion.items()},
+        MOTION: {name: signals[full_name][::every].tolist() for name, full_name in names.items()},
     }
 
 
@@ -80,11 +80,16 @@ WITH_ERRORS = JointMeasures(signals=["errors"], read=list_role_patterns("x_L", "
 
 def build_rows(plan: ComparisonPlan, outcomes: Mapping[int, VariantOutcome]) -> polars.DataFrame:
     """Return the rows of all finished runs, in the order of the plan."""
-    rows = [
-        _row(number, plan.runs[number], joint, outcomes[number])
-        for number in sorted(outcomes)
-        for joint in plan.runs[number].joints
-    ]
+    rows = list[dict[str, Any]]()
+    for number, outcome in sorted(outcomes.items()):
+        run = plan.runs[number]
+        x, y = run.case.at or (None, None)
+        for joint in run.joints:
+            figures = outcome.figures.get(joint, {})
+            verdict = zip((HELD, LOST_AT, WHY), read_verdict(figures, outcome), strict=True)
+            terms = {OBSERVER: run.observers.get(joint), RESERVES: run.reserves, RANDOM: run.is_random}
+            labels = {"run": number, **run.labels(joint), SEED: run.seed, "x": x, "y": y}
+            rows.append({name: figures.get(name) for name in FIGURES} | labels | terms | dict(verdict))
     return polars.DataFrame(rows, schema=dict(COLUMNS), orient="row")
 
 
@@ -108,26 +113,6 @@ def collect_motions(
         if motion and (key not in motions or motion["time"][-1] > motions[key]["time"][-1]):
             motions[key] = motion
     return {key: polars.DataFrame(motion) for key, motion in motions.items()}
-
-
-def _row(number: int, run: ComparisonRun, joint: str, outcome: VariantOutcome) -> dict[str, Any]:
-    figures = outcome.figures.get(joint, {})
-    is_held, at, why = read_verdict(figures, outcome)
-    x, y = run.case.at or (None, None)
-    return {
-        "run": number,
-        **run.labels(joint),
-        OBSERVER: run.observers.get(joint),
-        RESERVES: run.reserves,
-        SEED: run.seed,
-        RANDOM: run.is_random,
-        HELD: is_held,
-        LOST_AT: at,
-        WHY: why,
-        **{name: figures.get(name) for name in FIGURES},
-        "x": x,
-        "y": y,
-    }
 
 
 def read_verdict(

@@ -92,7 +92,8 @@ def compare(
         >>> compared.rows["controller"].to_list()
         ['rsba', 'foc']
     """
-    name = _name_of(scenario)
+    if not isinstance(scenario, (str, Path)):
+        raise CommandError(f"the scenario is {scenario!r}; it must be the name or the file of a scenario.")
     overrides: dict[str, Any] = {**options, "overwrite": True} if overwrite else {**options}
     _check(table, resolution, seeds, overrides)
     if seeds is None:
@@ -116,7 +117,7 @@ def compare(
     plan = plan_runs(scenarios, chosen, cases, terms, session.progress)
     session.check_unread([group.read for group in plan.groups])
     with session.alone():
-        result = _run(plan, name, table, session)
+        result = _run(plan, Path(scenario).stem, table, session)
         session.keep(result)
     return result
 
@@ -158,13 +159,6 @@ def _run(
     )
 
 
-def _name_of(scenario: str | Path) -> str:
-    if not isinstance(scenario, (str, Path)):
-        raise CommandError(f"the scenario is {scenario!r}; it must be the name or the file of a scenario.")
-    path = Path(scenario)
-    return path.stem if path.suffix else path.name
-
-
 def _check(table: str | None, resolution: int | None, seeds: int | None, options: Mapping[str, Any]) -> None:
     """Raise CommandError for options that are wrong or do not fit together."""
     if table is not None:
@@ -188,10 +182,8 @@ def _scenarios(scenario: str, table: str | None) -> list[str]:
         return [scenario]
     printed = [s for t in PRINTED for s in t.scenarios]
     if scenario not in printed:
-        raise CommandError(
-            f"the paper's tables need the scenarios {join_names(printed)}; use {printed[0]}, not "
-            f"'{scenario}'."
-        )
+        needed = f"the paper's tables need the scenarios {join_names(printed)}"
+        raise CommandError(f"{needed}; use {printed[0]}, not '{scenario}'.")
     return [s for s in printed if s in SCENARIOS]
 
 

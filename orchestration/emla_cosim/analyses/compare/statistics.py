@@ -11,7 +11,7 @@ from ...base.wording import format_rounded
 from ...recorders.metrics import HELD, MetricDisplay
 from ..frame.confidence import describe_share
 from ..frame.report import Text
-from .result import OBSERVER, RANDOM, RESERVES, SEED, SHOWN, Row, group_rows, label_variant
+from .result import LABELS, OBSERVER, RANDOM, RESERVES, SEED, SHOWN, Row, group_rows, label_variant
 
 LEVEL = 0.05
 """Largest probability of a wrong winner in a row."""
@@ -132,17 +132,21 @@ def fewest_wins(seeds: int) -> int | None:
 def _is_below(value: float, other: float, figure: MetricDisplay) -> bool:
     """Return whether a figure is below another one by at least a unit of the last digit that tables show."""
     a, b = figure.factor * value, figure.factor * other
-    return b > a and b - a >= (1.0 - 1e-9) * _last_digit(b)
-
-
-def _last_digit(value: float) -> float:
-    """Return the value of the last digit with which `format_rounded` shows a number."""
-    return min(1.0, 10.0 ** (math.floor(math.log10(abs(value))) - 2)) if value else 0.0
+    last_digit = min(1.0, 10.0 ** (math.floor(math.log10(abs(b))) - 2)) if b else 0.0  # as `format_rounded`
+    return b > a and b - a >= (1.0 - 1e-9) * last_digit
 
 
 def mark_winner(variants: Mapping[str, SeedStatistics], figure: MetricDisplay) -> dict[str, Text]:
     """Return the cells of a row by controller and gains: means, spreads, wins and the winner."""
-    cells = {name: _cell(summary, figure) for name, summary in variants.items()}
+    cells = dict[str, Text]()
+    for name, summary in variants.items():
+        spread = figure.factor * summary.spread(figure.name)
+        deviation = f" ± {float(f'{spread:.2g}'):g}" if spread > 0.0 else ""
+        cells[name] = (
+            Text(format_mean(summary, figure) + deviation)
+            if summary.is_held
+            else Text(format_lost(summary, figure), is_failure=True)
+        )
     if ranking := rank(variants, figure):
         text = cells[ranking.best].text
         if ranking.seeds and ranking.wins:
@@ -162,13 +166,6 @@ def format_lost(summary: SeedStatistics, figure: MetricDisplay) -> str:
     of = "" if len(summary.rows) == 1 else f" in {len(summary.lost)} of {len(summary.rows)}"
     largest = max((row[figure.name] for row in summary.lost if _is_known(row[figure.name])), default=None)
     return f"not held{of}" + ("" if largest is None else f" ({format_rounded(figure.factor * largest)})")
-
-
-def _cell(summary: SeedStatistics, figure: MetricDisplay) -> Text:
-    if not summary.is_held:
-        return Text(format_lost(summary, figure), is_failure=True)
-    text, spread = format_mean(summary, figure), figure.factor * summary.spread(figure.name)
-    return Text(f"{text} ± {float(f'{spread:.2g}'):g}" if spread > 0.0 else text)
 
 
 def _is_known(value: float | None) -> bool:
@@ -203,7 +200,7 @@ def _describe_winners(rows: Sequence[Row]) -> list[str]:
 def describe_confidence(rows: Sequence[Row]) -> list[str]:
     """Return what the drawn seeds say about all others; empty if no joint ran with several seeds."""
     drawn = [row for row in rows if row[RANDOM] and row[SEED] is not None]
-    groups = group_rows(drawn, "scenario", "case", "joint", "controller", "gains").values()
+    groups = group_rows(drawn, *LABELS).values()
     counts = {(sum(not row[HELD] for row in runs), len(runs)) for runs in groups if len(runs) > 1}
     shares = "; ".join(describe_share(lost, total, "not held") for lost, total in sorted(counts))
     return [f"For a joint with one controller, of all seeds that could be drawn: {shares}."] if shares else []
@@ -213,8 +210,12 @@ def describe_inequality(rows: Sequence[Row]) -> list[str]:
     """Return what differs between the controllers beside their gains; empty for equal terms."""
     observers, reserves, effort = dict[str, list[str]](), list[str](), list[str]()
     for (joint,), of_joint in group_rows(rows, "joint").items():
-        if len({row[OBSERVER] for row in of_joint}) > 1:
-            texts = _list({label_variant(row): str(row[OBSERVER]) for row in of_joint})
+        by_observer = group_rows(of_joint, OBSERVER)
+        if len(by_observer) > 1:
+            names = {
+                text: dict.fromkeys(map(label_variant, of_text)) for (text,), of_text in by_observer.items()
+            }
+            texts = "; ".join(f"{join_names(variants)} {text}" for text, variants in names.items())
             observers.setdefault(texts, []).append(joint)
         if len({row[RESERVES] for row in of_joint}) > 1:
             reserves.append(joint)
@@ -252,11 +253,3 @@ def name_observers(rows: Sequence[Row]) -> dict[str, str]:
         name: join_names(dict.fromkeys(text.partition(" ")[0] for text in texts) if len(texts) > 1 else texts)
         for name, texts in observers.items()
     }
-
-
-def _list(texts: Mapping[str, str]) -> str:
-    """Return texts by controller, each text once."""
-    by_text: dict[str, list[str]] = {}
-    for name, text in texts.items():
-        by_text.setdefault(text, []).append(name)
-    return "; ".join(f"{join_names(names)} {text}" for text, names in by_text.items())

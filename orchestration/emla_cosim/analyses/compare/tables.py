@@ -10,6 +10,7 @@ from ...study.paper import PRINTED, REFERENCE, Cells, PrintedTable
 from ..frame.report import ReportTable, Text
 from .margins import build_margin_tables
 from .result import (
+    LABELS,
     LOST_AT,
     MARGINS,
     PAPER,
@@ -50,15 +51,8 @@ _ROUNDED = 0.006
 
 def build_tables(result: CompareResult) -> list[ReportTable]:
     """Return all tables of a result."""
-    if result.table == PAPER:
-        return [table for printed in PRINTED for table in _paper(result, printed)]
-    if result.table == ROBUSTNESS:
-        return list(_robustness(result))
-    if result.table == STABILITY:
-        return list(_stability(result))
-    if result.table == MARGINS:
-        return build_margin_tables(result)
-    return list(_plain(result))
+    builders = {PAPER: _paper, ROBUSTNESS: _robustness, STABILITY: _stability, MARGINS: build_margin_tables}
+    return list(builders.get(str(result.table), _plain)(result))
 
 
 def describe_lost_joints(result: CompareResult) -> list[str]:
@@ -66,9 +60,8 @@ def describe_lost_joints(result: CompareResult) -> list[str]:
     if result.table == STABILITY:
         return []  # the maps show these
     several = [name for name in ("scenario", "case") if result.rows[name].n_unique() > 1]
-    groups = group_rows(result.rows.rows(named=True), "scenario", "case", "joint", "controller", "gains")
     lines = list[str]()
-    for summary in map(SeedStatistics, groups.values()):
+    for summary in map(SeedStatistics, result.group(*LABELS).values()):
         if summary.is_held:
             continue
         first = min(summary.lost, key=lambda row: math.inf if row[LOST_AT] is None else row[LOST_AT])
@@ -87,13 +80,12 @@ def _header(result: CompareResult, first: str, rows: Sequence[Row]) -> list[str]
 
 def _plain(result: CompareResult) -> Iterator[ReportTable]:
     """Return a table for each joint, with figures in rows and controllers in columns."""
-    shown = [SHOWN[name] for name in _FIGURES]
-    for (scenario,), rows in group_rows(result.rows.rows(named=True), "scenario").items():
+    for (scenario,), rows in result.group("scenario").items():
         body, lines = list[Sequence[Text | str]](), list[int]()
         for (joint,), group in group_rows(rows, "joint").items():
             lines.append(len(body))
             variants = group_by_variant(group)
-            for figure in shown:
+            for figure in (SHOWN[name] for name in _FIGURES):
                 cells = mark_winner(variants, figure)
                 label = f"{joint}: {figure.label} / {figure.unit}"
                 body.append([label, *(cells.get(name, "") for name in result.entrants)])
@@ -106,7 +98,7 @@ def _robustness(result: CompareResult) -> Iterator[ReportTable]:
     """Return a table of cases and controllers for each joint, then one with the number of cases that hold."""
     first, *others = (SHOWN[name] for name in _COMPACT)
     meaning = ", ".join(f"{figure.label} / {figure.unit}" for figure in (first, *others))
-    for (scenario, joint), rows in group_rows(result.rows.rows(named=True), "scenario", "joint").items():
+    for (scenario, joint), rows in result.group("scenario", "joint").items():
         body = list[Sequence[Text | str]]()
         for (case,), group in group_rows(rows, "case").items():
             variants = group_by_variant(group)
@@ -118,7 +110,7 @@ def _robustness(result: CompareResult) -> Iterator[ReportTable]:
             body.append([case, *(cells.get(name, "") for name in result.entrants)])
         title, header = f"{joint} of {scenario}: {meaning}", _header(result, "case", rows)
         yield ReportTable(title, header, body, describe_ranking(rows))
-    for (scenario,), rows in group_rows(result.rows.rows(named=True), "scenario").items():
+    for (scenario,), rows in result.group("scenario").items():
         yield _shares(f"Cases of {scenario} that hold", result, rows)
 
 
@@ -144,12 +136,13 @@ def _share(rows: Sequence[Row]) -> Text:
     return Text(f"{held} of {len(points)}", is_failure=not held)
 
 
-def _paper(result: CompareResult, printed: PrintedTable) -> Iterator[ReportTable]:
-    """Yield the cells and the averages of a table of the paper of which something was run."""
-    rows = [r for r in result.rows.rows(named=True) if (r["scenario"], r["joint"]) in printed.cells]
-    if rows:
-        yield _cells(rows, printed)
-        yield _averages(rows, printed)
+def _paper(result: CompareResult) -> Iterator[ReportTable]:
+    """Yield the cells and the averages of each table of the paper of which something was run."""
+    for printed in PRINTED:
+        rows = [r for r in result.rows.rows(named=True) if (r["scenario"], r["joint"]) in printed.cells]
+        if rows:
+            yield _cells(rows, printed)
+            yield _averages(rows, printed)
 
 
 def _cells(rows: Sequence[Row], printed: PrintedTable) -> ReportTable:
@@ -179,14 +172,13 @@ def _averages(rows: Sequence[Row], printed: PrintedTable) -> ReportTable:
     usual = f"{REFERENCE}/{CONTROLLERS[REFERENCE].recommended}"
     by_entrant = {name: [r for r in rows if label_variant(r) == name] for name in map(label_variant, rows)}
     base = _means(by_entrant.get(usual, ()), len(printed.cells))
+    averages = {f"paper, {c}": cells for c, cells in printed.averages.items()}
+    averages |= {
+        f"paper, {c}, from its cells": printed.recomputed(c) for c in printed.averages if c != REFERENCE
+    }
     body: list[Sequence[Text | str]] = [
-        [name, *_ratios(_means(group, len(printed.cells)), base)] for name, group in by_entrant.items()
-    ]
-    body += [[f"paper, {c}", *_numbers(cells)] for c, cells in printed.averages.items()]
-    body += [
-        [f"paper, {c}, from its cells", *_numbers(printed.recomputed(c))]
-        for c in printed.averages
-        if c != REFERENCE
+        *([name, *_ratios(_means(x, len(printed.cells)), base)] for name, x in by_entrant.items()),
+        *([name, *(f"{x:.3f}".rstrip("0").rstrip(".") for x in cells)] for name, cells in averages.items()),
     ]
     header = ["normalised average", *(figure.label for figure in _PRINTED)]
     under = [f"Averages are ratios of means, ours to {usual}.", *_describe_difference(printed)]
@@ -199,21 +191,13 @@ def _means(rows: Sequence[Row], count: int) -> Cells | None:
     if len(joints) < count or not all(joint.is_held for joint in joints):
         return None
     means = [[joint.mean(name) for joint in joints] for name in Cells.__struct_fields__]
-    return Cells(
-        *(math.nan if None in column else math.fsum(x for x in column if x is not None) for column in means)
-    )
+    return Cells(*(math.fsum(math.nan if x is None else x for x in column) for column in means))
 
 
 def _ratios(means: Cells | None, base: Cells | None) -> list[Text | str]:
-    if means is None:
-        return [Text("not held", is_failure=True)] * len(_PRINTED)
-    if base is None:
-        return ["none"] * len(_PRINTED)
+    if means is None or base is None:
+        return [Text("not held", is_failure=True) if means is None else "none"] * len(_PRINTED)
     return [format_rounded(ours / of) for ours, of in zip(means, base, strict=True)]
-
-
-def _numbers(cells: Cells) -> list[str]:
-    return [f"{value:.3f}".rstrip("0").rstrip(".") for value in cells]
 
 
 def _describe_difference(printed: PrintedTable) -> list[str]:
@@ -225,6 +209,5 @@ def _describe_difference(printed: PrintedTable) -> list[str]:
             if abs(ours - theirs) > _ROUNDED:
                 wrong[figure.label].append(f"{theirs:.3g} for {controller}, where its cells give {ours:.3f}")
     differences = [f"{label} {' and '.join(texts)}" for label, texts in wrong.items() if texts]
-    if not differences:
-        return ["The paper's averages follow from its own cells."]
-    return [f"The paper's averages follow from its own cells, except {'; '.join(differences)}."]
+    exceptions = f", except {'; '.join(differences)}" if differences else ""
+    return [f"The paper's averages follow from its own cells{exceptions}."]

@@ -13,7 +13,7 @@ from ...study.controllers import choose_controller
 from ...study.loading import load
 from ...study.observers import describe_observer
 from ...study.randomness import SEED, is_random
-from ...system.model import System, Value
+from ...system.model import Value
 from ...system.names import Names
 from ..execution.worker_payload import Preparation
 from ..variants.factors import find_start_values
@@ -55,17 +55,14 @@ def list_tuning_seeds() -> set[int]:
 def read_start_values(prepared: Preparation, values: Mapping[str, Value]) -> Callable[[str], float | None]:
     """Return a function that returns a start value by full name; None if there is no such number.
 
-    Args:
-        prepared: The system.
-        values: Start values of the run, by full name; they override those of the system.
+    `values` are start values of the run, by full name; they override those of the system.
     """
     names = Names(prepared.system, prepared.interfaces)
 
     def value(name: str) -> float | None:
-        variable = names.get(name)
-        if variable is None or name in values:
-            return None if variable is None else float(values[name])
-        number = variable.start_number
+        if (variable := names.get(name)) is None:
+            return None
+        number = float(values[name]) if name in values else variable.start_number
         return _TRUTHS.get(str(variable.variable.start).lower()) if number is None else number
 
     return value
@@ -115,8 +112,8 @@ def reserve_values(prepared: Preparation, reserves: Reserves) -> dict[str, Value
 def describe_reserves(prepared: Preparation, values: Mapping[str, Value]) -> str:
     """Return the reserves of the controllers of a system as text; `values` has start values of the run."""
     value = read_start_values(prepared, values)
-    reserves = [_read_reserves(controller, value) for controller in _controllers(prepared)]
-    return ", ".join(dict.fromkeys("not stated" if each is None else str(each) for each in reserves))
+    reserves = (_read_reserves(controller, value) for controller in _controllers(prepared))
+    return ", ".join(dict.fromkeys(str(each or "not stated") for each in reserves))
 
 
 def _controllers(prepared: Preparation) -> list[str]:
@@ -159,14 +156,10 @@ def find_equal_gains(
         for gains in choose_controller(controller, None).controller.gains:
             overrides: dict[str, Any] = {**options, "controller": controller, "gains": gains}
             with suppress(CommandError):  # a joint lacks this set
-                rules = _observers_of(load(scenario, **overrides).system)
+                components = load(scenario, **overrides).system.components
+                observers = [c.parameters for c in components if c.name.endswith(".observer")]
+                rules = tuple(describe_observer(parameters.get) for parameters in observers)
                 by_observers[-1].setdefault(rules, ControllerVariant(controller, gains))
     first, *others = by_observers
     shared = next((rules for rules in first if all(rules in sets for sets in others)), None)
     return [] if shared is None else [sets[shared] for sets in by_observers]
-
-
-def _observers_of(system: System) -> tuple[str | None, ...]:
-    """Return the rules of all observers of a system that is not prepared."""
-    observers = [c.parameters for c in system.components if c.name.endswith(".observer")]
-    return tuple(describe_observer(parameters.get) for parameters in observers)

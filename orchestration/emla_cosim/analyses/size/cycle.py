@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -25,7 +25,6 @@ class Cycle:
     """Signals of a joint over one cycle, arrays of shape (rows,) in SI units.
 
     Attributes:
-        joint: Name of the joint.
         emla: Parameters of the actuator as the run used them.
         time: Times in s.
         x: Position in m.
@@ -43,7 +42,6 @@ class Cycle:
         error: Position minus reference in m.
     """
 
-    joint: str
     emla: EmlaParameters
     time: Vector
     x: Vector
@@ -100,52 +98,41 @@ def list_joints(signals: Sequence[str], roles: Mapping[str, str]) -> list[str]:
 
 
 def read_cycle(result: Result, plant: JointPlant, start: float, end: float) -> Cycle:
-    """Return a joint's cycle of a run.
-
-    Args:
-        result: The run, with a table.
-        plant: The plant of the joint.
-        start: Begin of the cycle in s.
-        end: End of the cycle in s.
+    """Return a joint's cycle of a run with a table, from `start` to `end` in s.
 
     Raises:
         CommandError: The run has fewer than two rows in the cycle.
     """
-    joint = plant.joint
-    data = _read_signals(result, joint, SIGNALS)
+    data = _read_signals(result, plant.joint, SIGNALS)
     inside = (data["time"] >= start - 1e-9) & (data["time"] <= end + 1e-9)
     if np.count_nonzero(inside) < 2:
-        raise CommandError(f"the cycle from {start:g} to {end:g} s has fewer than two rows of {joint}.")
+        raise CommandError(f"the cycle from {start:g} to {end:g} s has fewer than two rows of {plant.joint}.")
     signal = {role: values[inside] for role, values in data.items()}
     time = signal["time"]
+    required = np.full(len(time), np.nan)
+    if "v_d" in signal and "a_d" in signal:
+        x, v, a = (signal[role] for role in ("x_d", "v_d", "a_d"))
+        required = plant.required_torque(x, v, a, signal["F_L"] + plant.load_mass * a, np.zeros_like(a))
+    names = {"x": "x_L", "v": "v_L", "torque": "tau_m", "omega": "omega_m"}
     return Cycle(
-        joint,
         plant.emla,
         time,
-        signal["x_L"],
-        signal["v_L"],
-        signal["a_L"] if "a_L" in signal else np.gradient(signal["v_L"], time),
-        signal.get("F_T", signal["F_L"]),
-        signal["tau_m"],
-        signal["omega_m"],
-        signal["P_el"],
-        signal["i_q"],
-        signal["i_d"],
-        _require_torque(plant, signal),
-        signal.get("temperature_rise", 0.0),
-        signal["x_L"] - signal["x_d"],
+        a=signal["a_L"] if "a_L" in signal else np.gradient(signal["v_L"], time),
+        load=signal.get("F_T", signal["F_L"]),
+        required=required,
+        rise=signal.get("temperature_rise", 0.0),
+        error=signal["x_L"] - signal["x_d"],
+        **{name: signal[role] for name, role in names.items()},
+        **{name: signal[name] for name in ("P_el", "i_q", "i_d")},
     )
 
 
 def follow_reference(cycle: Cycle, plant: JointPlant, result: Result) -> Cycle:
     """Return the cycle as it would be on the reference, against load and disturbance, with i_d = 0.
 
-    Args:
-        cycle: A cycle whose required torque is known.
-        plant: The plant of its joint.
-        result: The run from which it is.
+    The required torque of the cycle must be known; `result` is the run from which it is.
     """
-    data = _read_signals(result, cycle.joint, ("x_d", "v_d", "a_d", "F_L", "d_2"))
+    data = _read_signals(result, plant.joint, ("x_d", "v_d", "a_d", "F_L", "d_2"))
     rows = np.searchsorted(data["time"], cycle.time)
     signal = {role: values[rows] for role, values in data.items()}
     x, v, a = (signal[role] for role in ("x_d", "v_d", "a_d"))
@@ -155,37 +142,14 @@ def follow_reference(cycle: Cycle, plant: JointPlant, result: Result) -> Cycle:
     emla, omega = cycle.emla, cycle.emla.alpha_RL * v
     i_q = current_torque / (1.5 * emla.N_p * emla.Phi_PM)
     power = current_torque * omega + 1.5 * emla.R_s * i_q * i_q
-    return replace(
-        cycle,
-        x=x,
-        v=v,
-        a=a,
-        load=load,
-        torque=torque,
-        omega=omega,
-        P_el=power,
-        i_q=i_q,
-        i_d=np.zeros_like(i_q),
-        rise=0.0,
-        error=0.0,
-    )
+    signals = (x, v, a, load, torque, omega, power, i_q, np.zeros_like(i_q), cycle.required)
+    return Cycle(emla, cycle.time, *signals)
 
 
 def _read_signals(result: Result, joint: str, roles: Sequence[str]) -> dict[str, Vector]:
     """Return the time, and the signals of a joint that exist, by role."""
     names = RoleNames(dict.fromkeys(result.names))
     signals = {role: find_variable(joint, role, names, result.roles) for role in roles}
-    present = {role: name for role, name in signals.items() if name is not None}
-    data = result.read(["time", *dict.fromkeys(present.values())])
-    return {
-        "time": data["time"],
-        **{role: np.asarray(data[name], dtype=float) for role, name in present.items()},
-    }
-
-
-def _require_torque(plant: JointPlant, signal: Mapping[str, Vector]) -> Vector:
-    """Return the torque in N m of reference and load; NaN if the reference lacks speed or acceleration."""
-    if "v_d" not in signal or "a_d" not in signal:
-        return np.full(len(signal["time"]), np.nan)
-    x, v, a = (signal[role] for role in ("x_d", "v_d", "a_d"))
-    return plant.required_torque(x, v, a, signal["F_L"] + plant.load_mass * a, np.zeros_like(a))
+    present = {"time": "time"} | {role: name for role, name in signals.items() if name is not None}
+    data = result.read([*dict.fromkeys(present.values())])
+    return {role: np.asarray(data[name], dtype=float) for role, name in present.items()}

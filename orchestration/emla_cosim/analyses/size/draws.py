@@ -42,13 +42,6 @@ class Variation:
     runs: int | None
     seed: int
 
-    @classmethod
-    def of(cls, vary: Mapping[str, Any], runs: int | None, seed: int) -> "Variation | None":
-        """Return the variation; None if nothing varies. Raise CommandError for runs without anything."""
-        if not vary and runs is not None:
-            raise CommandError("runs are drawn from tolerances; add 'vary' (--vary NAME=LOW:HIGH).")
-        return cls(vary, runs, seed) if vary else None
-
     def draw(self, scenario: Scenario, progress: Progress) -> "Drawn":
         """Prepare a scenario and return the draws.
 
@@ -70,9 +63,8 @@ class Variation:
             factors.append(Factor(AMBIENT, [Target(AMBIENT)], _read_ambient(self.vary[AMBIENT]), "K"))
         distributions = [factor.distribution for factor in factors]
         if self.runs is None:
-            columns = sample("grid", self._corners(distributions), None, 0)
-        else:
-            columns = sample("random", distributions, self.runs, self.seed)
+            distributions = _list_ends(distributions)
+        columns = sample("grid" if self.runs is None else "random", distributions, self.runs, self.seed)
         draws = list[tuple[Mapping[str, Value], Mapping[str, Any]]]()
         for row in zip(*columns, strict=True):
             drawn = {factor.name: factor.value(one) for factor, one in zip(factors, row, strict=True)}
@@ -81,26 +73,24 @@ class Variation:
         units = {factor.name: factor.unit for factor in factors}
         return Drawn(preparation, draws, Tolerances(units, self.runs is not None, self.seed, ()))
 
-    @staticmethod
-    def _corners(distributions: Sequence[Distribution]) -> list[Distribution]:
-        """Return for each distribution a list of its ends; all values of a list of values."""
-        lists = [
-            d if isinstance(d, ValueList) else ValueList(list(dict.fromkeys(d.ends)), relative=d.relative)
-            for d in distributions
-        ]
-        if (count := math.prod(len(values.values) for values in lists)) > MOST_CORNERS:
-            raise CommandError(
-                f"{_WHERE} have {count} combinations of their ends; the most are {MOST_CORNERS}. Set runs "
-                "(--runs) for random draws, or vary less."
-            )
-        return [*lists]
+
+def _list_ends(distributions: Sequence[Distribution]) -> list[Distribution]:
+    """Return for each distribution a list of its ends; all values of a list of values."""
+    lists = [
+        d if isinstance(d, ValueList) else ValueList(list(dict.fromkeys(d.ends)), relative=d.relative)
+        for d in distributions
+    ]
+    if (count := math.prod(len(values.values) for values in lists)) > MOST_CORNERS:
+        raise CommandError(
+            f"{_WHERE} have {count} combinations of their ends; the most are {MOST_CORNERS}. Set runs "
+            "(--runs) for random draws, or vary less."
+        )
+    return [*lists]
 
 
 def _read_ambient(given: Any) -> Distribution:
     """Read the range of the ambient temperature, in K or with units."""
-    label = f"'{AMBIENT}' of {_WHERE}"
-
-    with_units = list[str]()
+    label, with_units = f"'{AMBIENT}' of {_WHERE}", list[str]()
 
     def convert(text: str) -> float:
         with_units.append(text)
@@ -186,28 +176,25 @@ class _Jobs:
         made = {name: value for name, value in options.items() if name not in in_run}
         key = _to_key(id(run), made)
         if key not in self._groups:
+            self._groups[key] = group = len(self._preparations)
+            preparation, examination = base, run.examination
             try:
-                self._groups[key] = self._prepare(run, base, made)
+                if made:
+                    scenario, examination = run.change(made)
+                    preparation = Preparation.of(scenario)
             except CommandError as error:
                 self._groups[key] = error
+                return error
+            name = f"{run.name}, {group}"  # tells the measures what to examine
+            self._preparations.append(replace(preparation, name=name))
+            self._examinations[name] = examination
+            self._signals.update(run.signals)
         group = self._groups[key]
         if isinstance(group, CommandError):
             return group
         key = _to_key(group, in_run)
         self._jobs[key] = Job(in_run, group)
         return key
-
-    def _prepare(self, run: SizedRun, base: Preparation, made: Mapping[str, Any]) -> int:
-        """Return the position of the scenario with these options of how the system is made."""
-        preparation, examination = base, run.examination
-        if made:
-            scenario, examination = run.change(made)
-            preparation = Preparation.of(scenario)
-        name = f"{run.name}, {len(self._preparations)}"  # tells the measures what to examine
-        self._preparations.append(replace(preparation, name=name))
-        self._examinations[name] = examination
-        self._signals.update(run.signals)
-        return len(self._preparations) - 1
 
     def run(self, session: Session[SizeResult]) -> None:
         """Run all jobs.
@@ -237,7 +224,7 @@ class _Jobs:
         reason, limits, figures, winding = outcome.figures[joint]
         if AMBIENT in values:
             name = self._preparations[self._jobs[key].group].name
-            entries = self._examinations[name].tasks[joint].sheet.values
+            entries = self._examinations[name].sheets[joint].values
             heat = examine_heat(entries, figures, float(values[AMBIENT]), winding)
             by_name = {one.name: one for one in heat if isinstance(one, Utilisation)}
             limits = sorted((by_name.get(one.name, one) for one in limits), key=lambda one: -one.fraction)
@@ -256,24 +243,20 @@ def run_draws(session: Session[SizeResult], sized: Mapping[Any, SizedRun]) -> di
         RunError: The workers are lost, or the user interrupts.
     """
     jobs, found = _Jobs(), dict[Any, SizedRun]()
-    drawn = {name: (run, run.drawn) for name, run in sized.items() if run.drawn is not None}
-    keys = dict[Any, list[str | CommandError]]()
-    for name, (run, one) in drawn.items():
-        keys[name] = [jobs.add(run, one.preparation, options) for _, options in one.draws]
-    tried = [
-        (one.study, values, key)
-        for name, (_, one) in drawn.items()
-        for (values, _), key in zip(one.draws, keys[name], strict=True)
-    ]
+    drawn = {name: run.drawn for name, run in sized.items() if run.drawn is not None}
+    keys = {
+        name: [(values, jobs.add(sized[name], one.preparation, options)) for values, options in one.draws]
+        for name, one in drawn.items()
+    }
+    tried = [(one.study, values, key) for name, one in drawn.items() for values, key in keys[name]]
     if all(isinstance(key, CommandError) for *_, key in tried):  # such as an entry that does not exist
         for study, values, error in tried:
             raise CommandError(f"no draw can run; with {study.label(Draw(values, (), None))}: {error}")
     jobs.run(session)
-    for name, (run, one) in drawn.items():
-        values = [values for values, _ in one.draws]
+    for name, one in drawn.items():
         joints = dict[str, JointSizing]()
-        for joint, sizing in run.joints.items():
-            draws = [jobs.judge(joint, *draw) for draw in zip(values, keys[name], strict=True)]
+        for joint, sizing in sized[name].joints.items():
+            draws = [jobs.judge(joint, values, key) for values, key in keys[name]]
             joints[joint] = replace(sizing, tolerances=replace(one.study, draws=draws))
-        found[name] = replace(run, joints=joints)
+        found[name] = replace(sized[name], joints=joints)
     return found

@@ -50,13 +50,13 @@ class SizingFigures:
     energy_brake_J: float
     brake_power_peak_W: float
     brake_power_mean_W: float
-    temperature_rise_peak_K: float | None
-    temperature_rise_mean_K: float | None
-    cycles_until_warm: int | None
-    trip_time_s: float | None
-    life_turns: float | None
-    life_travel_m: float | None
-    life_s: float | None
+    temperature_rise_peak_K: float | None = None
+    temperature_rise_mean_K: float | None = None
+    cycles_until_warm: int | None = None
+    trip_time_s: float | None = None
+    life_turns: float | None = None
+    life_travel_m: float | None = None
+    life_s: float | None = None
 
 
 def compute_figures(
@@ -82,12 +82,20 @@ def compute_figures(
     brake = brake_power(cycle.time, power, capacity)
     burnt = float(brake @ np.diff(cycle.time))
     load = screw.mean_load(force, cycle.v, cycle.time)
-    turns = travel = lasting = None
     speed = cycle.mean(np.abs(cycle.v))
+    further: dict[str, Any] = {}
+    if isinstance(winding, Winding) and rise is not None:
+        further |= {
+            "temperature_rise_peak_K": float(rise.max()),
+            "temperature_rise_mean_K": cycle.mean(rise),
+            "cycles_until_warm": cycles_until_warm(cycle.duration, winding.tau_th),
+            "trip_time_s": time_until_rise(cycle.time, rise, winding.tau_th, winding.trip_rise),
+        }
     if "screw.C_a" in values:
         turns = screw.life_turns(values["screw.C_a"], load, values.get("screw.f_w", 1.0))
         travel = turns * values["screw.lead"]
-        lasting = travel / speed if speed > 0.0 else np.inf
+        life = travel / speed if speed > 0.0 else np.inf
+        further |= {"life_turns": turns, "life_travel_m": travel, "life_s": life}
     return SizingFigures(
         cycle_s=cycle.duration,
         torque_peak_N_m=torque,
@@ -116,24 +124,8 @@ def compute_figures(
         energy_brake_J=burnt,
         brake_power_peak_W=float(brake.max()),
         brake_power_mean_W=burnt / cycle.duration,
-        **_thermal_figures(cycle, winding, rise),
-        life_turns=turns,
-        life_travel_m=travel,
-        life_s=lasting,
+        **further,
     )
-
-
-def _thermal_figures(cycle: Cycle, winding: Winding | str, rise: Vector | None) -> dict[str, Any]:
-    if isinstance(winding, str) or rise is None:
-        names = ("temperature_rise_peak_K", "temperature_rise_mean_K", "cycles_until_warm", "trip_time_s")
-        return dict.fromkeys(names)
-    tau = winding.tau_th
-    return {
-        "temperature_rise_peak_K": float(rise.max()),
-        "temperature_rise_mean_K": cycle.mean(rise),
-        "cycles_until_warm": cycles_until_warm(cycle.duration, tau),
-        "trip_time_s": time_until_rise(cycle.time, rise, tau, winding.trip_rise),
-    }
 
 
 def _voltage(cycle: Cycle) -> Vector:
@@ -163,17 +155,12 @@ def brake_power(time: Vector, power: Vector, capacity: float) -> Vector:
     """
     steps = np.diff(time)
     energy = -0.5 * (power[1:] + power[:-1]) * steps
-    if capacity <= 0.0:
-        taken = np.maximum(energy, 0.0)
-    else:
-        stored, taken = 0.0, np.zeros_like(energy)
-        for _ in range(2):  # the second time, the link starts as it ended
-            burnt = []
-            for more in energy.tolist():
-                stored = max(stored + more, 0.0)
-                burnt.append(max(stored - capacity, 0.0))
-                stored = min(stored, capacity)
-            taken = np.array(burnt)
+    stored, taken = 0.0, np.zeros_like(energy)
+    for _ in range(2):  # the second time, the link starts as it ended
+        for row, more in enumerate(energy.tolist()):
+            stored = max(stored + more, 0.0)
+            taken[row] = max(stored - capacity, 0.0)
+            stored = min(stored, capacity)
     return np.divide(taken, steps, out=np.zeros_like(taken), where=steps > 0.0)
 
 
@@ -213,12 +200,7 @@ class Losses:
 
 
 def describe_losses(cycle: Cycle, plant: JointPlant) -> Losses:
-    """Return the losses of a cycle.
-
-    Args:
-        cycle: The cycle.
-        plant: The plant of its joint.
-    """
+    """Return the losses of a cycle with the plant of its joint."""
     rms = cycle.rms(cycle.torque)
     if "eta_GB" not in plant.names:
         return Losses("are those of its FMU, which has no gearbox.eta_GB", rms)

@@ -26,31 +26,20 @@ _RETURNS = 1e-3
 
 
 @dataclass(frozen=True)
-class JointTask:
-    """What the joint is compared with, and its cycle.
-
-    Attributes:
-        sheet: Data sheet.
-        criteria: When the joint counts as held.
-        start: Begin of the cycle in s; its end is that of the run.
-    """
-
-    sheet: Actuator
-    criteria: Criteria
-    start: float
-
-
-@dataclass(frozen=True)
 class Examination:
     """What to examine in a run.
 
     Attributes:
-        tasks: What joints are compared with.
+        sheets: Data sheets by joint.
+        criteria: When each joint counts as held.
+        starts: Begin of each cycle in s.
         stop: End of all cycles in s.
         needed: What the application requires.
     """
 
-    tasks: Mapping[str, JointTask]
+    sheets: Mapping[str, Actuator]
+    criteria: Mapping[str, Criteria]
+    starts: Mapping[str, float]
     stop: float
     needed: Requirements
 
@@ -60,13 +49,13 @@ class Examination:
         Raises:
             CommandError: The run has fewer than two rows in a cycle.
         """
-        return {joint: _size_joint(result, joint, task, self) for joint, task in self.tasks.items()}
+        return {joint: _size_joint(result, joint, self) for joint in self.sheets}
 
 
-def _size_joint(result: Result, joint: str, task: JointTask, examination: Examination) -> JointSizing:
-    sheet, criteria = task.sheet, task.criteria
+def _size_joint(result: Result, joint: str, examination: Examination) -> JointSizing:
+    sheet, criteria = examination.sheets[joint], examination.criteria[joint]
     values, plant = sheet.values, find_plant(joint, result.parameters, sheet.emla)
-    cycle = read_cycle(result, plant, task.start, examination.stop)
+    cycle = read_cycle(result, plant, examination.starts[joint], examination.stop)
     verdict = result.metrics.get("joints", {}).get(joint, {"held": True})
     trip = verdict.get("trip") or {}
     reason = None if verdict.get("held") else str(verdict.get("reason"))
@@ -108,12 +97,7 @@ def describe_overload(result: Result | None) -> str | None:
 
 
 def describe_cycle(sizing: JointSizing, step: float) -> Iterator[str]:
-    """Yield a remark for each property of a cycle that limits the validity of its figures.
-
-    Args:
-        sizing: The joint.
-        step: Step of the run in s.
-    """
+    """Yield a remark for each property of a cycle that limits its figures; `step` is that of the run in s."""
     joint, cycle, winding, trip = sizing.joint, sizing.cycle, sizing.winding, sizing.figures.trip_time_s
     if isinstance(winding, Winding) and trip is not None and math.isfinite(trip):
         yield (
@@ -140,23 +124,12 @@ def describe_cycle(sizing: JointSizing, step: float) -> Iterator[str]:
 
 
 def describe_coupling(joint: str, sizings: Mapping[str, JointSizing], system: System) -> Iterator[str]:
-    """Yield a remark for each coupled joint that did not follow its motion.
-
-    Args:
-        joint: The joint whose load depends on the others.
-        sizings: All joints.
-        system: The system of the run.
-    """
+    """Yield a remark for each joint that is coupled to this one, and did not follow its motion."""
     import networkx  # slow to import
 
     graph = networkx.Graph((x.source, x.target) for x in system.connections)
-    branch = {name: name.partition(".")[0] for name in graph}
-    coupled = {
-        branch[name]
-        for part in networkx.connected_components(graph)
-        if any(branch[name] == joint for name in part)
-        for name in part
-    }
+    parts = [{name.partition(".")[0] for name in part} for part in networkx.connected_components(graph)]
+    coupled = set[str]().union(*(part for part in parts if joint in part))
     for other, sizing in sizings.items():
         if other != joint and other in coupled and sizing.reason is not None:
             yield (

@@ -91,20 +91,12 @@ class Requirements:
 def examine(
     cycle: Cycle, values: Values, figures: SizingFigures, requirements: Requirements, winding: Winding | str
 ) -> Iterator[Utilisation | Unexamined]:
-    """Yield all limits.
-
-    Args:
-        cycle: The cycle.
-        values: Entries of the data sheet, in SI units and peak values.
-        figures: The figures of the cycle.
-        requirements: What the application requires.
-        winding: Thermal data of the winding, or what is missing for them.
-    """
+    """Yield all limits; `values` are entries of the data sheet, in SI units and peak values."""
     yield from _motor(cycle, values, figures)
     yield from examine_heat(values, figures, requirements.ambient, winding)
-    yield from _motion(cycle, values, figures)
-    yield from _screw(values, figures, requirements)
-    yield from _braking(values, figures)
+    yield from _motion(values, figures)
+    yield from _screw(values, figures, requirements.life)
+    yield _simple(values, "brake resistor power", figures.brake_power_mean_W, "inverter.P_brake", "W")
 
 
 def _upper(name: str, used: float, limit: float, unit: str, factor: float, source: str) -> Utilisation:
@@ -130,8 +122,7 @@ def _motor(cycle: Cycle, values: Values, figures: SizingFigures) -> Iterator[Uti
     yield _simple(values, "inverter peak current", peak, "inverter.i_max", "A rms", rms)
     yield _simple(values, "motor rms current", effective, "motor.i_N", "A rms", rms)
     yield _simple(values, "inverter rms current", effective, "inverter.i_N", "A rms", rms)
-    speed = cycle.rms(cycle.omega)
-    lasting = continuous_torque(values, np.array([speed]))
+    lasting = continuous_torque(values, np.array([cycle.rms(cycle.omega)]))
     if lasting is None:
         yield Unexamined("rms torque", "motor.tau_N")
     else:
@@ -140,11 +131,8 @@ def _motor(cycle: Cycle, values: Values, figures: SizingFigures) -> Iterator[Uti
         limit = float(lasting[0])
         share = figures.torque_rms_N_m / limit if limit > 0.0 else math.inf
         yield Utilisation("rms torque", figures.torque_rms_N_m, limit, "N m", share, entry)
-    yield _upper("voltage", figures.voltage_peak_V, cycle.emla.u_max, "V peak", 1.0, _voltage_entry(values))
-
-
-def _voltage_entry(values: Values) -> str:
-    return next(e for e in ("inverter.U_DC", "inverter.U_supply", "inverter.u_max") if e in values)
+    source = next(e for e in ("inverter.U_DC", "inverter.U_supply", "inverter.u_max") if e in values)
+    yield _upper("voltage", figures.voltage_peak_V, cycle.emla.u_max, "V peak", 1.0, source)
 
 
 def examine_heat(
@@ -163,11 +151,11 @@ def examine_heat(
         yield Utilisation("winding temperature", reached, limit, "°C", share, "thermal.T_max")
 
 
-def _motion(cycle: Cycle, values: Values, figures: SizingFigures) -> Iterator[Utilisation | Unexamined]:
+def _motion(values: Values, figures: SizingFigures) -> Iterator[Utilisation | Unexamined]:
     yield _simple(values, "motor speed", figures.motor_speed_peak_rad_s, "motor.n_max", "rpm", 60.0 / TURN)
     yield _simple(values, "screw speed", figures.speed_peak_m_s, "screw.v_max", "mm/s", 1e3)
-    low = values.get("screw.q_LB", 0.0)
-    middle, half = low + 0.5 * values["screw.stroke"], 0.5 * values["screw.stroke"]
+    half = 0.5 * values["screw.stroke"]
+    middle = values.get("screw.q_LB", 0.0) + half
     outside = max(figures.position_max_m - middle, middle - figures.position_min_m)
     travel = figures.position_max_m - figures.position_min_m
     share = travel / values["screw.stroke"] if outside <= half * (1.0 + _ROUNDING) else outside / half
@@ -175,9 +163,7 @@ def _motion(cycle: Cycle, values: Values, figures: SizingFigures) -> Iterator[Ut
     yield _simple(values, "axial force", figures.force_peak_N, "screw.F_max", "kN", 1e-3)
 
 
-def _screw(
-    values: Values, figures: SizingFigures, requirements: Requirements
-) -> Iterator[Utilisation | Unexamined]:
+def _screw(values: Values, figures: SizingFigures, life: float | None) -> Iterator[Utilisation | Unexamined]:
     yield _simple(values, "screw static load", figures.force_peak_N, "screw.C_0a", "kN", 1e-3)
     shape = ("screw.d_root", "screw.L_free", "screw.ends")
     if missing := [entry for entry in shape if entry not in values]:
@@ -193,18 +179,10 @@ def _screw(
         yield _upper("screw buckling", figures.compression_peak_N, load, "kN", 1e-3, source)
     if figures.life_s is None:
         yield Unexamined("screw life", "screw.C_a")
-    elif requirements.life is None:
+    elif life is None:
         yield Unexamined("screw life", "the required life, --life")
     else:
-        hours = 1.0 / 3600.0
-        share = requirements.life / figures.life_s
-        required = hours * requirements.life
-        yield Utilisation("screw life", required, hours * figures.life_s, "h", share, "--life, screw.C_a")
-
-
-def _braking(values: Values, figures: SizingFigures) -> Iterator[Utilisation | Unexamined]:
-    name = "brake resistor power"
-    yield _simple(values, name, figures.brake_power_mean_W, "inverter.P_brake", "W")
+        yield _upper("screw life", life, figures.life_s, "h", 1.0 / 3600.0, "--life, screw.C_a")
 
 
 def link_capacity(values: Values) -> float:

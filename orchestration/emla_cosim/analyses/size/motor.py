@@ -1,4 +1,9 @@
-"""The motor: its torque over speed, and its winding as one thermal body over a cycle that repeats."""
+"""The motor: its torque over speed, and its winding as one thermal body over a cycle that repeats.
+
+Arguments are in SI units. Arrays have a value for each motor speed, or for each time of the cycle. `load` is
+the copper loss relative to that of the rated current, `rise` the temperature rise, `permitted_rise` that at
+the rated current, and `tau_th` the thermal time constant.
+"""
 
 import math
 from collections.abc import Mapping
@@ -16,12 +21,7 @@ from .plant import JointPlant
 
 
 def peak_torque(emla: EmlaParameters, speed: Vector) -> Vector:
-    """Return the largest torque in N m at each motor speed, from tau_max and the voltage, with i_d = 0.
-
-    Args:
-        emla: Parameters of the actuator.
-        speed: Motor speed in rad/s, shape (n,).
-    """
+    """Return the largest torque in N m at each motor speed, from tau_max and the voltage, with i_d = 0."""
     omega = emla.N_p * np.abs(speed)
     a = emla.R_s**2 + (omega * emla.L_q) ** 2
     b, c = emla.R_s * omega * emla.Phi_PM, (omega * emla.Phi_PM) ** 2 - emla.u_max**2
@@ -35,10 +35,6 @@ def continuous_torque(values: Mapping[str, float], speed: Vector) -> Vector | No
 
     The curve is a straight line from tau_N, or the torque of i_N, through tau_R at n_R. Without these it is
     constant.
-
-    Args:
-        values: Entries of the data sheet in SI units.
-        speed: Motor speed in rad/s, shape (n,).
     """
     stall = values.get("motor.tau_N")
     if stall is None and "motor.i_N" in values:
@@ -53,17 +49,7 @@ def heat(time: Vector, load: Vector, permitted_rise: float, tau_th: float, start
     """Return the temperature rise in K over a cycle.
 
     The solution of d rise / dt = (load * permitted_rise - rise) / tau_th is exact for a load that is linear
-    between its values.
-
-    Args:
-        time: Times in s, shape (rows,).
-        load: Copper loss relative to that of the rated current, shape (rows,).
-        permitted_rise: Final rise in K at the rated current.
-        tau_th: Thermal time constant in s.
-        start: Rise in K at the first time.
-
-    Returns:
-        The rise in K at each time, shape (rows,).
+    between its values; `start` is the rise at the first time.
     """
     steps = np.diff(time) / tau_th
     kept, gained = np.exp(-steps), -np.expm1(-steps)
@@ -96,13 +82,7 @@ def cycles_until_warm(period: float, tau_th: float, fraction: float = 0.95) -> i
 def time_until_rise(time: Vector, rise: Vector, tau_th: float, threshold: float) -> float:
     """Return the time in s from cold after which a repeated cycle exceeds a rise; infinity if it never does.
 
-    A cold motor differs from a warm one by the rise at the start, which decays.
-
-    Args:
-        time: Times in s, shape (rows,).
-        rise: Rise in K of the warm motor, as of `repeat_cycle`, shape (rows,).
-        tau_th: Thermal time constant in s.
-        threshold: Rise in K.
+    A cold motor differs from a warm one, whose `rise` is given, by the rise at the start, which decays.
     """
     rows = rise > threshold
     if not rows.any():
@@ -143,31 +123,23 @@ class Winding:
 def find_winding(plant: JointPlant, values: Mapping[str, float], over_temperature: float) -> Winding | str:
     """Return the thermal data of the plant, else of the data sheet; without any, what is missing.
 
-    Args:
-        plant: The plant.
-        values: Entries of the data sheet, in SI units and peak values.
-        over_temperature: Fraction beyond the permitted rise at which a joint trips.
+    A joint trips at the fraction `over_temperature` beyond the permitted rise.
     """
     entry, data = "thermal.permitted_rise", ("i_N", "permitted_rise", "tau_th")
     if plant.values["i_N"] > 0.0 and all(name in plant.names for name in data):
         i_N, rise, tau = (plant.values[name] for name in data)
         source = entry if values.get(entry) == rise else plant.names["permitted_rise"]
-        return Winding(i_N, rise, tau, (1.0 + over_temperature) * rise, source)
-    if entry in values:
+    elif entry in values:
         i_N, rise, tau = (values[name] for name in ("motor.i_N", entry, "thermal.tau_th"))
-        return Winding(i_N, rise, tau, (1.0 + over_temperature) * rise, entry)
-    names = [plant.names[name] for name in data if name in plant.names]
-    return f"[thermal] in the data sheet{f', or --set of {join_names(names)}' if names else ''}"
+        source = entry
+    else:
+        names = [plant.names[name] for name in data if name in plant.names]
+        return f"[thermal] in the data sheet{f', or --set of {join_names(names)}' if names else ''}"
+    return Winding(i_N, rise, tau, (1.0 + over_temperature) * rise, source)
 
 
 def warm_up(cycle: Cycle, plant: JointPlant, rise: Vector) -> Cycle:
-    """Return the cycle with the copper loss and the resistance of the warm winding.
-
-    Args:
-        cycle: The cycle, with the loss of the temperature that the winding had in the run.
-        plant: The plant; its resistance grows with `motor.alpha_R`.
-        rise: Temperature rise in K of the repeated cycle.
-    """
+    """Return the cycle with copper loss and resistance of the winding at `rise`, not at that of the run."""
     emla, alpha_R = cycle.emla, plant.values["alpha_R"]
     loss = 1.5 * emla.R_s * alpha_R * (rise - cycle.rise) * cycle.current**2
     hot = replace(emla, R_s=emla.R_s * (1.0 + alpha_R * float(rise.max())))

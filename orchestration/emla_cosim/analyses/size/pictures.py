@@ -78,11 +78,11 @@ def draw_motor(sizings: Sizings) -> "Figure":
     """Draw torque and force over speed, winding temperature, and power."""
     drawn = _list_drawn(sizings)
     figure, axes = new_figure(2, 2, 4.6, 3.3, sharex="none")
-    _draw_torque(axes[0, 0], drawn)
-    _draw_force(axes[0, 1], drawn)
-    _draw_temperature(axes[1, 0], drawn)
-    _draw_power(axes[1, 1], drawn)
-    _set_title(figure, sizings)
+    for draw, of in zip((_draw_torque, _draw_force, _draw_temperature, _draw_power), axes.flat, strict=True):
+        draw(of, drawn)
+    first = drawn[0].sizing
+    title = f"{first.joint}: {first.actuator}" if len(drawn) == 1 else first.joint
+    figure.suptitle(title if len(title) < 90 else f"{title[:87]}...", fontsize=11, parse_math=False)
     return figure
 
 
@@ -111,11 +111,8 @@ def draw_limits(sizings: Sizings) -> "Figure":
     entries: list[tuple[str, Artist]] = []
     for number, one in enumerate(drawn):
         study = one.sizing.tolerances
-        worst = (
-            {}
-            if study is None
-            else {x.worst.name: 100.0 * x.worst.fraction for x in study.limits(one.sizing.limits)}
-        )
+        uses = () if study is None else study.limits(one.sizing.limits)
+        worst = {use.worst.name: 100.0 * use.worst.fraction for use in uses}
         for limit in one.sizing.limits:
             y = names.index(limit.name) + height * (number - 0.5 * (len(drawn) - 1))
             percent = 100.0 * limit.fraction
@@ -138,12 +135,6 @@ def draw_limits(sizings: Sizings) -> "Figure":
     return figure
 
 
-def _set_title(figure: "Figure", sizings: Sizings) -> None:
-    first = next(iter(sizings.values()))
-    title = f"{first.joint}: {first.actuator}" if len(sizings) == 1 else first.joint
-    figure.suptitle(title if len(title) < 90 else f"{title[:87]}...", fontsize=11, parse_math=False)
-
-
 def _thin(count: int) -> slice:
     return slice(None, None, max(count // _POINTS, 1))
 
@@ -151,29 +142,21 @@ def _thin(count: int) -> slice:
 def _draw_torque(axes: "Axes", drawn: list[_Drawn]) -> None:
     rpm, legend = 60.0 / TURN, _Legend(axes)
     for one in drawn:
-        sizing, cycle = one.sizing, one.sizing.cycle
-        top = max(sizing.values["motor.n_max"], 1.05 * float(np.abs(cycle.omega).max()))
-        speed = np.linspace(0.0, top, 200)
-        inside = speed <= sizing.values["motor.n_max"]
-        peak = np.where(inside, peak_torque(cycle.emla, speed), np.nan)
-        legend.plot(one.name("peak torque"), rpm * speed, peak, color=one.limit, linewidth=one.width)
-        part = _thin(len(cycle.time))
-        x, y = rpm * np.abs(cycle.omega[part]), np.abs(cycle.torque[part])
-        legend.plot("cycle", x, y, color=one.cycle, linewidth=0.8)
-        row = int(np.abs(cycle.torque).argmax())  # thinned rows may lack it
-        x, y = rpm * np.abs(cycle.omega[[row]]), np.abs(cycle.torque[[row]])
-        legend.plot("peak of the cycle", x, y, color=one.cycle, marker="x", linestyle="")
-        if (lasting := continuous_torque(sizing.values, speed)) is not None:
-            y = np.where(inside, lasting, np.nan)
-            legend.plot(
-                "limit of the rms torque",
-                rpm * speed,
-                y,
-                color=one.lasting,
-                linestyle="--",
-                linewidth=one.width,
-            )
-        x, y = [rpm * cycle.rms(cycle.omega)], [sizing.figures.torque_rms_N_m]
+        values, cycle, style = one.sizing.values, one.sizing.cycle, {"linewidth": one.width}
+        omega, torque = rpm * np.abs(cycle.omega), np.abs(cycle.torque)
+        speed = np.linspace(0.0, max(values["motor.n_max"], 1.05 * float(np.abs(cycle.omega).max())), 200)
+        beyond = speed > values["motor.n_max"]
+        peak, lasting = peak_torque(cycle.emla, speed), continuous_torque(values, speed)
+        y = np.where(beyond, np.nan, peak)
+        legend.plot(one.name("peak torque"), rpm * speed, y, color=one.limit, **style)
+        part = _thin(len(omega))
+        legend.plot("cycle", omega[part], torque[part], color=one.cycle, linewidth=0.8)
+        row = [int(torque.argmax())]  # thinned rows may lack it
+        legend.plot("peak of the cycle", omega[row], torque[row], color=one.cycle, marker="x", linestyle="")
+        if lasting is not None:
+            y, style = np.where(beyond, np.nan, lasting), style | {"color": one.lasting, "linestyle": "--"}
+            legend.plot("limit of the rms torque", rpm * speed, y, **style)
+        x, y = [rpm * cycle.rms(cycle.omega)], [one.sizing.figures.torque_rms_N_m]
         legend.plot("rms of the cycle", x, y, color=one.mean, marker="o", linestyle="")
     legend.finish("motor speed / rpm", "motor torque / N m")
     axes.set_ylim(bottom=0.0)
@@ -186,25 +169,23 @@ def _draw_force(axes: "Axes", drawn: list[_Drawn]) -> None:
     """
     legend = _Legend(axes)
     for one in drawn:
-        cycle = one.sizing.cycle
-        ratio = cycle.emla.alpha_RL * cycle.emla.eta_GB
-        top = max(cycle.emla.v_max, 1.05 * float(np.abs(cycle.v).max()))
-        speed = np.linspace(0.0, top, 200)
-        inside = speed <= cycle.emla.v_max
-        omega = cycle.emla.alpha_RL * speed
-        y = 1e-3 * np.where(inside, peak_torque(cycle.emla, omega) * ratio, np.nan)
-        legend.plot(
-            one.name("force of the peak torque"), 1e3 * speed, y, color=one.limit, linewidth=one.width
-        )
+        cycle, emla = one.sizing.cycle, one.sizing.cycle.emla
+        ratio = emla.alpha_RL * emla.eta_GB
+        speed = np.linspace(0.0, max(emla.v_max, 1.05 * float(np.abs(cycle.v).max())), 200)
+        beyond, omega = speed > emla.v_max, emla.alpha_RL * speed
+        y = 1e-3 * np.where(beyond, np.nan, peak_torque(emla, omega) * ratio)
+        name = one.name("force of the peak torque")
+        legend.plot(name, 1e3 * speed, y, color=one.limit, linewidth=one.width)
         part = _thin(len(cycle.time))
         x, y = 1e3 * np.abs(cycle.v[part]), 1e-3 * np.abs(cycle.force[part])
         legend.plot("cycle", x, y, color=one.cycle, linewidth=0.8)
         if (lasting := continuous_torque(one.sizing.values, omega)) is not None:
-            y = 1e-3 * np.where(inside, lasting * ratio, np.nan)
+            y = 1e-3 * np.where(beyond, np.nan, lasting * ratio)
             legend.plot("force of the continuous torque", 1e3 * speed, y, color=one.lasting, linestyle="--")
+        limits = {limit.name: limit.limit for limit in one.sizing.limits}
         for name, style in (("axial force", "-."), ("screw static load", ":")):
-            for limit in (limit.limit for limit in one.sizing.limits if limit.name == name):
-                legend.line(f"limit of the {name}", limit, color=one.limit, linestyle=style)
+            if name in limits:
+                legend.line(f"limit of the {name}", limits[name], color=one.limit, linestyle=style)
     legend.finish("speed / mm/s", "axial force / kN")
     axes.set_ylim(bottom=0.0)
 
@@ -225,10 +206,9 @@ def _draw_temperature(axes: "Axes", drawn: list[_Drawn]) -> None:
     for one in warm:
         rise, winding = one.sizing.rise, one.sizing.winding
         assert rise is not None and isinstance(winding, Winding)
-        for name, (time, values), style in _warm_up(one.sizing, winding):
-            legend.plot(
-                one.name(name), factor * time, values, color=one.cycle, linestyle=style, linewidth=one.width
-            )
+        for name, time, values, dashes in _warm_up(one.sizing, winding):
+            style = {"color": one.cycle, "linestyle": dashes, "linewidth": one.width}
+            legend.plot(one.name(name), factor * time, values, **style)
         highest = float(rise.max())
         legend.line("permitted rise", winding.permitted_rise, color=one.limit, linestyle="-.")
         for limit in (limit for limit in one.sizing.limits if limit.name == "winding temperature"):
@@ -241,9 +221,7 @@ def _draw_temperature(axes: "Axes", drawn: list[_Drawn]) -> None:
     axes.set_ylim(0.0, 1.05 * axes.get_ylim()[1])  # lines at the edge would be cut
 
 
-def _warm_up(
-    sizing: JointSizing, winding: Winding
-) -> "Iterator[tuple[str, tuple[np.ndarray, np.ndarray], str]]":
+def _warm_up(sizing: JointSizing, winding: Winding) -> Iterator[tuple[str, np.ndarray, np.ndarray, str]]:
     """Yield name, times in s and rises in K, and style of the curves from cold."""
     cycle, rise, tau = sizing.cycle, np.asarray(sizing.rise), winding.tau_th
     count = max(int(np.ceil(_WARM * tau / cycle.duration)), 1)
@@ -254,30 +232,29 @@ def _warm_up(
     if every == 1:
         part = _thin(len(local))
         time = np.concatenate([local[part] + k * cycle.duration for k in range(count)])
-        yield "from cold", (time, np.tile(rise[part], count) - start * np.exp(-time / tau)), "-"
+        yield "from cold", time, np.tile(rise[part], count) - start * np.exp(-time / tau), "-"
         return
     cold = heat(cycle.time, winding.load(cycle), winding.permitted_rise, tau)
     k = np.arange(0, count, every)
     begin = start * -np.expm1(-k * cycle.duration / tau)
     rows = [cold + b * np.exp(-local / tau) for b in begin]
-    yield "highest of the cycle", (k * cycle.duration, np.array([row.max() for row in rows])), "-"
-    yield "lowest of the cycle", (k * cycle.duration, np.array([row.min() for row in rows])), "--"
+    yield "highest of the cycle", k * cycle.duration, np.array([row.max() for row in rows]), "-"
+    yield "lowest of the cycle", k * cycle.duration, np.array([row.min() for row in rows]), "--"
 
 
 def _draw_power(axes: "Axes", drawn: list[_Drawn]) -> None:
+    from scipy.integrate import cumulative_trapezoid  # slow to import
+
     legend, right, kilo = _Legend(axes), axes.twinx(), 1e-3
     for one in drawn:
-        cycle = one.sizing.cycle
+        cycle, name = one.sizing.cycle, one.name("electrical power")
         part = _thin(len(cycle.time))
         time = cycle.time[part] - cycle.time[0]
-        legend.plot(
-            one.name("electrical power"), time, kilo * cycle.P_el[part], color=one.cycle, linewidth=one.width
-        )
+        legend.plot(name, time, kilo * cycle.P_el[part], color=one.cycle, linewidth=one.width)
         if len(drawn) == 1:
             shaft = kilo * (cycle.torque * cycle.omega)[part]
             legend.plot("mechanical power", time, shaft, color=one.mean)
-        steps = np.diff(cycle.time)
-        energy = np.concatenate([[0.0], np.cumsum(0.5 * (cycle.P_el[1:] + cycle.P_el[:-1]) * steps)])
+        energy = cumulative_trapezoid(cycle.P_el, cycle.time, initial=0.0)
         right.plot(time, kilo * energy[part], color=one.cycle if one.label else PURPLE, linestyle="--")
     legend.finish("time / s", "electrical power / kW" if len(drawn) > 1 else "power / kW")
     axes.axhline(0.0, color=GREY, linewidth=0.8)

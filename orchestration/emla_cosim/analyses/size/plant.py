@@ -1,4 +1,8 @@
-"""The plant of a joint: its parameters in a run, its own equations over a cycle, and its data sheet."""
+"""The plant of a joint: its parameters in a run, its own equations over a cycle, and its data sheet.
+
+Signals are arrays of shape (rows,) in SI units: position `x`, speed `v` and acceleration `a` of the screw,
+force `load` on it, and disturbance `d_2` of its acceleration.
+"""
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, fields, replace
@@ -30,7 +34,6 @@ class JointPlant:
     """Parameters of a joint's plant by attribute of `EmlaPlant`.
 
     Attributes:
-        joint: Name of the joint.
         values: Parameters as the run used them. What the plant lacks is that of the data sheet, or the
             default of `EmlaPlant`, which switches a property off.
         names: Full names of the parameters that the plant has.
@@ -51,27 +54,13 @@ class JointPlant:
         return replace(self.sheet, **changed)
 
     def load_torque(self, v: Vector, load: Vector, directional: float) -> Vector:
-        """Return the torque at the motor in N m that a load takes, with the losses of gearbox and screw.
-
-        Args:
-            v: Speed of the screw in m/s.
-            load: Force on the screw in N.
-            directional: Whether the losses always oppose the motion.
-        """
+        """Return the torque at the motor that a load takes, with losses that are `directional` or not."""
         return self._evaluate(
             lambda p: friction.load_torque(p, p.load), {"v_L": v, "load": load}, directional=directional
         )
 
     def required_torque(self, x: Vector, v: Vector, a: Vector, load: Vector, d_2: Vector) -> Vector:
-        """Return the torque in N m with which the plant's equation (9) gives an acceleration, with i_d = 0.
-
-        Args:
-            x: Position of the screw in m.
-            v: Speed of the screw in m/s.
-            a: Acceleration of the screw in m/s2.
-            load: Force on the screw in N.
-            d_2: Disturbance of the acceleration in m/s2.
-        """
+        """Return the torque with which the plant's equation (9) gives an acceleration, with i_d = 0."""
         signals = {"x_L": x, "v_L": v, "load": load, "d_2": d_2}
         without = self._evaluate(
             lambda p: screw_acceleration(p, p.load), signals, i_q=0.0, i_q_ref=0.0, i_d=0.0
@@ -79,7 +68,7 @@ class JointPlant:
         return motion_law.A_eq(self.emla) * (a - without) + self.cogging_torque(x)
 
     def cogging_torque(self, x: Vector) -> Vector:
-        """Return the part of the torque in N m that the motor makes without current, at positions in m."""
+        """Return the part of the torque that the motor makes without current."""
         return self._evaluate(electrics.cogging_torque, {"x_L": x})
 
     def _evaluate(
@@ -98,13 +87,7 @@ class JointPlant:
 
 
 def find_plant(joint: str, parameters: Mapping[str, float], sheet: EmlaParameters) -> JointPlant:
-    """Return the plant of a joint.
-
-    Args:
-        joint: The joint.
-        parameters: Parameters of the run by full name.
-        sheet: Parameters of the data sheet.
-    """
+    """Return the plant of a joint from the parameters of a run by full name, and those of its data sheet."""
     places = [f"{joint}.plant.{{}}", f"{joint}.motor.{{}}"]
     if joint in JOINTS:
         places.append(f"machine.plant.{{}}[{JOINTS.index(joint) + 1}]")
@@ -112,25 +95,16 @@ def find_plant(joint: str, parameters: Mapping[str, float], sheet: EmlaParameter
     def find(name: str) -> str | None:
         return next((p for p in (place.format(name) for place in places) if p in parameters), None)
 
-    defaults = {p.attribute: p for p in EmlaPlant.layout().parameters}
-    names = {
-        attribute: name
-        for attribute, p in defaults.items()
-        if (name := find(p.name or attribute)) is not None
-    }
-    values = {attribute: float(p.start) for attribute, p in defaults.items()}
+    defaults = EmlaPlant.layout().parameters
+    names = {p.attribute: name for p in defaults if (name := find(p.name or p.attribute)) is not None}
+    values = {p.attribute: float(p.start) for p in defaults}
     values |= asdict(sheet) | {attribute: parameters[name] for attribute, name in names.items()}
     load_mass = find("load.m")
     return JointPlant(joint, values, names, 0.0 if load_mass is None else parameters[load_mass], sheet)
 
 
 def find_data_sheet(scenario: Scenario, source: object, joint: str) -> Actuator:
-    """Return the actuator of a joint.
-
-    Args:
-        scenario: The scenario.
-        source: What the scenario was loaded from.
-        joint: The joint.
+    """Return the actuator of a joint; `source` is what the scenario was loaded from.
 
     Raises:
         CommandError: The joint has no data sheet.
@@ -138,9 +112,7 @@ def find_data_sheet(scenario: Scenario, source: object, joint: str) -> Actuator:
     own = scenario.options.actuator.get(joint)
     if isinstance(own, Actuator):
         return own
-    file = _own_joint(source, joint)
-    if file is None and joint in list_joint_names():
-        file = load_joint(joint)
+    file = _own_joint(source, joint) or (load_joint(joint) if joint in list_joint_names() else None)
     if file is None:
         raise CommandError(
             f"{joint} has no data sheet to compare with; add --actuator {joint}=FILE.toml.", joint=joint

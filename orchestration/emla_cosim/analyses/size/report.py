@@ -1,6 +1,7 @@
 """What a sizing writes and shows: figures, limits, tolerances and verdicts, with plots of all candidates."""
 
 import math
+import re
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
@@ -50,12 +51,6 @@ _FIGURES = (
 )
 
 
-def _list_figures(sizing: JointSizing) -> list[tuple[str, str, str]]:
-    """Return label, value and unit of the figures that are known."""
-    found = [(label, getattr(sizing.figures, name), factor, unit) for label, name, factor, unit in _FIGURES]
-    return [(label, format_value(factor * v), unit) for label, v, factor, unit in found if v is not None]
-
-
 _ASSUMED = (
     (("motor.kT",), "motor.K_E", "torque constant of K_E"),
     (("motor.tau_N",), "motor.i_N", "continuous torque of i_N"),
@@ -74,10 +69,6 @@ def build_report(result: SizeResult) -> Report:
     notes = (f"Note: {text}" for text in _remarks(result))
     losses = (f"{_label(result, one, x)}: {x.losses.sentence}." for one, x in result.sizings)
     lines: list[Text | str] = [*_assumptions(result), *notes, *losses]
-    pictures = {
-        joint: {name: text.format(joint) for name, text in zip(name_pictures(joint), _PICTURES, strict=True)}
-        for joint in result.joints
-    }
     sections = list[Section]()
     for one, sizing in result.sizings:
         tables = [_figures(sizing), _limits(sizing), *_tolerances(sizing)]
@@ -85,9 +76,9 @@ def build_report(result: SizeResult) -> Report:
             title = f"{sizing.joint}: {one.label}"
             sections.append(Section(title, [_state(sizing.verdict, sizing.holds)], tables, is_detail=True))
         else:
-            sections.append(Section(sizing.joint, tables=tables, pictures=pictures[sizing.joint]))
+            sections.append(Section(sizing.joint, tables=tables, pictures=_describe_pictures(sizing.joint)))
     if result.varied:
-        shown = {name: text for by_name in pictures.values() for name, text in by_name.items()}
+        shown = {name: text for joint in result.joints for name, text in _describe_pictures(joint).items()}
         tables = [_candidates(result), *_candidate_tolerances(result)]
         under = [*lines, *_judge_candidates(result)]
         sections.insert(0, Section("Candidates", tables=tables, pictures=shown, under=under))
@@ -142,21 +133,18 @@ def _assumptions(result: SizeResult) -> Iterator[str]:
 
 def _judge_candidates(result: SizeResult) -> Iterator[Text | str]:
     """Yield which candidates fall out, and which hold."""
-    several = len({one.joint for one in result.candidates}) > 1
-    for one in result.candidates:
-        if not one.holds:
-            label = f"{one.joint}, {one.label}" if several else one.label
-            verb = "could not be judged" if one.holds is None else "falls out"
-            yield Text(f"{label} {verb}: {'; '.join(one.reasons)}.", is_failure=True)
+    joints = dict.fromkeys(one.joint for one in result.candidates)
+    several = len(joints) > 1
+    for one in (one for one in result.candidates if not one.holds):
+        label = f"{one.joint}, {one.label}" if several else one.label
+        verb = "could not be judged" if one.holds is None else "falls out"
+        yield Text(f"{label} {verb}: {'; '.join(one.reasons)}.", is_failure=True)
     limits = [limit for _, sizing in result.sizings for limit in sizing.unexamined]
-    unexamined = dict.fromkeys(f"{limit.name} ({limit.missing})" for limit in limits)
-    if unexamined:
+    if unexamined := dict.fromkeys(f"{limit.name} ({limit.missing})" for limit in limits):
         yield f"Not examined for at least one actuator: {', '.join(unexamined)}."
-    for joint in dict.fromkeys(one.joint for one in result.candidates):
+    for joint in joints:
         labels = [one.label for one in result.candidates if one.joint == joint and one.holds]
-        verdict = (
-            f"{', '.join(labels)} hold{'s' if len(labels) == 1 else ''}." if labels else "No actuator holds."
-        )
+        verdict = f"{', '.join(labels) or 'No actuator'} hold{'' if len(labels) > 1 else 's'}."
         yield f"{joint}: {verdict}" if several else verdict
 
 
@@ -170,7 +158,11 @@ def _remarks(result: SizeResult) -> list[str]:
 
 
 def _figures(sizing: JointSizing) -> ReportTable:
-    rows = _list_figures(sizing)
+    rows = [
+        (label, format_value(factor * value), unit)
+        for label, name, factor, unit in _FIGURES
+        if (value := getattr(sizing.figures, name)) is not None
+    ]
     return ReportTable(f"{sizing.joint}, {sizing.actuator}", ("", "value", ""), rows, texts=(0, 2))
 
 
@@ -189,9 +181,7 @@ def _mark_limit(limit: Utilisation) -> Text:
 
 
 def _tolerances(sizing: JointSizing) -> Iterator[ReportTable]:
-    """Yield the table of the draws of a joint."""
-    study = sizing.tolerances
-    if study is None:
+    if (study := sizing.tolerances) is None:
         return
     more = ["95 % below\n%"] if study.is_random else []
     header = ["", "nominal\n%", "worst\n%", "margin\n%", *more, "with"]
@@ -203,16 +193,14 @@ def _tolerances(sizing: JointSizing) -> Iterator[ReportTable]:
             percents.append(format_percent(one.quantile) if math.isfinite(one.quantile) else "failed")
         values = (text.replace(" ", "\N{NO-BREAK SPACE}") for text in study.texts(one.at))
         rows.append([_mark_limit(one.worst), *percents, ", ".join(values)])
-    total = len(study.draws)
-    what = f"{total} random draws" if study.is_random else f"{total} combinations of the ends"
-    failed = [draw for draw in study.failures if draw.reason is not None]
     under = [f"Values are those of {', '.join(study.units)}. With tolerances, {study.sentence}."]
     sources = {limit.source for draw in study.draws for limit in draw.limits}
     if AMBIENT in study.units and sources and "thermal.T_max" not in sources:
         under.append(f"{AMBIENT} changes nothing: only the limit thermal.T_max depends on it.")
-    if failed:
+    if failed := [draw for draw in study.failures if draw.reason is not None]:
         under.append(f"With {study.label(failed[0])}: {failed[0].reasons[0]}.")
-    title = f"Tolerances of {sizing.joint}, worst of {what}"
+    what = "random draws" if study.is_random else "combinations of the ends"
+    title = f"Tolerances of {sizing.joint}, worst of {len(study.draws)} {what}"
     yield ReportTable(title, header, rows, under, texts=(0, len(header) - 1))
 
 
@@ -235,51 +223,44 @@ def _candidate_tolerances(result: SizeResult) -> Iterator[ReportTable]:
 def _candidates(result: SizeResult) -> ReportTable:
     joints = list(dict.fromkeys(str(one.joint) for one in result.candidates))
     life = "" if result.life is None else f", for a life of {format_value(result.life / 3600.0)} h"
-    more = ["joint"] if len(joints) > 1 else []
-    header = (*more, "", "holds", "most used", "%", "peak %", "rms %", "rise/K", "net/J", "life/h")
-    rows = [
-        [
-            *([str(one.joint)] if more else []),
-            Text(one.label, is_failure=one.holds is False),
-            {True: "yes", False: "no", None: "?"}[one.holds],
-            *_cells(one, str(one.joint)),
-        ]
-        for one in result.candidates
-    ]
-    return ReportTable(f"Actuators of {', '.join(joints)}{life}", header, rows, texts=range(len(more) + 3))
+    header = ("joint", "", "holds", "most used", "%", "peak %", "rms %", "rise/K", "net/J", "life/h")
+    rows = list[list[Text | str]]()
+    for one in result.candidates:
+        label, holds = Text(one.label, is_failure=one.holds is False), {True: "yes", False: "no", None: "?"}
+        rows.append([str(one.joint), label, holds[one.holds], *_cells(one, str(one.joint))])
+    first = 0 if len(joints) > 1 else 1  # all are of the same joint
+    title, shown = f"Actuators of {', '.join(joints)}{life}", [row[first:] for row in rows]
+    return ReportTable(title, header[first:], shown, texts=range(4 - first))
 
 
 def _cells(one: Candidate, joint: str) -> list[str]:
     if joint not in one.joints:
         return ["cannot be run", *[""] * 6]
-    sizing = one.joints[joint]
-    used = {limit.name: limit.fraction for limit in sizing.limits}
-    figures, worst = sizing.figures, sizing.limits[0]
-    percents = [worst.fraction, used.get("peak torque"), used.get("rms torque")]
+    figures, limits = one.joints[joint].figures, one.joints[joint].limits
+    used = {limit.name: limit.fraction for limit in limits}
+    percents = [limits[0].fraction, used.get("peak torque"), used.get("rms torque")]
+    net, life_s = figures.energy_in_J - figures.energy_regenerated_J, figures.life_s
+    values = [figures.temperature_rise_peak_K, net, None if life_s is None else life_s / 3600.0]
     return [
-        worst.name,
+        limits[0].name,
         *("" if x is None else format_percent(x) for x in percents),
-        *(
-            "" if x is None else format_value(x)
-            for x in (
-                figures.temperature_rise_peak_K,
-                figures.energy_in_J - figures.energy_regenerated_J,
-                None if figures.life_s is None else figures.life_s / 3600.0,
-            )
-        ),
+        *("" if x is None else format_value(x) for x in values),
     ]
 
 
-_PICTURES = (
-    "Torque and force of {} over speed with the curves of the motors, winding temperature, and power",
-    "Motion and load of {} over the cycle",
-    "How much of each limit of {} is used",
-)
+def _describe_pictures(joint: str) -> dict[str, str]:
+    curves = "over speed with the curves of the motors, winding temperature, and power"
+    texts = (
+        f"Torque and force of {joint} {curves}",
+        f"Motion and load of {joint} over the cycle",
+        f"How much of each limit of {joint} is used",
+    )
+    return dict(zip(name_pictures(joint), texts, strict=True))
 
 
 def name_pictures(joint: str) -> list[str]:
     """Return the names of the files of a joint's plots: of its motor, of its motion, and of its limits."""
-    name = "".join(c if c.isalnum() or c in "-_" else "_" for c in joint)
+    name = re.sub(r"[^\w-]", "_", joint)
     return [f"{name}.png", f"{name}-motion.png", f"{name}-limits.png"]
 
 

@@ -9,6 +9,7 @@ import polars
 
 from ...base.arrays import Vector
 from ...base.errors import CommandError
+from ...base.wording import format_count
 from .cycle import Cycle
 from .figures import Losses, SizingFigures
 from .limits import Unexamined, Utilisation, format_percent
@@ -73,29 +74,26 @@ class JointSizing:
     @property
     def reasons(self) -> list[str]:
         """Why the actuator does not do the job, or why it could not be judged; without full stops."""
-        own = list_reasons(self.reason, self.limits)
-        if self.tolerances is not None and (failures := self.tolerances.failures):
+        own, study = list_reasons(self.reason, self.limits), self.tolerances
+        if study is not None and (failures := study.failures):
             draw = max(failures, key=lambda draw: draw.worst)
-            reasons = (
-                "" if own else f", such as with {self.tolerances.label(draw)}: {'; '.join(draw.reasons)}"
-            )
-            own.append(f"{self.tolerances.sentence}{reasons}")
+            such = "" if own else f", such as with {study.label(draw)}: {'; '.join(draw.reasons)}"
+            own.append(study.sentence + such)
         return own
 
     @property
     def verdict(self) -> str:
         """The verdict, as a sentence."""
         label = f"{self.joint} with {self.actuator}"
-        count = len(self.unexamined)
-        left = f" {count} limit{'s' if count != 1 else ''} not examined." if count else ""
+        left = f" {format_count(len(self.unexamined), 'limit')} not examined." if self.unexamined else ""
         worst = f"{self.limits[0].name}, {format_percent(self.limits[0].fraction)} %"
         if self.holds:
             drawn = ""
-            if self.tolerances is not None:
-                use = self.tolerances.limits(self.limits)[0]
+            if (study := self.tolerances) is not None:
+                use = study.limits(self.limits)[0]
                 drawn = (
-                    f" With tolerances, {self.tolerances.sentence}; most used is {use.worst.name}, "
-                    f"{format_percent(use.worst.fraction)} %, with {self.tolerances.label(use.at)}."
+                    f" With tolerances, {study.sentence}; most used is {use.worst.name}, "
+                    f"{format_percent(use.worst.fraction)} %, with {study.label(use.at)}."
                 )
             return f"{label} holds; most used is {worst}.{drawn}{left}"
         reasons = f"{'; '.join(self.reasons)}."
@@ -131,7 +129,6 @@ class JointSizing:
         Of a cycle with more than 20,000 rows, it has every n-th one; `cycle` has them all.
         """
         cycle = self.cycle
-        rise = np.full(len(cycle.time), np.nan) if self.rise is None else self.rise
         return polars.DataFrame(
             {
                 "joint": [self.joint] * len(cycle.time),
@@ -143,7 +140,7 @@ class JointSizing:
                 "omega_m": cycle.omega,
                 "current": cycle.current,
                 "P_el": cycle.P_el,
-                "temperature_rise": rise,
+                "temperature_rise": cycle.time * np.nan if self.rise is None else self.rise,
             }
         ).gather_every(-(-len(cycle.time) // _MOST_ROWS))
 
@@ -231,10 +228,7 @@ class SizeResult:
     @property
     def holds(self) -> bool:
         """Whether each joint has a candidate that holds."""
-        by_joint: dict[str | None, list[Candidate]] = {}
-        for one in self.candidates:
-            by_joint.setdefault(one.joint, []).append(one)
-        return all(any(one.holds for one in found) for found in by_joint.values())
+        return {one.joint for one in self.candidates} == {one.joint for one in self.candidates if one.holds}
 
     @property
     def unjudged(self) -> list[JointSizing]:
@@ -266,21 +260,12 @@ class SizeResult:
     def table(self) -> polars.DataFrame:
         """Utilisation of all limits: candidate, joint, limit, used and permitted value, unit, fraction."""
         rows = [
-            {
-                "candidate": one.label,
-                "joint": sizing.joint,
-                "limit": limit.name,
-                "used": limit.used,
-                "permitted": limit.limit,
-                "unit": limit.unit,
-                "fraction": limit.fraction,
-                "holds": limit.holds,
-                "source": limit.source,
-            }
+            (one.label, sizing.joint, x.name, x.used, x.limit, x.unit, x.fraction, x.holds, x.source)
             for one, sizing in self.sizings
-            for limit in sizing.limits
+            for x in sizing.limits
         ]
-        return polars.DataFrame(rows)
+        names = ("candidate", "joint", "limit", "used", "permitted", "unit", "fraction", "holds", "source")
+        return polars.DataFrame(rows, schema=names if rows else None, orient="row")
 
     @property
     def draws(self) -> polars.DataFrame | None:

@@ -1,11 +1,11 @@
 """Size the actuators of a scenario."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Unpack
+from typing import Any, NamedTuple, Unpack
 
 import numpy as np
 
@@ -30,7 +30,7 @@ from ..frame.session import Session
 from ..variants.targets import merge_options
 from .cycle import SIGNALS, list_joints
 from .draws import SizedRun, Variation, run_draws
-from .joints import MAX_ROWS, Examination, JointTask, describe_coupling, describe_cycle, describe_overload
+from .joints import MAX_ROWS, Examination, describe_coupling, describe_cycle, describe_overload
 from .limits import Requirements
 from .plant import find_data_sheet
 from .report import OUTPUTS, name_pictures
@@ -103,7 +103,9 @@ def size(
         (True, 'motor speed')
     """
     _check(cycle, lead_in, ambient, life)
-    variation = Variation.of(vary or {}, runs, seed)
+    if not vary and runs is not None:
+        raise CommandError("runs are drawn from tolerances; add 'vary' (--vary NAME=LOW:HIGH).")
+    variation = Variation(vary, runs, seed) if vary else None
     varied = {joint: _label_sheets(joint, sheets) for joint, sheets in (candidates or {}).items()}
     session = Session(
         OUTPUTS,
@@ -119,16 +121,14 @@ def size(
         source, options, varied, cycle, lead_in, Requirements(ambient, life), variation, session, plots
     )
     with session.alone():
-        rows = list(_plan_rows(task)) if varied else [_Row("", None, {})]
-        sized = {key: _run(dict(key), task) for key in dict.fromkeys(row.key for row in rows if row.can_run)}
+        rows = list(_plan_rows(task)) if varied else [_Row("", None, ())]
+        sized = {key: _run(dict(key), task) for key in dict.fromkeys(x.key for x in rows if not x.problem)}
         sized |= run_draws(session, {key: x for key, x in sized.items() if isinstance(x, SizedRun)})
         name = Path(str(source)).stem if isinstance(source, (str, Path)) else "system"
-        if not varied:
-            (run,) = sized.values()
-            name = name if isinstance(run, RunError) else run.name
-        result = SizeResult(
-            name, list(_list_candidates(rows, sized, name)), list(varied), ambient, life, lead_in
-        )
+        if isinstance(run := sized.get(()), SizedRun):
+            name = run.name
+        listed = list(_list_candidates(rows, sized, name))
+        result = SizeResult(name, listed, list(varied), ambient, life, lead_in)
         session.keep(result)
     return result
 
@@ -171,27 +171,21 @@ class _Task:
     def load(self, labels: Mapping[str, str], more: Mapping[str, Any] = MappingProxyType({})) -> Scenario:
         """Load the scenario with these candidates by joint, and with further options."""
         sheets = {joint: self.varied[joint][label] for joint, label in labels.items()}
-        return load(
-            self.source, **merge_options([self.options, {"actuator": sheets} if sheets else {}, more])
-        )
+        layers = [self.options, {"actuator": sheets} if sheets else {}, more]
+        return load(self.source, **merge_options(layers))
 
 
-@dataclass(frozen=True)
-class _Row:
-    """A candidate of a joint: what is wrong with it, or the candidates of all joints in its run."""
+_Key = tuple[tuple[str, str], ...]
+"""The joints with several candidates in a run, each with the label of one."""
+
+
+class _Row(NamedTuple):
+    """A candidate of a joint: the key of its run, or what is wrong with it."""
 
     label: str
     joint: str | None
-    labels: Mapping[str, str]
+    key: _Key
     problem: str | None = None
-
-    @property
-    def can_run(self) -> bool:
-        return self.problem is None
-
-    @property
-    def key(self) -> tuple[tuple[str, str], ...]:
-        return tuple(self.labels.items())
 
 
 def _plan_rows(task: _Task) -> Iterator[_Row]:
@@ -200,25 +194,24 @@ def _plan_rows(task: _Task) -> Iterator[_Row]:
     In the run of a candidate, other joints have their first candidate that can be loaded.
     """
     problems = {
-        joint: {label: _find_problem({joint: label}, task) for label in sheets}
+        (joint, label): _find_problem({joint: label}, task)
         for joint, sheets in task.varied.items()
+        for label in sheets
     }
-    usable = {joint: [label for label, x in found.items() if x is None] for joint, found in problems.items()}
-    first = {joint: labels[0] for joint, labels in usable.items() if labels}
-    for joint, found in problems.items():
-        for label, problem in found.items():
-            yield _Row(label, joint, {**first, joint: label}, problem)
+    first = dict(reversed([key for key, problem in problems.items() if problem is None]))
+    first = {joint: first[joint] for joint in task.varied if joint in first}
+    for (joint, label), problem in problems.items():
+        yield _Row(label, joint, tuple({**first, joint: label}.items()), problem)
 
 
 def _list_candidates(
-    rows: Sequence[_Row], sized: Mapping[tuple[tuple[str, str], ...], SizedRun | RunError], name: str
+    rows: Sequence[_Row], sized: Mapping[_Key, SizedRun | RunError], name: str
 ) -> Iterator[Candidate]:
     """Yield all rows with their results, then joints without candidates."""
     others: dict[str, JointSizing] = {}
-    joints = {row.joint for row in rows}
     for row in rows:
         label, run = row.label or name, sized.get(row.key)
-        if run is None or not row.can_run:
+        if run is None or row.problem:
             yield Candidate(label, {}, row.problem, row.joint)
         elif isinstance(run, RunError):
             yield Candidate(label, {}, describe_overload(run.fields.get("result")) or str(run), row.joint)
@@ -230,7 +223,7 @@ def _list_candidates(
             yield Candidate(label, {row.joint: run.joints[row.joint]}, None, row.joint)
             others = {**run.joints, **others}
     for joint, sizing in others.items():
-        if joint not in joints:
+        if all(row.joint != joint for row in rows):
             yield Candidate(sizing.actuator, {joint: sizing}, None, joint)
 
 
@@ -249,17 +242,15 @@ def _run(labels: Mapping[str, str], task: _Task) -> SizedRun | RunError:
     """Return the joints of a run, or why the run of a candidate failed."""
     scenario = task.load(labels)
     try:
-        return _size_scenario(scenario, lambda more: task.load(labels, more), task)
+        return _size_scenario(scenario, labels, task)
     except RunError as error:
         if not labels and describe_overload(error.fields.get("result")) is None:
             raise
         return error
 
 
-def _size_scenario(
-    scenario: Scenario, reload: Callable[[Mapping[str, Any]], Scenario], task: _Task
-) -> SizedRun:
-    """Run a scenario and return its joints."""
+def _size_scenario(scenario: Scenario, labels: Mapping[str, str], task: _Task) -> SizedRun:
+    """Run a scenario with these candidates by joint, and return its joints."""
     check_no_condition(scenario.options.stop_when, "size")
     session = task.session
     session.check_unread([scenario.options.files_read()])
@@ -271,8 +262,7 @@ def _size_scenario(
         raise CommandError(f"the cycle of {length:g} s is longer than the run of {whole:g} s.")
     interval = times.step * max(math.ceil(length / times.step / MAX_ROWS), 1)  # peaks need every row
     given: dict[str, Any] = {"output_interval": interval}
-    if task.lead_in:
-        given["start_time"] = times.start - task.lead_in
+    given |= {"start_time": times.start - task.lead_in} if task.lead_in else {}
     chosen = scenario.with_options(given)
     drawn = None if task.variation is None else task.variation.draw(chosen, session.progress)
     with chosen.prepare(session.progress) as simulation:
@@ -288,44 +278,31 @@ def _size_scenario(
             )
         if session.folder is not None and task.plots:
             session.folder.check_files(name for joint in joints for name in name_pictures(joint))
-        lengths = {
-            joint: _cycle_length(scenario, joint, whole) if task.cycle is None else length for joint in joints
-        }
-        table = _LastRows(times.stop - max(lengths.values()))
+        starts = dict.fromkeys(joints, times.stop - length)
+        if task.cycle is None:
+            for joint in joints:
+                period = get_number(scenario.system, scenario.options, f"{joint}.reference", "period")
+                starts[joint] = times.stop - (period if period and period <= whole else whole)
+        table = _LastRows(min(starts.values()))
         result = simulation.run(recorders=[table], signals=signals)
         if result.early_end is not None:  # of an FMU; conditions were refused before
             raise RunError(f"{result.early_end.rstrip('.')}, but emla size needs the whole run.")
-    criteria = {
-        key: value
-        for key, value in scenario.options.criteria.items()
-        if key.rpartition(".")[0] in (*joints, ALL_JOINTS)
-    }
-    by_joint = criteria_of(joints, criteria)
-    tasks = {
-        joint: JointTask(
-            find_data_sheet(scenario, task.source, joint), by_joint[joint], times.stop - lengths[joint]
-        )
-        for joint in joints
-    }
-    examination = Examination(tasks, times.stop, task.needed)
-    sizings = examination.size(result)
-    sizings = {
-        joint: replace(
-            sizing,
-            remarks=(
-                *describe_cycle(sizing, times.step),
-                *describe_coupling(joint, sizings, scenario.system),
-            ),
-        )
-        for joint, sizing in sizings.items()
-    }
+    known = (*joints, ALL_JOINTS)
+    criteria = {key: x for key, x in scenario.options.criteria.items() if key.rpartition(".")[0] in known}
+
+    def examine(scenario: Scenario) -> Examination:
+        sheets = {joint: find_data_sheet(scenario, task.source, joint) for joint in joints}
+        return Examination(sheets, criteria_of(joints, criteria), starts, times.stop, task.needed)
 
     def change(more: Mapping[str, Any]) -> tuple[Scenario, Examination]:
-        changed = reload(more)
-        sheets = {joint: find_data_sheet(changed, task.source, joint) for joint in joints}
-        changed_tasks = {joint: replace(one, sheet=sheets[joint]) for joint, one in tasks.items()}
-        return changed.with_options(given), replace(examination, tasks=changed_tasks)
+        changed = task.load(labels, more)
+        return changed.with_options(given), examine(changed)
 
+    examination = examine(scenario)
+    sizings = examination.size(result)
+    for joint, sizing in sizings.items():
+        coupling = describe_coupling(joint, sizings, scenario.system)
+        sizings[joint] = replace(sizing, remarks=(*describe_cycle(sizing, times.step), *coupling))
     return SizedRun(sizings, scenario.name, examination, signals, change, drawn)
 
 
@@ -338,9 +315,3 @@ class _LastRows(TimeSeries):
     def append(self, rows: Vector) -> None:
         """Keep a copy of the rows that are late enough."""
         super().append(rows[rows[:, 0] >= self._start])
-
-
-def _cycle_length(scenario: Scenario, joint: str, whole: float) -> float:
-    """Return the length in s of a joint's cycle, from that of the run."""
-    period = get_number(scenario.system, scenario.options, f"{joint}.reference", "period")
-    return period if period and period <= whole else whole

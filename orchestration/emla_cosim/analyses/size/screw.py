@@ -1,4 +1,7 @@
-"""Life, critical speed and buckling of a screw, as manufacturers' catalogues compute them."""
+"""Life, critical speed and buckling of a screw, as manufacturers' catalogues compute them.
+
+Arguments are in SI units, arrays have shape (rows,); `ends` is the position of the bearings in `ENDS`.
+"""
 
 import math
 
@@ -23,13 +26,7 @@ _EULER = (0.25, 1.0, 2.0, 4.0)
 
 
 def mean_load(force: Vector, speed: Vector, time: Vector) -> float:
-    """Return the equivalent mean load in N: the cubic mean of |force| over the travel (ISO 3408-5).
-
-    Args:
-        force: Axial force in N, shape (rows,).
-        speed: Speed in m/s, shape (rows,).
-        time: Times in s, shape (rows,).
-    """
+    """Return the equivalent mean load in N: the cubic mean of |force| over the travel (ISO 3408-5)."""
     travel = np.trapezoid(np.abs(speed), time)
     if not travel > 0.0:
         return 0.0
@@ -37,35 +34,17 @@ def mean_load(force: Vector, speed: Vector, time: Vector) -> float:
 
 
 def life_turns(C_a: float, load: float, f_w: float = 1.0) -> float:
-    """Return the nominal life L10 in turns of the screw, (C_a / (f_w load))^3 1e6; infinity without load.
-
-    Args:
-        C_a: Dynamic load rating in N.
-        load: Equivalent mean load in N.
-        f_w: Factor on the load for shocks.
-    """
+    """Return the nominal life L10 in turns of the screw, infinity without load; `f_w` is for shocks."""
     return RATED_TURNS * (C_a / (f_w * load)) ** 3 if load > 0.0 else math.inf
 
 
 def critical_speed(d_root: float, length: float, ends: int) -> float:
-    """Return the permissible speed in rad/s: `SPEED_SAFETY` of the first bending resonance of a round shaft.
-
-    Args:
-        d_root: Root diameter in m.
-        length: Unsupported length in m.
-        ends: Position of the bearings in `ENDS`.
-    """
+    """Return the permissible speed in rad/s: `SPEED_SAFETY` of the first resonance of a round shaft."""
     wave = (_EIGENVALUES[ends] / length) ** 2
     return SPEED_SAFETY * wave * 0.25 * d_root * math.sqrt(YOUNG / DENSITY)
 
 
 def buckling_load(d_root: float, length: float, ends: int) -> float:
-    """Return the permissible compressive force in N: `BUCKLING_SAFETY` of Euler's load.
-
-    Args:
-        d_root: Root diameter in m.
-        length: Unsupported length in m.
-        ends: Position of the bearings in `ENDS`.
-    """
+    """Return the permissible compressive force in N: `BUCKLING_SAFETY` of Euler's load."""
     inertia = math.pi / 64.0 * d_root**4
     return BUCKLING_SAFETY * _EULER[ends] * math.pi**2 * YOUNG * inertia / length**2

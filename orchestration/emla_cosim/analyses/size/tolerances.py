@@ -112,25 +112,18 @@ class Tolerances:
     def _format(self, name: str, value: Value) -> str:
         if name == AMBIENT:
             return f"{format_rounded(float(value) - 273.15, 4)} °C"
-        return (
-            f"{format_rounded(value, 4) if isinstance(value, float) else value} {self.units[name]}".rstrip()
-        )
+        text = format_rounded(value, 4) if isinstance(value, float) else value
+        return f"{text} {self.units[name]}".rstrip()
 
     def limits(self, nominal: Sequence[Utilisation]) -> list[LimitTolerance]:
-        """Return the use of each limit, the most used first.
+        """Return the use of each limit, the most used first; `nominal` are the limits without tolerances.
 
         A run that failed counts as one that uses more than any other.
-
-        Args:
-            nominal: The limits without tolerances.
         """
         usual = {limit.name: limit.fraction for limit in nominal}
-        by_name = dict[str, list[tuple[Utilisation, Draw]]]()
-        for draw in self.draws:
-            for limit in draw.limits:
-                by_name.setdefault(limit.name, []).append((limit, draw))
         found = list[LimitTolerance]()
-        for name, uses in by_name.items():
+        for name in dict.fromkeys(limit.name for draw in self.draws for limit in draw.limits):
+            uses = [(limit, draw) for draw in self.draws for limit in draw.limits if limit.name == name]
             worst, at = max(uses, key=lambda use: use[0].fraction)
             failed = [math.inf] * (len(self.draws) - len(uses))
             values = np.array([*(limit.fraction for limit, _ in uses), *failed])

@@ -1,12 +1,29 @@
-"""Show the result of an analysis: its report and its files."""
+"""Run an analysis, and show its result: its report and its files."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from ...analyses.frame.outputs import Outputs, is_drawn
 from ...analyses.frame.report import Report, Text
+from ...views.output_folder import results_folder
+from ...views.progress_bars import BarProgress
 from ...views.terminal import print_line, show
+
+
+def run_analysis(
+    outputs: Outputs[Any], analysis: Callable[..., Any], source: Any, name: str, given: Mapping[str, Any]
+) -> tuple[Any, Path]:
+    """Run an analysis of a source with progress, and show its result.
+
+    Returns:
+        The result and its folder; without `output`, that of this name.
+    """
+    folder = Path(given.get("output") or results_folder(name))
+    with BarProgress() as progress:
+        result = analysis(source, **{**given, "output": folder, "progress": progress})
+    show_result(outputs, result, folder)
+    return result, folder
 
 
 def show_result(outputs: Outputs[Any], result: Any, folder: Path) -> None:

@@ -11,11 +11,9 @@ from ...analyses.compare.certificates import CERTIFICATE, certify_gains
 from ...analyses.compare.report import OUTPUTS
 from ...analyses.compare.result import STABILITY, TABLES
 from ...analyses.compare.runner import RESOLUTION, SEEDS, compare
-from ...base.errors import CommandError, CosimError
+from ...base.errors import CommandError, CosimError, join_names
 from ...base.option import COMPARE, argument, option
-from ...views.output_folder import results_folder
-from ...views.progress_bars import BarProgress
-from .analysis import show_result
+from .analysis import run_analysis
 from .options import report, scheduler, workers
 
 OPTIONS = COMPARE
@@ -89,19 +87,15 @@ class Parameters:
 
 def command(chosen: Parameters, given: dict[str, Any]) -> None:
     """Compare several controllers in the same scenario."""
-    folder = Path(given.pop("output", None) or results_folder(Path(chosen.scenario).stem))
-    plots = given.pop("plots", True)
+    name = Path(chosen.scenario).stem
     if chosen.table == CERTIFICATE:
         _check_certificate(chosen)
-        given |= {"output": folder, "report": chosen.report}
-        with BarProgress() as progress:
-            certified = certify_gains(chosen.scenario, chosen.gains, progress=progress, **given)
-        show_result(certificates.OUTPUTS, certified, folder)
+        given.pop("plots", None)
+        given |= {"gains": chosen.gains, "report": chosen.report}
+        run_analysis(certificates.OUTPUTS, certify_gains, chosen.scenario, name, given)
         return
-    given |= vars(chosen) | {"output": folder, "plots": plots}
-    with BarProgress() as progress:
-        result = compare(progress=progress, **given)
-    show_result(OUTPUTS, result, folder)
+    given = {"plots": True, **given, **vars(chosen)}
+    result, folder = run_analysis(OUTPUTS, compare, given.pop("scenario"), name, given)
     if not result.complete:
         raise CosimError(f"interrupted; results so far are in {folder}.")
 
@@ -111,9 +105,6 @@ def _check_certificate(chosen: Parameters) -> None:
     if chosen.controllers not in (None, ["rsba"]):
         names = ",".join(chosen.controllers)
         raise CommandError(f"--table certificate supports only the controller rsba, not {names}.")
-    others = chosen.seeds, chosen.reserves, chosen.resolution, chosen.scheduler, chosen.workers
-    if any(other is not None for other in others):
-        raise CommandError(
-            "--table certificate does not support --seeds, --reserves, --resolution, --scheduler "
-            "and --workers."
-        )
+    others = ("seeds", "reserves", "resolution", "scheduler", "workers")
+    if any(getattr(chosen, name) is not None for name in others):
+        raise CommandError(f"--table certificate does not support {join_names(f'--{x}' for x in others)}.")

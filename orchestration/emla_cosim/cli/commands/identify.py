@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 from ...analyses.identify.plan import load_identification_plan
@@ -12,9 +11,7 @@ from ...analyses.identify.residuals import LOSSES
 from ...analyses.identify.runner import identify
 from ...base.errors import CosimError
 from ...base.option import SWEEP, argument, option, switch
-from ...views.output_folder import results_folder
-from ...views.progress_bars import BarProgress
-from .analysis import show_result
+from .analysis import run_analysis
 from .options import report, scheduler, workers
 
 OPTIONS = SWEEP
@@ -69,12 +66,9 @@ class Parameters:
 
 def command(chosen: Parameters, given: dict[str, Any]) -> None:
     """Estimate parameters from measured data."""
-    loaded = load_identification_plan(chosen.plan)
+    given |= vars(chosen) | {"design": chosen.design or None}
+    loaded = load_identification_plan(given.pop("plan"))
     kind = "design" if chosen.design or loaded.design else "identify"  # estimates of the same plan stay
-    folder = Path(given.get("output") or results_folder(f"{kind}-{loaded.name}"))
-    given |= vars(chosen) | {"plan": loaded, "output": folder, "design": chosen.design or None}
-    with BarProgress() as progress:
-        result = identify(given.pop("plan"), progress=progress, **given)
-    show_result(OUTPUTS, result, folder)
+    result, folder = run_analysis(OUTPUTS, identify, loaded, f"{kind}-{loaded.name}", given)
     if not result.complete:
         raise CosimError(f"interrupted; the best values so far are in {folder / SCENARIO}.")

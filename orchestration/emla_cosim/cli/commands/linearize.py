@@ -9,9 +9,7 @@ from typing import Any
 from ...analyses.linearize.report import OUTPUTS
 from ...analyses.linearize.runner import linearize
 from ...base.option import LINEARIZE, OUTPUT, option, switch
-from ...views.output_folder import results_folder
-from ...views.progress_bars import BarProgress
-from .analysis import show_result
+from .analysis import run_analysis
 from .options import report, scenario
 
 OPTIONS = LINEARIZE
@@ -75,8 +73,6 @@ class Parameters:
 
 def command(chosen: Parameters, given: dict[str, Any]) -> None:
     """Compute frequency responses and margins of a scenario."""
-    folder = chosen.output or results_folder(f"linearize-{Path(chosen.scenario).stem}")
-    given |= vars(chosen) | {"output": folder}
-    with BarProgress() as progress:
-        result = linearize(given.pop("scenario"), progress=progress, **given)
-    show_result(OUTPUTS, result, folder)
+    given |= vars(chosen)
+    source = given.pop("scenario")
+    run_analysis(OUTPUTS, linearize, source, f"linearize-{Path(source).stem}", given)

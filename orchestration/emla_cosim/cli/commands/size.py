@@ -13,9 +13,7 @@ from ...analyses.variants.distributions import FORMS
 from ...base.errors import CommandError, RunError, join_names
 from ...base.option import OUTPUT, SIZE, option
 from ...base.quantities import read_quantity
-from ...views.output_folder import results_folder
-from ...views.progress_bars import BarProgress
-from .analysis import show_result
+from .analysis import run_analysis
 from .options import read_factors, report, scenario, scheduler, workers
 
 OPTIONS = SIZE
@@ -79,14 +77,12 @@ class Parameters:
 
 def command(chosen: Parameters, given: dict[str, Any]) -> None:
     """Examine whether actuators do the job of a scenario."""
-    folder = chosen.output or results_folder(f"size-{Path(chosen.scenario).stem}")
-    actuators, candidates = _split_candidates(given.pop("actuator", None) or {})
+    actuators, given["candidates"] = _split_candidates(given.pop("actuator", None) or {})
     if actuators:
         given["actuator"] = actuators
-    given |= vars(chosen) | {"output": folder}
-    with BarProgress() as progress:
-        result = size(given.pop("scenario"), candidates=candidates, progress=progress, **given)
-    show_result(OUTPUTS, result, folder)
+    given |= vars(chosen)
+    source = given.pop("scenario")
+    result, _ = run_analysis(OUTPUTS, size, source, f"size-{Path(source).stem}", given)
     if unjudged := result.unjudged:
         names = join_names(dict.fromkeys(one.joint for one in unjudged))
         raise RunError(f"no verdict on {names}: see above why.")

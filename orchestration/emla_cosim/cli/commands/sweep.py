@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 from ...analyses.sweep.plan import load_plan
@@ -14,9 +13,7 @@ from ...analyses.variants.distributions import FORMS
 from ...analyses.variants.sampling import SAMPLINGS
 from ...base.errors import CosimError
 from ...base.option import OUTPUT, RUNS, SWEEP, option, switch
-from ...views.output_folder import results_folder
-from ...views.progress_bars import BarProgress
-from .analysis import show_result
+from .analysis import run_analysis
 from .options import plan, read_factors, report, scheduler, workers
 
 OPTIONS = SWEEP
@@ -65,12 +62,9 @@ class Parameters:
 
 def command(chosen: Parameters, given: dict[str, Any]) -> None:
     """Run many variants of a scenario into an output folder."""
-    loaded = load_plan(chosen.plan)
-    folder = Path(given.get("output") or results_folder(loaded.name))
-    given |= vars(chosen) | {"plan": loaded, "output": folder, "plots": given.get("plots", True)}
-    with BarProgress() as progress:
-        result = sweep(given.pop("plan"), metrics=given.pop("metric"), progress=progress, **given)
-    show_result(OUTPUTS, result, folder)
+    given = {"plots": True, **given, **vars(chosen)}
+    loaded, given["metrics"] = load_plan(given.pop("plan")), given.pop("metric")
+    result, folder = run_analysis(OUTPUTS, sweep, loaded, loaded.name, given)
     if not result.complete:
         raise CosimError(f"interrupted; the results so far are in {folder}. Continue with --resume.")
     if result.required and (failing := result.variants.filter(result.variants[STATUS] != DONE).height):

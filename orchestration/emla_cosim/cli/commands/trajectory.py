@@ -74,8 +74,8 @@ class Parameters:
 
 def command(chosen: Parameters, given: dict[str, Any]) -> None:
     """Find the motion of the manipulator with the least actuator power."""
-    problem, path = override_values(load_problem(chosen.problem), chosen.set), chosen.output
-    path = path or _default_path()
+    problem = override_values(load_problem(chosen.problem), chosen.set)
+    path = chosen.output or _default_path()
     overwrite = given.get("overwrite", False)
     files = MotionFiles(path, problem, chosen.problem, overwrite, chosen.plots, chosen.report)
     given |= vars(chosen) | {"output": path, "problem": problem}
@@ -83,8 +83,7 @@ def command(chosen: Parameters, given: dict[str, Any]) -> None:
     with BarProgress() as progress:
         result = trajectory(progress=progress, **given)
     show_report(build_report(result))
-    beside = [file.name for file in files.paths[1:]]
-    print_line(f"Wrote {', '.join((str(path), *beside))}")
+    print_line(f"Wrote {', '.join((str(path), *(file.name for file in files.paths[1:])))}")
 
 
 def _default_path() -> Path:

@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 from ...analyses.tune.plan import load_tuning_plan
@@ -12,9 +11,7 @@ from ...analyses.tune.runner import tune
 from ...analyses.variants.distributions import FORMS
 from ...base.errors import CosimError
 from ...base.option import SWEEP, option
-from ...views.output_folder import results_folder
-from ...views.progress_bars import BarProgress
-from .analysis import show_result
+from .analysis import run_analysis
 from .options import plan, report, scheduler, workers
 
 OPTIONS = SWEEP
@@ -64,12 +61,9 @@ class Parameters:
 
 def command(chosen: Parameters, given: dict[str, Any]) -> None:
     """Tune gains of a scenario's controllers."""
-    loaded = load_tuning_plan(chosen.plan)
-    folder = Path(given.get("output") or results_folder(f"tune-{loaded.name}"))
-    given |= vars(chosen) | {"plan": loaded, "output": folder}
-    with BarProgress() as progress:
-        result = tune(given.pop("plan"), metrics=given.pop("metric"), progress=progress, **given)
-    show_result(OUTPUTS, result, folder)
+    given |= vars(chosen)
+    loaded, given["metrics"] = load_tuning_plan(given.pop("plan")), given.pop("metric")
+    result, folder = run_analysis(OUTPUTS, tune, loaded, f"tune-{loaded.name}", given)
     if not result.complete:
         raise CosimError(f"interrupted; the best gains so far are in {folder / BEST}.")
     if (problem := result.problem()) is not None:

@@ -122,14 +122,12 @@ def test_rows_equal_single_runs(
 ) -> None:
     """Though there the three joints run together, and here each alone."""
     scenario = load("study", controller=controller, gains=gains, stop_time=0.4, fmus=fmu_folder)
-    with scenario.prepare() as simulation:
-        figures = simulation.run().metrics["joints"]
+    figures = scenario.prepare().run().metrics["joints"]
     rows = compared.rows.filter(controller=controller, gains=gains).rows(named=True)
     assert [row["joint"] for row in rows] == list(figures)
     for row in rows:
-        of_joint = dict(figures[row["joint"]])
-        assert row["held"] and row["held"] == of_joint.pop("held")
-        numbers = {name: value for name, value in of_joint.items() if isinstance(value, float)}
+        assert row["held"] and figures[row["joint"]]["held"]
+        numbers = {name: value for name, value in figures[row["joint"]].items() if isinstance(value, float)}
         assert len(numbers) == 15
         for name, value in numbers.items():  # a sum's rounding depends on how many joints are summed at once
             rounding = 1e-12 if "_rms_" in name else 0.0
@@ -150,10 +148,9 @@ def test_table_marks_figures_of_lost_joints(compared: ec.CompareResult) -> None:
     (grid,) = compared.grids
     column = next(i for i, head in enumerate(grid.header) if head.startswith("rsba\npublished"))
     assert all(row[column].is_failure and row[column].text.startswith("not held") for row in grid.cells)
-    lift = compared.rows.filter(gains="published", joint="lift").row(0, named=True)
-    assert grid.cells[3][column].text == f"not held ({lift['torque_peak_N_m']:.3g})"
-    robust = compared.rows.filter(gains="robust", joint="lift").row(0, named=True)
-    assert grid.cells[0][column - 1].text == f"{1e6 * robust['position_error_m']:.3g}"
+    lift = {row["gains"]: row for row in compared.rows.filter(joint="lift").rows(named=True)}
+    assert grid.cells[3][column].text == f"not held ({lift['published']['torque_peak_N_m']:.3g})"
+    assert grid.cells[0][column - 1].text == f"{1e6 * lift['robust']['position_error_m']:.3g}"
     others = compared.rows.filter(joint="lift", held=True)["position_error_m"]
     best = [c.text for c in grid.cells[0] if c.is_best]
     assert best == [f"{1e6 * others.min():.3g}"]  # type: ignore[operator]
@@ -181,25 +178,21 @@ def test_errors_over_time_agree_with_metrics(compared: ec.CompareResult) -> None
     assert late == pytest.approx(row["position_error_m"], rel=1e-2)  # rows of 1 ms, metrics of 0.1 ms
 
 
-def test_pictures_are_drawn(compared: ec.CompareResult) -> None:
-    found = compared.figures()
-    assert list(found) == ["comparison-figures", "comparison-errors", "comparison-motion"]
-    assert len(found["comparison-errors"].axes) == 3 and len(found["comparison-motion"].axes) == 6
-
-
 def test_motion_and_load_of_each_joint_are_kept_once(compared: ec.CompareResult, fmu_folder: Path) -> None:
     assert list(compared.motions) == [("study", joint) for joint in ("lift", "tilt", "telescope")]
     motion = compared.motions["study", "lift"]
     assert 200 <= motion.height <= 500 and motion["time"][-1] == pytest.approx(0.4, abs=2e-3)
-    with load("lift", stop_time=0.4, fmus=fmu_folder).prepare() as simulation:
-        run = simulation.run()
+    run = load("lift", stop_time=0.4, fmus=fmu_folder).prepare().run()
     reference = np.interp(motion["time"], run["time"], run["lift.reference.x_d"])
     assert motion["reference"].to_numpy() == pytest.approx(reference, abs=1e-12)
     assert motion["load"].to_list() == pytest.approx([57e3] * motion.height)
 
 
 def test_page_has_tables_lost_joints_notes_and_pictures(compared: ec.CompareResult) -> None:
-    page = render_page(build_report(compared), {name: b"" for name, _ in OUTPUTS.draw(compared)}).decode()
+    pictures = dict(OUTPUTS.draw(compared))
+    axes = {name: len(figure.axes) for name, figure in pictures.items()}
+    assert axes == {"comparison-figures.png": 12, "comparison-errors.png": 3, "comparison-motion.png": 6}
+    page = render_page(build_report(compared), dict.fromkeys(pictures, b"")).decode()
     for text in (*describe_lost_joints(compared), *compared.notes, "Motion and load"):
         assert str(escape(text)) in page
     assert page.count("<table>") == len(compared.grids)
@@ -222,13 +215,11 @@ def test_terminal_shows_a_part_of_many_lost_joints(capsys: pytest.CaptureFixture
 
 
 def test_command_reports_lost_joints_first(emla: Emla, tmp_path: Path) -> None:
-    result = emla(
-        "compare", "lift", "--controllers", "rsba", "--gains", "published", *SHORT, "--output", str(tmp_path)
-    )
+    arguments = ("--controllers", "rsba", "--gains", "published", *SHORT, "--output", str(tmp_path))
+    result = emla("compare", "lift", *arguments)
     assert result.exit_code == 0
-    assert result.stdout.startswith(
-        "Not held: 1 of 1.\nlift with rsba/published: lift tripped on its current"
-    )
+    lost = "lift with rsba/published: lift tripped on its current"
+    assert result.stdout.startswith(f"Not held: 1 of 1.\n{lost}")
     assert names_in(tmp_path) == FILES
 
 
@@ -236,10 +227,9 @@ def test_values_of_a_case_override_common_values() -> None:
     """As the run itself has: a case is for a value that `--set` gives to all."""
     options = {"set": {"a.b": 1.0, "a.c": 2.0}, "stop_time": 0.4, "step_size": 1e-3, "gains": "soft"}
     own = {"set": {"a.b": 3.0}, "step_size": 1e-4}
-    heat = ComparisonRun(
-        "lift", ControllerVariant("rsba", "robust"), ComparisonCase("heavy"), ["lift"], own, 0
-    )
-    words = ComparisonPlan([heat], [], options, []).command(0) or []
+    variant, case = ControllerVariant("rsba", "robust"), ComparisonCase("heavy")
+    run = ComparisonRun("lift", variant, case, ["lift"], own, 0)
+    words = ComparisonPlan([run], [], options, []).command(0) or []
     assert words[:3] == ["emla", "run", "lift"]
     assert set(zip(words[3::2], words[4::2], strict=True)) == {
         ("--set", "a.b=3.0"), ("--set", "a.c=2.0"), ("--stop-time", "0.4"), ("--step-size", "0.0001"),

@@ -118,8 +118,7 @@ def test_controllers_get_the_same_random_sequences(compared: ec.CompareResult, f
     assert all(sets["rsba", seed] == sets["foc", seed] for seed in HeldOutSeeds(3).drawn)
     run = next(r for r in runs if r["joints"] == ["tilt"] and r["controller"] == "foc")
     scenario = load("tilt", controller="foc", gains="damped", set=run["set"], stop_time=0.4, fmus=fmu_folder)
-    with scenario.prepare() as simulation:
-        alone = simulation.run().metrics["joints"]["tilt"]
+    alone = scenario.prepare().run().metrics["joints"]["tilt"]
     assert alone["position_error_m"] == compared.rows.filter(run=run["run"])["position_error_m"][0]
 
 
@@ -130,8 +129,7 @@ def test_controllers_meet_equal_noise_and_disturbances(fmu_folder: Path) -> None
     sequences = []
     for controller in ("rsba", "foc"):
         scenario = load("tilt", controller=controller, stop_time=0.05, output_interval=1e-4, fmus=fmu_folder)
-        with scenario.prepare() as simulation:
-            result = simulation.run(set=seed | sensor)
+        result = scenario.prepare().run(set=seed | sensor)
         noise = result["tilt.plant.x_measured"] - result["tilt.plant.x_L"]
         sequences.append([*result["tilt.disturbance.d_2"], *noise])
     assert sequences[0] == sequences[1] and np.std(sequences[0]) > 0.0
@@ -162,13 +160,9 @@ def test_notes_state_reserves_and_offer_other_sets(compared: ec.CompareResult) -
 
 @pytest.mark.parametrize("controller", list(CONTROLLERS))
 def test_equal_reserves_are_set_on_every_controller(controller: str, fmu_folder: Path) -> None:
-    part = Preparation.of(load("study", controller=controller, fmus=fmu_folder))
+    part = Preparation.of(load("tilt", controller=controller, fmus=fmu_folder))
     values = reserve_values(part, Reserves(0.02, 0.2))
-    assert values == {
-        f"{joint}.controller.limit.{name}": part
-        for joint in ("lift", "tilt", "telescope")
-        for name, part in (("i_reserve", 0.02), ("u_reserve", 0.2))
-    }
+    assert values == {"tilt.controller.limit.i_reserve": 0.02, "tilt.controller.limit.u_reserve": 0.2}
     assert describe_reserves(part, values) == "2 % and 20 %"
 
 

@@ -42,25 +42,18 @@ def winner(*runs: list[dict[str, Any]]) -> str | None:
     """The winner of the position error, which is the only marked cell."""
     found = group_by_variant([row for of_controller in runs for row in of_controller])
     ranking = rank(found, ERROR)
-    best = ranking.best if ranking and ranking.is_winner else None
-    assert [name for name, cell in mark_winner(found, ERROR).items() if cell.is_best] == (
-        [best] if best else []
-    )
-    return best
+    marked = [name for name, cell in mark_winner(found, ERROR).items() if cell.is_best]
+    assert marked == ([ranking.best] if ranking and ranking.is_winner else [])
+    return next(iter(marked), None)
 
 
 def test_unanimous_seeds_win_although_spreads_overlap() -> None:
     """The seeds differ by ten times the difference between the controllers."""
     errors = np.linspace(1.0, 2.0, 20)
-    found = group_by_variant([*rows("a", *errors), *rows("b", *(errors + 0.1))])
+    found = group_by_variant([*rows("a", *errors)[::-1], *rows("b", *(errors + 0.1))])
     assert rank(found, ERROR) == ("a/own", 20, 20, True)
     assert found["a/own"].spread("position_error_m") > 3e-7  # m, beside a difference of 1e-7 m
     assert mark_winner(found, ERROR)["a/own"] == ("1.5 ± 0.31, wins 20 of 20", True, False)
-
-
-def test_winner_does_not_depend_on_the_order_of_rows() -> None:
-    errors = np.linspace(1.0, 2.0, 6)
-    assert winner(rows("a", *errors)[::-1], rows("b", *(errors + 0.1))) == "a/own"
 
 
 def test_half_of_the_seeds_is_no_win() -> None:
@@ -196,12 +189,9 @@ def robustness() -> ec.CompareResult:
     ends = {False: {"lost_at_s": 0.5, "why": "lift tripped on its speed at t = 0.5 s"}, True: {}}
     found = [
         row | common | {"case": case} | ends[row["held"]]
-        for case, lost in (("nominal", False), ("noise", True))
-        for row in [
-            *rows("a", *[1.0, 1.1] * 3),
-            *rows("b", *[2.0] * 5),
-            *rows("b", *[2.4] * 6, held=not lost)[5:],
-        ]
+        for case, held in (("nominal", True), ("noise", False))
+        for runs in (rows("a", *[1.0, 1.1] * 3), rows("b", *[2.0] * 5), rows("b", *[2.4] * 6, held=held)[5:])
+        for row in runs
     ]
     table = polars.DataFrame(found, schema=dict(COLUMNS), orient="row")
     return ec.CompareResult("own", "robustness", table, ["a/own", "b/own"])

@@ -1,4 +1,4 @@
-"""What sizing needs: a life with a unit, and a whole run."""
+"""What sizing needs: quantities with units, and a whole run."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -11,15 +11,16 @@ from emla_cosim.run.simulation import Simulation
 from tests.support.commands import Emla, sentence
 
 
-@pytest.mark.parametrize("life", ["20000", "2e4"])
-def test_a_life_needs_a_unit(life: str, emla: Emla) -> None:
-    message = sentence(emla("size", "prototype", "--life", life), 2)
-    assert message == f"Error: --life {life} has no unit; write '{life} h' or '{life} s'."
-
-
-def test_a_temperature_needs_a_unit(emla: Emla) -> None:
-    message = sentence(emla("size", "prototype", "--ambient", "40"), 2)
-    assert message == "Error: --ambient 40 has no unit; write '40 degC' or '40 degF' or '40 K'."
+@pytest.mark.parametrize(
+    ("option", "message"),
+    [
+        ("--life 20000", "--life 20000 has no unit; write '20000 h' or '20000 s'."),
+        ("--ambient 40", "--ambient 40 has no unit; write '40 degC' or '40 degF' or '40 K'."),
+        ("--vary load", "--vary load has no name or no values; write --vary NAME="),
+    ],
+)
+def test_invalid_options_of_the_command(option: str, message: str, emla: Emla) -> None:
+    assert sentence(emla("size", "prototype", *option.split()), 2).startswith(f"Error: {message}")
 
 
 def test_a_run_that_an_fmu_ends_is_not_sized(fmu_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
