@@ -143,7 +143,6 @@ class Session(Generic[R]):
     ) -> None:
         check_cluster(scheduler, workers)
         self.progress = NotesOnce(progress or Progress())
-        self.began = time.monotonic()
         self._what, self._cluster = outputs.what, (scheduler, workers)
         self.folder = folder
         if output is not None:
@@ -154,11 +153,6 @@ class Session(Generic[R]):
     def path(self) -> Path | None:
         """The folder; None without one."""
         return None if self.folder is None else self.folder.path
-
-    @property
-    def wall_s(self) -> float:
-        """The time since the beginning in s."""
-        return time.monotonic() - self.began
 
     @contextmanager
     def alone(self) -> Iterator[None]:
