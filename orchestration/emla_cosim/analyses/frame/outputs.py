@@ -92,38 +92,32 @@ class AnalysisFolder(Folder, Generic[R]):
         self.pictures = (*outputs.pictures, outputs.page_name)
         super().__init__(path, overwrite)
 
-    def keep(self, result: R, is_final: bool = True) -> list[str]:
+    def keep(self, result: R, is_final: bool = True) -> None:
         """Write the files of a result, the record first, and remove those that it does not have.
 
         Args:
             result: The result.
             is_final: Whether to draw pictures and write the page, too.
 
-        Returns:
-            The names of the files.
-
         Raises:
             RunError: A file cannot be written.
         """
         outputs = self.outputs
         contents = {name: build(result) for name, build in outputs.tables.items()}
-        names = list[str]()
         if outputs.record is not None:
             self.write_json(outputs.record_name, to_plain(outputs.record(result)))
-            names.append(outputs.record_name)
         for name, content in contents.items():
             if content is None:
                 self.remove([name])
             else:
                 self.write(name, content.encode() if isinstance(content, str) else content)
-                names.append(name)
         if is_final:
-            return [*names, *self.draw_result(result)]
-        self.remove_drawn([*self.pictures, *outputs.list_pictures(result)])
-        return names
+            self.draw_result(result)
+        else:
+            self.remove_drawn([*self.pictures, *outputs.list_pictures(result)])
 
-    def draw_result(self, result: R) -> list[str]:
-        """Draw the pictures and write the page, as asked for, and return their names. Raises RunError."""
+    def draw_result(self, result: R) -> None:
+        """Draw the pictures and write the page, as asked for. Raises RunError."""
         outputs = self.outputs
         figures = outputs.draw(result) if self._plots or self._report else ()
         pictures = {name: to_png(figure) for name, figure in figures}
@@ -137,7 +131,6 @@ class AnalysisFolder(Folder, Generic[R]):
             names.append(outputs.page_name)
         possible = (*self.pictures, *outputs.list_pictures(result))
         self.remove_drawn(name for name in possible if name not in names)
-        return names
 
     def remove_drawn(self, names: Iterable[str]) -> None:
         """Remove pictures and pages of emla with these names. Raises RunError."""

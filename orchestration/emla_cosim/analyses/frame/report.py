@@ -1,7 +1,7 @@
 """The report of an analysis as data: sentences, tables and pictures for the terminal, Markdown and a page."""
 
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from rich.box import SIMPLE
@@ -99,7 +99,7 @@ class Section:
     title: str = ""
     lines: Sequence[Text | str] = ()
     tables: Sequence[ReportTable] = ()
-    pictures: "dict[str, str] | None" = None
+    pictures: Mapping[str, str] = field(default_factory=dict)
     under: Sequence[Text | str] = ()
     is_detail: bool = False
     most: int | None = None
