@@ -103,8 +103,11 @@ def size(
         (True, 'motor speed')
     """
     _check(cycle, lead_in, ambient, life)
-    if not vary and runs is not None:
-        raise CommandError("runs are drawn from tolerances; add 'vary' (--vary NAME=LOW:HIGH).")
+    named = {"runs": runs, "scheduler": scheduler}
+    if not vary and (idle := [name for name, value in named.items() if value is not None]):
+        raise CommandError(f"'{idle[0]}' is for tolerances; add 'vary' (--vary NAME=LOW:HIGH), or remove it.")
+    if seed and runs is None:
+        raise CommandError("a seed is for random draws; add 'runs' (--runs), or remove it.")
     variation = Variation(vary, runs, seed) if vary else None
     varied = {joint: _label_sheets(joint, sheets) for joint, sheets in (candidates or {}).items()}
     session = Session(

@@ -166,6 +166,8 @@ def test_plots_have_all_candidates_and_their_worst_draws(size: Callable[..., ec.
         ),
         ({"vary": {"prototype.plant.motor.*": "1:2"}}, "combinations of their ends; the most are 64"),
         ({"runs": 5}, "add 'vary'"),
+        ({"workers": None, "scheduler": "tcp://there:1"}, "'scheduler' is for tolerances"),
+        ({"seed": 3}, "a seed is for random draws"),
         ({"vary": {LOAD: "1:2"}, "runs": 0}, "it must be 1 or more"),
     ],
 )
