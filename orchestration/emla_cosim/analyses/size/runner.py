@@ -126,13 +126,20 @@ def size(
     with session.alone():
         rows = list(_plan_rows(task)) if varied else [_Row("", None, ())]
         sized = {key: _run(dict(key), task) for key in dict.fromkeys(x.key for x in rows if not x.problem)}
-        sized |= run_draws(session, {key: x for key, x in sized.items() if isinstance(x, SizedRun)})
+        failure: RunError | None = None
+        try:
+            sized |= run_draws(session, {key: x for key, x in sized.items() if isinstance(x, SizedRun)})
+        except RunError as error:  # an interrupt, or lost workers; what is computed is kept
+            failure = error
         name = Path(str(source)).stem if isinstance(source, (str, Path)) else "system"
         if isinstance(run := sized.get(()), SizedRun):
             name = run.name
         listed = list(_list_candidates(rows, sized, name))
         result = SizeResult(name, listed, list(varied), ambient, life, lead_in)
         session.keep(result)
+    if failure is not None:
+        files = "" if session.path is None else f" The results without tolerances are in {session.path}."
+        raise RunError(f"{failure}{files}") from failure
     return result
 
 

@@ -107,6 +107,18 @@ def test_an_ambient_without_effect_is_reported(emla: Emla) -> None:
     assert "ambient changes nothing: only the limit thermal.T_max" in " ".join(result.stdout.split())
 
 
+def test_an_interrupt_in_the_draws_keeps_the_rest(
+    size: Callable[..., ec.SizeResult], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupt(*_: Any) -> Any:
+        raise ec.RunError("interrupted after 1 of 2 runs.")
+
+    monkeypatch.setattr("emla_cosim.analyses.size.runner.run_draws", interrupt)
+    with pytest.raises(ec.RunError, match=r"1 of 2 runs\. The results without tolerances are in "):
+        size(vary={"ambient": "20degC:60degC"}, output=tmp_path, plots=False, **RUN)
+    assert {"size.json", "limits.csv", "cycles.csv"} == {file.name for file in tmp_path.iterdir()}
+
+
 def test_random_draws_state_their_confidence(size: Callable[..., ec.SizeResult]) -> None:
     study, again = (
         size(vary={"ambient": "20degC:60degC"}, runs=59, seed=3, set=LIGHT, **RUN)["prototype"].tolerances
