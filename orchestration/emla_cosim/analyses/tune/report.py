@@ -1,6 +1,7 @@
 """What a tuning writes and shows: gains before and after, their scores, conditions, and the search."""
 
 import math
+import shlex
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -73,7 +74,7 @@ def _list_sentences(result: TuneResult) -> Iterator[str]:
     elif result.complete:
         yield "No seeds to validate with."
     if result.folder is not None:
-        yield f"emla run {result.folder / BEST}"
+        yield shlex.join(["emla", "run", str(result.folder / BEST)])
 
 
 def _format(value: float) -> str:
