@@ -51,6 +51,7 @@ typedef struct {
     LanePlan plan;
     Thread *thread;
     int32_t failed, failure; /* the first of its operations that failed in this step, and how */
+    Stepper blamed;          /* the record after it */
     char end[DISTANCE];
 } Lane;
 
@@ -105,8 +106,10 @@ static void note_failure(Lane *lane, int32_t operation, int32_t failure) {
     while (operation < earliest &&
            !__atomic_compare_exchange_n(first, &earliest, operation, 0, __ATOMIC_ACQ_REL, __ATOMIC_RELAXED)) {
     }
+    if (operation > lane->failed) return;
     lane->failed = operation;
     lane->failure = failure;
+    lane->blamed = *lane->stepper; /* earlier operations follow, whose discarded steps replace what it says */
 }
 
 /* Do a task after those that it needs. After a failure only earlier operations are done. */
@@ -157,12 +160,12 @@ static int32_t judge(const Lanes *all, Stepper *s) {
     for (int32_t n = 0; n < all->n_lanes; n++) {
         const Lane *lane = &all->lanes[n];
         if (all->failed == NOWHERE || lane->failed != all->failed) continue;
-        s->instance = lane->stepper->instance;
-        s->status = lane->stepper->status;
-        s->time = lane->stepper->time;
-        s->length = lane->stepper->length;
-        s->group = lane->stepper->group;
-        s->group_sweeps = lane->stepper->group_sweeps;
+        s->instance = lane->blamed.instance;
+        s->status = lane->blamed.status;
+        s->time = lane->blamed.time;
+        s->length = lane->blamed.length;
+        s->group = lane->blamed.group;
+        s->group_sweeps = lane->blamed.group_sweeps;
         return lane->failure;
     }
     return are_finite(s) ? DONE : NOT_FINITE;
