@@ -74,7 +74,9 @@ class Score:
     @property
     def order(self) -> Order:
         """The key that the search compares."""
-        return (True, self.violation) if self.violation else (False, self.objective)
+        value = self.violation or self.objective
+        # the tracking error of a run that diverged, and so the violation, can be NaN: worse than any number
+        return bool(self.violation), math.inf if math.isnan(value) else value
 
     def list_unmet(self, before: "Score | None" = None) -> list[str]:
         """Return the conditions that do not hold, but did `before`, with their case and the worst figure."""

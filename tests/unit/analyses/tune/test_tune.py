@@ -1,5 +1,6 @@
 """Tunings find minima that are known by hand, and report conditions that are not met."""
 
+import itertools
 import json
 import math
 import os
@@ -17,7 +18,7 @@ import emla_cosim as ec
 from emla_cosim.analyses.tune.expressions import parse_expression
 from emla_cosim.analyses.tune.plan import load_tuning_plan
 from emla_cosim.analyses.tune.runner import Search
-from emla_cosim.analyses.tune.score import Objective
+from emla_cosim.analyses.tune.score import Objective, Score
 from emla_cosim.analyses.variants.data import DIVERGED, DONE, VariantOutcome
 from emla_cosim.base.errors import CommandError
 from emla_cosim.base.progress import Progress
@@ -414,6 +415,14 @@ def test_converged_search_restarts_with_twice_as_many_points(dimension: int) -> 
         search.tell([(False, float(((p - 0.3) ** 2).sum())) for p in points])
     assert sizes == [sizes[0] * 2**i for i in range(4)]
     assert len({tuple(first) for first in firsts}) == 4
+
+
+def test_a_score_without_numbers_is_worse_than_any_other() -> None:
+    """The tracking error of a run that diverged, a part of the violation, can be NaN."""
+    worst = Score(math.nan, math.nan, 1, 1)
+    scores = [Score(2.0, 0.0, 0, 1), Score(math.nan, 1e9, 1, 1), worst]
+    for order in itertools.permutations(scores):
+        assert sorted(order, key=lambda score: score.order) == scores
 
 
 def test_expressions_are_those_of_python() -> None:
