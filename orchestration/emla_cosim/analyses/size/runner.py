@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, Unpack
 import numpy as np
 
 from ...base.arrays import Vector
-from ...base.errors import CommandError, RunError
+from ...base.errors import CommandError, CosimError, RunError
 from ...base.patterns import matches_pattern
 from ...base.progress import Progress
 from ...recorders.table import TimeSeries
@@ -126,11 +126,13 @@ def size(
     with session.alone():
         rows = list(_plan_rows(task)) if varied else [_Row("", None, ())]
         sized = {key: _run(dict(key), task) for key in dict.fromkeys(x.key for x in rows if not x.problem)}
-        failure: RunError | None = None
+        failure: CosimError | None = None
+        nominal = {key: run for key, run in sized.items() if isinstance(run, SizedRun)}
         try:
-            sized |= run_draws(session, {key: x for key, x in sized.items() if isinstance(x, SizedRun)})
-        except RunError as error:  # an interrupt, or lost workers; what is computed is kept
+            sized |= run_draws(session, nominal)
+        except CosimError as error:  # what is computed is kept, and says that it is not all
             failure = error
+            sized |= {key: _without_tolerances(run, error) for key, run in nominal.items()}
         name = Path(str(source)).stem if isinstance(source, (str, Path)) else "system"
         if isinstance(run := sized.get(()), SizedRun):
             name = run.name
@@ -139,8 +141,15 @@ def size(
         session.keep(result)
     if failure is not None:
         files = "" if session.path is None else f" The results without tolerances are in {session.path}."
-        raise RunError(f"{failure}{files}") from failure
+        raise type(failure)(f"{failure}{files}", **failure.fields) from failure
     return result
+
+
+def _without_tolerances(run: SizedRun, error: CosimError) -> SizedRun:
+    """Return a run whose joints say that their tolerances were not judged, and why."""
+    remark = f"the tolerances are not judged: {error}"
+    joints = {joint: replace(x, remarks=(*x.remarks, remark)) for joint, x in run.joints.items()}
+    return replace(run, joints=joints)
 
 
 def _check(cycle: float | None, lead_in: float, ambient: float, life: float | None) -> None:

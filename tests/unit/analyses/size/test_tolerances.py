@@ -117,6 +117,9 @@ def test_an_interrupt_in_the_draws_keeps_the_rest(
     with pytest.raises(ec.RunError, match=r"1 of 2 runs\. The results without tolerances are in "):
         size(vary={"ambient": "20degC:60degC"}, output=tmp_path, plots=False, **RUN)
     assert {"size.json", "limits.csv", "cycles.csv"} == {file.name for file in tmp_path.iterdir()}
+    record = json.loads((tmp_path / "size.json").read_text())
+    remarks = record["candidates"][0]["joints"]["prototype"]["remarks"]
+    assert "the tolerances are not judged: interrupted after 1 of 2 runs." in remarks
 
 
 def test_random_draws_state_their_confidence(size: Callable[..., ec.SizeResult]) -> None:
