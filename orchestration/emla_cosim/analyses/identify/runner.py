@@ -118,9 +118,18 @@ def identify(
     """
     converted = convert_value(list(measured), Sequence[Input], "'measured'") if measured is not None else None
     first = [] if converted is None else [Experiment(_MEASURED, converted)]
-    given = {name: x for name, x in locals().items() if name in IdentificationPlan.__dataclass_fields__}
-    given["experiments"] = [*first, *(experiments or ())] or None
-    given["options"] = {**options, "overwrite": True} if overwrite else options
+    given = {
+        "vary": vary,
+        "experiments": [*first, *(experiments or ())] or None,
+        "sigma": sigma,
+        "loss": loss,
+        "starts": starts,
+        "evaluations": evaluations,
+        "profile": profile,
+        "seed": seed,
+        "design": design,
+        "options": {**options, "overwrite": True} if overwrite else options,
+    }
     plan = load_identification_plan(source).updated(given)
     session = Session(
         OUTPUTS,

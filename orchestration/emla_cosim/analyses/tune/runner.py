@@ -110,8 +110,19 @@ def tune(
         >>> found.history.height
         1
     """
-    given = {name: x for name, x in locals().items() if name in TuningPlan.__dataclass_fields__}
-    given["options"] = {**options, "overwrite": True} if overwrite else options
+    given = {
+        "vary": vary,
+        "objective": objective,
+        "require": require,
+        "derive": derive,
+        "metrics": metrics,
+        "evaluations": evaluations,
+        "training": training,
+        "validation": validation,
+        "seed": seed,
+        "tolerance": tolerance,
+        "options": {**options, "overwrite": True} if overwrite else options,
+    }
     plan = load_tuning_plan(source).updated(given)
     session = Session(
         OUTPUTS,
