@@ -114,9 +114,9 @@ def compare(
         overrides = {"stop_time": stability_stop_time(), **overrides}
     terms = ComparisonTerms(seeds, parse_reserves(reserves), overrides, ALL in (all_sets or ()))
     scenarios, cases = _scenarios(str(scenario), table), _cases(table, resolution)
-    plan = plan_runs(scenarios, chosen, cases, terms, session.progress)
-    session.check_unread([group.read for group in plan.groups])
-    with session.alone():
+    with session.with_workers():
+        plan = plan_runs(scenarios, chosen, cases, terms, session.progress)
+        session.check_unread([group.read for group in plan.groups])
         result = _run(plan, Path(scenario).stem, table, session)
         session.keep(result)
     return result

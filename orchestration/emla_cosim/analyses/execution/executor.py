@@ -255,10 +255,8 @@ def start_workers(scheduler: Scheduler, workers: int | None) -> Iterator[Schedul
         The argument of `open_executor`.
 
     Raises:
-        CommandError: The scheduler or workers are invalid.
         RunError: No process can start.
     """
-    check_cluster(scheduler, workers)
     if scheduler is None:
         with _start_host(workers) as host:
             yield host

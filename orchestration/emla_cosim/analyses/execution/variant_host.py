@@ -6,6 +6,7 @@ rest while their caller prepares a scenario.
 """
 
 import math
+import os
 import pickle
 import platform
 import time
@@ -117,10 +118,13 @@ class VariantHost:
         self._pool.close(_CLOSE_S if self._is_loaded else 0.0)
 
     def _start(self) -> Child:
-        # loads more than this process needs; each process has one core
-        do = f"{__package__}.variant_process:run_variants"
+        do = f"{__package__}.variant_process:run_variants"  # loads more than this process needs
+        environment = {
+            "POLARS_MAX_THREADS": os.environ.get("POLARS_MAX_THREADS", "1"),  # each process has one core
+            "TMPDIR": str(self._folder),  # for what is unpacked and what FMUs leave: it ends with the folder
+        }
         try:
-            return Child(do, str(self._folder), environment={"POLARS_MAX_THREADS": "1"})
+            return Child(do, str(self._folder), environment=environment)
         except OSError as error:
             raise RunError(f"no process can be started on {platform.node()}: {error.strerror}.") from error
 

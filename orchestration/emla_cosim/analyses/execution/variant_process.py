@@ -2,7 +2,6 @@
 
 import contextlib
 import pickle
-import tempfile
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -193,7 +192,6 @@ def _pickle_error(error: BaseException) -> bytes:
 def run_variants(channel: Channel, folder: str) -> None:
     """Answer the requests of a host. At the end, remove its folder: the host closes it, or was killed."""
     silence()
-    tempfile.tempdir = folder  # FMUs are unpacked there
     removal = threading.Lock()
 
     def remove() -> None:

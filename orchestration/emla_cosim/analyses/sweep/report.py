@@ -68,7 +68,7 @@ def build_report(result: SweepResult) -> Report:
         sections += _sensitivities(result, figure)
     if figure is not None and len(result.variants):
         commands = _list_worst_commands(result)
-        if result.folder is not None and _worst_file(result) is not None:
+        if result.folder is not None and _are_long(commands):
             commands = [f"Commands to run each of them alone are in {result.folder / _WORST_FILE}."]
         sections.append(Section(tables=[_worst_table(result, figure)], under=commands))
     pictures = {f"{kind}.png": shown for kind, (_, shown) in PICTURES.items()}
@@ -219,7 +219,11 @@ def _list_worst_commands(result: SweepResult) -> list[str]:
 def _worst_file(result: SweepResult) -> str | None:
     """Return the file with the commands that run the worst variants, if they are long."""
     lines = _list_worst_commands(result)
-    return "\n".join([f"# {lines[0]}", *lines[1:], ""]) if sum(map(len, lines)) > _MOST_LETTERS else None
+    return "\n".join([f"# {lines[0]}", *lines[1:], ""]) if _are_long(lines) else None
+
+
+def _are_long(commands: Sequence[str]) -> bool:
+    return sum(map(len, commands)) > _MOST_LETTERS
 
 
 def _format_figure(result: SweepResult, figure: str, value: float | bool | None) -> str:
