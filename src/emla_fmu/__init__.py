@@ -14,13 +14,25 @@ Examples:
 
 from .compliant_plant import EmlaCompliantPlant
 from .disturbance import Disturbance
+from .load_observer import LoadObserver
 from .motor import EmlaMotor
 from .observer import EmlaObserver
 from .plant import EmlaPlant
 from .reference import Reference
+from .screw_command import ScrewCommand
 from .signal_fault import SignalFault
 
-BLOCKS = (EmlaPlant, EmlaCompliantPlant, EmlaMotor, EmlaObserver, Reference, Disturbance, SignalFault)
+BLOCKS = (
+    EmlaPlant,
+    EmlaCompliantPlant,
+    EmlaMotor,
+    EmlaObserver,
+    LoadObserver,
+    Reference,
+    ScrewCommand,
+    Disturbance,
+    SignalFault,
+)
 
 __all__ = [
     "BLOCKS",
@@ -29,6 +41,8 @@ __all__ = [
     "EmlaMotor",
     "EmlaObserver",
     "EmlaPlant",
+    "LoadObserver",
     "Reference",
+    "ScrewCommand",
     "SignalFault",
 ]

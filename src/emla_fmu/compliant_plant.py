@@ -2,7 +2,8 @@
 
 from typing import Any
 
-from fmublock import DefaultExperiment, Output, Parameter, State, where
+from fmublock import DefaultExperiment, DiscreteState, Output, Parameter, State, where
+from fmublock.noise import lehmer, normal
 
 from . import electrics, sensors, transmission
 from .plant import EmlaPlant, screw_acceleration
@@ -13,7 +14,8 @@ class EmlaCompliantPlant(EmlaPlant):
 
     The first mass is all that the `EmlaPlant` has: motor, gearbox and `screw.M_BS`. The load force acts on
     the second mass, friction and end stops on the first. The encoder is at the motor, as in most drives. It
-    can be at the load instead. With a very stiff spring, this is an `EmlaPlant` with the sum of both masses.
+    can be at the load instead. A further position sensor is at the load. With a very stiff spring, this is an
+    `EmlaPlant` with the sum of both masses.
     """
 
     default_experiment = DefaultExperiment(stop_time=1.0, step_size=1e-4)
@@ -50,6 +52,29 @@ class EmlaCompliantPlant(EmlaPlant):
         name="sensor.at_load",
         description="Whether the position sensor is at the load, not at the motor",
     )
+    sigma_load = Parameter(
+        0.0,
+        unit="m",
+        minimum=0.0,
+        name="load.sensor.sigma",
+        symbol=r"\sigma_m",
+        description="Standard deviation of the noise of a position sensor at the load",
+    )
+    resolution_load = Parameter(
+        0.0,
+        unit="m",
+        minimum=0.0,
+        name="load.sensor.resolution",
+        symbol="q_m",
+        description="Position step of a sensor at the load; 0 is none",
+    )
+    seed_load = Parameter(
+        738219457,
+        minimum=1,
+        maximum=2147483646,
+        name="load.sensor.seed",
+        description="Start of the noise sequence of a sensor at the load",
+    )
     deflection_start = Parameter(
         0.0, unit="m", name="start.deflection", description="Initial deflection of the transmission"
     )
@@ -64,6 +89,13 @@ class EmlaCompliantPlant(EmlaPlant):
     )
     v_load = State(0.0, unit="m/s", nominal=0.1, name="load.v", symbol="v_m", description="Speed of the load")
 
+    random_load = DiscreteState(
+        seed_load, name="load.sensor.random", description="State of the load sensor's noise generator"
+    )
+    noise_load = DiscreteState(
+        0.0, name="load.sensor.noise", description="Present draw from N(0, 1) for the load sensor"
+    )
+
     x_load = Output(unit="m", nominal=0.1, name="load.x", symbol="x_m", description="Position of the load")
     a_load = Output(unit="m/s2", name="load.a", symbol="a_m", description="Acceleration of the load")
     F_T = Output(
@@ -71,6 +103,14 @@ class EmlaCompliantPlant(EmlaPlant):
         nominal=1e4,
         name="transmission.force",
         description="Force of the screw on the load, positive if it pushes",
+    )
+
+    x_load_measured = Output(
+        unit="m",
+        nominal=0.1,
+        name="load.x_measured",
+        symbol="x_{m,measured}",
+        description="Position of the load, as measured by a sensor there",
     )
 
     def derivatives(self, v: Any) -> dict[str, Any]:
@@ -82,6 +122,17 @@ class EmlaCompliantPlant(EmlaPlant):
             **electrics.derivatives(v),
             "deflection": v.v_L - v.v_load,
             "v_load": load_acceleration(v, force),
+        }
+
+    def update(self, v: Any) -> dict[str, Any]:
+        """Return the sampled values of the `EmlaPlant`, and the noise of the load sensor."""
+        first = lehmer(v.random_load)
+        second = lehmer(first)
+        is_noisy = v.sigma_load > 0.0
+        return {
+            **electrics.update(v),
+            "random_load": where(is_noisy, second, v.random_load),
+            "noise_load": where(is_noisy, normal(first, second), 0.0),
         }
 
     def outputs(self, v: Any) -> dict[str, Any]:
@@ -96,6 +147,7 @@ class EmlaCompliantPlant(EmlaPlant):
             "P_L": v.F_L * v.v_load,
             "x_load": x_load,
             "a_load": load_acceleration(v, force),
+            "x_load_measured": sensors.quantized(x_load + v.sigma_load * v.noise_load, v.resolution_load),
             "F_T": force,
         }
 

@@ -28,6 +28,8 @@ class CompareOptions(TypedDict, total=False):
     set: Mapping[str, Value | np.generic | Sequence[Value] | NDArray[Any]]
     replace: Mapping[str, Replacement | _Path | Mapping[str, Any]]
     input: Sequence[Input | _Path | Mapping[str, Any]]
+    load_control: str | None
+    notch: Mapping[str, Value]
     actuator: Mapping[str, _Path | FileOrObject]
     sheet: Mapping[str, Value]
     fault: Sequence[Fault | str | Mapping[str, Any]]

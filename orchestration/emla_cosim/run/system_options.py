@@ -26,6 +26,9 @@ from ..inputs.input import Input
 from ..system.fault import Fault, read_faults
 from ..system.model import Replacement, Value
 
+LOAD_CONTROLS = ("none", "motor", "sensor")
+"""Sensors by which the position of a load can be controlled."""
+
 ALL = (RUN, EXPORT, SWEEP, COMPARE, INFO, LINEARIZE, SIZE)
 """Commands that load a system."""
 
@@ -75,6 +78,19 @@ class SystemOptions:
         "controller.",
         commands=(RUN, EXPORT, SWEEP, INFO, LINEARIZE, SIZE),
         makes="gains",
+    )
+    load_control: str | None = _prepared(
+        help="How the position of a load that is not rigid is controlled: not at all, with sensors at the "
+        "motor, or also with one at the load; see docs/load-control.md. Default: motor for such loads.",
+        choices=lambda: LOAD_CONTROLS,
+        makes="load control",
+    )
+    notch: Mapping[str, Value] = _prepared(
+        {},
+        help="Remove up to two frequencies from a joint's reference motion, so that it does not excite what "
+        "swings with them, such as lift='6.5 Hz' (repeatable; * is all joints).",
+        metavar="JOINT=FREQUENCY[,FREQUENCY]",
+        makes="reference",
     )
     actuator: Mapping[str, Path | FileOrObject] = _prepared(
         {},

@@ -7,7 +7,16 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from emla_fmu import Disturbance, EmlaCompliantPlant, EmlaMotor, EmlaObserver, EmlaPlant, Reference
+from emla_fmu import (
+    Disturbance,
+    EmlaCompliantPlant,
+    EmlaMotor,
+    EmlaObserver,
+    EmlaPlant,
+    LoadObserver,
+    Reference,
+    ScrewCommand,
+)
 from emla_fmu.parameters import EmlaParameters
 from fmublock import Block
 from fmublock.units import parse_unit
@@ -40,8 +49,30 @@ _WIRES = (
     "controller.i_q_ref -> plant.i_q_ref",
     "controller.i_q_ref -> observer.i_q_ref",
 )
+_COMMANDED = {
+    "reference.x_d -> controller.x_d": (
+        "reference.x_d -> command.x_d",
+        "reference.v_d -> command.v_d",
+        "reference.a_d -> command.a_d",
+        "plant.x_measured -> command.x_1",
+        "command.x_c -> controller.x_d",
+    ),
+    "reference.v_d -> controller.v_d": ("command.v_c -> controller.v_d",),
+    "reference.a_d -> controller.a_d": ("command.a_c -> controller.a_d",),
+}
+"""What replaces a connection if the screw is not to make the wanted motion itself."""
+
+_LOAD_SENSOR = (
+    "plant.load.x_measured -> load_observer.y",
+    "plant.x_measured -> load_observer.x_1",
+    "observer.v_hat -> load_observer.v_1",
+    "load_observer.F_0 -> command.F_hat",
+    "load_observer.x_hat -> command.load.x",
+    "load_observer.v_hat -> command.load.v",
+    "load_observer.a_hat -> command.load.a",
+)
 _ESTIMATED = ("observer.x_hat -> controller.x_hat", "observer.v_hat -> controller.v_hat")
-_SAMPLE = ("disturbance", "observer")
+_SAMPLE = ("disturbance", "observer", "load_observer", "command")
 """Components that compute at communication points, like the controller: the disturbance draws random numbers.
 """
 
@@ -98,6 +129,8 @@ def build_joint(
     true_feedback: bool = False,
     electrical: bool = False,
     compliant: bool = False,
+    command: Mapping[str, Any] | None = None,
+    load_observer: Mapping[str, Any] | None = None,
     elsewhere: Mapping[str, str | None] = MappingProxyType({}),
 ) -> Joint:
     """Build a joint from its parameters, with a block or an FMU as controller.
@@ -118,6 +151,8 @@ def build_joint(
         true_feedback: Whether the controller gets the plant's true position and speed.
         electrical: Whether the plant is only its electrical half, `motor`.
         compliant: Whether the plant has a load that is not rigid.
+        command: Values of the `ScrewCommand` between reference and controller, by attribute; None without it.
+        load_observer: Values of the `LoadObserver`, by attribute; None without a sensor at the load.
         elsewhere: Full names of variables of other components that replace ends such as reference.x_d; None
             leaves an end open.
 
@@ -130,6 +165,10 @@ def build_joint(
         Disturbance: ("disturbance", [disturbance]),
         EmlaObserver: ("observer", [emla, observer_gains, {"x_hat_start": estimate}]),
     }
+    if load_observer is not None:
+        blocks[LoadObserver] = ("load_observer", [load_observer])
+    if command is not None:
+        blocks[ScrewCommand] = ("command", [command])
     if reference is not None:
         blocks = {Reference: ("reference", [reference]), **blocks}
     components = [
@@ -137,7 +176,11 @@ def build_joint(
         for block, (role, sources) in blocks.items()
     ]
     components.append(_controller(f"{name}.controller", controller, emla, gains))
-    wires = (*_WIRES, *(_TRUE if true_feedback else _ESTIMATED))
+    wires = [*_WIRES, *(_TRUE if true_feedback else _ESTIMATED)]
+    if command is not None:
+        wires = [new for wire in wires for new in _COMMANDED.get(wire, (wire,))]
+    if load_observer is not None:
+        wires += _LOAD_SENSOR
     roles = {"plant": "motor"} if electrical else {}
     ends = [
         [_full_name(name, end, roles, elsewhere) for end in wire.split(" -> ")]

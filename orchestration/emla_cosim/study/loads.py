@@ -20,7 +20,7 @@ from .settling import Settling
 _ROUNDING = 1e-9
 """Tolerance in s for equal times."""
 
-_ROLES = ("x_load", "x_L", "x_d")
+_ROLES = ("x_load", "x_L", "x_s", "x_c")
 """Roles of the watched signals, in the order of the gathered rows."""
 
 
@@ -99,14 +99,14 @@ class LoadMetrics(Metrics):
     def write(self, rows: Vector) -> None:
         """Take the next rows."""
         time = rows[:, 0].copy()
-        x_load, x_L, x_d = rows.T[self._columns]
+        x_load, x_L, x_s, x_c = rows.T[self._columns]
         if math.isnan(self._start):
             self._start = float(time[0])
-            self._first = np.abs(x_load[:, 0] - x_d[:, 0])
+            self._first = np.abs(x_load[:, 0] - x_s[:, 0])
         with np.errstate(invalid="ignore", over="ignore"):
-            error, deflection = x_load - x_d, np.abs(x_L - x_load)
+            error, deflection = x_load - x_s, np.abs(x_L - x_load)
             size = np.abs(error)
-            self._settling.write(time, np.abs(x_L - x_d))
+            self._settling.write(time, np.abs(x_L - x_c))
             self._load_settling.write(time, size)
         for joint in np.flatnonzero(np.isnan(self._not_finite) & ~np.isfinite(error).all(axis=1)):
             self._not_finite[joint] = float(time[(~np.isfinite(error[joint])).argmax()])

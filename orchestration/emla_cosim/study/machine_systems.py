@@ -15,6 +15,7 @@ from ..system.model import Component, System, Value
 from .actuator.joint_actuators import NONE, Actuators, check_joints
 from .joint import start_values
 from .joints.schema import load_joint
+from .load_control import check_notch_joints
 from .machine_motion import Motion, describe_other_machine, load_motion
 from .roles import JOINTS
 from .systems import Choice, study_joint
@@ -58,17 +59,23 @@ def _separate(
     gains: Choice,
     trajectory: Path | None = None,
     actuators: Actuators = NONE,
+    **variant: Any,
 ) -> System:
     """Build the machine with the manipulator as a component of its own, which loads the joints."""
     machine = Component("machine.manipulator", "HdrmManipulator")
     if actuators:  # with their masses and strokes
         values = start_values(HdrmManipulator, _by_joint(HdrmManipulator, actuators))
         machine = replace(machine, parameters=values)
-    return _system(controller, gains, load_motion(trajectory), machine, _LOADED, wires, actuators, bond=bond)
+    wanted = load_motion(trajectory)
+    return _system(controller, gains, wanted, machine, _LOADED, wires, actuators, bond=bond, **variant)
 
 
 def _merged(
-    controller: Choice, gains: Choice, trajectory: Path | None = None, actuators: Actuators = NONE
+    controller: Choice,
+    gains: Choice,
+    trajectory: Path | None = None,
+    actuators: Actuators = NONE,
+    **variant: Any,
 ) -> System:
     """Build the machine with the mechanics of plants and manipulator in one component."""
     wanted = load_motion(trajectory)
@@ -80,7 +87,7 @@ def _merged(
                 f"{joint}, remove {join_names(lost)}, or run hdrm-coupled."
             )
     machine = Component("machine.plant", "HdrmPlant", _mechanics(wanted, actuators))
-    return _system(controller, gains, wanted, machine, _MOVED, _MERGED, actuators, electrical=True)
+    return _system(controller, gains, wanted, machine, _MOVED, _MERGED, actuators, electrical=True, **variant)
 
 
 def _system(
@@ -93,9 +100,11 @@ def _system(
     actuators: Actuators,
     electrical: bool = False,
     bond: Bond | None = None,
+    **variant: Any,
 ) -> System:
     """Return three joints with their machine; `elsewhere`, `wires` and `bond` are patterns for each joint."""
     check_joints(actuators, JOINTS)
+    check_notch_joints(variant.get("notch", {}), JOINTS)
     components, connections, bonds = list[Component](), list[str](), dict[str, Bond]()
     for element, joint in enumerate(JOINTS, 1):
         made = study_joint(
@@ -112,9 +121,13 @@ def _system(
                 end: None if place is None else place.format(joint=joint, element=element)
                 for end, place in elsewhere.items()
             },
+            **variant,
         )
         components += made.components
-        connections += [*made.wires, *(wire.format(joint=joint, element=element) for wire in wires)]
+        patterns = wires
+        if any(c.model == "ScrewCommand" for c in made.components):
+            patterns = [_follow_command(wire) for wire in wires]
+        connections += [*made.wires, *(wire.format(joint=joint, element=element) for wire in patterns)]
         if bond is not None:
             bonds[joint] = bond.with_names(joint=joint, element=element)
     block = HdrmPlant if electrical else HdrmManipulator
@@ -122,6 +135,13 @@ def _system(
     shared = (Component("machine.trajectory", "Trajectory", wanted.parameters, note=note), machine)
     system = System((*components, *shared), ()).with_connections(*connections)
     return replace(system, bonds=bonds)
+
+
+def _follow_command(wire: str) -> str:
+    """Return a pattern of a connection to the machine, which makes the motion after the notches."""
+    for name in ("x", "v", "a"):
+        wire = wire.replace(f"machine.trajectory.{name}_d[{{element}}]", f"{{joint}}.command.{name}_s")
+    return wire
 
 
 def _mechanics(wanted: Motion, actuators: Actuators) -> dict[str, Value]:

@@ -73,13 +73,15 @@ class JointFigures:
     idealised: Sequence[Mapping[str, str]]
 
 
-_TRACKED = ("x_L", "x_d")
-_NEEDED = (*_TRACKED, "v_L", "tau_m", "v_d")
-_ROLES = (*_NEEDED, "x_hat", "limited_control", "limited_inverter", "x_load", "F_L", "d_2")
+_TRACKED = ("x_L", "x_c")
+_NEEDED = (*_TRACKED, "v_L", "tau_m", "v_c")
+_WANTED = ("x_s", "v_s")
+_ROLES = (*_NEEDED, "x_hat", "limited_control", "limited_inverter", "x_load", "F_L", "d_2", *_WANTED)
 """Roles of the watched signals, in the order of the gathered rows."""
 
-_SEARCHED = ("tau_m", "x_L", "x_load", "v_d", "F_L", "d_2")
-"""Roles of the signals for `OscillationWatch`."""
+_SEARCHED = ("tau_m", "x_L", "x_load", "v_s", "F_L", "d_2")
+"""Roles of the signals for `OscillationWatch`. The commanded speed is not among them: with a sensor at the
+load it contains the oscillation, and would explain it."""
 
 _HELD = MetricDisplay(HELD, HELD)
 _HELD_WITH_LOAD = MetricDisplay(HELD, "held (screw and load)")
@@ -175,7 +177,7 @@ class JointMetrics(Metrics):
         self._estimated_every = np.array([_find_sample_time(name, sample_times or {}) for name in estimates])
         """Time in s from one estimate of each joint's observer to the next; NaN if each row has one."""
         self._first_estimate = start
-        self._has_speed = ~(self._missing[_ROLES.index("v_d")])
+        self._has_speed = ~(self._missing[_ROLES.index("v_s")])
         self._limits = LimitWatch(self._criteria, column, known, given)
         trips = {joint: of.over_temperature for joint, of in self._criteria.items()}
         self._heat = HeatWatch.of(trips, column, known, given)
@@ -248,24 +250,24 @@ class JointMetrics(Metrics):
             self._hold_after_trips(time, signals)
         if self._loads is not None:
             self._loads.write(rows)
-        x, x_d, v, torque, v_d, x_hat, control, inverter, x_load, force, disturbance = signals
+        x, x_c, v, torque, v_c, x_hat, control, inverter, x_load, force, disturbance, x_s, v_s = signals
         steps = np.empty(len(time))
         if not self._rows:
             self._start = self._last = float(time[0])
         steps[0] = time[0] - self._last
         np.subtract(time[1:], time[:-1], out=steps[1:])
         with np.errstate(invalid="ignore", over="ignore"):
-            error, speed_error = x - x_d, v - v_d
+            error, speed_error = x - x_c, v - v_c
             distance, torques = np.abs(error), np.abs(torque)
             values = (distance, np.abs(speed_error), torques, self._estimation_error(time, x - x_hat))
             limited = (control > 0.0) | (inverter > 0.0)
-            moving = self._moving(x_d, v_d, steps)
+            moving = self._moving(x_s, v_s, steps)
         if not self._rows:
             self._first, self._last_outside = distance[:, 0].copy(), np.full(len(x), self._start)
         self._settling.write(time, distance)
         self._evaluate(time, steps, values, moving, limited)
         since = np.where(np.isnan(self._evaluated_from), np.inf, self._evaluated_from)
-        self._oscillation.write(time, (torque, error, x_load - x_d, v_d, force, disturbance), since)
+        self._oscillation.write(time, (torque, error, x_load - x_s, v_s, force, disturbance), since)
         if self._heat.columns:
             until = [math.inf if (t := self._trip(i)) is None else t.time_s for i in range(len(self._joints))]
             self._heat.write(time, gathered[-len(self._heat.columns) :], since, until)
@@ -298,14 +300,14 @@ class JointMetrics(Metrics):
         """Return the trip at which the figures of a joint end."""
         return self._limits.trip(self._joints[number]) if self._has_drive[number] else None
 
-    def _moving(self, x_d: Vector, v_d: Vector, steps: Vector) -> Mask:
-        """Return whether the references move, by their speeds, else by their positions."""
+    def _moving(self, x_s: Vector, v_s: Vector, steps: Vector) -> Mask:
+        """Return whether the wanted motions move, by their speeds, else by their positions."""
         if self._has_speed.all():
-            return np.abs(v_d) > AT_REST
-        changes = np.diff(x_d, prepend=self._last_reference[:, np.newaxis], axis=1)
-        self._last_reference = x_d[:, -1].copy()
+            return np.abs(v_s) > AT_REST
+        changes = np.diff(x_s, prepend=self._last_reference[:, np.newaxis], axis=1)
+        self._last_reference = x_s[:, -1].copy()
         return np.where(
-            self._has_speed[:, np.newaxis], np.abs(v_d) > AT_REST, np.abs(changes) > AT_REST * steps
+            self._has_speed[:, np.newaxis], np.abs(v_s) > AT_REST, np.abs(changes) > AT_REST * steps
         )
 
     def _estimation_error(self, time: Vector, error: Vector) -> Vector:

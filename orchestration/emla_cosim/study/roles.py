@@ -20,6 +20,8 @@ _PLACES: dict[str, tuple[str, ...]] = {
     "x_d": ("{joint}.reference.x_d", "machine.trajectory.x_d[{element}]"),
     "v_d": ("{joint}.reference.v_d", "machine.trajectory.v_d[{element}]"),
     "a_d": ("{joint}.reference.a_d", "machine.trajectory.a_d[{element}]"),
+    **{f"{name}_c": (f"{{joint}}.command.{name}_c",) for name in ("x", "v", "a")},
+    **{f"{name}_s": (f"{{joint}}.command.{name}_s",) for name in ("x", "v", "a")},
     "d_2": ("{joint}.disturbance.d_2",),
     "F_L": (
         "{joint}.plant.F_L",  # data that replace the connection
@@ -98,6 +100,10 @@ _PLACES: dict[str, tuple[str, ...]] = {
 }
 """Possible places of a role's variable; the first existing one counts."""
 
+_SAME = {f"{name}_{end}": f"{name}_d" for name in ("x", "v", "a") for end in ("c", "s")}
+"""Roles that are those of the wanted motion where no `ScrewCommand` changes it: the commanded motion of the
+screw, and the wanted motion of the load after the notches."""
+
 INERTIA = ("J_m", "J_c", "J_GB", "M_BS", "rho", "lead")
 """The roles of the parameters that make the inertia of a joint."""
 
@@ -139,7 +145,8 @@ def find_variable(
 ) -> str | None:
     """Return the full name of the variable that has a role for a joint; None if there is none.
 
-    If data replace the variable, return the name of the data.
+    If data replace the variable, return the name of the data. What commands the screw is the wanted motion
+    if nothing else does.
 
     Args:
         joint: The joint.
@@ -150,7 +157,10 @@ def find_variable(
     given = (roles or {}).get(f"{joint}.{role}")
     places = _names(joint, _PLACES[role]) if given is None else (given,)
     data = names.data if isinstance(names, RoleNames) else find_data_names(names)
-    return next((data.get(name, name) for name in places if name in data or name in names), None)
+    variable = next((data.get(name, name) for name in places if name in data or name in names), None)
+    if variable is None and role in _SAME:
+        return find_variable(joint, _SAME[role], names, roles)
+    return variable
 
 
 def find_all_joints(names: Iterable[str], roles: Mapping[str, str]) -> list[str]:
@@ -187,7 +197,7 @@ def find_tracked_joints(names: Collection[str], roles: Mapping[str, str]) -> dic
     """Return position and reference of each joint for which both are among the names."""
     names = RoleNames(dict.fromkeys(names))
     ends = {
-        joint: [find_variable(joint, role, names, roles) for role in ("x_L", "x_d")]
+        joint: [find_variable(joint, role, names, roles) for role in ("x_L", "x_c")]
         for joint in find_all_joints(names, roles)
     }
     return {joint: (x, x_d) for joint, (x, x_d) in ends.items() if x is not None and x_d is not None}

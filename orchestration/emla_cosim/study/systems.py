@@ -32,6 +32,12 @@ from .actuator.joint_actuators import (
 from .controllers import ChosenGains, choose_controller
 from .joint import Joint, build_joint
 from .joints.schema import JointFile, list_joint_names, load_joint, parse_joint
+from .load_control import (
+    check_notch_joints,
+    choose_load_control,
+    command_parameters,
+    observer_parameters,
+)
 
 STUDY = ("lift", "tilt", "telescope")
 """The joints of the study; further joint files do not add to them."""
@@ -61,6 +67,8 @@ def study_joint(
     on_machine: bool = False,
     electrical: bool = False,
     compliant: bool = False,
+    load_control: str | None = None,
+    notch: Mapping[str, Value] = MappingProxyType({}),
     elsewhere: Mapping[str, str | None] = MappingProxyType({}),
 ) -> Joint:
     """Return the components of a joint, alone or on the manipulator.
@@ -79,10 +87,12 @@ def study_joint(
         on_machine: Whether to use the gains of a joint that moves the manipulator.
         electrical: See `build_joint`.
         compliant: Whether to use the load of `[compliance]`, which is not rigid.
+        load_control: See `choose_load_control`.
+        notch: See `choose_load_control`.
         elsewhere: See `build_joint`.
 
     Raises:
-        CommandError: The joint has no gains for the controller, or no `[compliance]`.
+        CommandError: The joint has no gains for the controller, no `[compliance]`, or no load to control.
     """
     other = actuators.get(own.name)
     actuator, x_L = other or own.actuator, own.start.x_L
@@ -102,8 +112,20 @@ def study_joint(
     if electrical:
         settable = {x.attribute for x in EmlaMotor.layout().parameters}
         plant = {name: value for name, value in plant.items() if name in settable}
+    load_command = choose_load_control(own.name, load_control, notch, compliant)
+    compliance, force = None, load["level"][0] if load else 0.0
     if compliant:
-        plant |= own.compliant_load.parameters(load["level"][0])
+        compliance = own.compliant_load
+        plant |= compliance.parameters(force)
+    load_observer = None
+    if load_command.has_sensor and compliance is not None:
+        load_observer = observer_parameters(compliance, own.load_feedback)
+        plant |= {"sigma_load": own.load_feedback.sigma, "resolution_load": own.load_feedback.resolution}
+        plant |= {} if own.seed is None else {"seed_load": load_seed(own.seed)}
+    command = None
+    if load_command.has_command:
+        emla = actuator.emla
+        command = command_parameters(load_command, emla, compliance, own.load_feedback, force)
     found = choose_controller(controller, gains if gains is None else str(gains))
     of_controller, of_observer, estimate = _gains(own, found, on_machine)
     return build_joint(
@@ -119,6 +141,8 @@ def study_joint(
         true_feedback=true_feedback,
         electrical=electrical,
         compliant=compliant,
+        command=command,
+        load_observer=load_observer,
         elsewhere=elsewhere,
     )
 
@@ -157,15 +181,23 @@ def current_seed(seed: int) -> int:
     return 69621 * seed % int(MODULUS)
 
 
+def load_seed(seed: int) -> int:
+    """Return the seed of the load sensor's noise, far from those of the other sensors."""
+    return 48271 * seed % int(MODULUS)
+
+
 def joint_system(
     own: JointFile, controller: Choice, gains: Choice, actuators: Actuators = NONE, **variant: Any
 ) -> System:
     """Return the system of one joint alone, with the motion and the load of its file."""
     check_joints(actuators, (own.name,))
+    check_notch_joints(variant.get("notch", {}), (own.name,))
     return _alone(own, controller, gains, actuators, **variant)
 
 
 def _alone(own: JointFile, controller: Choice, gains: Choice, actuators: Actuators, **variant: Any) -> System:
+    if own.compliance is not None and own.compliance.always:
+        variant = {"compliant": True, **variant}
     reference, load = own.reference.parameters(), own.load.parameters()
     return study_joint(
         own, controller, gains, reference=reference, load=load, actuators=actuators, **variant
@@ -190,15 +222,20 @@ def joint_scenario(content: Mapping[str, Any], where: str, folder: Path) -> Scen
 def _side_by_side(
     joints: Iterable[str], controller: Choice, gains: Choice, actuators: Actuators = NONE, **variant: Any
 ) -> System:
+    joints = list(joints)
     check_joints(actuators, joints)
+    check_notch_joints(variant.get("notch", {}), joints)
     first, *others = (_alone(load_joint(name), controller, gains, actuators, **variant) for name in joints)
     return sum(others, first)
 
 
-def _experiment(scenario: str, controller: Choice, gains: Choice, actuators: Actuators = NONE) -> System:
+def _experiment(
+    scenario: str, controller: Choice, gains: Choice, actuators: Actuators = NONE, **variant: Any
+) -> System:
     """Return a joint with the motion and the load of an experiment."""
     name = EXPERIMENTS[scenario]
     check_joints(actuators, (name,))
+    check_notch_joints(variant.get("notch", {}), (name,))
     own = load_joint(name)
     task = own.experiment(scenario)
     measured = _measured((actuators.get(name) or own.actuator).emla.i_range, own.sample_time)
@@ -210,6 +247,7 @@ def _experiment(scenario: str, controller: Choice, gains: Choice, actuators: Act
         reference=task.reference.parameters(),
         load=task.load.parameters(),
         actuators=actuators,
+        **variant,
     ).alone()
 
 

@@ -105,6 +105,10 @@ def _load_scenario_file(
         actuators = CHANGES["actuator"](described.system, options.actuator, options.sheet)
         options = replace(options, actuator=actuators)
         made_of["actuators"] = actuators
+    if options.load_control is not None:
+        made_of["load_control"] = options.load_control
+    if options.notch:
+        made_of["notch"] = options.notch
     make = described.make or SYSTEMS[described.system]
     with accept_faults(options.lenient):  # preparing lists them
         system = make(options.controller, options.gains, **made_of)

@@ -15,7 +15,7 @@ from ..actuator.actuator import Actuator, read_tables
 from ..actuator.sheet_values import ACTUATOR
 from .block_tables import DISTURBANCE, PLANT
 from .gain_tables import controllers_struct, observer_table
-from .motions import Compliance, JointExperiment, Load, Move, StartPosition
+from .motions import Compliance, JointExperiment, Load, LoadFeedback, Move, StartPosition
 
 
 class Cells(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -91,6 +91,7 @@ class JointTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     disturbance: Any
     plant: Any
     compliance: Compliance | None = None
+    load_feedback: LoadFeedback = LoadFeedback()
     observers: Any = msgspec.field(name="observer")
     gains: Any
     tuning: Tuning | None = None

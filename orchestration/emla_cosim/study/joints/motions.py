@@ -136,6 +136,7 @@ class Compliance(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     `damping_ratio` is that of the load swinging against a screw that is held. `backlash` is the whole play.
     """
 
+    always: Annotated[bool, describe("whether the joint always runs with this load")] = False
     mass: Annotated[float, quantity("kg", "mass of the load", 5e3, gt=0.0)]
     bearing: Annotated[float, _stiffness("bearing")]
     screw: Annotated[float, _stiffness("screw")]
@@ -149,16 +150,50 @@ class Compliance(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
         """The stiffness of all parts in series, N/m (7)."""
         return motion_law.k_L(self.bearing, self.screw, self.nut, self.structure)
 
+    @property
+    def damping(self) -> float:
+        """The damping between screw and load, N s/m."""
+        return 2.0 * self.damping_ratio * math.sqrt(self.stiffness * self.mass)
+
+    @property
+    def omega(self) -> float:
+        """The angular frequency in rad/s with which the load swings against a held screw."""
+        return math.sqrt(self.stiffness / self.mass)
+
     def parameters(self, force: float) -> dict[str, Any]:
         """Return the parameters of the plant, for a load that rests under `force` in N at the start."""
         k = self.stiffness
         return {
             "m_load": self.mass,
             "stiffness": k,
-            "damping": 2.0 * self.damping_ratio * math.sqrt(k * self.mass),
+            "damping": self.damping,
             "backlash": self.backlash,
             "deflection_start": force / k + math.copysign(0.5 * self.backlash, force),
         }
+
+
+class LoadFeedback(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Control of the load by a position sensor at the load.
+
+    `damping_ratio`, `integral` and `observer` are about the poles of load and feedback, relative to the
+    frequency of the load on a held screw. `sigma` and `resolution` are those of the sensor.
+    """
+
+    damping_ratio: Annotated[float, quantity("", "damping ratio added to the load", 0.2, ge=0.0)] = 0.2
+    integral: Annotated[float, quantity("", "pole of the integral part", 0.1, ge=0.0)] = 0.1
+    observer: Annotated[float, quantity("", "poles of the observer of the load", 3.0, gt=0.0)] = 3.0
+    sigma: Annotated[float, quantity("m", "noise of the load sensor", 1e-6, ge=0.0)] = 1e-6
+    resolution: Annotated[float, quantity("m", "position step of the load sensor", 1e-6, ge=0.0)] = 1e-6
+
+    def gains(self, omega: float) -> dict[str, float]:
+        """Return the gains of `ScrewCommand` for a load of `omega` rad/s.
+
+        The screw follows its command at once, so that the load is a swing of omega without damping whose base
+        moves. With z' = -(k_0 e + k_1 e' + k_2 e''), its error e has the characteristic polynomial
+        (s + p omega) (s^2 + 2 zeta omega s + omega^2), where p is `integral` and zeta `damping_ratio`.
+        """
+        p, zeta = self.integral, self.damping_ratio
+        return {"k_0": p * omega, "k_1": 2.0 * zeta * p, "k_2": (2.0 * zeta + p) / omega}
 
 
 class JointExperiment(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

@@ -1,0 +1,156 @@
+"""Control of the load's position where it is not that of the screw: what a joint gets for it.
+
+docs/load-control.md explains the methods.
+"""
+
+import math
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from emla_fmu.parameters import EmlaParameters
+from emla_fmu.screw_command import NOTCHES
+
+from ..base.errors import CommandError, suggest_names
+from ..base.quantities import read_quantity
+from ..run.system_options import LOAD_CONTROLS
+from ..system.model import Value
+from .joints.motions import Compliance, LoadFeedback
+
+NONE, MOTOR, SENSOR = LOAD_CONTROLS
+"""Values of the option `load_control`: the sensors by which the load's position is controlled."""
+
+_APPROACH_PERIODS = 3.0
+"""Shortest duration of the approach in periods of the load on a held screw: with 1.6, a load of 3.2 Hz swings
+more after a planned start than after one by the controller alone."""
+
+_APPROACH_SPEED = 0.5
+"""Fraction of the joint's largest speed that the approach may take, beside that of the reference."""
+
+_APPROACH_FORCE = 0.1
+"""Fraction of the force that the motor has left under the load for the acceleration of the approach."""
+
+
+@dataclass(frozen=True)
+class LoadControl:
+    """How a joint's screw is commanded.
+
+    Attributes:
+        sensors: One of `NONE`, `MOTOR` and `SENSOR`.
+        frequencies: What the wanted motion avoids, in Hz.
+    """
+
+    sensors: str = NONE
+    frequencies: tuple[float, ...] = ()
+
+    @property
+    def has_command(self) -> bool:
+        """Whether a `ScrewCommand` is between reference and controller."""
+        return self.sensors != NONE or bool(self.frequencies)
+
+    @property
+    def has_sensor(self) -> bool:
+        """Whether a sensor at the load and a `LoadObserver` are used."""
+        return self.sensors == SENSOR
+
+
+def choose_load_control(
+    joint: str, sensors: str | None, notch: Mapping[str, Value], compliant: bool
+) -> LoadControl:
+    """Return how a joint's screw is commanded.
+
+    Args:
+        joint: The joint.
+        sensors: The option `load_control`; None is `MOTOR` for a load that is not rigid.
+        notch: The option `notch`: frequencies by joint, `*` for all.
+        compliant: Whether the load is not rigid.
+
+    Raises:
+        CommandError: A rigid load has no position of its own, or a frequency is wrong.
+    """
+    if sensors in (MOTOR, SENSOR) and not compliant:
+        raise CommandError(
+            f"the load of {joint} is rigid, so its position is that of the screw; the load control "
+            f"'{sensors}' is for loads that are not rigid, as in study-compliant.",
+            joint=joint,
+        )
+    text = notch.get(joint, notch.get("*"))
+    frequencies = () if text is None else _read_frequencies(joint, text)
+    return LoadControl(sensors or (MOTOR if compliant else NONE), frequencies)
+
+
+def check_notch_joints(notch: Mapping[str, Value], joints: Collection[str]) -> None:
+    """Raise CommandError if a joint of the option `notch` does not exist."""
+    for name in notch:
+        if name not in ("*", *joints):
+            raise CommandError(f"the notch '{name}' names no joint; {suggest_names(name, list(joints))}")
+
+
+def _read_frequencies(joint: str, given: Value) -> tuple[float, ...]:
+    """Return the frequencies in Hz of an entry such as 6.5, "6.5 Hz" or "6.5 Hz, 20 Hz"."""
+    parts = given.split(",") if isinstance(given, str) else [given]
+    label = f"the notch of {joint}"
+    frequencies = tuple(
+        read_quantity(part.strip(), label, "Hz") if isinstance(part, str) else float(part) for part in parts
+    )
+    if len(frequencies) > NOTCHES or not all(0.0 < f < math.inf for f in frequencies):
+        raise CommandError(
+            f"{label} is {given!r}; it must be one or {NOTCHES} positive frequencies, such as 6.5 Hz.",
+            joint=joint,
+        )
+    return frequencies
+
+
+def command_parameters(
+    control: LoadControl,
+    emla: EmlaParameters,
+    compliance: Compliance | None,
+    feedback: LoadFeedback,
+    force: float,
+) -> dict[str, Any]:
+    """Return the parameters of `ScrewCommand`, by attribute.
+
+    Args:
+        control: How the screw is commanded.
+        emla: The actuator.
+        compliance: The load that is not rigid; None for a rigid one.
+        feedback: The poles of the feedback.
+        force: The load force at the start in N, as far as the command knows it.
+    """
+    values: dict[str, Any] = {}
+    if control.frequencies:
+        count = len(control.frequencies)
+        values["frequency"] = [*control.frequencies, *[0.0] * (NOTCHES - count)]
+        zeta = 0.0 if compliance is None else compliance.damping_ratio
+        values["damping_ratio"] = [zeta] * count + [0.0] * (NOTCHES - count)
+    if control.sensors == NONE or compliance is None:
+        return values
+    omega, moved = compliance.omega, emla.alpha_RL * emla.A_eq + compliance.mass
+    left = emla.eta_GB * emla.alpha_RL * emla.tau_max - abs(force)
+    values |= {
+        "stiffness": compliance.stiffness,
+        "m_load": compliance.mass,
+        "backlash": compliance.backlash,
+        "approach_time": _APPROACH_PERIODS * 2.0 * math.pi / omega,
+        "approach_speed": _APPROACH_SPEED * emla.v_max,
+        "approach_acceleration": _APPROACH_FORCE * max(left, 0.1 * abs(force)) / moved,
+    }
+    if control.has_sensor:
+        values |= feedback.gains(omega)
+    else:
+        values["F_hat"] = force
+    return values
+
+
+def observer_parameters(compliance: Compliance, feedback: LoadFeedback) -> dict[str, Any]:
+    """Return the parameters of `LoadObserver`, by attribute."""
+    w = feedback.observer * compliance.omega
+    return {
+        "stiffness": compliance.stiffness,
+        "damping": compliance.damping,
+        "m_load": compliance.mass,
+        "backlash": compliance.backlash,
+        "l_1": 3.0 * w,
+        "l_2": 3.0 * w * w,
+        "l_3": w * w * w,
+    }

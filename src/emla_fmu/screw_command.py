@@ -1,0 +1,282 @@
+"""The commanded motion of the screw, from the wanted motion of a load that is not rigid."""
+
+from typing import Any
+
+from fmublock import (
+    Block,
+    DefaultExperiment,
+    DiscreteState,
+    Input,
+    Output,
+    Parameter,
+    StartTime,
+    State,
+    clamp,
+    maximum,
+    sign,
+    sqrt,
+    where,
+)
+
+from . import notch
+
+NOTCHES = 2
+"""Number of frequencies that the wanted motion can avoid."""
+
+_PEAK_SPEED, _PEAK_ACCELERATION = 630.0 / 256.0, 9.3724
+"""Peaks of the first and second derivative of the approach: at r = 1/2, and at r = (1 - sqrt(1/7)) / 2."""
+
+
+class ScrewCommand(Block):
+    """Commands the screw so that the load, behind a spring, makes the wanted motion.
+
+    Four parts, each of which is off by default:
+
+    - Notches: the wanted motion x_d passes filters that remove up to two frequencies, and becomes x_s. So it
+      does not excite what swings with these frequencies. Each notch delays the motion by
+      2 (1 - zeta) / (pi f).
+    - Approach: from where the load is at the start to x_s, on a polynomial of degree 9 whose first four
+      derivatives are 0 at both ends. The planned motion of the load is x_p.
+    - Deflection: the screw is ahead of the load by the spring's deflection under the load force F_hat and the
+      load's inertia, (F_hat + m a_p) / k. A wrong F_hat moves the load by its error over k.
+    - Feedback of a measured load: z integrates position, speed and acceleration errors of the load. Its
+      position, speed and acceleration come from a `LoadObserver`.
+
+    The first three do not feed anything back, so that the margins of the controller's loops stay.
+    """
+
+    default_experiment = DefaultExperiment(stop_time=1.0, step_size=1e-4)
+
+    x_d = Input(unit="m", nominal=0.1, description="Wanted load position", terminal="reference")
+    v_d = Input(unit="m/s", nominal=0.1, description="Wanted load speed", terminal="reference")
+    a_d = Input(unit="m/s2", description="Wanted load acceleration", terminal="reference")
+    x_1 = Input(unit="m", nominal=0.1, description="Measured screw position; only its first value is used")
+    F_hat = Input(
+        unit="N", nominal=1e4, symbol=r"\hat{F}", description="Assumed load force, positive against extension"
+    )
+    x_load = Input(
+        unit="m", nominal=0.1, name="load.x", symbol=r"\hat{x}_m", description="Estimated load position"
+    )
+    v_load = Input(
+        unit="m/s", nominal=0.1, name="load.v", symbol=r"\hat{v}_m", description="Estimated load speed"
+    )
+    a_load = Input(unit="m/s2", name="load.a", symbol=r"\hat{a}_m", description="Estimated load acceleration")
+
+    stiffness = Parameter(
+        0.0,
+        unit="N/m",
+        minimum=0.0,
+        name="model.stiffness",
+        symbol="k",
+        description="Stiffness between screw and load; 0 is a rigid load",
+    )
+    m_load = Parameter(
+        0.0, unit="kg", minimum=0.0, name="model.m_load", symbol="m", description="Mass of the load"
+    )
+    backlash = Parameter(
+        0.0,
+        unit="m",
+        minimum=0.0,
+        name="model.backlash",
+        symbol="b",
+        description="Play between screw and load, from one contact to the other",
+    )
+    approach_time = Parameter(
+        0.0,
+        unit="s",
+        minimum=0.0,
+        name="approach.duration",
+        symbol="T_a",
+        description="Shortest duration of the approach; 0 is no approach",
+    )
+    approach_speed = Parameter(
+        0.05,
+        unit="m/s",
+        minimum=1e-6,
+        name="approach.v_max",
+        symbol="v_a",
+        description="Largest speed of the approach, relative to the wanted motion",
+    )
+    approach_acceleration = Parameter(
+        0.5,
+        unit="m/s2",
+        minimum=1e-6,
+        name="approach.a_max",
+        symbol="a_a",
+        description="Largest acceleration of the approach, relative to the wanted motion",
+    )
+    frequency = Parameter(
+        0.0,
+        shape=NOTCHES,
+        unit="Hz",
+        minimum=0.0,
+        name="notch.frequency",
+        symbol="f_i",
+        description="Frequency that the wanted motion avoids; 0 is none",
+    )
+    damping_ratio = Parameter(
+        0.0,
+        shape=NOTCHES,
+        minimum=0.0,
+        maximum=0.9,
+        name="notch.damping_ratio",
+        symbol=r"\zeta_i",
+        description="Damping ratio of what swings with this frequency",
+    )
+    k_0 = Parameter(0.0, unit="1/s", name="feedback.k_0", description="Gain on the load's position error")
+    k_1 = Parameter(0.0, name="feedback.k_1", description="Gain on the load's speed error")
+    k_2 = Parameter(0.0, unit="s", name="feedback.k_2", description="Gain on the load's acceleration error")
+    z_max = Parameter(
+        0.01,
+        unit="m",
+        minimum=0.0,
+        name="feedback.limit",
+        symbol=r"z_{max}",
+        description="Largest correction by the feedback",
+    )
+
+    p = State(
+        0.0,
+        shape=(NOTCHES, notch.ORDER),
+        unit="m",
+        nominal=0.1,
+        name="notch.p",
+        symbol="p_{i,j}",
+        description="Lags of the notches, from the first wanted position",
+    )
+    z = State(
+        0.0, unit="m", nominal=1e-3, name="feedback.z", description="Correction of the screw by the feedback"
+    )
+
+    has_begun = DiscreteState(0.0, name="start.has_begun", description="1 after the first step")
+    t_start = StartTime(0.0, unit="s", name="start.time", symbol="t_0", description="Start of the run")
+    x_d_start = DiscreteState(0.0, unit="m", name="start.x_d", description="First wanted load position")
+    gap_start = DiscreteState(
+        0.0,
+        unit="m",
+        name="start.gap",
+        symbol=r"\Delta_0",
+        description="Load position minus wanted load position at the start",
+    )
+    deflection_before = DiscreteState(
+        0.0, unit="m", name="before.deflection", symbol=r"\delta_-", description="Deflection a step before"
+    )
+    deflection_rate = DiscreteState(
+        0.0, unit="m/s", name="before.deflection_rate", description="Rate of the deflection in the last step"
+    )
+    x_d_before = DiscreteState(
+        0.0, unit="m", name="before.x_d", description="Wanted load position in the last step"
+    )
+    h_before = DiscreteState(0.0, unit="s", name="before.step", description="The last step's length")
+    t_before = StartTime(0.0, unit="s", name="before.time", symbol="t_-", description="The last step's end")
+
+    x_c = Output(unit="m", nominal=0.1, description="Commanded screw position")
+    v_c = Output(unit="m/s", nominal=0.1, description="Commanded screw speed")
+    a_c = Output(unit="m/s2", description="Commanded screw acceleration")
+    x_s = Output(unit="m", nominal=0.1, description="Wanted load position after the notches")
+    v_s = Output(unit="m/s", nominal=0.1, description="Wanted load speed after the notches")
+    a_s = Output(unit="m/s2", description="Wanted load acceleration after the notches")
+    deflection = Output(
+        unit="m", nominal=1e-3, symbol=r"\delta", description="Expected deflection under F_hat and inertia"
+    )
+
+    def derivatives(self, v: Any) -> dict[str, Any]:
+        """Return those of the notches, and of the feedback's correction, which stops at its limit."""
+        motion, lags = self.moving(v), list[Any]()
+        for i in range(NOTCHES):
+            lags.append(notch.derivatives(v.p[i], motion[0], v.frequency[i]))
+            motion = notch.outputs(v.p[i], motion, v.frequency[i], v.damping_ratio[i])
+        return {"p": lags, "z": self.correction_rate(v, self.planned(v, self.shaped(v)))}
+
+    def update(self, v: Any) -> dict[str, Any]:
+        """Keep what the first step started with, and the deflection with its rate during the step."""
+        deflection = self.expected_deflection(v, self.planned(v, self.shaped(v))[2])
+        step = v.time - v.t_before
+        return {
+            "has_begun": 1.0,
+            "t_start": v.t_start,
+            "x_d_start": self.first_wanted(v),
+            "gap_start": self.gap(v),
+            "deflection_before": deflection,
+            # unknown before the first step, in which the deflection at its beginning is not kept
+            "deflection_rate": where(
+                v.has_begun > 0.0, (deflection - v.deflection_before) / maximum(step, 1e-12), 0.0
+            ),
+            "x_d_before": v.x_d,
+            "t_before": v.time,
+            "h_before": step,
+        }
+
+    def outputs(self, v: Any) -> dict[str, Any]:
+        """Return the commanded motion of the screw, and the wanted motion of the load after the notches."""
+        x_s, v_s, a_s = self.shaped(v)
+        x_p, v_p, a_p = self.planned(v, (x_s, v_s, a_s))
+        deflection = self.expected_deflection(v, a_p)
+        play = 0.5 * v.backlash * sign(v.F_hat)
+        return {
+            "x_c": x_p + deflection + play + v.z,
+            "v_c": v_p + v.deflection_rate + self.correction_rate(v, (x_p, v_p, a_p)),
+            "a_c": a_p,
+            "x_s": x_s,
+            "v_s": v_s,
+            "a_s": a_s,
+            "deflection": deflection,
+        }
+
+    def first_wanted(self, v: Any) -> Any:
+        """Return the first wanted position in m."""
+        return where(v.has_begun > 0.0, v.x_d_start, v.x_d)
+
+    def wanted(self, v: Any) -> tuple[Any, Any, Any]:
+        """Return the wanted motion from its first position: m, m/s, m/s2."""
+        return v.x_d - self.first_wanted(v), v.v_d, v.a_d
+
+    def moving(self, v: Any) -> tuple[Any, Any, Any]:
+        """Return the wanted motion during a step, on a straight line from that of the last step.
+
+        Lags of a held position would be half a step late, and the speed would not be that of the position.
+        """
+        part = clamp((v.time - v.t_before) / maximum(v.h_before, 1e-12), 0.0, 1.0)
+        late = where(v.h_before > 0.0, (1.0 - part) * (v.x_d - v.x_d_before), 0.0)
+        x, speed, acceleration = self.wanted(v)
+        return x - late, speed, acceleration
+
+    def shaped(self, v: Any) -> tuple[Any, Any, Any]:
+        """Return the wanted motion after the notches: m, m/s, m/s2."""
+        motion = wanted = self.wanted(v)
+        for i in range(NOTCHES):
+            motion = notch.outputs(v.p[i], motion, v.frequency[i], v.damping_ratio[i])
+        return v.x_d + (motion[0] - wanted[0]), motion[1], motion[2]  # the bits of x_d without notches
+
+    def gap(self, v: Any) -> Any:
+        """Return the load's position minus the wanted one at the start, in m, if the load was at rest."""
+        at_rest = self.expected_deflection(v, 0.0) + 0.5 * v.backlash * sign(v.F_hat)
+        return where(v.has_begun > 0.0, v.gap_start, v.x_1 - at_rest - v.x_d)
+
+    def planned(self, v: Any, shaped: tuple[Any, Any, Any]) -> tuple[Any, Any, Any]:
+        """Return the planned motion of the load in m, m/s, m/s2: the wanted one, and the approach to it."""
+        gap = where(v.approach_time > 0.0, self.gap(v), 0.0)
+        size = abs(gap)
+        T = maximum(
+            maximum(v.approach_time, _PEAK_SPEED * size / v.approach_speed),
+            sqrt(_PEAK_ACCELERATION * size / v.approach_acceleration),
+        )
+        T = where(v.approach_time > 0.0, T, 1.0)
+        r = clamp((v.time - v.t_start) / T, 0.0, 1.0)
+        q = r * (1.0 - r)
+        s = r * r * r * r * r * (126.0 + r * (-420.0 + r * (540.0 + r * (-315.0 + r * 70.0))))
+        speed, acceleration = 630.0 * q * q * q * q / T, 2520.0 * q * q * q * (1.0 - 2.0 * r) / (T * T)
+        x_s, v_s, a_s = shaped
+        return x_s + gap * (1.0 - s), v_s - gap * speed, a_s - gap * acceleration
+
+    def expected_deflection(self, v: Any, acceleration: Any) -> Any:
+        """Return the deflection in m under the load force and the load's inertia at m/s2."""
+        is_rigid = v.stiffness <= 0.0
+        return where(is_rigid, 0.0, (v.F_hat + v.m_load * acceleration) / where(is_rigid, 1.0, v.stiffness))
+
+    def correction_rate(self, v: Any, planned: tuple[Any, Any, Any]) -> Any:
+        """Return the rate of the feedback's correction in m/s; 0 beyond its limit."""
+        x_p, v_p, a_p = planned
+        rate = -(v.k_0 * (v.x_load - x_p) + v.k_1 * (v.v_load - v_p) + v.k_2 * (v.a_load - a_p))
+        low, high = where(v.z <= -v.z_max, 0.0, rate), where(v.z >= v.z_max, 0.0, rate)
+        return where(rate < 0.0, low, high)
