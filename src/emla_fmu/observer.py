@@ -11,14 +11,14 @@ from fmublock import (
     Parameter,
     StartTime,
     State,
-    clamp,
     cos,
     exp,
     logical_and,
-    maximum,
     sin,
     where,
 )
+
+from .held_inputs import interpolate
 
 
 class EmlaObserver(Block):
@@ -186,8 +186,7 @@ class EmlaObserver(Block):
 
     def moving(self, v: Any, held: Any, before: Any) -> Any:
         """Interpolate a held input from its value at the beginning of the step."""
-        part = clamp((v.time - v.t_before) / maximum(v.h_before, 1e-12), 0.0, 1.0)
-        return where(self.moves(v), before + part * (held - before), held)
+        return where(self.moves(v), interpolate(v, before, held), held)
 
     def moves(self, v: Any) -> Any:
         """Return whether held inputs are interpolated."""
