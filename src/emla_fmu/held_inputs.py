@@ -1,20 +1,30 @@
-"""Inputs that a host holds over a step, though they move during it."""
+"""Inputs that a host holds over a step, though they move during it.
+
+A host that steps the source first holds the value of the step's end, half a step too early. With the
+parameter `interpolate` of a block, they move on a line from the value in the last step, which takes as long
+as that step.
+
+Functions of the block's values `v`: `interpolate`, the last step's end `t_before` and its length `h_before`
+in s, which is 0 in the first step.
+"""
 
 from typing import Any
 
-from fmublock import clamp, maximum
+from fmublock import clamp, logical_and, maximum, where
 
 
-def interpolate(v: Any, before: Any, held: Any) -> Any:
-    """Return the value of a held input during a step, on a line from its value in the last step.
+def is_moving(v: Any) -> Any:
+    """Return whether held inputs are interpolated."""
+    return logical_and(v.interpolate, v.h_before > 0.0)
 
-    A host that steps the source first holds the value of the step's end, half a step too early. The line
-    takes as long as the last step.
+
+def interpolated(v: Any, held: Any, before: Any) -> Any:
+    """Return the present value of an input.
 
     Args:
-        v: Values of the block: `time`, the last step's end `t_before` and its length `h_before` in s.
-        before: The input in the last step.
-        held: The input in this step, of the same unit.
+        v: Values of the block.
+        held: The input in this step.
+        before: The input in the last step, of the same unit.
     """
     part = clamp((v.time - v.t_before) / maximum(v.h_before, 1e-12), 0.0, 1.0)
-    return before + part * (held - before)
+    return where(is_moving(v), before + part * (held - before), held)

@@ -15,7 +15,7 @@ from fmublock import (
     where,
 )
 
-from .held_inputs import interpolate
+from .held_inputs import interpolated
 
 
 class LoadObserver(Block):
@@ -71,6 +71,8 @@ class LoadObserver(Block):
     l_1 = Parameter(3e3, unit="1/s", minimum=0.0, description="Gain on the position estimate")
     l_2 = Parameter(2.9e6, unit="1/s2", description="Gain on the speed estimate")
     l_3 = Parameter(1e9, unit="1/s3", minimum=0.0, description="Gain on the estimate of unknown forces")
+
+    interpolate = Parameter(True, description="Interpolate y, x_1 and v_1 linearly during a step")
 
     travel = State(
         0.0, unit="m", nominal=0.1, symbol="s", description="Estimated way of the load since the start"
@@ -139,12 +141,8 @@ class LoadObserver(Block):
 
     def derivatives(self, v: Any) -> dict[str, Any]:
         """Return the model of the load, corrected by the innovation; measured values move during a step."""
-        has_begun = v.has_begun > 0.0
-        y, x_1, v_1 = (
-            where(has_begun, interpolate(v, before, held), held)
-            for before, held in ((v.y_before, v.y), (v.x_1_before, v.x_1), (v.v_1_before, v.v_1))
-        )
-        y_bar = y - self.position(v)
+        x_1, v_1 = interpolated(v, v.x_1, v.x_1_before), interpolated(v, v.v_1, v.v_1_before)
+        y_bar = interpolated(v, v.y, v.y_before) - self.position(v)
         return {
             "travel": v.v_hat + v.l_1 * y_bar,
             "v_hat": self.acceleration(v, x_1, v_1) + v.l_2 * y_bar,

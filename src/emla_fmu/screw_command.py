@@ -20,7 +20,7 @@ from fmublock import (
 )
 
 from . import notch
-from .held_inputs import interpolate
+from .held_inputs import interpolated
 
 NOTCHES = 2
 """Number of frequencies that the wanted motion can avoid."""
@@ -166,14 +166,15 @@ class ScrewCommand(Block):
         symbol=r"z_{max}",
         description="Largest correction by the feedback",
     )
+    interpolate = Parameter(True, description="Interpolate x_d linearly during a step, for the notches")
 
     p = State(
         0.0,
-        shape=(NOTCHES, notch.ORDER),
+        shape=NOTCHES * notch.ORDER,
         unit="m",
         nominal=0.1,
         name="notch.p",
-        symbol="p_{i,j}",
+        symbol="p_j",
         description="Lags of the notches, from the first wanted position",
     )
 
@@ -225,10 +226,9 @@ class ScrewCommand(Block):
 
     def derivatives(self, v: Any) -> dict[str, Any]:
         """Return those of the notches, of a wanted position that moves during a step."""
-        moving = interpolate(v, v.x_d_before, v.x_d) - v.x_d_start
-        x, lag_rates = where(v.has_begun > 0.0, moving, 0.0), list[Any]()
-        for p, frequency, zeta in zip(v.p, v.frequency, v.damping_ratio, strict=True):
-            lag_rates.append(notch.rates(p, x, frequency))
+        x, lag_rates = interpolated(v, v.x_d, v.x_d_before) - self.first_wanted(v), list[Any]()
+        for p, frequency, zeta in self.notches(v):
+            lag_rates += notch.rates(p, x, frequency)
             x = notch.filtered(p, x, frequency, zeta)
         return {"p": lag_rates}
 
@@ -271,6 +271,11 @@ class ScrewCommand(Block):
             "deflection": deflection,
         }
 
+    def notches(self, v: Any) -> list[tuple[Any, Any, Any]]:
+        """Return lags in m, frequency in Hz and damping ratio of each notch, in the order of the signal."""
+        lags = [v.p[i : i + notch.ORDER] for i in range(0, NOTCHES * notch.ORDER, notch.ORDER)]
+        return list(zip(lags, v.frequency, v.damping_ratio, strict=True))
+
     def first_wanted(self, v: Any) -> Any:
         """Return the first wanted position in m."""
         return where(v.has_begun > 0.0, v.x_d_start, v.x_d)
@@ -279,7 +284,7 @@ class ScrewCommand(Block):
         """Return the wanted motion after the notches: m, m/s, m/s2."""
         x = wanted = v.x_d - self.first_wanted(v)
         speed, acceleration = v.v_d, v.a_d
-        for p, frequency, zeta in zip(v.p, v.frequency, v.damping_ratio, strict=True):
+        for p, frequency, zeta in self.notches(v):
             rates = notch.rates(p, x, frequency)
             second_rates = notch.rates(rates, speed, frequency)
             x = notch.filtered(p, x, frequency, zeta)
