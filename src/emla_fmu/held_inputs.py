@@ -5,7 +5,7 @@ parameter `interpolate` of a block, they move on a line from the value in the la
 as that step.
 
 Functions of the block's values `v`: `interpolate`, the last step's end `t_before` and its length `h_before`
-in s, which is 0 in the first step.
+in s.
 """
 
 from typing import Any
@@ -13,9 +13,14 @@ from typing import Any
 from fmublock import clamp, logical_and, maximum, where
 
 
+def has_begun(v: Any) -> Any:
+    """Return whether there was a step before this one."""
+    return v.h_before > 0.0
+
+
 def is_moving(v: Any) -> Any:
     """Return whether held inputs are interpolated."""
-    return logical_and(v.interpolate, v.h_before > 0.0)
+    return logical_and(v.interpolate, has_begun(v))
 
 
 def interpolated(v: Any, held: Any, before: Any) -> Any:

@@ -15,7 +15,7 @@ from fmublock import (
     where,
 )
 
-from .held_inputs import interpolated
+from .held_inputs import has_begun, interpolated
 
 
 class LoadObserver(Block):
@@ -92,7 +92,6 @@ class LoadObserver(Block):
         description="Estimated acceleration of the load by unknown forces",
     )
 
-    has_begun = DiscreteState(0.0, name="start.has_begun", description="1 after the first step")
     y_start = DiscreteState(
         0.0, unit="m", name="start.y", symbol="y_0", description="First measured position"
     )
@@ -152,7 +151,6 @@ class LoadObserver(Block):
     def update(self, v: Any) -> dict[str, Any]:
         """Return what was measured at the start, and in the step that ends."""
         return {
-            "has_begun": 1.0,
             "y_start": self.first(v),
             "deflection_start": self.first_deflection(v),
             "y_before": v.y,
@@ -175,11 +173,11 @@ class LoadObserver(Block):
 
     def first(self, v: Any) -> Any:
         """Return the first measured position of the load in m."""
-        return where(v.has_begun > 0.0, v.y_start, v.y)
+        return where(has_begun(v), v.y_start, v.y)
 
     def first_deflection(self, v: Any) -> Any:
         """Return the first measured deflection in m."""
-        return where(v.has_begun > 0.0, v.deflection_start, v.x_1 - v.y)
+        return where(has_begun(v), v.deflection_start, v.x_1 - v.y)
 
     def position(self, v: Any) -> Any:
         """Return the estimated position of the load in m."""

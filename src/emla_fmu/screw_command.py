@@ -20,7 +20,7 @@ from fmublock import (
 )
 
 from . import notch
-from .held_inputs import interpolated
+from .held_inputs import has_begun, interpolated
 
 NOTCHES = 2
 """Number of frequencies that the wanted motion can avoid."""
@@ -181,7 +181,6 @@ class ScrewCommand(Block):
     z = DiscreteState(
         0.0, unit="m", nominal=1e-3, name="feedback.z", description="Correction of the screw by the feedback"
     )
-    has_begun = DiscreteState(0.0, name="start.has_begun", description="1 after the first step")
     t_start = StartTime(0.0, unit="s", name="start.time", symbol="t_0", description="Start of the run")
     x_d_start = DiscreteState(0.0, unit="m", name="start.x_d", description="First wanted load position")
     gap_start = DiscreteState(
@@ -238,14 +237,13 @@ class ScrewCommand(Block):
         deflection = self.expected_deflection(v, planned[2])
         return {
             "z": clamp(v.z + step * self.correction_rate(v, planned), -v.z_max, v.z_max),
-            "has_begun": 1.0,
             "t_start": v.t_start,
             "x_d_start": self.first_wanted(v),
             "gap_start": self.gap(v),
             "deflection_before": deflection,
             # unknown before the first step, in which the deflection at its beginning is not kept
             "deflection_rate": where(
-                v.has_begun > 0.0,
+                has_begun(v),
                 (deflection - v.deflection_before) / maximum(step, 1e-12),
                 0.0,
             ),
@@ -278,7 +276,7 @@ class ScrewCommand(Block):
 
     def first_wanted(self, v: Any) -> Any:
         """Return the first wanted position in m."""
-        return where(v.has_begun > 0.0, v.x_d_start, v.x_d)
+        return where(has_begun(v), v.x_d_start, v.x_d)
 
     def shaped(self, v: Any) -> tuple[Any, Any, Any]:
         """Return the wanted motion after the notches: m, m/s, m/s2."""
@@ -295,7 +293,7 @@ class ScrewCommand(Block):
     def gap(self, v: Any) -> Any:
         """Return the load's position minus the wanted one at the start, in m, if the load was at rest."""
         at_rest = self.expected_deflection(v, 0.0) + 0.5 * v.backlash * sign(v.F_hat)
-        return where(v.has_begun > 0.0, v.gap_start, v.x_1 - at_rest - v.x_d)
+        return where(has_begun(v), v.gap_start, v.x_1 - at_rest - v.x_d)
 
     def planned(self, v: Any, shaped: tuple[Any, Any, Any]) -> tuple[Any, Any, Any]:
         """Return the planned motion of the load in m, m/s, m/s2: the wanted one, and the approach to it."""
