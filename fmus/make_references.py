@@ -21,6 +21,7 @@ import numpy as np
 from scipy.interpolate import BSpline
 
 from tests.support import reference_controllers as compared
+from tests.support import reference_load_control as load_control
 from tests.support import reference_model as paper
 from tests.support.reference_drive import (
     Cogging,
@@ -164,8 +165,8 @@ DEFLECTION = 1.2e-3
 
 
 def compliant_plant() -> Solution:
-    """0.15 s; the load reverses at 0.12 s and crosses the play."""
-    step, count, p, t = 5e-4, 301, ACTUATOR, TRANSMISSION
+    """0.145 s; the load reverses at 0.12 s and crosses the play."""
+    step, count, p, t = 5e-4, 291, ACTUATOR, TRANSMISSION
 
     def rates(_: float, x: Vector, u: Row) -> Vector:
         rise = float(x[6])
@@ -239,6 +240,62 @@ def observer() -> Solution:
         lambda t, s, u: paper.observer_rates(o, t, s, u["y"], u["i_q_ref"]),
         lambda t, s, u: paper.observer_outputs(o, t, s, u["y"]),
     )
+
+
+# ---- a load that is not rigid: its observer, and the commands of the screw ----------------------
+
+LOAD = load_control.Load(k=4e6, m=500.0, c=2e3, b=4e-4)
+LOAD_OBSERVER = load_control.Observer(LOAD, (700.0, 2e5, 2e7))
+
+
+def load_observer() -> Solution:
+    """0.3 s; the load swings, and an unknown force pushes it from 0.12 s on."""
+    step, count = 1e-3, 301
+
+    def given(k: int) -> Row:
+        t = k * step
+        swing, pushed = 3e-5 * math.sin(85.0 * t) * (1.0 - math.exp(-t / 0.02)), 2e-5 * (t >= 0.12)
+        x_1 = 0.24 + 2e-3 * (1.0 - math.cos(14.0 * t))
+        return rounded({"y": x_1 - 1.2e-3 + swing - pushed, "x_1": x_1, "v_1": 0.028 * math.sin(14.0 * t)})
+
+    inputs = [given(k) for k in range(count)]
+    return Solution(step, inputs, LOAD_OBSERVER.run(inputs, step))
+
+
+COMMAND = load_control.Command(
+    LOAD,
+    approach=(0.1, 0.05, 0.4),
+    notches=((7.8, 0.02), (13.0, 0.1)),
+    gains=(27.0, 0.18, 0.01),
+    limit=3e-4,
+)
+
+
+def screw_command() -> Solution:
+    """0.6 s: a start 3 mm off, a move, a force that reverses, and a correction that meets its limit."""
+    step, count = 2e-3, 301
+    move = paper.Motion((0.243, 0.251), (0.15,), (0.25,))
+
+    def given(k: int) -> Row:
+        t = k * step
+        x_d, v_d, a_d = paper.reference(move, t)
+        force = 4e3 if t < 0.2 else 4e3 + 2e4 * (t - 0.2) if t < 0.45 else -2e3
+        pushed = 5e-4 * (t >= 0.35)
+        return rounded(
+            {
+                "x_d": x_d,
+                "v_d": v_d,
+                "a_d": a_d,
+                "x_1": 0.2412 + 1e-3 * math.sin(9.0 * t),
+                "F_hat": force,
+                "load.x": x_d - 3e-3 * math.exp(-12.0 * t) + 4e-5 * math.cos(50.0 * t) + pushed,
+                "load.v": v_d + 0.036 * math.exp(-12.0 * t) - 2e-3 * math.sin(50.0 * t),
+                "load.a": a_d - 0.432 * math.exp(-12.0 * t) - 0.1 * math.cos(50.0 * t),
+            }
+        )
+
+    inputs = [given(k) for k in range(count)]
+    return Solution(step, inputs, COMMAND.run(inputs, step))
 
 
 OMEGA_U = 50.0
@@ -507,6 +564,8 @@ SOLUTIONS: dict[str, Callable[[], Solution]] = {
     "EmlaCompliantPlant": compliant_plant,
     "EmlaMotor": motor,
     "EmlaObserver": observer,
+    "LoadObserver": load_observer,
+    "ScrewCommand": screw_command,
     "Reference": reference,
     "Disturbance": disturbance,
     "RsbaController": controller,
@@ -581,6 +640,18 @@ START_VALUES: dict[str, dict[str, Any]] = {
     },
     "EmlaMotor": {**_ELECTRICAL, **_WINDING, **_MOTOR},
     "EmlaObserver": {},
+    "LoadObserver": {
+        **attributes("model", LOAD, k="stiffness", m="m_load", c="damping", b="backlash"),
+        **dict(zip(("l_1", "l_2", "l_3"), LOAD_OBSERVER.gains, strict=True)),
+    },
+    "ScrewCommand": {
+        **attributes("model", LOAD, k="stiffness", m="m_load", b="backlash"),
+        **dict(zip(("approach.duration", "approach.v_max", "approach.a_max"), COMMAND.approach, strict=True)),
+        **indexed("notch.frequency", [f for f, _ in COMMAND.notches]),
+        **indexed("notch.damping_ratio", [zeta for _, zeta in COMMAND.notches]),
+        **{f"feedback.k_{i}": k for i, k in enumerate(COMMAND.gains)},
+        "feedback.limit": COMMAND.limit,
+    },
     "Reference": {
         **indexed("waypoint", MOTION.waypoints),
         **indexed("move.start", MOTION.starts),
@@ -636,6 +707,8 @@ RELATIVE = {
     "EmlaCompliantPlant": 1e-6,  # contacts begin and end within an internal step
     "EmlaMotor": 2e-7,
     "EmlaObserver": 2e-10,  # eta_hat falls with 200 rad/s: 3e-11
+    "LoadObserver": 1e-8,  # f_hat and a_hat contain positions times 1e4 1/s2: 2e-9
+    "ScrewCommand": 1e-8,  # so does a_s: 1e-9
     "RsbaController": 1e-8,  # P_3 loses eight of 16 digits; 2e-9 in hosts that sum up time
     # limits that act and end within an internal step
     "FocController": 1e-5,

@@ -104,13 +104,13 @@ class EmlaCompliantPlant(EmlaPlant):
         name="transmission.force",
         description="Force of the screw on the load, positive if it pushes",
     )
-
     x_load_measured = Output(
         unit="m",
         nominal=0.1,
         name="load.x_measured",
         symbol="x_{m,measured}",
         description="Position of the load, as measured by a sensor there",
+        terminal="sensor",
     )
 
     def derivatives(self, v: Any) -> dict[str, Any]:

@@ -11,14 +11,13 @@ from fmublock import (
     Parameter,
     StartTime,
     State,
-    clamp,
     cos,
     exp,
-    logical_and,
-    maximum,
     sin,
     where,
 )
+
+from .held_inputs import interpolated, is_moving
 
 
 class EmlaObserver(Block):
@@ -156,12 +155,12 @@ class EmlaObserver(Block):
 
     def derivatives(self, v: Any) -> dict[str, Any]:
         """Return (20) with A = [0 1; 0 0] and C = [1 0], and (23)."""
-        y = self.moving(v, v.y, v.y_before)
+        y = interpolated(v, v.y, v.y_before)
         y_bar = y - v.x_hat
         f = self.robust_term(v, y)
         p_11, p_12, p_22 = self.lyapunov_solution(v)
         determinant = p_11 * p_22 - p_12 * p_12
-        measured = self.moving(v, v.i_q, v.i_before)
+        measured = interpolated(v, v.i_q, v.i_before)
         current = where(v.use_measured_current, measured, v.i_q_ref)
         torque = 1.5 * v.N_p * v.Phi_PM * current
         model = v.use_model * (torque - v.B_eq * v.v_hat) / v.A_eq
@@ -184,15 +183,6 @@ class EmlaObserver(Block):
         """Return innovation and robust term, which show whether f acts."""
         return {"y_bar": v.y - v.x_hat, "f": self.robust_term(v, v.y)}
 
-    def moving(self, v: Any, held: Any, before: Any) -> Any:
-        """Interpolate a held input from its value at the beginning of the step."""
-        part = clamp((v.time - v.t_before) / maximum(v.h_before, 1e-12), 0.0, 1.0)
-        return where(self.moves(v), before + part * (held - before), held)
-
-    def moves(self, v: Any) -> Any:
-        """Return whether held inputs are interpolated."""
-        return logical_and(v.interpolate, v.h_before > 0.0)
-
     def robust_term(self, v: Any, y: Any) -> Any:
         """Return the robust term f of (21): at most eta_hat H, linear in small innovations."""
         y_bar = y - v.x_hat
@@ -201,7 +191,7 @@ class EmlaObserver(Block):
 
     def H(self, v: Any, y: Any) -> Any:
         """Return the bound of the uncertainty by (86); for a held position it is computed once per step."""
-        return where(self.moves(v), self.bound(v, y), self.bound(v, v.y))
+        return where(is_moving(v), self.bound(v, y), self.bound(v, v.y))
 
     def bound(self, v: Any, y: Any) -> Any:
         """Return H(y) of (86)."""

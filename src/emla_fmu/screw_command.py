@@ -1,5 +1,6 @@
 """The commanded motion of the screw, from the wanted motion of a load that is not rigid."""
 
+import math
 from typing import Any
 
 from fmublock import (
@@ -19,11 +20,12 @@ from fmublock import (
 )
 
 from . import notch
+from .held_inputs import has_begun, interpolated
 
 NOTCHES = 2
 """Number of frequencies that the wanted motion can avoid."""
 
-_PEAK_SPEED, _PEAK_ACCELERATION = 630.0 / 256.0, 9.3724
+_PEAK_SPEED, _PEAK_ACCELERATION = 630.0 / 256.0, 2520.0 * (3.0 / 14.0) ** 3 / math.sqrt(7.0)
 """Peaks of the first and second derivative of the approach: at r = 1/2, and at r = (1 - sqrt(1/7)) / 2."""
 
 
@@ -38,29 +40,59 @@ class ScrewCommand(Block):
     - Approach: from where the load is at the start to x_s, on a polynomial of degree 9 whose first four
       derivatives are 0 at both ends. The planned motion of the load is x_p.
     - Deflection: the screw is ahead of the load by the spring's deflection under the load force F_hat and the
-      load's inertia, (F_hat + m a_p) / k. A wrong F_hat moves the load by its error over k.
+      load's inertia, (F_hat + m a_p) / k, and by half the play in the direction of F_hat. A wrong F_hat moves
+      the load by its error over k.
     - Feedback of a measured load: z integrates position, speed and acceleration errors of the load. Its
       position, speed and acceleration come from a `LoadObserver`.
 
     The first three do not feed anything back, so that the margins of the controller's loops stay.
+
+    The start is that of the first step: x_d, x_1 and F_hat need their values by then. Load and wanted motion
+    are at rest there.
     """
 
     default_experiment = DefaultExperiment(stop_time=1.0, step_size=1e-4)
+    has_model_exchange = False  # the values of the start are sampled
 
     x_d = Input(unit="m", nominal=0.1, description="Wanted load position", terminal="reference")
     v_d = Input(unit="m/s", nominal=0.1, description="Wanted load speed", terminal="reference")
     a_d = Input(unit="m/s2", description="Wanted load acceleration", terminal="reference")
-    x_1 = Input(unit="m", nominal=0.1, description="Measured screw position; only its first value is used")
+    x_1 = Input(
+        unit="m",
+        nominal=0.1,
+        description="Measured screw position; only its first value is used",
+        terminal="sensor.x_measured",
+    )
     F_hat = Input(
-        unit="N", nominal=1e4, symbol=r"\hat{F}", description="Assumed load force, positive against extension"
+        unit="N",
+        nominal=1e4,
+        symbol=r"\hat{F}",
+        description="Assumed load force, positive against extension",
+        terminal="load_estimate.F_0",
     )
     x_load = Input(
-        unit="m", nominal=0.1, name="load.x", symbol=r"\hat{x}_m", description="Estimated load position"
+        unit="m",
+        nominal=0.1,
+        name="load.x",
+        symbol=r"\hat{x}_m",
+        description="Estimated load position",
+        terminal="load_estimate.x_hat",
     )
     v_load = Input(
-        unit="m/s", nominal=0.1, name="load.v", symbol=r"\hat{v}_m", description="Estimated load speed"
+        unit="m/s",
+        nominal=0.1,
+        name="load.v",
+        symbol=r"\hat{v}_m",
+        description="Estimated load speed",
+        terminal="load_estimate.v_hat",
     )
-    a_load = Input(unit="m/s2", name="load.a", symbol=r"\hat{a}_m", description="Estimated load acceleration")
+    a_load = Input(
+        unit="m/s2",
+        name="load.a",
+        symbol=r"\hat{a}_m",
+        description="Estimated load acceleration",
+        terminal="load_estimate.a_hat",
+    )
 
     stiffness = Parameter(
         0.0,
@@ -134,21 +166,21 @@ class ScrewCommand(Block):
         symbol=r"z_{max}",
         description="Largest correction by the feedback",
     )
+    interpolate = Parameter(True, description="Interpolate x_d linearly during a step, for the notches")
 
     p = State(
         0.0,
-        shape=(NOTCHES, notch.ORDER),
+        shape=NOTCHES * notch.ORDER,
         unit="m",
         nominal=0.1,
         name="notch.p",
-        symbol="p_{i,j}",
+        symbol="p_j",
         description="Lags of the notches, from the first wanted position",
     )
-    z = State(
+
+    z = DiscreteState(
         0.0, unit="m", nominal=1e-3, name="feedback.z", description="Correction of the screw by the feedback"
     )
-
-    has_begun = DiscreteState(0.0, name="start.has_begun", description="1 after the first step")
     t_start = StartTime(0.0, unit="s", name="start.time", symbol="t_0", description="Start of the run")
     x_d_start = DiscreteState(0.0, unit="m", name="start.x_d", description="First wanted load position")
     gap_start = DiscreteState(
@@ -165,14 +197,20 @@ class ScrewCommand(Block):
         0.0, unit="m/s", name="before.deflection_rate", description="Rate of the deflection in the last step"
     )
     x_d_before = DiscreteState(
-        0.0, unit="m", name="before.x_d", description="Wanted load position in the last step"
+        0.0,
+        unit="m",
+        name="before.x_d",
+        symbol="x_{d,-}",
+        description="Wanted load position in the last step",
     )
-    h_before = DiscreteState(0.0, unit="s", name="before.step", description="The last step's length")
     t_before = StartTime(0.0, unit="s", name="before.time", symbol="t_-", description="The last step's end")
+    h_before = DiscreteState(
+        0.0, unit="s", name="before.step", symbol="h_-", description="The last step's length"
+    )
 
-    x_c = Output(unit="m", nominal=0.1, description="Commanded screw position")
-    v_c = Output(unit="m/s", nominal=0.1, description="Commanded screw speed")
-    a_c = Output(unit="m/s2", description="Commanded screw acceleration")
+    x_c = Output(unit="m", nominal=0.1, description="Commanded screw position", terminal="command.x_d")
+    v_c = Output(unit="m/s", nominal=0.1, description="Commanded screw speed", terminal="command.v_d")
+    a_c = Output(unit="m/s2", description="Commanded screw acceleration", terminal="command.a_d")
     x_s = Output(unit="m", nominal=0.1, description="Wanted load position after the notches")
     v_s = Output(unit="m/s", nominal=0.1, description="Wanted load speed after the notches")
     a_s = Output(unit="m/s2", description="Wanted load acceleration after the notches")
@@ -180,27 +218,34 @@ class ScrewCommand(Block):
         unit="m", nominal=1e-3, symbol=r"\delta", description="Expected deflection under F_hat and inertia"
     )
 
+    def conditions(self, v: Any) -> dict[str, Any]:
+        """Refuse notches that are too fast for the internal step, with which their lags would be wrong."""
+        largest_angle = 2.0 * math.pi * maximum(*v.frequency) * v.internal_step
+        return {"2 pi notch.frequency solver.internal_step must be at most 1": largest_angle <= 1.0}
+
     def derivatives(self, v: Any) -> dict[str, Any]:
-        """Return those of the notches, and of the feedback's correction, which stops at its limit."""
-        motion, lags = self.moving(v), list[Any]()
-        for i in range(NOTCHES):
-            lags.append(notch.derivatives(v.p[i], motion[0], v.frequency[i]))
-            motion = notch.outputs(v.p[i], motion, v.frequency[i], v.damping_ratio[i])
-        return {"p": lags, "z": self.correction_rate(v, self.planned(v, self.shaped(v)))}
+        """Return those of the notches, of a wanted position that moves during a step."""
+        x, lag_rates = interpolated(v, v.x_d, v.x_d_before) - self.first_wanted(v), list[Any]()
+        for p, frequency, zeta in self.notches(v):
+            lag_rates += notch.rates(p, x, frequency)
+            x = notch.filtered(p, x, frequency, zeta)
+        return {"p": lag_rates}
 
     def update(self, v: Any) -> dict[str, Any]:
-        """Keep what the first step started with, and the deflection with its rate during the step."""
-        deflection = self.expected_deflection(v, self.planned(v, self.shaped(v))[2])
-        step = v.time - v.t_before
+        """Return the correction, what the run started with, and what the next step needs of this one."""
+        planned, step = self.planned(v, self.shaped(v)), v.time - v.t_before
+        deflection = self.expected_deflection(v, planned[2])
         return {
-            "has_begun": 1.0,
+            "z": clamp(v.z + step * self.correction_rate(v, planned), -v.z_max, v.z_max),
             "t_start": v.t_start,
             "x_d_start": self.first_wanted(v),
             "gap_start": self.gap(v),
             "deflection_before": deflection,
             # unknown before the first step, in which the deflection at its beginning is not kept
             "deflection_rate": where(
-                v.has_begun > 0.0, (deflection - v.deflection_before) / maximum(step, 1e-12), 0.0
+                has_begun(v),
+                (deflection - v.deflection_before) / maximum(step, 1e-12),
+                0.0,
             ),
             "x_d_before": v.x_d,
             "t_before": v.time,
@@ -213,9 +258,10 @@ class ScrewCommand(Block):
         x_p, v_p, a_p = self.planned(v, (x_s, v_s, a_s))
         deflection = self.expected_deflection(v, a_p)
         play = 0.5 * v.backlash * sign(v.F_hat)
+        z_rate = where(abs(v.z) < v.z_max, self.correction_rate(v, (x_p, v_p, a_p)), 0.0)
         return {
             "x_c": x_p + deflection + play + v.z,
-            "v_c": v_p + v.deflection_rate + self.correction_rate(v, (x_p, v_p, a_p)),
+            "v_c": v_p + v.deflection_rate + z_rate,
             "a_c": a_p,
             "x_s": x_s,
             "v_s": v_s,
@@ -223,45 +269,40 @@ class ScrewCommand(Block):
             "deflection": deflection,
         }
 
+    def notches(self, v: Any) -> list[tuple[Any, Any, Any]]:
+        """Return lags in m, frequency in Hz and damping ratio of each notch, in the order of the signal."""
+        lags = [v.p[i : i + notch.ORDER] for i in range(0, NOTCHES * notch.ORDER, notch.ORDER)]
+        return list(zip(lags, v.frequency, v.damping_ratio, strict=True))
+
     def first_wanted(self, v: Any) -> Any:
         """Return the first wanted position in m."""
-        return where(v.has_begun > 0.0, v.x_d_start, v.x_d)
-
-    def wanted(self, v: Any) -> tuple[Any, Any, Any]:
-        """Return the wanted motion from its first position: m, m/s, m/s2."""
-        return v.x_d - self.first_wanted(v), v.v_d, v.a_d
-
-    def moving(self, v: Any) -> tuple[Any, Any, Any]:
-        """Return the wanted motion during a step, on a straight line from that of the last step.
-
-        Lags of a held position would be half a step late, and the speed would not be that of the position.
-        """
-        part = clamp((v.time - v.t_before) / maximum(v.h_before, 1e-12), 0.0, 1.0)
-        late = where(v.h_before > 0.0, (1.0 - part) * (v.x_d - v.x_d_before), 0.0)
-        x, speed, acceleration = self.wanted(v)
-        return x - late, speed, acceleration
+        return where(has_begun(v), v.x_d_start, v.x_d)
 
     def shaped(self, v: Any) -> tuple[Any, Any, Any]:
         """Return the wanted motion after the notches: m, m/s, m/s2."""
-        motion = wanted = self.wanted(v)
-        for i in range(NOTCHES):
-            motion = notch.outputs(v.p[i], motion, v.frequency[i], v.damping_ratio[i])
-        return v.x_d + (motion[0] - wanted[0]), motion[1], motion[2]  # the bits of x_d without notches
+        x = wanted = v.x_d - self.first_wanted(v)
+        speed, acceleration = v.v_d, v.a_d
+        for p, frequency, zeta in self.notches(v):
+            rates = notch.rates(p, x, frequency)
+            second_rates = notch.rates(rates, speed, frequency)
+            x = notch.filtered(p, x, frequency, zeta)
+            speed = notch.filtered(rates, speed, frequency, zeta)
+            acceleration = notch.filtered(second_rates, acceleration, frequency, zeta)
+        return v.x_d + (x - wanted), speed, acceleration  # the bits of x_d without notches
 
     def gap(self, v: Any) -> Any:
         """Return the load's position minus the wanted one at the start, in m, if the load was at rest."""
         at_rest = self.expected_deflection(v, 0.0) + 0.5 * v.backlash * sign(v.F_hat)
-        return where(v.has_begun > 0.0, v.gap_start, v.x_1 - at_rest - v.x_d)
+        return where(has_begun(v), v.gap_start, v.x_1 - at_rest - v.x_d)
 
     def planned(self, v: Any, shaped: tuple[Any, Any, Any]) -> tuple[Any, Any, Any]:
         """Return the planned motion of the load in m, m/s, m/s2: the wanted one, and the approach to it."""
         gap = where(v.approach_time > 0.0, self.gap(v), 0.0)
-        size = abs(gap)
+        size = maximum(abs(gap), 1e-12)  # above 0, where the square root has no derivative
         T = maximum(
             maximum(v.approach_time, _PEAK_SPEED * size / v.approach_speed),
             sqrt(_PEAK_ACCELERATION * size / v.approach_acceleration),
         )
-        T = where(v.approach_time > 0.0, T, 1.0)
         r = clamp((v.time - v.t_start) / T, 0.0, 1.0)
         q = r * (1.0 - r)
         s = r * r * r * r * r * (126.0 + r * (-420.0 + r * (540.0 + r * (-315.0 + r * 70.0))))
@@ -275,8 +316,6 @@ class ScrewCommand(Block):
         return where(is_rigid, 0.0, (v.F_hat + v.m_load * acceleration) / where(is_rigid, 1.0, v.stiffness))
 
     def correction_rate(self, v: Any, planned: tuple[Any, Any, Any]) -> Any:
-        """Return the rate of the feedback's correction in m/s; 0 beyond its limit."""
+        """Return the rate of the feedback's correction in m/s, for the planned motion of the load."""
         x_p, v_p, a_p = planned
-        rate = -(v.k_0 * (v.x_load - x_p) + v.k_1 * (v.v_load - v_p) + v.k_2 * (v.a_load - a_p))
-        low, high = where(v.z <= -v.z_max, 0.0, rate), where(v.z >= v.z_max, 0.0, rate)
-        return where(rate < 0.0, low, high)
+        return v.k_0 * (x_p - v.x_load) + v.k_1 * (v_p - v.v_load) + v.k_2 * (a_p - v.a_load)

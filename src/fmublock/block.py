@@ -122,6 +122,8 @@ class Block:
     Attributes:
         default_experiment: stop time and step size for the model description.
         internal_step: longest internal integration step, in s (a parameter of each block with states).
+        has_model_exchange: whether the FMU may offer Model Exchange, in which discrete states keep their
+            start values. False for a block that is wrong without communication steps.
         is_restricted: whether `Disclosure` changed its parameters.
 
     Examples:
@@ -143,6 +145,7 @@ class Block:
 
     default_experiment: ClassVar[DefaultExperiment] = DefaultExperiment()
     origin: ClassVar[Origin] = Origin(__name__, __file__, time.time())
+    has_model_exchange: ClassVar[bool] = True
     is_restricted: ClassVar[bool] = False
 
     internal_step = Parameter(

@@ -57,7 +57,7 @@ class FmuFeatures:
 def offers_model_exchange(block: Block) -> bool:
     """Return whether a block works without communication steps: it has more than sampled states."""
     layout = block.layout()
-    return bool(layout.states) or not layout.discrete_states
+    return block.has_model_exchange and (bool(layout.states) or not layout.discrete_states)
 
 
 def describe_model(model: str, description: str, producer: Producer, guid: str, fmi: int = 2) -> Element:

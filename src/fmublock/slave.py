@@ -168,13 +168,17 @@ class BlockSlave(Fmi2Slave):
                 raise BlockError(f"{self.instance_name}: {name} is of type {self._types[vr]}.")
 
     def _get_fmu_state(self) -> dict[str, Any]:
-        return {"content": self.content, **self.instance.get_state()}
+        return {**self._origin(), **self.instance.get_state()}
 
     @_survivable
     def _set_fmu_state(self, state: dict[str, Any]) -> None:
-        if state.get("content") != self.content:
+        if not self._origin().items() <= state.items():
             raise BlockError(f"{self.instance_name}: this is not a state of {self.block.__name__}.")
         self.instance.set_state(state)
+
+    def _origin(self) -> dict[str, str]:
+        """Return what tells states of this block from others; blocks of one package have the same content."""
+        return {"block": self.block.__name__, "content": self.content}
 
     @staticmethod
     def _fmu_state_to_bytes(state: dict[str, Any]) -> bytes:

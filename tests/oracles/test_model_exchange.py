@@ -90,8 +90,10 @@ def test_discrete_states_hold_their_start_values(toy: Session) -> None:
     assert len(set(found["x"])) > 100
 
 
-def test_a_block_with_discrete_states_only_is_for_co_simulation_only(sessions: dict[str, Session]) -> None:
-    session = sessions["Disturbance"]
+@pytest.mark.parametrize("model", ["Disturbance", "ScrewCommand"])
+def test_blocks_that_need_steps_are_for_co_simulation_only(sessions: dict[str, Session], model: str) -> None:
+    """Because all their states are discrete, or because the block says so."""
+    session = sessions[model]
     assert session.description.modelExchange is None
     assert instantiate(session, session.new(), fmi2.fmi2ModelExchange) is None
     assert session.log.lines("raw") == ["raw: this FMU is for co-simulation only."]

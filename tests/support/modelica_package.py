@@ -13,8 +13,11 @@ from emla_cosim.system.model import System
 from fmublock.variables import Input, ScalarVariable, State, Variable
 
 PACKAGE = Path(__file__).parents[2] / "modelica" / "EMLA"
-MISSING = {"FocController", "CacController", "AnatcController", "SignalFault", "EmlaCompliantPlant"}
-"""FMUs alone: the controllers that RSBA is compared with, faults, and the plant with a compliant load."""
+MISSING = {
+    *("FocController", "CacController", "AnatcController", "SignalFault"),
+    *("EmlaCompliantPlant", "LoadObserver", "ScrewCommand"),
+}
+"""FMUs alone: the controllers that RSBA is compared with, faults, and all that is for compliant loads."""
 CLASSES = {model: model.removeprefix("Emla") for model in MODELS if model not in MISSING}
 """Name of the class in the package by our model."""
 

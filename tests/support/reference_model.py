@@ -220,6 +220,7 @@ def compliant_outputs(p: Actuator, t: Transmission, x: Vector, u: PlantInputs) -
         "transmission.deflection": float(x[4]),
         "transmission.force": force,
         "load.x": float(x[0] - x[4]),
+        "load.x_measured": float(x[0] - x[4]),
         "load.v": float(x[5]),
         "load.a": (force - u.F_L) / t.m,
     }

@@ -145,12 +145,14 @@ def command_parameters(
 def observer_parameters(compliance: Compliance, feedback: LoadFeedback) -> dict[str, Any]:
     """Return the parameters of `LoadObserver`, by attribute."""
     w = feedback.observer * compliance.omega
+    k, c, m = compliance.stiffness, compliance.damping, compliance.mass
+    l_1 = 3.0 * w - c / m
     return {
-        "stiffness": compliance.stiffness,
-        "damping": compliance.damping,
-        "m_load": compliance.mass,
+        "stiffness": k,
+        "damping": c,
+        "m_load": m,
         "backlash": compliance.backlash,
-        "l_1": 3.0 * w,
-        "l_2": 3.0 * w * w,
+        "l_1": l_1,
+        "l_2": 3.0 * w * w - (k + c * l_1) / m,
         "l_3": w * w * w,
     }

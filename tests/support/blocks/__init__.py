@@ -11,6 +11,6 @@ OWN = [model for model in MODELS if model in FACTS]
 """Models with facts, over which tests parametrise; tests/unit/fmublock/test_block_facts.py demands all."""
 
 WITH_STATES = [model for model in (*OWN, "Toy") if FACTS[model].exchange is not None]
-"""Models with continuous states."""
+"""Models with continuous states that a host can integrate."""
 
 __all__ = ["FACTS", "OWN", "WITH_STATES", "BlockFacts", "Point"]

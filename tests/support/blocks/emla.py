@@ -84,8 +84,10 @@ def compliant_points(draw: Draw) -> Point:
         **magnitudes(draw, {"load.m": (100.0, 1e4), "transmission.stiffness": (1e5, 1e7)}),
         "transmission.damping": magnitude(draw, 1.0, 100.0),
         "load.v": signed(draw, 1e-3, 0.3),
+        "load.sensor.sigma": magnitude(draw, 1e-5, 1e-4),
+        "load.sensor.noise": signed(draw, 0.1, 2.0),
     }
-    return Point(values, kinks=plant.kinks | {"transmission.backlash"})
+    return Point(values, kinks=plant.kinks | {"transmission.backlash", "load.sensor.resolution"})
 
 
 @st.composite
@@ -116,6 +118,49 @@ def observer_points(draw: Draw) -> Point:
     }
     reach = dict.fromkeys(("y", "x_hat", "start.x_hat"), abs(y_bar))
     return Point(values, draw(st.floats(0.0, 10.0)), reach=reach)
+
+
+@st.composite
+def load_observer_points(draw: Draw) -> Point:
+    """In contact, or without play."""
+    y, backlash = signed(draw, 0.05, 0.5), draw(st.sampled_from([0.0, 1e-3]))
+    deflection = signed(draw, 2e-3, 4e-3)
+    values = {
+        "y": y,
+        "x_1": y + deflection,
+        "model.backlash": backlash,
+        "interpolate": draw(st.booleans()),
+        "solver.internal_step": 5e-5,
+        **magnitudes(draw, {"model.stiffness": (1e5, 1e7), "model.damping": (1.0, 100.0)}),
+        **magnitudes(draw, {"model.m_load": (100.0, 1e4), "l_1": (100.0, 1e3), "l_2": (1e4, 1e5)}),
+        **magnitudes(draw, {"l_3": (1e4, 1e5)}),
+        **signs(draw, {"v_1": (1e-3, 0.3), "travel": (1e-3, 0.1), "v_hat": (1e-3, 0.3), "f_hat": (0.1, 3.0)}),
+    }
+    reach = dict.fromkeys(("y", "x_1"), abs(deflection) - 0.5 * backlash)
+    return Point(values, kinks={"model.backlash"}, reach=reach)
+
+
+@st.composite
+def command_points(draw: Draw) -> Point:
+    """At the start, with everything on; without a notch, an approach or stiffness in some."""
+    off = draw(st.sampled_from(["", "approach.duration", "model.stiffness", "notch.frequency[2]"]))
+    lags = [f"notch.p[{i}]" for i in range(1, 9)]
+    values = {
+        "interpolate": draw(st.booleans()),
+        "solver.internal_step": 5e-5,
+        **magnitudes(draw, {"model.stiffness": (1e5, 1e7), "model.m_load": (100.0, 1e4)}),
+        **magnitudes(draw, {"model.backlash": (1e-4, 1e-3), "approach.duration": (0.1, 1.0)}),
+        **magnitudes(draw, {"approach.v_max": (0.01, 1.0), "approach.a_max": (0.1, 10.0)}),
+        **magnitudes(draw, {f"notch.frequency[{i}]": (1.0, 50.0) for i in (1, 2)}),
+        **magnitudes(draw, {f"notch.damping_ratio[{i}]": (0.01, 0.5) for i in (1, 2)}),
+        **magnitudes(draw, {"feedback.limit": (1e-3, 1e-2)}),
+        **signs(draw, {"feedback.k_0": (1.0, 100.0), "feedback.k_1": (0.1, 1.0)}),
+        **signs(draw, {"feedback.k_2": (1e-3, 0.1), "F_hat": (100.0, 6e4), "x_1": (0.05, 0.5)}),
+        **signs(draw, {"x_d": (0.05, 0.5), "v_d": (1e-3, 0.3), "a_d": (0.1, 3.0)}),
+        **signs(draw, {"load.x": (0.05, 0.5), "load.v": (1e-3, 0.3), "load.a": (0.1, 3.0)}),
+        **signs(draw, dict.fromkeys(lags, (1e-3, 0.1))),
+    }
+    return Point(values | ({off: 0.0} if off else {}), kinks={off} if off else set())
 
 
 @st.composite
@@ -229,6 +274,7 @@ FACTS = {
             {"sigma": 1e-6, "resolution": 1e-7, "F_2": 0.01, "F_3": 0.002, "F_4": 0.001, "m_load": 1.5e4},
             {"stiffness": 7e7, "damping": 4e4, "backlash": 1e-4, "tau_cog": 0.5, "alpha_R": 4e-3},
             {"eccentricity": 1e-4, "lead_error": 1e-4, "wobble": 4e-6},
+            {"sigma_load": 2e-6, "resolution_load": 1e-7},
         ),
         inputs=VOLTAGES,
         smooth={
@@ -272,6 +318,27 @@ FACTS = {
         points=observer_points,
         exchange=(0.1, 1e-2),
         still=frozenset({"d_hat", "r_hat"}),
+    ),
+    "LoadObserver": BlockFacts(
+        start={"model.damping": 1e3, "model.backlash": 1e-4, "model.stiffness": 1e7},
+        inputs={"y": 0.1, "x_1": 0.1, "v_1": 0.1},
+        smooth={"interpolate": False, "x_1": 0.01, "v_1": 0.02, "v_hat": 0.1, "model.damping": 1e3}
+        | {"model.stiffness": 1e5, "l_1": 40.0, "l_2": 500.0, "l_3": 4e3},
+        points=load_observer_points,
+        has_model_exchange=False,
+        still=frozenset({"F_0"}),
+    ),
+    "ScrewCommand": BlockFacts(
+        start={"model.stiffness": 1e8, "model.m_load": 1e4, "model.backlash": 1e-5, "feedback.k_0": 10.0}
+        | {"approach.duration": 0.2, "notch.frequency[1]": 8.0, "notch.frequency[2]": 20.0}
+        | {"notch.damping_ratio[1]": 0.05, "feedback.k_1": 0.2, "feedback.k_2": 0.02},
+        inputs={"x_d": 0.1, "v_d": 0.1, "a_d": 1.0, "x_1": 0.1, "F_hat": 1e4}
+        | {"load.x": 0.1, "load.v": 0.1, "load.a": 1.0},
+        # rigid and without feedback: rate of the deflection and correction are sampled
+        smooth={"interpolate": False, "x_d": 0.1, "v_d": 0.02, "x_1": 0.11, "approach.duration": 1.0}
+        | {"notch.frequency[1]": 3.0, "notch.frequency[2]": 5.0, "notch.p[1]": 0.01},
+        points=command_points,
+        has_model_exchange=False,
     ),
     "Reference": BlockFacts(
         start={"waypoint[1]": 0.1, "waypoint[2]": 0.3, "waypoint[3]": 0.2, "period": 0.4}

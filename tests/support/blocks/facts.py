@@ -39,10 +39,10 @@ class BlockFacts:
     exchange: tuple[float, float] | None = None
     """Stop time and longest internal step in s of the comparison with Model Exchange, from `smooth`.
 
-    Only for blocks with continuous states.
+    Only for blocks with continuous states that have Model Exchange.
     """
     has_model_exchange: bool = True
-    """False for blocks that are sampled only."""
+    """False for blocks that need communication steps."""
     sampled: frozenset[str] = frozenset()
     """Inputs that act at communication points only."""
     still: frozenset[str] = frozenset()

@@ -23,8 +23,8 @@ def test_facts_fit_the_block(model: str) -> None:
     facts, layout = FACTS[model], MODELS[model].layout()
     inputs = [s.name for s in layout.scalars if s.variable in layout.inputs]
     assert list(facts.inputs) == inputs, f"tests/support/blocks: inputs of {model} are {inputs}"
-    has_states = bool(layout.states)
-    assert (facts.exchange is not None) == has_states, f"tests/support/blocks: `exchange` of {model}"
+    is_integrated = bool(layout.states) and facts.has_model_exchange
+    assert (facts.exchange is not None) == is_integrated, f"tests/support/blocks: `exchange` of {model}"
     for values in (facts.start, facts.smooth):
         instance = Instance(MODELS[model]())
         for name, value in values.items():
