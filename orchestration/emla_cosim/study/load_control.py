@@ -125,21 +125,26 @@ def command_parameters(
         values["damping_ratio"] = [zeta] * count + [0.0] * (NOTCHES - count)
     if control.sensors == NONE or compliance is None:
         return values
-    omega, moved = compliance.omega, emla.alpha_RL * emla.A_eq + compliance.mass
+    moved = emla.alpha_RL * emla.A_eq + compliance.mass
     left = emla.eta_GB * emla.alpha_RL * emla.tau_max - abs(force)
     values |= {
         "stiffness": compliance.stiffness,
         "m_load": compliance.mass,
         "backlash": compliance.backlash,
-        "approach_time": _APPROACH_PERIODS * 2.0 * math.pi / omega,
+        "approach_time": approach_duration(compliance.mass, compliance.stiffness),
         "approach_speed": _APPROACH_SPEED * emla.v_max,
         "approach_acceleration": _APPROACH_FORCE * max(left, 0.1 * abs(force)) / moved,
     }
     if control.has_sensor:
-        values |= feedback.gains(omega)
+        values |= feedback.gains(compliance.omega)
     else:
         values["F_hat"] = force
     return values
+
+
+def approach_duration(mass: float, stiffness: float) -> float:
+    """Return the shortest duration of the approach in s for a load of kg behind a spring of N/m."""
+    return _APPROACH_PERIODS * 2.0 * math.pi / math.sqrt(stiffness / mass)
 
 
 def observer_parameters(compliance: Compliance, feedback: LoadFeedback) -> dict[str, Any]:

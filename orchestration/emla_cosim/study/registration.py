@@ -22,7 +22,7 @@ from .joints.schema import KIND, list_joint_names, read_joint_text
 from .loads import load_metrics
 from .metrics import joint_metrics
 from .randomness import find_seeds
-from .roles import find_tracked_joints
+from .roles import find_tracked_joints, find_tracked_loads
 from .schedules import scheduled_times
 from .sketch.film import ManipulatorAnimation
 from .sketch.manipulator_picture import ManipulatorPicture
@@ -57,9 +57,10 @@ def register() -> None:
     for name in ("study-robustness",):
         PLANS[name] = _text("plans", name)
     TUNINGS.update(list_tuning_plans())
+    METRICS[LOADS] = load_metrics  # before the joints: tables show it first
     METRICS[JOINTS] = joint_metrics
-    METRICS[LOADS] = load_metrics
     TRACKED[JOINTS] = find_tracked_joints
+    TRACKED[LOADS] = find_tracked_loads  # after the joints: the last pair of a joint counts
     FIGURES.update(JOINT_FIGURES | MACHINE_FIGURES)
     FIGURES["joints"] = JointMap()
     FIGURES["manipulator"] = ManipulatorPicture()

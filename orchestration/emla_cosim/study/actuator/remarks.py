@@ -24,10 +24,11 @@ def remarks(system: System, options: Options) -> Sequence[str]:
     """Return warnings without full stops.
 
     Raises:
-        CommandError: An actuator cannot do what its joint requires.
+        CommandError: An actuator cannot do what its joint requires, or a load control has the wrong sensor.
     """
     own = {joint: one for joint, one in options.actuator.items() if isinstance(one, Actuator)}
     problems = [p for joint, one in own.items() for p in _describe_impossible(joint, one, system, options)]
+    problems += _describe_wrong_sensors(system, options)
     if problems:
         raise CommandError("\n  ".join(f"{p}." for p in problems), problems=problems)
     found = [f"{joint}: {said}" for joint, one in own.items() for said in one.remarks]
@@ -70,6 +71,20 @@ def _describe_impossible(joint: str, own: Actuator, system: System, options: Opt
             f"the reference of {joint} peaks at {1e3 * peak:.4g} mm/s, faster than its actuator's "
             f"{1e3 * fastest:.4g} mm/s; {ways[1]} {math.ceil(100.0 * peak / fastest) / 100.0:g} times as long"
         )
+
+
+def _describe_wrong_sensors(system: System, options: Options) -> Iterator[str]:
+    """Yield a message, without full stop, if a load control adds a deflection that the encoder measures."""
+    for component in system.components:
+        joint, _, role = component.name.partition(".")
+        stiffness = get_number(system, options, component.name, "model.stiffness")
+        if component.model != "ScrewCommand" or role != "command" or not stiffness:
+            continue
+        if get_number(system, options, f"{joint}.plant", "sensor.at_load"):
+            yield (
+                f"{joint}.plant.sensor.at_load is true, so the encoder measures the load, but the load "
+                "control expects it at the motor and adds the deflection; use --load-control none"
+            )
 
 
 def _motion(

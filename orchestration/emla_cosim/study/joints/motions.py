@@ -130,6 +130,11 @@ def _stiffness(part: str) -> msgspec.Meta:
     return quantity("N/m", f"stiffness of the {part}", "1200 N/um", gt=0.0)
 
 
+def resting_deflection(force: float, stiffness: float, backlash: float) -> float:
+    """Return the deflection in m of a load that rests under a force in N, for N/m and a play in m."""
+    return force / stiffness + math.copysign(0.5 * backlash, force)
+
+
 class Compliance(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """A load that is not rigid: its mass, what is in series between it and the motor, and backlash.
 
@@ -168,7 +173,7 @@ class Compliance(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
             "stiffness": k,
             "damping": self.damping,
             "backlash": self.backlash,
-            "deflection_start": force / k + math.copysign(0.5 * self.backlash, force),
+            "deflection_start": resting_deflection(force, k, self.backlash),
         }
 
 
