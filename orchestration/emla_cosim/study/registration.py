@@ -7,7 +7,7 @@ from importlib.resources import files
 from ..inputs.schedules import SCHEDULES
 from ..recorders.metrics import METRICS, TRACKED
 from ..run.registered import FOLLOWERS, SEEDS
-from ..run.scenarios.built_in import CHANGES, FOLLOWING, PLANS, REMARKS, SCENARIOS, SYSTEMS, TUNINGS
+from ..run.scenarios.built_in import CHANGES, FOLLOWING, PLANS, REMARKS, SCENARIOS, STEPPING, SYSTEMS, TUNINGS
 from ..run.scenarios.scenario_file import KINDS, Kind
 from ..views.animation import ANIMATIONS
 from ..views.plots.by_unit import BY_UNIT
@@ -19,6 +19,7 @@ from .figures import JOINT_FIGURES, MACHINE_FIGURES
 from .joint_map import JointMap
 from .joints.joint_table import KEYS
 from .joints.schema import KIND, list_joint_names, read_joint_text
+from .load_control import complete_order
 from .loads import load_metrics
 from .metrics import joint_metrics
 from .randomness import find_seeds
@@ -42,6 +43,8 @@ def register() -> None:
     SYSTEMS.update(own)
     FOLLOWING.update(machine_systems.SYSTEMS)
     CHANGES["actuator"] = change_entries
+    if complete_order not in STEPPING:
+        STEPPING.append(complete_order)
     if remarks not in REMARKS:
         REMARKS.append(remarks)
     if follow_plant_changes not in FOLLOWERS:

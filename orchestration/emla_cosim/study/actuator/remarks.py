@@ -3,10 +3,11 @@
 import math
 from collections.abc import Iterator, Sequence
 
-from ...base.errors import CommandError
+from ...base.errors import CommandError, join_names
 from ...run.options import Options
 from ...system.model import System
 from ..controllers import choose_controller
+from ..joints.motions import OF_ACTUATOR
 from ..machine_motion import load_motion
 from .actuator import Actuator
 from .derived import holding_torque
@@ -18,6 +19,7 @@ _BY_RULE = ("compensated", "robust", "rule")
 
 _ROUNDING = 1.0 + 1e-9
 _LED = "machine.trajectory"
+_COMPLIANT = "EmlaCompliantPlant"
 
 
 def remarks(system: System, options: Options) -> Sequence[str]:
@@ -34,6 +36,7 @@ def remarks(system: System, options: Options) -> Sequence[str]:
     found = [f"{joint}: {said}" for joint, one in own.items() for said in one.remarks]
     for joint, one in own.items():
         found += _describe_heavy_load(joint, one, system, options)
+        found += _describe_other_stiffness(joint, one, system)
     return [*found, *_gains(own, options), *describe_stale_parameters(system, options)]
 
 
@@ -70,6 +73,17 @@ def _describe_impossible(joint: str, own: Actuator, system: System, options: Opt
         yield (
             f"the reference of {joint} peaks at {1e3 * peak:.4g} mm/s, faster than its actuator's "
             f"{1e3 * fastest:.4g} mm/s; {ways[1]} {math.ceil(100.0 * peak / fastest) / 100.0:g} times as long"
+        )
+
+
+def _describe_other_stiffness(joint: str, own: Actuator, system: System) -> Iterator[str]:
+    """Yield a warning, without full stop, if an actuator of a file has parts of the joint's own actuator."""
+    is_compliant = any(c.name == f"{joint}.plant" and c.model == _COMPLIANT for c in system.components)
+    missing = [part for part in OF_ACTUATOR if f"compliance.{part}" not in own.values]
+    if is_compliant and missing and own.file is not None:
+        yield (
+            f"{joint}: {join_names(missing)} between motor and load are those of the joint's own actuator; "
+            f"add them to [compliance] of {own.label}"
         )
 
 
