@@ -185,7 +185,7 @@ def test_measured_motion_reaches_the_load(fmu_folder: Path) -> None:
     s = np.clip(time / 0.9, 0.0, 1.0)
     x = 0.244 + 0.02 * s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
     columns = {"x_d": "x", "v_d": "der(x)", "a_d": "der(der(x))"}
-    signals = {f"lift.reference.{name}": text for name, text in columns.items()}
+    signals = {f"lift.reference.{name}": ec.Column(text) for name, text in columns.items()}
     motion = ec.Input(data={"time": time, "x": x}, signals=signals, interpolation="cubic")
     loaded = ec.load("study-compliant", fmus=fmu_folder, input=[motion], stop_time=1.0, notch={"lift": 20.0})
     with loaded.prepare() as simulation:
@@ -237,6 +237,14 @@ def test_parts_of_an_actuator_replace_those_of_the_joint() -> None:
     assert plant["start.deflection"] == pytest.approx(FORCE / stiffness + 10e-6)
     assert parameters("study-compliant", "lift.command", sheet=sheet)["model.backlash"] == 20e-6
     assert "transmission.stiffness" not in parameters("study", "lift.plant", sheet=sheet)
+
+
+def test_deflection_counts_for_the_stroke() -> None:
+    sheet = {"lift.screw.stroke": "270.2 mm"}
+    ec.load("study", sheet=sheet)
+    assert "the commanded screw of lift goes from 244.5 to 270.5 mm" in message(
+        "study-compliant", sheet=sheet
+    )
 
 
 def test_missing_parts_of_an_actuator_are_reported(tmp_path: Path) -> None:

@@ -26,8 +26,8 @@ def judged(
 ) -> tuple[dict[str, Any], LoadMetrics]:
     """Return the figures of a load and a screw beside a reference at 0, in pieces that are handed on."""
     time = start + STEP * np.arange(round(stop / STEP) + 1)
-    signals = (load, screw, 0.0, command, correction)
-    values = [f(time) if callable(f) else np.full(len(time), f) for f in signals]
+    signals: tuple[Any, ...] = (load, screw, 0.0, command, correction)
+    values: list[Any] = [f(time) if callable(f) else np.full(len(time), f) for f in signals]
     given = {f"j.{name}": value for name, value in criteria.items()}
     metrics = LoadMetrics([LOAD], given)
     for rows in np.array_split(np.column_stack([time, *values]), pieces):

@@ -79,7 +79,7 @@ def _bars(result: CompareResult) -> "Figure":
     joints = result.group("scenario", "joint")
     bars = [*_BARS, "convergence_time_s" if result.table == PAPER else "settling_time_s"]
     if (error := choose_position_error(result.rows.rows(named=True)).name) not in bars:
-        bars.insert(0, error)
+        bars = [error, *_BARS, "load_settling_time_s"]
     height = 0.6 + 0.22 * len(result.entrants)
     figure, grid = new_figure(len(joints), len(bars), 2.6, height, sharex="none")
     for axes_row, ((scenario, joint), rows) in zip(grid, joints.items(), strict=True):

@@ -64,9 +64,14 @@ def _describe_impossible(joint: str, own: Actuator, system: System, options: Opt
     if found is None:
         return
     nearest, farthest, peak, ways = found
+    subject = "reference"
+    if get_number(system, options, f"{joint}.command", "model.stiffness"):
+        subject = "commanded screw"
+        ahead = get_number(system, options, f"{joint}.plant", "start.deflection") or 0.0
+        nearest, farthest = nearest + ahead, farthest + ahead
     if not (low <= nearest and farthest <= high):
         yield (
-            f"the reference of {joint} goes from {1e3 * nearest:.4g} to {1e3 * farthest:.4g} mm, "
+            f"the {subject} of {joint} goes from {1e3 * nearest:.4g} to {1e3 * farthest:.4g} mm, "
             f"outside {stroke}; {ways[0]}, or enter screw.q_LB"
         )
     if peak > _ROUNDING * fastest:
