@@ -183,7 +183,7 @@ def test_measured_motion_reaches_the_load(fmu_folder: Path) -> None:
     """Positions of a table alone: speed and acceleration are the derivatives of its spline."""
     time = np.linspace(0.0, 1.0, 501)
     s = np.clip(time / 0.9, 0.0, 1.0)
-    x = 0.244 + 0.02 * s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
+    x: Any = 0.244 + 0.02 * s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
     columns = {"x_d": "x", "v_d": "der(x)", "a_d": "der(der(x))"}
     signals = {f"lift.reference.{name}": ec.Column(text) for name, text in columns.items()}
     motion = ec.Input(data={"time": time, "x": x}, signals=signals, interpolation="cubic")
