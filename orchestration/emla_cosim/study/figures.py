@@ -40,39 +40,68 @@ WORST = "position_error_m"
 
 _joint_picture = partial(Picture, of="joints", find=find_variable, index=RoleNames.fromkeys, worst=WORST)
 
+_LOAD_SINCE = ("loads", "load_evaluated_from_s")
+"""Kind and name of the metric from which on a load is evaluated."""
+
+
+def _find_changed(joint: str, role: str, names: Collection[str], roles: Mapping[str, str]) -> str | None:
+    """Find a variable as `find_variable` does; the commanded motion only if it is not the reference."""
+    variable = find_variable(joint, role, names, roles)
+    is_same = role.endswith("_c") and variable == find_variable(joint, f"{role[:-1]}d", names, roles)
+    return None if is_same else variable
+
+
 JOINT_FIGURES: dict[str, Picture] = {
     "tracking": _joint_picture(
         "Tracking",
         (
             PanelSpec(
                 "position / m",
-                (Curve("screw", "x_L"), Curve("reference", "x_d", ORANGE, dashed=True)),
+                (
+                    Curve("load", "x_load", GREEN),
+                    Curve("screw", "x_L"),
+                    Curve("reference", "x_d", ORANGE, dashed=True),
+                    Curve("commanded screw", "x_c", PURPLE, dashed=True),
+                ),
                 bound=_STROKE,
             ),
             PanelSpec(
                 "speed / (m/s)",
-                (Curve("screw", "v_L"), Curve("reference", "v_d", ORANGE, dashed=True)),
+                (
+                    Curve("load", "v_load", GREEN),
+                    Curve("screw", "v_L"),
+                    Curve("reference", "v_d", ORANGE, dashed=True),
+                    Curve("commanded screw", "v_c", PURPLE, dashed=True),
+                ),
                 bound=_SPEED,
             ),
         ),
+        find=_find_changed,
     ),
     "errors": _joint_picture(
         "Tracking errors",
         (
-            PanelSpec("position / mm, settling", (Curve("", "x_L", less="x_d", scale=1e3),), "settling"),
             PanelSpec(
-                "position / µm, settled",
-                (Curve("", "x_L", less="x_d", scale=1e6),),
-                "settled",
-                bound=PositionWindow(1e6),
+                "load position / mm, settling",
+                (Curve("", "x_load", GREEN, less="x_s", scale=1e3),),
+                "settling",
+                since=_LOAD_SINCE,
             ),
             PanelSpec(
                 "load position / µm, settled",
-                (Curve("", "x_load", GREEN, less="x_d", scale=1e6),),
+                (Curve("", "x_load", GREEN, less="x_s", scale=1e6),),
+                "settled",
+                bound=PositionWindow(1e6),
+                since=_LOAD_SINCE,
+            ),
+            PanelSpec("position / mm, settling", (Curve("", "x_L", less="x_c", scale=1e3),), "settling"),
+            PanelSpec(
+                "position / µm, settled",
+                (Curve("", "x_L", less="x_c", scale=1e6),),
                 "settled",
                 bound=PositionWindow(1e6),
             ),
-            PanelSpec("speed / (mm/s), settled", (Curve("", "v_L", less="v_d", scale=1e3),), "settled"),
+            PanelSpec("speed / (mm/s), settled", (Curve("", "v_L", less="v_c", scale=1e3),), "settled"),
         ),
     ),
     "currents": _joint_picture(
@@ -163,7 +192,7 @@ MACHINE_FIGURES: dict[str, Picture] = {
                 "speed / (mm/s)",
                 (
                     Curve("piston", "v_L", scale=1e3),
-                    Curve("reference", "v_d", ORANGE, scale=1e3, dashed=True),
+                    Curve("reference", "v_s", ORANGE, scale=1e3, dashed=True),
                 ),
             ),
         ),
@@ -173,11 +202,11 @@ MACHINE_FIGURES: dict[str, Picture] = {
         "Positions and accelerations of the pistons",
         (
             PanelSpec(
-                "position / m", (Curve("piston", "x_L"), Curve("reference", "x_d", ORANGE, dashed=True))
+                "position / m", (Curve("piston", "x_L"), Curve("reference", "x_s", ORANGE, dashed=True))
             ),
             PanelSpec(
                 "acceleration / (m/s²), settled",
-                (Curve("piston", "a_L"), Curve("reference", "a_d", ORANGE, dashed=True)),
+                (Curve("piston", "a_L"), Curve("reference", "a_s", ORANGE, dashed=True)),
                 part="settled",
             ),
         ),

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from .criteria import format_length
 from .roles import find_variable
 
 _VALUE = "VALUE"
@@ -109,6 +110,7 @@ def list_idealisations(
         *_friction(plant),
         *_switched_off(plant, _LEAD),
         *_transmission(plant),
+        *_load_force(plant),
         *_losses(plant),
         *_switched_off(plant, *_ELECTRICAL),
         *_torque(plant),
@@ -176,6 +178,22 @@ def _transmission(plant: _Plant) -> Iterator[Idealisation]:
         sentence = "There is no play between screw and load."
         option = replacement or plant.option({"backlash": _VALUE})
         yield Idealisation("backlash", "no backlash", sentence, option, _COMPLIANT)
+
+
+def _load_force(plant: _Plant) -> Iterator[Idealisation]:
+    """Yield what the load control takes for granted if it does not measure the load."""
+    if not (plant.value("assumed_stiffness") > 0.0 and plant.value("k_0") == 0.0):
+        return
+    play = 0.5 * plant.value("backlash")
+    tenth = format_length(0.1 * max(abs(plant.value("start_deflection")) - play, 0.0))
+    yield Idealisation(
+        "load force",
+        f"known load force (10 % more: {tenth})",
+        "The load control knows load force and stiffness, not the position of the load; 10 % more load force "
+        f"would move the load by {tenth}.",
+        "--load-control sensor",
+        "",
+    )
 
 
 def _losses(plant: _Plant) -> Iterator[Idealisation]:

@@ -54,13 +54,15 @@ _COMMANDED = {
         "reference.x_d -> command.x_d",
         "reference.v_d -> command.v_d",
         "reference.a_d -> command.a_d",
-        "plant.x_measured -> command.x_1",
         "command.x_c -> controller.x_d",
     ),
     "reference.v_d -> controller.v_d": ("command.v_c -> controller.v_d",),
     "reference.a_d -> controller.a_d": ("command.a_c -> controller.a_d",),
 }
 """What replaces a connection if the screw is not to make the wanted motion itself."""
+
+_APPROACH = "plant.x_measured -> command.x_1"
+"""What a planned start needs. Elsewhere it would close a loop through a machine that replays the motion."""
 
 _LOAD_SENSOR = (
     "plant.load.x_measured -> load_observer.y",
@@ -179,6 +181,7 @@ def build_joint(
     wires = [*_WIRES, *(_TRUE if true_feedback else _ESTIMATED)]
     if command is not None:
         wires = [new for wire in wires for new in _COMMANDED.get(wire, (wire,))]
+        wires += [_APPROACH] if "approach_time" in command else []
     if load_observer is not None:
         wires += _LOAD_SENSOR
     roles = {"plant": "motor"} if electrical else {}

@@ -60,7 +60,7 @@ def certify(simulation: Simulation) -> list[JointCertificate]:
         raise CommandError(
             f"'{simulation.name}' has no joint with our plant, an RSBA controller and our observer."
         )
-    references = [name for joint in joints if (name := find_variable(joint, "x_d", names)) is not None]
+    references = [name for joint in joints if (name := find_variable(joint, "x_c", names)) is not None]
     own = [f"{joint}.{part}" for joint in joints for part in ("controller.*", "plant.*", "observer.*")]
     step = simulation.options.step_size
     result = simulation.run(recorders=[TimeSeries()], signals=[*own, *references], output_interval=step)
@@ -97,7 +97,7 @@ def _certify_joint(
         joint,
         certificate(gains, _observer(own), bounds),
         bounds,
-        float(np.abs(signal("plant.x_L") - columns[str(find_variable(joint, "x_d", columns))])[late].max()),
+        float(np.abs(signal("plant.x_L") - columns[str(find_variable(joint, "x_c", columns))])[late].max()),
         float(np.linalg.norm(P[:, late], axis=0).max()),
         float(np.abs(P[2, late]).max()),
         float(np.abs(signal("observer.x_hat") - signal("plant.x_L"))[late].max()),

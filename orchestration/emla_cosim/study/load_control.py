@@ -12,9 +12,9 @@ from emla_fmu.parameters import EmlaParameters
 from emla_fmu.screw_command import NOTCHES
 
 from ..base.errors import CommandError, suggest_names
-from ..base.quantities import read_quantity
+from ..base.quantities import parse_quantity, parse_unit_name
 from ..run.system_options import LOAD_CONTROLS
-from ..system.model import Value
+from ..system.model import System, Value
 from .joints.motions import Compliance, LoadFeedback
 
 NONE, MOTOR, SENSOR = LOAD_CONTROLS
@@ -86,12 +86,31 @@ def check_notch_joints(notch: Mapping[str, Value], joints: Collection[str]) -> N
             raise CommandError(f"the notch '{name}' names no joint; {suggest_names(name, list(joints))}")
 
 
+def complete_order(system: System, options: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the order of stepping with the components of load controls, each before its controller.
+
+    They have no step multiple, even if the controller has one: like a reference, they make a motion, and a
+    held motion is late.
+
+    Args:
+        system: The system.
+        options: Options of the algorithm that are set.
+    """
+    order = list[str](options.get("order") or ())
+    for component in system.components:
+        joint, _, role = component.name.partition(".")
+        controller = f"{joint}.controller"
+        if role in ("load_observer", "command") and controller in order and component.name not in order:
+            order.insert(order.index(controller), component.name)
+    return {"order": order} if order else {}
+
+
 def _read_frequencies(joint: str, given: Value) -> tuple[float, ...]:
     """Return the frequencies in Hz of an entry such as 6.5, "6.5 Hz" or "6.5 Hz, 20 Hz"."""
     parts = given.split(",") if isinstance(given, str) else [given]
     label = f"the notch of {joint}"
     frequencies = tuple(
-        read_quantity(part.strip(), label, "Hz") if isinstance(part, str) else float(part) for part in parts
+        _read_frequency(part.strip(), label) if isinstance(part, str) else float(part) for part in parts
     )
     if len(frequencies) > NOTCHES or not all(0.0 < f < math.inf for f in frequencies):
         raise CommandError(
@@ -99,6 +118,14 @@ def _read_frequencies(joint: str, given: Value) -> tuple[float, ...]:
             joint=joint,
         )
     return frequencies
+
+
+def _read_frequency(text: str, label: str) -> float:
+    """Return a frequency in Hz of a text that may have an angular frequency or a speed of turns."""
+    hertz = parse_unit_name("Hz", label)
+    quantity = parse_quantity(text, label, hertz)
+    is_angular = quantity.unit is not None and quantity.unit.powers.get("rad", 0) != 0
+    return quantity.in_unit(hertz, label) / (2.0 * math.pi if is_angular else 1.0)
 
 
 def command_parameters(
@@ -125,21 +152,26 @@ def command_parameters(
         values["damping_ratio"] = [zeta] * count + [0.0] * (NOTCHES - count)
     if control.sensors == NONE or compliance is None:
         return values
-    omega, moved = compliance.omega, emla.alpha_RL * emla.A_eq + compliance.mass
+    moved = emla.alpha_RL * emla.A_eq + compliance.mass
     left = emla.eta_GB * emla.alpha_RL * emla.tau_max - abs(force)
     values |= {
         "stiffness": compliance.stiffness,
         "m_load": compliance.mass,
         "backlash": compliance.backlash,
-        "approach_time": _APPROACH_PERIODS * 2.0 * math.pi / omega,
+        "approach_time": approach_duration(compliance.mass, compliance.stiffness),
         "approach_speed": _APPROACH_SPEED * emla.v_max,
         "approach_acceleration": _APPROACH_FORCE * max(left, 0.1 * abs(force)) / moved,
     }
     if control.has_sensor:
-        values |= feedback.gains(omega)
+        values |= feedback.gains(compliance.omega)
     else:
         values["F_hat"] = force
     return values
+
+
+def approach_duration(mass: float, stiffness: float) -> float:
+    """Return the shortest duration of the approach in s for a load of kg behind a spring of N/m."""
+    return _APPROACH_PERIODS * 2.0 * math.pi / math.sqrt(stiffness / mass)
 
 
 def observer_parameters(compliance: Compliance, feedback: LoadFeedback) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from ..base.arrays import Vector, read_stored_array
 from ..recorders.metrics import Figures, MetricDisplay, Metrics
 from ..recorders.recorder import Outline
 from .criteria import EVALUATED_AFTER, TOO_SHORT, criteria_of, format_length
-from .roles import RoleNames, find_all_joints, find_variable
+from .roles import RoleNames, describe_error, find_all_joints, find_variable
 from .settling import Settling
 
 _ROUNDING = 1e-9
@@ -24,17 +24,38 @@ _ROLES = ("x_load", "x_L", "x_s", "x_c")
 """Roles of the watched signals, in the order of the gathered rows."""
 
 
+@dataclass(frozen=True)
+class WatchedLoad:
+    """A load to watch.
+
+    Attributes:
+        joint: Its joint.
+        columns: Those of `_ROLES` in the rows.
+        error: How messages call its position error.
+        correction: Column of the correction by the feedback of the load's position; None without one.
+        limit: Its limit in m.
+    """
+
+    joint: str
+    columns: Sequence[int]
+    error: str = "position error"
+    correction: int | None = None
+    limit: float = math.inf
+
+
 @dataclass
 class LoadFigures:
     """One load's part of metrics.json; docs/metrics.md defines each figure. NaN marks one without value.
 
     `load_within_window` tells whether joint and load have settled, and the load's position error has stayed
-    within the position window of the joint since. `load_reason` says why not.
+    within the position window of the joint since. `load_reason` says why not. The others count from
+    `load_evaluated_from_s` on.
     """
 
     load_within_window: bool
     load_reason: str | None
     load_settling_time_s: float
+    load_evaluated_from_s: float
     load_position_error_m: float
     load_swing_m: float
     load_deflection_m: float
@@ -51,22 +72,34 @@ _SHOWN = (
 def load_metrics(outline: Outline) -> "LoadMetrics | None":
     """Return the metrics of all loads of a run that are not rigid; None if it has none."""
     column = RoleNames((name, i + 1) for i, name in enumerate(outline.names))
-    tracked, columns = list[str](), list[list[int]]()
-    joints = find_all_joints(outline.names, outline.roles)
-    for joint in joints:
+    parameters, loads = RoleNames(outline.parameters), list[WatchedLoad]()
+    for joint in find_all_joints(outline.names, outline.roles):
         names = [find_variable(joint, role, column, outline.roles) for role in _ROLES]
-        found = [column[name] for name in names if name is not None]
-        if len(found) == len(_ROLES):
-            tracked.append(joint)
-            columns.append(found)
-    if not tracked:
+        columns = [column[name] for name in names if name is not None]
+        if len(columns) < len(_ROLES):
+            continue
+        correction, limit = (
+            find_variable(joint, role, of, outline.roles)
+            for role, of in (("z", column), ("z_max", parameters))
+        )
+        loads.append(
+            WatchedLoad(
+                joint,
+                columns,
+                describe_error(joint, str(names[_ROLES.index("x_s")])),
+                None if correction is None else column[correction],
+                math.inf if limit is None else parameters[limit],
+            )
+        )
+    if not loads:
         return None
+    tracked = [load.joint for load in loads]
     given = {
         place: value
         for place, value in outline.criteria.items()
         if place.rpartition(".")[0] in ("*", *tracked)
     }
-    return LoadMetrics(tracked, columns, given)
+    return LoadMetrics(loads, given)
 
 
 class LoadMetrics(Metrics):
@@ -74,12 +107,11 @@ class LoadMetrics(Metrics):
 
     shown = (MetricDisplay("load_within_window", "load within window"), *_SHOWN)
 
-    def __init__(
-        self, joints: Sequence[str], columns: Sequence[Sequence[int]], criteria: Mapping[str, float | str]
-    ) -> None:
-        """Take the columns of `_ROLES` in the rows, by joint."""
-        self._joints = list(joints)
-        self._columns = np.array(columns).T
+    def __init__(self, loads: Sequence[WatchedLoad], criteria: Mapping[str, float | str]) -> None:
+        """Take the loads to watch, and values of the option `criteria`."""
+        self._loads = loads
+        self._joints = [load.joint for load in loads]
+        self._columns = np.array([load.columns for load in loads]).T
         each = criteria_of(self._joints, criteria)
         self._windows = [each[joint].position_window for joint in self._joints]
         self._settling = Settling([each[joint] for joint in self._joints])
@@ -91,6 +123,8 @@ class LoadMetrics(Metrics):
         """When the position error was largest, in s."""
         self._not_finite = np.full(len(self._joints), np.nan)
         """When the position error was first not finite, in s."""
+        self._limited_at = np.full(len(self._joints), np.nan)
+        """When the correction by the feedback was first at its limit, in s."""
         self._ended: str | None = None
         self._evaluated_from = np.full(len(self._joints), np.nan)
         self._highest, self._lowest, self._deflection = np.full((3, len(self._joints)), np.nan)
@@ -110,6 +144,7 @@ class LoadMetrics(Metrics):
             self._load_settling.write(time, size)
         for joint in np.flatnonzero(np.isnan(self._not_finite) & ~np.isfinite(error).all(axis=1)):
             self._not_finite[joint] = float(time[(~np.isfinite(error[joint])).argmax()])
+        self._watch_corrections(time, rows)
         self._last, self._final = float(time[-1]), size[:, -1]
         self.shown = _SHOWN if self._is_short else type(self).shown
         earliest = self._start + EVALUATED_AFTER
@@ -130,6 +165,23 @@ class LoadMetrics(Metrics):
                 self._lowest[joint] = np.fmin(self._lowest[joint], of.min())
                 self._deflection[joint] = np.fmax(self._deflection[joint], deflection[joint, begin:].max())
 
+    def _watch_corrections(self, time: Vector, rows: Vector) -> None:
+        for number, load in enumerate(self._loads):
+            if load.correction is None or not load.limit > 0.0 or not math.isnan(self._limited_at[number]):
+                continue
+            at_limit = np.abs(rows[:, load.correction]) >= load.limit
+            if at_limit.any():
+                self._limited_at[number] = float(time[at_limit.argmax()])
+
+    def remarks(self) -> Sequence[str]:
+        """Return which feedbacks of loads were at their limits."""
+        return [
+            f"The feedback of {load.joint}'s load reached its limit of {format_length(load.limit)} at "
+            f"t = {at:.6g} s; it does not correct more. The limit is {load.joint}.command.feedback.limit."
+            for load, at in zip(self._loads, self._limited_at.tolist(), strict=True)
+            if not math.isnan(at)
+        ]
+
     def _largest(self, joint: int) -> float:
         """Return the largest position error in m."""
         return max(abs(float(self._highest[joint])), abs(float(self._lowest[joint])))
@@ -148,6 +200,7 @@ class LoadMetrics(Metrics):
             load_within_window=(reason or self._ended) is None,
             load_reason=reason or self._ended,
             load_settling_time_s=settled - self._start,
+            load_evaluated_from_s=float(self._evaluated_from[joint]),
             load_position_error_m=self._largest(joint),
             load_swing_m=highest - lowest,
             load_deflection_m=float(self._deflection[joint]),
@@ -155,9 +208,9 @@ class LoadMetrics(Metrics):
 
     def _reason(self, joint: int) -> str | None:
         """Return why a load is not within its window, except that the run is too short."""
-        name, window = self._joints[joint], self._windows[joint]
+        name, window, error = self._joints[joint], self._windows[joint], self._loads[joint].error
         if not math.isnan(at := self._not_finite[joint]):
-            return f"The load of {name} has no finite position error from t = {at:.6g} s on."
+            return f"The load of {name} has no finite {error} from t = {at:.6g} s on."
         if self._is_short:
             return None
         if not self._settling.is_settled(joint):
@@ -165,13 +218,13 @@ class LoadMetrics(Metrics):
         if not self._load_settling.is_settled(joint):
             first, final = format_length(self._first[joint]), format_length(self._final[joint])
             return (
-                f"The load of {name} has not settled: its position error was {first} at the start and is "
-                f"{final} at the end; its window is {format_length(window)}."
+                f"The load of {name} has not settled: its {error} was {first} at the start and is {final} at "
+                f"the end; its window is {format_length(window)}."
             )
         if (largest := self._largest(joint)) <= (1.0 + _ROUNDING) * window:
             return None
         return (
-            f"The load of {name} left the position window of {format_length(window)}: its position error was "
+            f"The load of {name} left the position window of {format_length(window)}: its {error} was "
             f"largest at t = {self._largest_at[joint]:.6g} s, {format_length(largest)}."
         )
 
@@ -222,4 +275,5 @@ _STATE = (
     "_final",
     "_largest_at",
     "_not_finite",
+    "_limited_at",
 )

@@ -5,7 +5,7 @@ docs/metrics.md has their definitions and sources.
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,15 @@ from .idealisations import list_idealisations
 from .limits import LimitWatch, Trip
 from .loads import LoadMetrics, load_metrics
 from .oscillation import OscillationWatch, WatchedJoint
-from .roles import INERTIA, RoleNames, check_roles, find_all_joints, find_variable, list_given_joints
+from .roles import (
+    INERTIA,
+    RoleNames,
+    check_roles,
+    describe_error,
+    find_all_joints,
+    find_variable,
+    list_given_joints,
+)
 from .settling import Settling
 from .tracking import AT_REST, FOLLOWING, OBSERVER, POSITION, SPEED, STANDSTILL, TORQUE, Tracking
 
@@ -97,6 +105,13 @@ _SHOWN = (
     MetricDisplay("observer_position_error_m", "observer position error", 1e6, "µm", "m"),
     MetricDisplay("saturated_fraction", "time at a limit", 100.0, "%"),
     MetricDisplay("saturated_after_settling", "at a limit once settled", 100.0, "%"),
+)
+
+_SHOWN_WITH_LOAD = tuple(
+    replace(shown, label=f"screw {shown.label}")
+    if shown.label in ("position error", "speed error")
+    else shown
+    for shown in _SHOWN
 )
 
 CONVERGENCE_TIME = MetricDisplay("convergence_time_s", "convergence time", 1e3, "ms")
@@ -184,10 +199,13 @@ class JointMetrics(Metrics):
         self._columns = np.array(
             [*self._columns.ravel(), *self._limits.columns, *self._heat.columns], dtype=int
         )
-        self._displays = (_HEAT, *_SHOWN) if self._heat.columns else _SHOWN
+        shown = _SHOWN if loads is None else _SHOWN_WITH_LOAD
+        self._displays = (_HEAT, *shown) if self._heat.columns else shown
         self._verdict = _HELD if loads is None else _HELD_WITH_LOAD
         self.shown = (self._verdict, *self._displays)
         self._parameters, self._roles = known, given
+        self._errors = [describe_error(joint, str(of["x_c"])) for joint, of in signals.items()]
+        """How messages call the position errors."""
         self._settling = Settling(each)
         self._tracking = Tracking(np.array([one.position_window for one in each]))
         self._loads = loads
@@ -387,6 +405,11 @@ class JointMetrics(Metrics):
         ]
         for number, joint in enumerate(self._joints):
             found += self._reasons(number)
+            if (delay := _notch_delay(joint, self._parameters, self._roles)) > 0.0:
+                found.append(
+                    f"{joint}: notches delay its motion by {1e3 * delay:.4g} ms; errors are those from the "
+                    f"delayed motion, {joint}.command.x_s."
+                )
             if self._limits.trip(joint) is None:
                 found += [touch.sentence(joint) for touch in self._limits.touches(joint)]
         if self._is_short:
@@ -395,25 +418,25 @@ class JointMetrics(Metrics):
 
     def _reasons(self, number: int) -> list[str]:
         """Return the reasons why a joint is not held, except that the run is too short."""
-        joint = self._joints[number]
+        joint, error = self._joints[number], self._errors[number]
         window = format_length(self._criteria[joint].position_window)
         found = list[str]()
         if not math.isnan(at := self._not_finite[number]):
-            found.append(f"{joint} has no finite position error from t = {at:.6g} s on.")
+            found.append(f"{joint} has no finite {error} from t = {at:.6g} s on.")
         if (trip := self._limits.trip(joint)) is not None:
             found.append(trip.sentence(joint))
         if not self._is_short and not self._settling.is_settled(number):
             last = format_length(self._final[number])
             end = f"is {last} at the end" if self._trip(number) is None else f"was {last} at the trip"
             found.append(
-                f"{joint} has not settled: its position error was {format_length(self._first[number])} at "
-                f"the start and {end}; its window is {window}."
+                f"{joint} has not settled: its {error} was {format_length(self._first[number])} at the start "
+                f"and {end}; its window is {window}."
             )
         if (left := self._excursions(number)) is not None:
             times = "once" if left["count"] == 1 else f"{left['count']} times"
             found.append(
-                f"{joint} left its position window of {window} {times} after settling; its position "
-                f"error was largest at t = {left['time_s']:.6g} s, {format_length(left['largest_m'])}."
+                f"{joint} left its position window of {window} {times} after settling; its {error} was "
+                f"largest at t = {left['time_s']:.6g} s, {format_length(left['largest_m'])}."
             )
         if self._loads is not None and (reason := self._loads.reason(joint)) is not None:
             found.append(reason)
@@ -507,6 +530,17 @@ def _inertia(joint: str, parameters: Mapping[str, float], roles: Mapping[str, st
     J_m, J_c, J_GB, M_BS, rho, lead = (parameters[str(named[role])] for role in INERTIA)
     alpha = 2.0 * math.pi / (rho * lead)
     return alpha * (J_m + J_c + J_GB + M_BS / alpha**2)
+
+
+def _notch_delay(joint: str, parameters: Mapping[str, float], roles: Mapping[str, str]) -> float:
+    """Return by how many s the notches delay the wanted motion of a joint; 0 without any."""
+    delay = 0.0
+    for i in (1, 2):
+        names = [find_variable(joint, f"{role}_{i}", parameters, roles) for role in ("f_notch", "zeta_notch")]
+        frequency, zeta = (0.0 if name is None else parameters[name] for name in names)
+        if frequency > 0.0:
+            delay += 2.0 * (1.0 - zeta) / (math.pi * frequency)
+    return delay
 
 
 def _torque_limit(joint: str, parameters: Mapping[str, float], roles: Mapping[str, str]) -> float:

@@ -7,7 +7,7 @@ from importlib.resources import files
 from ..inputs.schedules import SCHEDULES
 from ..recorders.metrics import METRICS, TRACKED
 from ..run.registered import FOLLOWERS, SEEDS
-from ..run.scenarios.built_in import CHANGES, FOLLOWING, PLANS, REMARKS, SCENARIOS, SYSTEMS, TUNINGS
+from ..run.scenarios.built_in import CHANGES, FOLLOWING, PLANS, REMARKS, SCENARIOS, STEPPING, SYSTEMS, TUNINGS
 from ..run.scenarios.scenario_file import KINDS, Kind
 from ..views.animation import ANIMATIONS
 from ..views.plots.by_unit import BY_UNIT
@@ -19,10 +19,11 @@ from .figures import JOINT_FIGURES, MACHINE_FIGURES
 from .joint_map import JointMap
 from .joints.joint_table import KEYS
 from .joints.schema import KIND, list_joint_names, read_joint_text
+from .load_control import complete_order
 from .loads import load_metrics
 from .metrics import joint_metrics
 from .randomness import find_seeds
-from .roles import find_tracked_joints
+from .roles import find_tracked_joints, find_tracked_loads
 from .schedules import scheduled_times
 from .sketch.film import ManipulatorAnimation
 from .sketch.manipulator_picture import ManipulatorPicture
@@ -42,6 +43,8 @@ def register() -> None:
     SYSTEMS.update(own)
     FOLLOWING.update(machine_systems.SYSTEMS)
     CHANGES["actuator"] = change_entries
+    if complete_order not in STEPPING:
+        STEPPING.append(complete_order)
     if remarks not in REMARKS:
         REMARKS.append(remarks)
     if follow_plant_changes not in FOLLOWERS:
@@ -57,9 +60,10 @@ def register() -> None:
     for name in ("study-robustness",):
         PLANS[name] = _text("plans", name)
     TUNINGS.update(list_tuning_plans())
+    METRICS[LOADS] = load_metrics  # before the joints: tables show it first
     METRICS[JOINTS] = joint_metrics
-    METRICS[LOADS] = load_metrics
     TRACKED[JOINTS] = find_tracked_joints
+    TRACKED[LOADS] = find_tracked_loads  # after the joints: the last pair of a joint counts
     FIGURES.update(JOINT_FIGURES | MACHINE_FIGURES)
     FIGURES["joints"] = JointMap()
     FIGURES["manipulator"] = ManipulatorPicture()

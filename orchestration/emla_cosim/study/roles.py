@@ -31,6 +31,14 @@ _PLACES: dict[str, tuple[str, ...]] = {
     ),
     "period": ("{joint}.reference.period",),
     "x_load": ("{joint}.plant.load.x",),
+    "v_load": ("{joint}.plant.load.v",),
+    **{f"f_notch_{i}": (f"{{joint}}.command.notch.frequency[{i}]",) for i in (1, 2)},
+    **{f"zeta_notch_{i}": (f"{{joint}}.command.notch.damping_ratio[{i}]",) for i in (1, 2)},
+    "z": ("{joint}.command.feedback.z",),
+    "z_max": ("{joint}.command.feedback.limit",),
+    "k_0": ("{joint}.command.feedback.k_0",),
+    "assumed_stiffness": ("{joint}.command.model.stiffness",),
+    "start_deflection": ("{joint}.plant.start.deflection",),
     "F_T": ("{joint}.plant.transmission.force",),
     "x_hat": ("{joint}.observer.x_hat",),
     "v_hat": ("{joint}.observer.v_hat",),
@@ -123,7 +131,8 @@ _PARAMETERS = (
     *INERTIA,
     *("F_C", "F_S", "B_BS", "C_eq", "lead_error", "wobble", "stiffness", "backlash"),
     *("sigma", "resolution", "eccentricity", "sigma_i", "resolution_i", "delay", "dead_time"),
-    *("i_N", "tau_th", "period"),
+    *("i_N", "tau_th", "period", "z_max", "k_0", "assumed_stiffness", "start_deflection"),
+    *("f_notch_1", "f_notch_2", "zeta_notch_1", "zeta_notch_2"),
 )
 """The roles of parameters."""
 
@@ -194,20 +203,37 @@ def check_roles(roles: Mapping[str, str], signals: Collection[str], parameters: 
 
 
 def find_tracked_joints(names: Collection[str], roles: Mapping[str, str]) -> dict[str, tuple[str, str]]:
-    """Return position and reference of each joint for which both are among the names."""
+    """Return position and commanded position of each screw for which both are among the names."""
+    return _find_pairs(("x_L", "x_c"), names, roles)
+
+
+def find_tracked_loads(names: Collection[str], roles: Mapping[str, str]) -> dict[str, tuple[str, str]]:
+    """Return position and wanted position of each load for which both are among the names."""
+    return _find_pairs(("x_load", "x_s"), names, roles)
+
+
+def _find_pairs(
+    pair: tuple[str, str], names: Collection[str], roles: Mapping[str, str]
+) -> dict[str, tuple[str, str]]:
     names = RoleNames(dict.fromkeys(names))
     ends = {
-        joint: [find_variable(joint, role, names, roles) for role in ("x_L", "x_c")]
+        joint: [find_variable(joint, role, names, roles) for role in pair]
         for joint in find_all_joints(names, roles)
     }
     return {joint: (x, x_d) for joint, (x, x_d) in ends.items() if x is not None and x_d is not None}
 
 
+def describe_error(joint: str, reference: str) -> str:
+    """Return how messages call the position error from a reference, which they name if it is a command."""
+    return (
+        f"position error from {reference}" if reference.startswith(f"{joint}.command.") else "position error"
+    )
+
+
 def list_role_patterns(*roles: str) -> list[str]:
     """Return patterns for all possible names of these roles."""
-    return list(
-        dict.fromkeys(name.format(joint="*", element="*") for role in roles for name in _PLACES[role])
-    )
+    places = (place for role in roles for name in (role, _SAME.get(role, role)) for place in _PLACES[name])
+    return list(dict.fromkeys(place.format(joint="*", element="*") for place in places))
 
 
 def find_joints(components: Collection[str]) -> list[str]:

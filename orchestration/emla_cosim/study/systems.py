@@ -86,7 +86,8 @@ def study_joint(
         drive: Whether to use a realistic drive (`emla_fmu.drive`).
         on_machine: Whether to use the gains of a joint that moves the manipulator.
         electrical: See `build_joint`.
-        compliant: Whether to use the load of `[compliance]`, which is not rigid.
+        compliant: Whether to use the load of `[compliance]`, which is not rigid. A file can say so for all
+            scenarios but those with the paper's plant or with the manipulator.
         load_control: See `choose_load_control`.
         notch: See `choose_load_control`.
         elsewhere: See `build_joint`.
@@ -94,6 +95,8 @@ def study_joint(
     Raises:
         CommandError: The joint has no gains for the controller, no `[compliance]`, or no load to control.
     """
+    if own.compliance is not None and own.compliance.always:
+        compliant = compliant or not (as_printed or on_machine)
     other = actuators.get(own.name)
     actuator, x_L = other or own.actuator, own.start.x_L
     plant: dict[str, Any] = {**own.plant, "x_L_start": x_L + ahead}
@@ -115,7 +118,7 @@ def study_joint(
     load_command = choose_load_control(own.name, load_control, notch, compliant)
     compliance, force = None, load["level"][0] if load else 0.0
     if compliant:
-        compliance = own.compliant_load
+        compliance = own.compliant_load.with_actuator(actuator.values)
         plant |= compliance.parameters(force)
     load_observer = None
     if load_command.has_sensor and compliance is not None:
@@ -196,8 +199,6 @@ def joint_system(
 
 
 def _alone(own: JointFile, controller: Choice, gains: Choice, actuators: Actuators, **variant: Any) -> System:
-    if own.compliance is not None and own.compliance.always:
-        variant = {"compliant": True, **variant}
     reference, load = own.reference.parameters(), own.load.parameters()
     return study_joint(
         own, controller, gains, reference=reference, load=load, actuators=actuators, **variant

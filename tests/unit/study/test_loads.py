@@ -8,23 +8,31 @@ import pytest
 
 import emla_cosim as ec
 from emla_cosim.recorders.metrics import list_figures
-from emla_cosim.study.loads import LoadMetrics
+from emla_cosim.study.loads import LoadMetrics, WatchedLoad
 
 STEP = 1e-3
-COLUMNS = [[1, 2, 3]]  # x_load, x_L, x_d
+LOAD = WatchedLoad("j", [1, 2, 3, 4], correction=5, limit=1e-3)  # x_load, x_L, x_s, x_c
 
 
 def judged(
-    load: Any, screw: Any = 0.0, stop: float = 2.0, start: float = 0.0, pieces: int = 1, **criteria: float
+    load: Any,
+    screw: Any = 0.0,
+    stop: float = 2.0,
+    start: float = 0.0,
+    pieces: int = 1,
+    command: Any = 0.0,
+    correction: Any = 0.0,
+    **criteria: float,
 ) -> tuple[dict[str, Any], LoadMetrics]:
     """Return the figures of a load and a screw beside a reference at 0, in pieces that are handed on."""
     time = start + STEP * np.arange(round(stop / STEP) + 1)
-    values = [f(time) if callable(f) else np.full(len(time), f) for f in (load, screw, 0.0)]
+    signals: tuple[Any, ...] = (load, screw, 0.0, command, correction)
+    values: list[Any] = [f(time) if callable(f) else np.full(len(time), f) for f in signals]
     given = {f"j.{name}": value for name, value in criteria.items()}
-    metrics = LoadMetrics(["j"], COLUMNS, given)
+    metrics = LoadMetrics([LOAD], given)
     for rows in np.array_split(np.column_stack([time, *values]), pieces):
         memory = json.loads(json.dumps(metrics.memory()))
-        metrics = LoadMetrics(["j"], COLUMNS, given)
+        metrics = LoadMetrics([LOAD], given)
         metrics.remember(memory)
         metrics.write(rows)
     return dict(metrics.figures()["j"]), metrics
@@ -93,6 +101,23 @@ def test_load_without_a_finite_position(pieces: int, since: float) -> None:
     assert metrics.reason("j") == found["load_reason"]
 
 
+def test_screw_is_compared_with_its_command_and_load_with_its_reference() -> None:
+    """The screw is 3 mm ahead of a load that is where it is to be."""
+    figures, _ = judged(1e-5, screw=3e-3, command=3e-3, pieces=3)
+    assert figures["load_within_window"] is True and figures["load_evaluated_from_s"] == pytest.approx(0.3)
+    assert figures["load_position_error_m"] == pytest.approx(1e-5)
+    assert figures["load_deflection_m"] == pytest.approx(3e-3 - 1e-5)
+
+
+@pytest.mark.parametrize("pieces", [1, 5])
+def test_feedback_at_its_limit_is_reported(pieces: int) -> None:
+    _, metrics = judged(0.0, correction=lambda t: np.where(t < 0.5, 0.0, -1e-3), pieces=pieces)
+    (remark,) = metrics.remarks()
+    assert "limit of 1 mm at t = 0.5 s" in remark and "j.command.feedback.limit" in remark
+    _, metrics = judged(0.0, correction=0.999e-3)
+    assert metrics.remarks() == []
+
+
 def test_load_on_an_unsettled_screw() -> None:
     found, metrics = judged(3e-3, screw=3e-3)
     assert found["load_within_window"] is False and found["load_reason"] == "j has not settled."
@@ -119,9 +144,9 @@ def test_requirements_find_metrics_of_loads() -> None:
 
 
 def test_verdict_of_a_joint_includes_its_load() -> None:
-    """The lift sags by 0.57 mm on its spring, which its screw does not show."""
+    """The lift sags by 0.57 mm on its spring, which its screw does not show without load control."""
     criteria = {"lift.position_window": 0.5e-3}
-    with ec.load("study-compliant", stop_time=0.8).prepare() as simulation:
+    with ec.load("study-compliant", stop_time=0.8, load_control="none").prepare() as simulation:
         wide, narrow = simulation.run(recorders=[]), simulation.run(criteria=criteria, recorders=[])
     assert wide.metrics["joints"]["lift"]["held"] and wide.metrics["loads"]["lift"]["load_within_window"]
     joint, load = narrow.metrics["joints"]["lift"], narrow.metrics["loads"]["lift"]

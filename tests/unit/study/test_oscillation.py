@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from scipy.signal import lfilter
 
 import emla_cosim as ec
-from emla_cosim.study.loads import LoadMetrics
+from emla_cosim.study.loads import LoadMetrics, WatchedLoad
 from emla_cosim.study.metrics import JointMetrics
 
 NAMES = [
@@ -55,7 +55,7 @@ def oscillation_of(
     rows = np.column_stack([t, error, rest, torque, rest, rest, rest + 57e3, d_2, load])
 
     def make() -> JointMetrics:
-        return JointMetrics(NAMES, PARAMETERS, loads=LoadMetrics(["j"], [[8, 1, 4]], {}))
+        return JointMetrics(NAMES, PARAMETERS, loads=LoadMetrics([WatchedLoad("j", [8, 1, 4, 4])], {}))
 
     metrics = make()
     for first in range(0, len(rows), block):
@@ -130,7 +130,7 @@ def test_oscillation_before_steps_get_longer() -> None:
     load = np.where(t < 3.0, 3e-4 * np.sin(2 * np.pi * 14.0 * t), 0.0)
     rest = np.zeros(len(t))
     rows = np.column_stack([t, rest, rest, rest, rest, rest, rest, rest, load])
-    metrics = JointMetrics(NAMES, PARAMETERS, loads=LoadMetrics(["j"], [[8, 1, 4]], {}))
+    metrics = JointMetrics(NAMES, PARAMETERS, loads=LoadMetrics([WatchedLoad("j", [8, 1, 4, 4])], {}))
     for part in np.array_split(rows, 11):
         metrics.write(part)
     assert metrics.figures()["j"]["oscillation"]["frequency_Hz"] == pytest.approx(14.0, rel=0.05)
@@ -209,7 +209,7 @@ def test_unequal_steps() -> None:
     for growth, is_held in ((0.0, False), (-0.5, True)):
         load = 2e-4 * np.exp(growth * t) * np.sin(2 * np.pi * 8.0 * t)
         rows = np.column_stack([t, rest, rest, rest, rest, rest, rest, rest, load])
-        metrics = JointMetrics(NAMES, PARAMETERS, loads=LoadMetrics(["j"], [[8, 1, 4]], {}))
+        metrics = JointMetrics(NAMES, PARAMETERS, loads=LoadMetrics([WatchedLoad("j", [8, 1, 4, 4])], {}))
         for part in np.array_split(rows, 7):
             metrics.write(part)
         assert metrics.figures()["j"]["held"] is is_held
@@ -237,7 +237,7 @@ def soft(joint: str, mass: float, stiffness: float) -> dict[str, float]:
 
 @pytest.fixture(scope="module")
 def compliant(fmu_folder: Any) -> Any:
-    with ec.load("study-compliant", fmus=fmu_folder).prepare() as simulation:
+    with ec.load("study-compliant", fmus=fmu_folder, load_control="none").prepare() as simulation:
         yield simulation
 
 

@@ -19,7 +19,7 @@ from ..linearize.runner import measure_loops
 from ..variants.data import VariantOutcome
 from ..variants.factors import find_start_values
 from .plan import ComparisonPlan
-from .result import LABELS, SHOWN, CompareResult, Row
+from .result import LABELS, CompareResult, Row, choose_position_error
 from .rows import FASTEST_AT, LARGEST_SPEED, list_joint_figures
 from .statistics import describe_ranking, group_by_variant, mark_winner, name_observers
 
@@ -54,7 +54,6 @@ _LATER, _CONSTANT = (0, 100, 200), 0.01
 measured during a larger change differed by 20 degrees from those around it.
 """
 
-_ERROR = SHOWN["position_error_m"]
 _UNITS = ("error\n/ µm", "loop", "phase\n/ °", "gain\n/ dB", "Ms", "delay\n/ ms")
 _HEADER = ("controller,\nobserver", *_UNITS, "conditions")
 
@@ -163,7 +162,7 @@ def build_margin_tables(result: CompareResult) -> list[ReportTable]:
 def _build_table(scenario: str, joint: str, rows: list[Row]) -> ReportTable:
     body, lines = list[list[Text | str]](), list[int]()
     found = group_by_variant(rows)
-    errors, observers = mark_winner(found, _ERROR), name_observers(rows)
+    errors, observers = mark_winner(found, choose_position_error(rows)), name_observers(rows)
     for name, one in found.items():
         lines.append(len(body))
         heads = [(name, errors[name]), (observers[name], "")]

@@ -11,7 +11,17 @@ from ...recorders.metrics import HELD, MetricDisplay
 from ...study.paper import PRINTED
 from ...views.plots.style import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, new_figure, tidy_axes
 from .cases import stability_maps
-from .result import PAPER, ROBUSTNESS, SHOWN, STABILITY, CompareResult, Row, group_rows, label_variant
+from .result import (
+    PAPER,
+    ROBUSTNESS,
+    SHOWN,
+    STABILITY,
+    CompareResult,
+    Row,
+    choose_position_error,
+    group_rows,
+    label_variant,
+)
 from .statistics import SeedStatistics, describe_inequality, format_lost, group_by_variant, rank
 
 if TYPE_CHECKING:
@@ -31,7 +41,7 @@ PICTURES = {
 """What the pictures show, by their names."""
 
 _BARS = ("position_error_m", "velocity_error_m_s", "torque_effort_N_m")
-_WIDE = {"position_error_m", "velocity_error_m_s"}
+_WIDE = {"load_position_error_m", "position_error_m", "velocity_error_m_s"}
 """Figures on logarithmic axes, drawn as points: bars have no beginning there."""
 _SHADES = ("#12355f", "#2f6db3", "#8fb4d9", "#e4eef8")
 """Colours of errors, the smallest error first."""
@@ -67,11 +77,16 @@ def _bars(result: CompareResult) -> "Figure":
     Bars are means over seeds, with their standard deviations.
     """
     joints = result.group("scenario", "joint")
-    bars = (*_BARS, "convergence_time_s" if result.table == PAPER else "settling_time_s")
+    bars = [*_BARS, "convergence_time_s" if result.table == PAPER else "settling_time_s"]
+    if (error := choose_position_error(result.rows.rows(named=True)).name) not in bars:
+        bars = [error, *_BARS, "load_settling_time_s"]
     height = 0.6 + 0.22 * len(result.entrants)
     figure, grid = new_figure(len(joints), len(bars), 2.6, height, sharex="none")
     for axes_row, ((scenario, joint), rows) in zip(grid, joints.items(), strict=True):
         for axes, name in zip(axes_row, bars, strict=True):
+            if all(row[name] is None for row in rows):  # a rigid load beside one that is not
+                axes.set_axis_off()
+                continue
             printed = _printed(scenario, joint, name) if result.table == PAPER else None
             _draw_bars(axes, result, group_by_variant(rows), SHOWN[name], printed)
             if axes is not axes_row[0]:
@@ -201,12 +216,12 @@ def _robustness(result: CompareResult) -> "Figure":
     """Draw for each joint a table of cases and controllers, shaded by the position error."""
     from matplotlib.colors import LinearSegmentedColormap, LogNorm
 
-    joints, shown = result.group("scenario", "joint"), SHOWN["position_error_m"]
+    joints, shown = result.group("scenario", "joint"), choose_position_error(result.rows.rows(named=True))
     cases, columns = list(dict.fromkeys(result.rows["case"])), list(result.entrants)
     height = 0.6 + 0.24 * len(cases)
     figure, grid = new_figure(1, len(joints), 1.2 + 0.62 * len(columns), height, sharex="none")
     shades = LinearSegmentedColormap.from_list("error", _SHADES).with_extremes(bad=_LOST)
-    held = result.rows.filter(polars.col(HELD))["position_error_m"].drop_nulls().drop_nans().to_numpy()
+    held = result.rows.filter(polars.col(HELD))[shown.name].drop_nulls().drop_nans().to_numpy()
     low, high = (np.fmax(end(held), _SMALLEST) if len(held) else 1.0 for end in (np.min, np.max))
     norm = LogNorm(1e6 * low, 1e6 * max(high, 10.0 * low))
     picture: Any = None
@@ -215,7 +230,7 @@ def _robustness(result: CompareResult) -> "Figure":
         for (case,), group in group_rows(rows, "case").items():
             for variant, summary in group_by_variant(group).items():
                 y, x = cases.index(case), columns.index(variant)
-                text, mean = format_lost(summary, shown), summary.mean("position_error_m")
+                text, mean = format_lost(summary, shown), summary.mean(shown.name)
                 text = text.replace(" in ", "\nin ").replace(" (", "\n").removesuffix(")")
                 if summary.is_held:
                     values[y, x] = np.nan if mean is None else 1e6 * max(mean, _SMALLEST)
@@ -235,7 +250,7 @@ def _robustness(result: CompareResult) -> "Figure":
         axes.set_title(joint, fontsize=10)
         axes.set_facecolor("#eeeeee")
     bar = figure.colorbar(picture, ax=grid[0, -1])
-    bar.set_label("position error / µm; red: not held", fontsize=9)
+    bar.set_label(f"{shown.label} / µm; red: not held", fontsize=9)
     bar.ax.tick_params(labelsize=8)
     return figure
 

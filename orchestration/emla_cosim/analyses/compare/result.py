@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import polars
 
 from ...recorders.metrics import HELD, MetricDisplay
+from ...study.loads import LoadFigures, LoadMetrics
 from ...study.metrics import CONVERGENCE_TIME, JointFigures, JointMetrics
 from ..frame.report import ReportTable
 
@@ -22,6 +23,9 @@ TABLES = (PAPER, ROBUSTNESS, STABILITY, MARGINS)
 
 FIGURES = tuple(f.name for f in fields(JointFigures) if f.type is float)
 """Columns with figures of a joint, by their names in metrics.json."""
+
+LOAD_FIGURES = tuple(f.name for f in fields(LoadFigures) if f.type is float)
+"""Columns with figures of a joint's load, which exist if a load is not rigid."""
 
 LOST_AT, WHY, SEED = "lost_at_s", "why", "seed"
 """Columns that say when and why a joint was not held (`HELD`), and the held-out seed."""
@@ -47,7 +51,9 @@ COLUMNS: Mapping[str, Any] = {
     "y": polars.Float64,
 }
 
-SHOWN: Mapping[str, MetricDisplay] = {shown.name: shown for shown in (*JointMetrics.shown, CONVERGENCE_TIME)}
+SHOWN: Mapping[str, MetricDisplay] = {
+    shown.name: shown for shown in (*LoadMetrics.shown, *JointMetrics.shown, CONVERGENCE_TIME)
+}
 """How tables and pictures show a figure."""
 
 Row = Mapping[str, Any]
@@ -118,6 +124,12 @@ class CompareResult:
         from .pictures import draw_pictures
 
         return draw_pictures(self)
+
+
+def choose_position_error(rows: Sequence[Row]) -> MetricDisplay:
+    """Return the position error that counts: of the load if it is not rigid, else of the screw."""
+    has_load = any(row.get("load_position_error_m") is not None for row in rows)
+    return SHOWN["load_position_error_m" if has_load else "position_error_m"]
 
 
 def label_variant(row: Row) -> str:

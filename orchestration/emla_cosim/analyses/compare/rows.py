@@ -10,12 +10,12 @@ import polars
 from ...base.patterns import matches_pattern
 from ...recorders.metrics import HELD
 from ...run.result import Result
-from ...study.registration import JOINTS
-from ...study.roles import find_tracked_joints, find_variable, list_role_patterns
+from ...study.registration import JOINTS, LOADS
+from ...study.roles import find_tracked_joints, find_tracked_loads, find_variable, list_role_patterns
 from ..variants.data import DIED, VariantOutcome
 from ..variants.measures import Measures
 from .plan import ComparisonPlan
-from .result import COLUMNS, FIGURES, LOST_AT, OBSERVER, RANDOM, RESERVES, SEED, WHY
+from .result import COLUMNS, FIGURES, LOAD_FIGURES, LOST_AT, OBSERVER, RANDOM, RESERVES, SEED, WHY
 
 LARGEST_SPEED, FASTEST_AT, MOTION = "largest_speed_m_s", "fastest_at_s", "motion"
 """Names of figures of the reference of a joint."""
@@ -37,21 +37,31 @@ class JointMeasures(Measures):
 
     def of(self, result: Result) -> dict[str, Any]:
         """Return the figures by joint."""
-        figures = {joint: dict(values) for joint, values in result.metrics.get(JOINTS, {}).items()}
+        loads = result.metrics.get(LOADS, {})
+        figures = {
+            joint: {**values, **loads.get(joint, {})}
+            for joint, values in result.metrics.get(JOINTS, {}).items()
+        }
         if self.read:
-            for joint, (_, reference) in find_tracked_joints(result.names, result.roles).items():
+            for joint, (_, reference) in _find_tracked(result).items():
                 figures[joint] = figures.get(joint, {}) | _measure_motion(result, joint, reference)
         return figures
 
     def series(self, result: Result) -> polars.DataFrame:
-        """Return the position error in m over time in s, with a column for each joint."""
-        ends = find_tracked_joints(result.names, result.roles)
+        """Return the position error in m over time in s, of the load if it is not rigid, by joint."""
+        ends = _find_tracked(result)
         table = polars.DataFrame(result.read(["time", *(name for pair in ends.values() for name in pair)]))
         errors = [
             (polars.col(position) - polars.col(reference)).alias(joint)
             for joint, (position, reference) in ends.items()
         ]
         return table.select("time", *errors)
+
+
+def _find_tracked(result: Result) -> dict[str, tuple[str, str]]:
+    """Return position and reference of each joint's load, or of its screw if the load is rigid."""
+    names, roles = result.names, result.roles
+    return find_tracked_joints(names, roles) | find_tracked_loads(names, roles)
 
 
 def _measure_motion(result: Result, joint: str, reference: str) -> dict[str, Any]:
@@ -74,13 +84,13 @@ def _measure_motion(result: Result, joint: str, reference: str) -> dict[str, Any
 FIGURES_ALONE = JointMeasures()
 """Figures only."""
 
-WITH_ERRORS = JointMeasures(signals=["errors"], read=list_role_patterns("x_L", "x_d", "F_L"))
+WITH_ERRORS = JointMeasures(signals=["errors"], read=list_role_patterns("x_L", "x_load", "x_c", "x_s", "F_L"))
 """Figures, errors over time, and the motion of the reference."""
 
 
 def build_rows(plan: ComparisonPlan, outcomes: Mapping[int, VariantOutcome]) -> polars.DataFrame:
     """Return the rows of all finished runs, in the order of the plan."""
-    rows = list[dict[str, Any]]()
+    rows, has_loads = list[dict[str, Any]](), False
     for number, outcome in sorted(outcomes.items()):
         run = plan.runs[number]
         x, y = run.case.at or (None, None)
@@ -89,8 +99,11 @@ def build_rows(plan: ComparisonPlan, outcomes: Mapping[int, VariantOutcome]) -> 
             verdict = zip((HELD, LOST_AT, WHY), read_verdict(figures, outcome), strict=True)
             terms = {OBSERVER: run.observers.get(joint), RESERVES: run.reserves, RANDOM: run.is_random}
             labels = {"run": number, **run.labels(joint), SEED: run.seed, "x": x, "y": y}
-            rows.append({name: figures.get(name) for name in FIGURES} | labels | terms | dict(verdict))
-    return polars.DataFrame(rows, schema=dict(COLUMNS), orient="row")
+            has_loads |= LOAD_FIGURES[0] in figures
+            measured = {name: figures.get(name) for name in (*FIGURES, *LOAD_FIGURES)}
+            rows.append(measured | labels | terms | dict(verdict))
+    columns = {**COLUMNS, **dict.fromkeys(LOAD_FIGURES if has_loads else (), polars.Float64)}
+    return polars.DataFrame(rows, schema=columns, orient="row")
 
 
 def list_joint_figures(

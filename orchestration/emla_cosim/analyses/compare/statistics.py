@@ -11,7 +11,17 @@ from ...base.wording import format_rounded
 from ...recorders.metrics import HELD, MetricDisplay
 from ..frame.confidence import describe_share
 from ..frame.report import Text
-from .result import LABELS, OBSERVER, RANDOM, RESERVES, SEED, SHOWN, Row, group_rows, label_variant
+from .result import (
+    LABELS,
+    OBSERVER,
+    RANDOM,
+    RESERVES,
+    SEED,
+    Row,
+    choose_position_error,
+    group_rows,
+    label_variant,
+)
 
 LEVEL = 0.05
 """Largest probability of a wrong winner in a row."""
@@ -231,7 +241,8 @@ def describe_inequality(rows: Sequence[Row]) -> list[str]:
 
 def _describe_effort(joint: str, variants: Mapping[str, SeedStatistics]) -> Iterator[str]:
     """Return a remark if the winner of the position error needs more torque than others that are held."""
-    ranking = rank(variants, SHOWN["position_error_m"])
+    error = choose_position_error([row for summary in variants.values() for row in summary.rows])
+    ranking = rank(variants, error)
     if ranking is None or not ranking.is_winner or not (effort := variants[ranking.best].mean(_EFFORT)):
         return
     efforts = {name: summary.mean(_EFFORT) for name, summary in variants.items() if summary.is_held}
@@ -239,7 +250,7 @@ def _describe_effort(joint: str, variants: Mapping[str, SeedStatistics]) -> Iter
     more = [f"{name} ({100.0 * (ratio - 1.0):.0f} %)" for name, ratio in ratios.items() if ratio > _MORE]
     if more:
         yield (
-            f"{ranking.best} wins the position error of {joint} with more torque effort than "
+            f"{ranking.best} wins the {error.label} of {joint} with more torque effort than "
             f"{join_names(more)}."
         )
 

@@ -20,6 +20,7 @@ from .result import (
     WHY,
     CompareResult,
     Row,
+    choose_position_error,
     group_rows,
     label_variant,
 )
@@ -42,7 +43,8 @@ _FIGURES = (
     "observer_position_error_m",
     "saturated_after_settling",
 )
-_COMPACT = ("position_error_m", "torque_peak_N_m", "saturated_after_settling")
+_COMPACT = ("torque_peak_N_m", "saturated_after_settling")
+"""Figures beside the position error."""
 
 _PRINTED = tuple(SHOWN[name] for name in Cells.__struct_fields__)
 _ROUNDED = 0.006
@@ -85,7 +87,9 @@ def _plain(result: CompareResult) -> Iterator[ReportTable]:
         for (joint,), group in group_rows(rows, "joint").items():
             lines.append(len(body))
             variants = group_by_variant(group)
-            for figure in (SHOWN[name] for name in _FIGURES):
+            error = choose_position_error(group)
+            names = _FIGURES if error.name in _FIGURES else (error.name, "load_swing_m", *_FIGURES)
+            for figure in (SHOWN[name] for name in names):
                 cells = mark_winner(variants, figure)
                 label = f"{joint}: {figure.label} / {figure.unit}"
                 body.append([label, *(cells.get(name, "") for name in result.entrants)])
@@ -96,9 +100,10 @@ def _plain(result: CompareResult) -> Iterator[ReportTable]:
 
 def _robustness(result: CompareResult) -> Iterator[ReportTable]:
     """Return a table of cases and controllers for each joint, then one with the number of cases that hold."""
-    first, *others = (SHOWN[name] for name in _COMPACT)
-    meaning = ", ".join(f"{figure.label} / {figure.unit}" for figure in (first, *others))
+    others = [SHOWN[name] for name in _COMPACT]
     for (scenario, joint), rows in result.group("scenario", "joint").items():
+        first = choose_position_error(rows)
+        meaning = ", ".join(f"{figure.label} / {figure.unit}" for figure in (first, *others))
         body = list[Sequence[Text | str]]()
         for (case,), group in group_rows(rows, "case").items():
             variants = group_by_variant(group)

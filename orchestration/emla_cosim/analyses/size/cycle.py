@@ -14,8 +14,8 @@ from ...run.result import Result
 from ...study.roles import RoleNames, find_variable
 from .plant import JointPlant
 
-_NEEDED = ("x_L", "v_L", "F_L", "tau_m", "omega_m", "P_el", "i_q", "i_d", "x_d")
-_FURTHER = ("a_L", "v_d", "a_d", "d_2", "F_T", "temperature_rise")
+_NEEDED = ("x_L", "v_L", "F_L", "tau_m", "omega_m", "P_el", "i_q", "i_d", "x_c")
+_FURTHER = ("a_L", "x_s", "v_s", "a_s", "d_2", "F_T", "temperature_rise")
 SIGNALS = (*_NEEDED, *_FURTHER)
 """Roles of the signals of a cycle."""
 
@@ -39,7 +39,7 @@ class Cycle:
         required: Torque in N m that reference and load require of a rigid plant; NaN if the reference lacks
             speed or acceleration.
         rise: Temperature rise of the winding in K in the run; 0 if the plant does not compute it.
-        error: Position minus reference in m.
+        error: Position minus commanded position in m.
     """
 
     emla: EmlaParameters
@@ -110,8 +110,8 @@ def read_cycle(result: Result, plant: JointPlant, start: float, end: float) -> C
     signal = {role: values[inside] for role, values in data.items()}
     time = signal["time"]
     required = np.full(len(time), np.nan)
-    if "v_d" in signal and "a_d" in signal:
-        x, v, a = (signal[role] for role in ("x_d", "v_d", "a_d"))
+    if "v_s" in signal and "a_s" in signal:
+        x, v, a = (signal[role] for role in ("x_s", "v_s", "a_s"))
         required = plant.required_torque(x, v, a, signal["F_L"] + plant.load_mass * a, np.zeros_like(a))
     names = {"x": "x_L", "v": "v_L", "torque": "tau_m", "omega": "omega_m"}
     return Cycle(
@@ -121,7 +121,7 @@ def read_cycle(result: Result, plant: JointPlant, start: float, end: float) -> C
         load=signal.get("F_T", signal["F_L"]),
         required=required,
         rise=signal.get("temperature_rise", 0.0),
-        error=signal["x_L"] - signal["x_d"],
+        error=signal["x_L"] - signal["x_c"],
         **{name: signal[role] for name, role in names.items()},
         **{name: signal[name] for name in ("P_el", "i_q", "i_d")},
     )
@@ -132,10 +132,10 @@ def follow_reference(cycle: Cycle, plant: JointPlant, result: Result) -> Cycle:
 
     The required torque of the cycle must be known; `result` is the run from which it is.
     """
-    data = _read_signals(result, plant.joint, ("x_d", "v_d", "a_d", "F_L", "d_2"))
+    data = _read_signals(result, plant.joint, ("x_s", "v_s", "a_s", "F_L", "d_2"))
     rows = np.searchsorted(data["time"], cycle.time)
     signal = {role: values[rows] for role, values in data.items()}
-    x, v, a = (signal[role] for role in ("x_d", "v_d", "a_d"))
+    x, v, a = (signal[role] for role in ("x_s", "v_s", "a_s"))
     load = signal["F_L"] + plant.load_mass * a
     torque = plant.required_torque(x, v, a, load, signal.get("d_2", np.zeros_like(load)))
     current_torque = torque - plant.cogging_torque(x)

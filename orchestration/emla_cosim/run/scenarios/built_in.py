@@ -21,6 +21,9 @@ CHANGES: dict[str, Callable[[str, Mapping[str, Any], Mapping[str, Value]], Mappi
 of the system, files or objects by joint, and other values by JOINT.TABLE.ENTRY. They raise CommandError.
 """
 
+STEPPING: list[Callable[[System, Mapping[str, Any]], Mapping[str, Any]]] = []
+"""Functions that return further options of the algorithm for a built-in system, from those that are set."""
+
 REMARKS: list[Callable[[System, Options], Sequence[str]]] = []
 """Functions that check a built-in system. They return remarks without full stops or raise CommandError."""
 

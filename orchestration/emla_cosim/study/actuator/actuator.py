@@ -49,6 +49,7 @@ class Actuator(FileOrObject):
         friction: entries of the friction.
         stop: entries of the end stops.
         thermal: entries of the winding temperature.
+        compliance: entries of stiffness and backlash, for a load that is not rigid.
         control: entries of the controller.
         name: name for people.
         source: source of the data, for people.
@@ -68,6 +69,7 @@ class Actuator(FileOrObject):
     friction: Mapping[str, Any] = field(default_factory=dict)
     stop: Mapping[str, Any] = field(default_factory=dict)
     thermal: Mapping[str, Any] = field(default_factory=dict)
+    compliance: Mapping[str, Any] = field(default_factory=dict)
     control: Mapping[str, Any] = field(default_factory=dict)
     name: str = ""
     source: str = ""

@@ -1,9 +1,10 @@
 """Conversions from data-sheet entries to model parameters."""
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from emla_fmu import EmlaPlant
+from emla_fmu import EmlaPlant, motion_law
 
 from . import derived
 from .entries import TABLES
@@ -28,6 +29,7 @@ _PLANT = {entry: _FMI_NAMES[attribute] for entry, attribute in derived.PLANT.ite
 }
 """Entries that each become one parameter of the plant."""
 
+_SPRINGS = ("compliance.bearing", "compliance.screw", "compliance.nut")
 _INERTIA = ("motor.J_m", "coupling.J_c", "gearbox.J_GB", "screw.J_BS", "screw.M_BS")
 _FRICTION = ("motor.B_m", "screw.B_BS")
 _GEAR = ("gearbox.ratio", "screw.lead")
@@ -94,6 +96,12 @@ def _convert_combined(entered: Mapping[str, SheetValue]) -> Iterator[Conversion]
         yield of("plant sensor.resolution", derived.resolution(v), "m", "sensor.bits", "sensor.steps", *_GEAR)
     if "thermal.tau_th" in v:
         yield of("plant motor.i_N", v["motor.i_N"], "A", "motor.i_N")
+    if any(place in v for place in _SPRINGS):
+        bearing, screw, nut = (v.get(place, math.inf) for place in _SPRINGS)
+        stiffness = motion_law.k_L(bearing, screw, nut, math.inf)
+        yield of("stiffness without the structure", stiffness, "N/m", *_SPRINGS)
+    if "compliance.backlash" in v:
+        yield of("plant transmission.backlash", v["compliance.backlash"], "m", "compliance.backlash")
     limits = tuple(place for place, _ in derived.torques(v))
     yield of("controller limit.i_max", made.i_max, "A", *limits, *flux)
     yield of("known alpha_RL", made.alpha_RL, "rad/m", *_GEAR)

@@ -160,6 +160,12 @@ TABLES: dict[str, tuple[SheetEntry, ...]] = {
         ),
         SheetEntry("T_max", "K", "130 °C", "largest temperature of the winding"),
     ),
+    "compliance": (
+        SheetEntry("bearing", "N/m", "1200 N/um", "axial stiffness of the screw's bearing"),
+        SheetEntry("screw", "N/m", "600 N/um", "axial stiffness of the screw"),
+        SheetEntry("nut", "N/m", "900 N/um", "axial stiffness of the nut"),
+        SheetEntry("backlash", "m", "3 um", "play between motor and load", positive=False),
+    ),
     "control": (
         SheetEntry("a_max", "m/s2", "1.2 m/s^2", "braking acceleration; default: by rule"),
         SheetEntry("k_1", "", "0.05", "position bandwidth times T_s; default: that of the joint", most=0.5),

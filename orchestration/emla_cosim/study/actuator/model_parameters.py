@@ -14,11 +14,18 @@ from ...base.patterns import matches_pattern
 from ...base.quantities import parse_quantity
 from ...run.options import Options
 from ...system.model import System, Value
+from ..joints.motions import resting_deflection
+from ..load_control import approach_duration
 from ..roles import JOINTS
 
 _BOTH, _CONTROLLER = ("controller", "observer"), ("controller",)
 
+_LOAD = ("command", "load_observer")
+
 _GEAR = ("gearbox.rho", "screw.lead")
+
+_STIFFNESS, _MASS, _BACKLASH = "transmission.stiffness", "load.m", "transmission.backlash"
+_LEVEL = "disturbance.load.level[1]"
 
 _MOST_NAMED = 6
 """Number of parameters that a warning names."""
@@ -26,10 +33,10 @@ _MOST_NAMED = 6
 
 @dataclass(frozen=True)
 class _AssumedValue:
-    """A model parameter of a joint's components.
+    """A model parameter of a joint's components, or a start value for a load at rest.
 
     Attributes:
-        of: The plant's parameters from which it follows.
+        of: The parameters from which it follows: of the plant, or of the disturbance.
         value: Computes it from an object with these parameters under the last part of their names.
     """
 
@@ -56,6 +63,20 @@ _ASSUMED_VALUES = (
         motion_law.A_eq,
     ),
     _AssumedValue("model.B_eq", _BOTH, ("motor.B_m", "screw.B_BS", *_GEAR), motion_law.B_eq),
+    _AssumedValue("model.stiffness", _LOAD, (_STIFFNESS,), attrgetter("stiffness")),
+    _AssumedValue("model.m_load", _LOAD, (_MASS,), attrgetter("m")),
+    _AssumedValue("model.backlash", _LOAD, (_BACKLASH,), attrgetter("backlash")),
+    _AssumedValue("model.damping", _LOAD, ("transmission.damping",), attrgetter("damping")),
+    _AssumedValue(
+        "approach.duration", _LOAD, (_STIFFNESS, _MASS), lambda p: approach_duration(p.m, p.stiffness)
+    ),
+    _AssumedValue("F_hat", _LOAD, (_LEVEL,), attrgetter("level")),
+    _AssumedValue(
+        "start.deflection",
+        ("plant",),
+        (_STIFFNESS, _BACKLASH, _LEVEL),
+        lambda p: resting_deflection(p.level, p.stiffness, p.backlash),
+    ),
 )
 
 
@@ -75,10 +96,12 @@ def describe_stale_parameters(system: System, options: Options) -> Iterator[str]
     for joint, found in _by_joint(system, options).items():
         changed = list(dict.fromkeys(name for one in found for name in one.changed))
         verb, keep = ("changes" if len(changed) == 1 else "change"), ("keeps its value", "keep their values")
+        is_actuator = any(one.name.split(".")[1] in _BOTH for one in found)
         yield (
             f"{_shorten_names(changed)} {verb}, but {_shorten_names([one.name for one in found])} "
             f"{keep[len(found) > 1]}; --follow-models (follow_models = true in a file) changes "
-            f"{'it' if len(found) == 1 else 'them'} too, and --actuator {joint}=FILE the whole actuator"
+            f"{'it' if len(found) == 1 else 'them'} too"
+            f"{f', and --actuator {joint}=FILE the whole actuator' if is_actuator else ''}"
         )
 
 
@@ -140,7 +163,11 @@ def _parameter(
 
     A parameter that no component has is 0.
     """
-    places = [(f"{joint}.plant", parameter), (f"{joint}.motor", parameter)]
+    component, _, rest = parameter.partition(".")
+    if component == "disturbance":
+        places = [(f"{joint}.disturbance", rest)]
+    else:
+        places = [(f"{joint}.plant", parameter), (f"{joint}.motor", parameter)]
     if joint in JOINTS:
         places.append(("machine.plant", f"{parameter}[{JOINTS.index(joint) + 1}]"))
     found = [
@@ -167,7 +194,9 @@ def _is_same(one: float, other: float) -> bool:
 def _value(belief: _AssumedValue, plant: Mapping[str, float]) -> float:
     """Return the value of a model parameter for a plant; NaN if it is undefined, as for a lead of 0."""
     try:
-        return belief.value(SimpleNamespace(**{p.rpartition(".")[2]: x for p, x in plant.items()}))
+        return belief.value(
+            SimpleNamespace(**{p.rpartition(".")[2].partition("[")[0]: x for p, x in plant.items()})
+        )
     except (ZeroDivisionError, OverflowError):
         return math.nan
 
@@ -192,6 +221,8 @@ def value_of(name: str, value: Value | None, overrides: Mapping[str, Value]) -> 
         if matches_pattern(name, pattern):
             value = given
     value = overrides.get(name, value)
+    if value in ("true", "false"):
+        return float(value == "true")
     if isinstance(value, str):
         try:
             return parse_quantity(value, name).si_number

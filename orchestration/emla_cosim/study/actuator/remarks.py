@@ -3,10 +3,11 @@
 import math
 from collections.abc import Iterator, Sequence
 
-from ...base.errors import CommandError
+from ...base.errors import CommandError, join_names
 from ...run.options import Options
 from ...system.model import System
 from ..controllers import choose_controller
+from ..joints.motions import OF_ACTUATOR
 from ..machine_motion import load_motion
 from .actuator import Actuator
 from .derived import holding_torque
@@ -18,21 +19,24 @@ _BY_RULE = ("compensated", "robust", "rule")
 
 _ROUNDING = 1.0 + 1e-9
 _LED = "machine.trajectory"
+_COMPLIANT = "EmlaCompliantPlant"
 
 
 def remarks(system: System, options: Options) -> Sequence[str]:
     """Return warnings without full stops.
 
     Raises:
-        CommandError: An actuator cannot do what its joint requires.
+        CommandError: An actuator cannot do what its joint requires, or a load control has the wrong sensor.
     """
     own = {joint: one for joint, one in options.actuator.items() if isinstance(one, Actuator)}
     problems = [p for joint, one in own.items() for p in _describe_impossible(joint, one, system, options)]
+    problems += _describe_wrong_sensors(system, options)
     if problems:
         raise CommandError("\n  ".join(f"{p}." for p in problems), problems=problems)
     found = [f"{joint}: {said}" for joint, one in own.items() for said in one.remarks]
     for joint, one in own.items():
         found += _describe_heavy_load(joint, one, system, options)
+        found += _describe_other_stiffness(joint, one, system)
     return [*found, *_gains(own, options), *describe_stale_parameters(system, options)]
 
 
@@ -60,9 +64,14 @@ def _describe_impossible(joint: str, own: Actuator, system: System, options: Opt
     if found is None:
         return
     nearest, farthest, peak, ways = found
+    subject = "reference"
+    if get_number(system, options, f"{joint}.command", "model.stiffness"):
+        subject = "commanded screw"
+        ahead = get_number(system, options, f"{joint}.plant", "start.deflection") or 0.0
+        nearest, farthest = nearest + ahead, farthest + ahead
     if not (low <= nearest and farthest <= high):
         yield (
-            f"the reference of {joint} goes from {1e3 * nearest:.4g} to {1e3 * farthest:.4g} mm, "
+            f"the {subject} of {joint} goes from {1e3 * nearest:.4g} to {1e3 * farthest:.4g} mm, "
             f"outside {stroke}; {ways[0]}, or enter screw.q_LB"
         )
     if peak > _ROUNDING * fastest:
@@ -70,6 +79,31 @@ def _describe_impossible(joint: str, own: Actuator, system: System, options: Opt
             f"the reference of {joint} peaks at {1e3 * peak:.4g} mm/s, faster than its actuator's "
             f"{1e3 * fastest:.4g} mm/s; {ways[1]} {math.ceil(100.0 * peak / fastest) / 100.0:g} times as long"
         )
+
+
+def _describe_other_stiffness(joint: str, own: Actuator, system: System) -> Iterator[str]:
+    """Yield a warning, without full stop, if an actuator of a file has parts of the joint's own actuator."""
+    is_compliant = any(c.name == f"{joint}.plant" and c.model == _COMPLIANT for c in system.components)
+    missing = [part for part in OF_ACTUATOR if f"compliance.{part}" not in own.values]
+    if is_compliant and missing and own.file is not None:
+        yield (
+            f"{joint}: {join_names(missing)} between motor and load are those of the joint's own actuator; "
+            f"add them to [compliance] of {own.label}"
+        )
+
+
+def _describe_wrong_sensors(system: System, options: Options) -> Iterator[str]:
+    """Yield a message, without full stop, if a load control adds a deflection that the encoder measures."""
+    for component in system.components:
+        joint, _, role = component.name.partition(".")
+        stiffness = get_number(system, options, component.name, "model.stiffness")
+        if component.model != "ScrewCommand" or role != "command" or not stiffness:
+            continue
+        if get_number(system, options, f"{joint}.plant", "sensor.at_load"):
+            yield (
+                f"{joint}.plant.sensor.at_load is true, so the encoder measures the load, but the load "
+                "control expects it at the motor and adds the deflection; use --load-control none"
+            )
 
 
 def _motion(

@@ -1,6 +1,7 @@
 """Start, motion and load of a joint, as tables of its file."""
 
 import math
+from collections.abc import Mapping
 from itertools import pairwise
 from typing import Annotated, Any
 
@@ -126,8 +127,17 @@ class Load(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
         return found | {name: value for name, value in given.items() if value is not None}
 
 
+OF_ACTUATOR = ("bearing", "screw", "nut", "backlash")
+"""What of a load that is not rigid belongs to the actuator."""
+
+
 def _stiffness(part: str) -> msgspec.Meta:
     return quantity("N/m", f"stiffness of the {part}", "1200 N/um", gt=0.0)
+
+
+def resting_deflection(force: float, stiffness: float, backlash: float) -> float:
+    """Return the deflection in m of a load that rests under a force in N, for N/m and a play in m."""
+    return force / stiffness + math.copysign(0.5 * backlash, force)
 
 
 class Compliance(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -150,6 +160,13 @@ class Compliance(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
         """The stiffness of all parts in series, N/m (7)."""
         return motion_law.k_L(self.bearing, self.screw, self.nut, self.structure)
 
+    def with_actuator(self, values: Mapping[str, float]) -> "Compliance":
+        """Return the load with the parts of an actuator, from the values of its entries in SI units."""
+        parts = {part: f"compliance.{part}" for part in OF_ACTUATOR}
+        return msgspec.structs.replace(
+            self, **{part: values[place] for part, place in parts.items() if place in values}
+        )
+
     @property
     def damping(self) -> float:
         """The damping between screw and load, N s/m."""
@@ -168,7 +185,7 @@ class Compliance(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
             "stiffness": k,
             "damping": self.damping,
             "backlash": self.backlash,
-            "deflection_start": force / k + math.copysign(0.5 * self.backlash, force),
+            "deflection_start": resting_deflection(force, k, self.backlash),
         }
 
 

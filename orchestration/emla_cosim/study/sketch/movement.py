@@ -17,7 +17,7 @@ from ..roles import JOINTS, find_variable
 MACHINES = ("machine.manipulator", "machine.plant")
 """Components that may have the geometry."""
 
-MADE, WANTED, FORCE = "x_L", "x_d", "F_L"
+MADE, WANTED, FORCE = "x_L", "x_s", "F_L"
 """The roles of the signals of a movement."""
 
 

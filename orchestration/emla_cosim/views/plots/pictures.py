@@ -4,7 +4,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -111,12 +111,14 @@ class PanelSpec:
     """One row of axes, with the same curves for each column.
 
     `part` is the part of the time that it shows: all of it, or what is before or after `EVALUATED_FROM`.
+    `since` is the kind and the name of a metric to use instead of that.
     """
 
     label: str
     curves: tuple[Curve, ...]
     part: Part = ""
     bound: Bound | None = None
+    since: tuple[str, str] | None = None
 
 
 @dataclass(frozen=True)
@@ -194,7 +196,9 @@ class Picture(Drawing):
             return self.find(column, name, there, result.roles)
 
         time = data["time"]
-        shown = _select_rows(time, panel.part, _begin(result.metrics[self.of][column], time))
+        kind, metric = panel.since or (self.of, EVALUATED_FROM)
+        since = result.metrics.get(kind, {}).get(column, {}).get(metric)
+        shown = _select_rows(time, panel.part, _begin(since, time))
         lines = []
         for curve in panel.curves:
             signals = [find(name, names) for name in curve.names]
@@ -230,9 +234,8 @@ def _select_rows(time: Vector, part: Part, settled: float) -> np.ndarray:
     return time <= settled if part == "settling" else time >= settled
 
 
-def _begin(figures: Mapping[str, Any], time: Vector) -> float:
-    """Return the time in s at which settled panels of a column begin."""
-    begin = figures.get(EVALUATED_FROM)
+def _begin(begin: float | None, time: Vector) -> float:
+    """Return the time in s at which settled panels begin, from that of the metrics."""
     if begin is None or math.isnan(begin):  # it has not settled, or has no such metric
         return float(time[0]) + (_TRANSIENT if time[-1] > time[0] + 2 * _TRANSIENT else 0.0)
     return begin if (time >= begin).sum() > 1 else float(time[0])
