@@ -294,6 +294,25 @@ def test_unmet_conditions_are_exit_code_1(emla: Emla) -> None:
     assert nearest in result.stderr
 
 
+def test_joints_that_the_objective_does_not_name_do_not_count(scheduler: Client, fmu_folder: Path) -> None:
+    """The violation of a missed condition contains the tracking error, of the tuned joint alone."""
+    violations = [
+        ec.tune(
+            scenario,
+            {"lift.controller.beta[1]": "500:3000"},
+            objective="lift.position_error_m",
+            require=["lift.position_error_m < 1e-12"],
+            evaluations=1,
+            validation=0,
+            stop_time=0.31,
+            scheduler=scheduler,
+            fmus=fmu_folder,
+        ).start.training.violation
+        for scenario in ("lift", "study")
+    ]
+    assert violations[0] == violations[1] > 0.0
+
+
 @pytest.mark.parametrize("name", TUNINGS)
 def test_plans_of_the_study_have_margins(name: str) -> None:
     joint = name.partition("-")[2]
