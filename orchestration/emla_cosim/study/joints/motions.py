@@ -162,14 +162,17 @@ class Compliance(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
 
     def parameters(self, force: float) -> dict[str, Any]:
         """Return the parameters of the plant, for a load that rests under `force` in N at the start."""
-        k = self.stiffness
         return {
             "m_load": self.mass,
-            "stiffness": k,
+            "stiffness": self.stiffness,
             "damping": self.damping,
             "backlash": self.backlash,
-            "deflection_start": force / k + math.copysign(0.5 * self.backlash, force),
+            "deflection_start": self.start_deflection(force),
         }
+
+    def start_deflection(self, force: float, factor: float = 1.0) -> float:
+        """Return the deflection in m under `force` in N, with `factor` times the stiffness."""
+        return force / (factor * self.stiffness) + math.copysign(0.5 * self.backlash, force)
 
 
 class LoadFeedback(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
