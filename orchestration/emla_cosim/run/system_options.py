@@ -74,8 +74,8 @@ class SystemOptions:
         makes="gains",
     )
     gains: str | None = _prepared(
-        help="Gain set of controller and observer; `emla list` lists them. Default: the first of the "
-        "controller.",
+        help="Gain set of controller and observer; `emla list` lists them. Default: that of the scenario; "
+        "with --controller, the recommended one.",
         commands=(RUN, EXPORT, SWEEP, INFO, LINEARIZE, SIZE),
         makes="gains",
     )

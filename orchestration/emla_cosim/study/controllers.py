@@ -20,6 +20,9 @@ from rsba_fmu import (
 from ..base.errors import CommandError, check_choice, join_names
 from ..fmu.models import find_block
 
+COMPLIANT = "compliant"
+"""The default set of gains for loads that are not rigid."""
+
 
 @dataclass(frozen=True)
 class Gains:
@@ -85,25 +88,25 @@ def _in_files(*names: str) -> Mapping[str, Gains]:
 CONTROLLERS: dict[str, Controller] = {
     "rsba": Controller(
         RsbaController,
-        _in_files("damped", "compensated", "robust", "published", "compliant"),
+        _in_files("damped", "compensated", "robust", "published", COMPLIANT),
         gains.RsbaGains,
         {"robust": gains.robust, "compensated": gains.compensated, "damped": gains.damped},
     ),
     "foc": Controller(
         FocController,
-        _in_files("damped", "tuned", "rule"),
+        _in_files("damped", "tuned", "rule", COMPLIANT),
         foc_gains.FocGains,
         {"tuned": foc_gains.tuned, "rule": foc_gains.rule},
     ),
     "cac": Controller(
         CacController,
-        _in_files("damped", "tuned", "published"),
+        _in_files("damped", "tuned", "published", COMPLIANT),
         cac_gains.CacGains,
         {"tuned": cac_gains.tuned},
     ),
     "anatc": Controller(
         AnatcController,
-        _in_files("damped", "tuned", "published"),
+        _in_files("damped", "tuned", "published", COMPLIANT),
         anatc_gains.AnatcGains,
         {"tuned": anatc_gains.tuned},
     ),
@@ -117,12 +120,15 @@ ROBUSTNESS_SETS = ("robust", "rule")
 """Further sets in tables of robustness, which were not tuned."""
 
 
-def choose_controller(controller: str | type | None, gain_set: str | None) -> "ChosenGains":
+def choose_controller(
+    controller: str | type | None, gain_set: str | None, preferred: str | None = None
+) -> "ChosenGains":
     """Return a controller with one of its sets of gains.
 
     Args:
         controller: A name, FILE.fmu, FILE.py:BLOCK, or a block.
-        gain_set: The name of the set; None for the recommended one.
+        gain_set: The name of the set; None for the preferred one, or the recommended one.
+        preferred: The set to use without `gain_set`, if the controller has it.
 
     Raises:
         CommandError: The controller or the set does not exist.
@@ -132,7 +138,8 @@ def choose_controller(controller: str | type | None, gain_set: str | None) -> "C
     if gain_set is not None:
         check_choice("set of gains", gain_set, found.gains)
     name = called if isinstance(called, str) else called.__name__
-    return ChosenGains(found, name, gain_set or found.recommended)
+    default = preferred if preferred is not None and preferred in found.gains else found.recommended
+    return ChosenGains(found, name, gain_set or default)
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,7 @@ from .actuator.joint_actuators import (
     observer_gains,
     realistic_plant_values,
 )
-from .controllers import ChosenGains, choose_controller
+from .controllers import COMPLIANT, ChosenGains, choose_controller
 from .joint import Joint, build_joint
 from .joints.schema import JointFile, list_joint_names, load_joint, parse_joint
 from .load_control import (
@@ -129,7 +129,10 @@ def study_joint(
     if load_command.has_command:
         emla = actuator.emla
         command = command_parameters(load_command, emla, compliance, own.load_feedback, force)
-    found = choose_controller(controller, gains if gains is None else str(gains))
+    has_set = compliant and COMPLIANT in own.gains.get(str(controller or "rsba"), {})
+    found = choose_controller(
+        controller, gains if gains is None else str(gains), COMPLIANT if has_set else None
+    )
     of_controller, of_observer, estimate = _gains(own, found, on_machine)
     return build_joint(
         own.name,

@@ -179,6 +179,13 @@ def test_controller_without_gains_has_its_recommended_gains() -> None:
     assert load("lift", controller="rsba", gains="robust").system == load("lift").system
 
 
+@pytest.mark.parametrize("controller", ["rsba", "foc", "cac", "anatc"])
+def test_controllers_of_loads_that_are_not_rigid_have_the_gains_for_them(controller: str) -> None:
+    expected = load("study-compliant", controller=controller, gains="compliant").system
+    assert load("study-compliant", controller=controller).system == expected
+    assert load("study-compliant", controller=controller, gains="damped").system != expected
+
+
 def test_description_goes_into_a_package(emla: Emla) -> None:
     write(f'{SHORT}description = "A lift of my own"\n')
     assert emla("export", "my.toml", "my.ssp").exit_code == 0

@@ -39,6 +39,7 @@ def select_variants(
     controllers: Sequence[Choice] | None = None,
     gains: Sequence[str] | None = None,
     also: Sequence[str] = (),
+    preferred: str | None = None,
 ) -> list[ControllerVariant]:
     """Return the controllers, by default all of `CONTROLLERS`, with the sets of gains to compare.
 
@@ -48,20 +49,24 @@ def select_variants(
         controllers: Names, FMUs or blocks.
         gains: SET (of each controller that has it), CONTROLLER/SET, "recommended" or "all".
         also: Sets to add if `gains` is empty, for controllers of `CONTROLLERS` that have them.
+        preferred: Set that is the recommended one of each controller that has it.
 
     Raises:
         CommandError: A controller or a set does not exist, or no compared controller has the set.
     """
     names = list(dict.fromkeys(_controllers(controllers)))
-    sets = {controller: list(choose_controller(controller, None).controller.gains) for controller in names}
-    named = _find_sets(convert_value(gains or (), Sequence[str], "the list of gains to compare"), sets)
+    chosen = {controller: choose_controller(controller, None, preferred) for controller in names}
+    sets = {controller: list(default.controller.gains) for controller, default in chosen.items()}
+    defaults = {controller: default.gain_set for controller, default in chosen.items()}
+    texts = convert_value(gains or (), Sequence[str], "the list of gains to compare")
+    named = _find_sets(texts, sets, defaults)
     if not gains:
         for controller in (c for c in names if c in CONTROLLERS):
-            named[controller] = {sets[controller][0], *also}
+            named[controller] = {defaults[controller], *also}
     return [
         ControllerVariant(controller, gain_set)
         for controller in names
-        for gain_set in ([s for s in sets[controller] if s in named[controller]] or sets[controller][:1])
+        for gain_set in ([s for s in sets[controller] if s in named[controller]] or [defaults[controller]])
     ]
 
 
@@ -84,7 +89,9 @@ def _controllers(controllers: Sequence[Choice] | None) -> list[Choice]:
     return list(controllers)
 
 
-def _find_sets(gains: Sequence[str], sets: Mapping[Choice, Sequence[str]]) -> dict[Choice, set[str]]:
+def _find_sets(
+    gains: Sequence[str], sets: Mapping[Choice, Sequence[str]], defaults: Mapping[Choice, str]
+) -> dict[Choice, set[str]]:
     """Return the named sets of each controller."""
     named: dict[Choice, set[str]] = {controller: set() for controller in sets}
     for text in gains:
@@ -96,10 +103,9 @@ def _find_sets(gains: Sequence[str], sets: Mapping[Choice, Sequence[str]]) -> di
                 f"compared {_join_with_verb([label_controller(c) for c in sets])}.",
                 name=text,
             )
-        keywords = {ALL: slice(None), RECOMMENDED: slice(1)}
+        keywords = {ALL: sets, RECOMMENDED: {c: [default] for c, default in defaults.items()}}
         chosen = {
-            c: sets[c][keywords[gain_set]] if gain_set in keywords else {gain_set} & {*sets[c]}
-            for c in owners
+            c: keywords[gain_set][c] if gain_set in keywords else {gain_set} & {*sets[c]} for c in owners
         }
         if not any(chosen.values()):
             there = list(dict.fromkeys(name for c in owners for name in sets[c]))

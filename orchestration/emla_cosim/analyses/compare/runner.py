@@ -12,7 +12,8 @@ from ...base.values import convert_value
 from ...run.option_types import CompareOptions
 from ...run.options import list_options
 from ...run.scenarios.built_in import SCENARIOS
-from ...study.controllers import ROBUSTNESS_SETS
+from ...study.controllers import COMPLIANT, ROBUSTNESS_SETS
+from ...study.loading import load
 from ...study.paper import PRINTED
 from ..execution.executor import Scheduler
 from ..frame.session import Session
@@ -61,7 +62,7 @@ def compare(
         scenario: name of a built-in scenario.
         controllers: names, FILE.fmu, FILE.py:BLOCK, or blocks. Default: all of `CONTROLLERS`.
         gains: sets of gains: SET for each controller that has it, CONTROLLER/SET for one, "all" for all.
-            Default: the recommended set of each controller.
+            Default: the recommended set of each controller, `compliant` if that is the set of the scenario.
         table: "paper" (Tables VI and VIII of the paper beside ours), "robustness" (the scenario in many
             conditions), "stability" (maps over delay and parameters), "margins" (stability margins of each
             joint's loops beside its errors), or None.
@@ -99,7 +100,8 @@ def compare(
     if seeds is None:
         seeds = 0 if table == STABILITY else SEEDS
     all_sets = [ALL] if table == PAPER and gains is None else gains
-    chosen = select_variants(controllers, all_sets, ROBUSTNESS_SETS if table == ROBUSTNESS else ())
+    also = ROBUSTNESS_SETS if table == ROBUSTNESS else ()
+    chosen = select_variants(controllers, all_sets, also, _preferred_set(str(scenario), overrides))
     session = Session(
         OUTPUTS,
         output=output,
@@ -174,6 +176,11 @@ def _check(table: str | None, resolution: int | None, seeds: int | None, options
     allowed = {name for name, one in list_options(COMPARE).items() if one.stage != SHOWING}
     if wrong := [name for name in options if name in list_options() and name not in allowed]:
         raise CommandError(f"comparisons do not support the option {wrong[0]}; remove it.")
+
+
+def _preferred_set(scenario: str, options: Mapping[str, Any]) -> str | None:
+    """Return the set of gains for loads that are not rigid if it is that of the scenario."""
+    return COMPLIANT if load(scenario, **options).options.gains == COMPLIANT else None
 
 
 def _scenarios(scenario: str, table: str | None) -> list[str]:

@@ -97,7 +97,8 @@ def prepare_task(
         CommandError: A name does not exist, or parts of the plan contradict each other.
     """
     objective = parse_expression(plan.objective, f"'objective' of {plan.where}")
-    required = [_conditions(plan, case, objective, described) for case in plan.cases]
+    subjects = _find_subjects(objective, described)
+    required = [_conditions(plan, case, subjects, described) for case in plan.cases]
     measures = _measures(plan, objective, required, described)
     found = build_space(plan, preparation.system, preparation.interfaces)
     times = run_times(preparation.options, plan.name)
@@ -117,7 +118,8 @@ def prepare_task(
         ]
         for case, conditions in zip(plan.cases, required, strict=True)
     ]
-    errors = _tracking_errors(described)
+    errors = _tracking_errors(described)  # other joints say nothing about the gains
+    errors = [name for name in errors if described.figures[name].subject in subjects] or errors
     return TuningTask(
         plan,
         found,
@@ -130,19 +132,25 @@ def prepare_task(
     )
 
 
+def _find_subjects(objective: Expression, described: SimulationDescription) -> list[str]:
+    """Return what the figures of the objective belong to: joints, as a rule."""
+    figures = described.figures
+    # a metric of the plan belongs to the object that its name begins with
+    return list(
+        dict.fromkeys(
+            figures[name].subject if name in figures else name.rpartition(".")[0]
+            for name in sorted(objective.names)
+        )
+    )
+
+
 def _conditions(
-    plan: TuningPlan, case: Case, objective: Expression, described: SimulationDescription
+    plan: TuningPlan, case: Case, subjects: Sequence[str], described: SimulationDescription
 ) -> list[Requirement]:
-    """Return the conditions of a case, and that each joint of its objective is held."""
+    """Return the conditions of a case, and that each of the subjects of the objective is held."""
     found = [parse_requirement(text) for text in (plan.require if case.require is None else case.require)]
     named = {one.figure for one in found}
     verdicts = {f.subject: name for name, f in described.figures.items() if f.is_verdict}
-    figures = described.figures
-    # a metric of the plan belongs to the object that its name begins with
-    subjects = dict.fromkeys(
-        figures[name].subject if name in figures else name.rpartition(".")[0]
-        for name in sorted(objective.names)
-    )
     held = [verdicts[subject] for subject in subjects if subject in verdicts]
     return [*found, *(Requirement(name, "==", True) for name in held if name not in named)]
 

@@ -3,10 +3,12 @@
 import math
 from collections.abc import Iterator, Sequence
 
+from emla_fmu import EmlaCompliantPlant
+
 from ...base.errors import CommandError, join_names
 from ...run.options import Options
 from ...system.model import System
-from ..controllers import choose_controller
+from ..controllers import COMPLIANT, choose_controller
 from ..joints.motions import OF_ACTUATOR
 from ..machine_motion import load_motion
 from .actuator import Actuator
@@ -37,14 +39,15 @@ def remarks(system: System, options: Options) -> Sequence[str]:
     for joint, one in own.items():
         found += _describe_heavy_load(joint, one, system, options)
         found += _describe_other_stiffness(joint, one, system)
-    return [*found, *_gains(own, options), *describe_stale_parameters(system, options)]
+    return [*found, *_gains(own, system, options), *describe_stale_parameters(system, options)]
 
 
-def _gains(own: dict[str, Actuator], options: Options) -> Iterator[str]:
+def _gains(own: dict[str, Actuator], system: System, options: Options) -> Iterator[str]:
     """Yield a warning if the gains were made for another actuator."""
     if not own:
         return
-    found = choose_controller(options.controller, options.gains)
+    is_compliant = any(component.model == EmlaCompliantPlant.__name__ for component in system.components)
+    found = choose_controller(options.controller, options.gains, COMPLIANT if is_compliant else None)
     name = found.gain_set
     if found.gains.has_controller_gains and name not in _BY_RULE:
         yield (

@@ -179,13 +179,12 @@ class Compliance(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
 
     def parameters(self, force: float) -> dict[str, Any]:
         """Return the parameters of the plant, for a load that rests under `force` in N at the start."""
-        k = self.stiffness
         return {
             "m_load": self.mass,
-            "stiffness": k,
+            "stiffness": self.stiffness,
             "damping": self.damping,
             "backlash": self.backlash,
-            "deflection_start": resting_deflection(force, k, self.backlash),
+            "deflection_start": resting_deflection(force, self.stiffness, self.backlash),
         }
 
 

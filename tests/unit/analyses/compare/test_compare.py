@@ -67,6 +67,14 @@ def test_selection_of_controllers_and_gains() -> None:
     assert robustness([FocController]) == ["FocController/compensated"]  # of a block of the user's
 
 
+def test_selection_for_loads_that_are_not_rigid() -> None:
+    """Their set is the recommended one of each controller that has it."""
+    chosen = partial(select_variants, ["foc", FocController], preferred="compliant")
+    names_of = ["foc/compliant", "FocController/compensated"]
+    assert list(map(str, chosen())) == list(map(str, chosen(["recommended"]))) == names_of
+    assert list(map(str, chosen(["foc/rule"]))) == ["foc/rule", "FocController/compensated"]
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [

@@ -154,7 +154,9 @@ def test_notes_state_reserves_and_offer_other_sets(compared: ec.CompareResult) -
     reserves, equal, others = compared.notes
     assert reserves == ("Reserves of current and voltage: rsba/damped 2 % and 20 %; foc/damped 0 % and 5 %.")
     assert equal == "Equal observers in study: --gains rsba/robust,foc/rule."
-    left = "rsba/compensated, rsba/robust, rsba/published, rsba/compliant, foc/tuned and foc/rule"
+    left = (
+        "rsba/compensated, rsba/robust, rsba/published, rsba/compliant, foc/tuned, foc/rule and foc/compliant"
+    )
     assert others.startswith(f"Further sets of gains: {left}")
 
 
