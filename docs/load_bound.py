@@ -30,7 +30,7 @@ ROWS = 2**17
 RUN, EVALUATED = 10.0, 0.4
 """Length of a run, and the time from which its errors count, in s."""
 RIPPLE = {"lift": 37.6, "tilt": 12.3, "telescope": 0.51}
-"""Torque ripple of the gain set `compliant` per um of position noise, N m rms; simulated."""
+"""Torque ripple of a practical law per um of position noise, N m rms; simulated."""
 MS = 2.2
 PEAK = 3.3
 """Peak of a narrow-band noise in 10 s over its standard deviation."""
@@ -343,8 +343,8 @@ def fastest_start(name: str, joint: TwoMasses) -> float:
 
 
 GOALS = {"lift": (250.0, 80.0), "tilt": (200.0, 80.0), "telescope": (50.0, 30.0)}
-SIMULATED = {"lift": (873.0, 4.0, 6.4), "tilt": (505.0, 10.5, 11.3), "telescope": (66.4, 6.6, 7.2)}
-"""Load errors in um of today's law, with the known load and with a load sensor; docs/load-bound.md."""
+SIMULATED = {"lift": (873.0, 2.9, 1.5), "tilt": (496.0, 4.8, 3.1), "telescope": (65.1, 4.2, 5.4)}
+"""Load errors in um without load control, with it at the motor, and with a load sensor; docs/load_control.py."""
 
 
 def bounds(name: str) -> dict[str, Any]:
@@ -378,15 +378,15 @@ def draw(results: dict[str, dict[str, Any]], path: Path) -> None:
     axes.set_xlim(-0.5, len(results) - 0.5)
     for i, (name, found) in enumerate(results.items()):
         goal, sensed = GOALS[name]
-        today, known, with_sensor = SIMULATED[name]
+        without, known, with_sensor = SIMULATED[name]
         points = [
-            ("today", today, GREY, "o"), ("goal, motor side", goal, BLUE, "_"),
+            ("no load control", without, GREY, "o"), ("goal, motor side", goal, BLUE, "_"),
             ("goal, load sensor", sensed, ORANGE, "_"),
             ("bound, load unknown", found["load unknown"]["error"], BLUE, "^"),
             ("bound, load known to 10 %", found["load known to 10 %"]["error"], BLUE, "v"),
             ("bound, load known", found["load known, order 16"]["error"], BLUE, "s"),
             ("bound, load sensor", found["load sensor"]["error"], ORANGE, "s"),
-            ("simulated, load known", known, BLUE, "o"), ("simulated, load sensor", with_sensor, ORANGE, "o"),
+            ("simulated, motor side", known, BLUE, "o"), ("simulated, load sensor", with_sensor, ORANGE, "o"),
         ]  # fmt: skip
         for n, (label, value, color, marker) in enumerate(points):
             x, named = i + 0.08 * (n - 4), None if i else label

@@ -182,7 +182,7 @@ class LoadFeedback(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     """
 
     damping_ratio: Annotated[float, quantity("", "damping ratio added to the load", 0.05, ge=0.0)] = 0.05
-    integral: Annotated[float, quantity("", "pole of the integral part", 0.1, ge=0.0)] = 0.1
+    integral: Annotated[float, quantity("", "pole of the integral part", 0.05, ge=0.0)] = 0.05
     observer: Annotated[float, quantity("", "poles of the observer of the load", 5.0, gt=0.0)] = 5.0
     sigma: Annotated[float, quantity("m", "noise of the load sensor", 1e-6, ge=0.0)] = 1e-6
     resolution: Annotated[float, quantity("m", "position step of the load sensor", 1e-6, ge=0.0)] = 1e-6
