@@ -250,6 +250,7 @@ def margins(control: str, loop: str, joint: str, stiffness: float, mass: float) 
         "current": f"{joint}.controller.u_q->{joint}.plant.u_q",
     }[loop]
     quiet = {"plant.load.sensor.sigma": 0.0, "plant.load.sensor.resolution": 0.0}
+    problem: ec.RunError | None = None
     for amplitude in AMPLITUDES if loop == "position" else (None,):
         try:
             result = ec.linearize(
@@ -267,6 +268,7 @@ def margins(control: str, loop: str, joint: str, stiffness: float, mass: float) 
             problem = error
         else:
             return next(iter(result.margins.values()))
+    assert problem is not None
     raise problem
 
 
