@@ -192,12 +192,14 @@ class LoadFeedback(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     """Control of the load by a position sensor at the load.
 
     `damping_ratio`, `integral` and `observer` are about the poles of load and feedback, relative to the
-    frequency of the load on a held screw. `sigma` and `resolution` are those of the sensor.
+    frequency of the load on a held screw. `sigma` and `resolution` are those of the sensor. With the defaults,
+    lift and tilt keep a phase margin of 30 degrees at 130 % of the stiffness and half of the mass. More damping
+    takes it, and at rest, where friction acts, it lets lift oscillate.
     """
 
-    damping_ratio: Annotated[float, quantity("", "damping ratio added to the load", 0.2, ge=0.0)] = 0.2
-    integral: Annotated[float, quantity("", "pole of the integral part", 0.1, ge=0.0)] = 0.1
-    observer: Annotated[float, quantity("", "poles of the observer of the load", 3.0, gt=0.0)] = 3.0
+    damping_ratio: Annotated[float, quantity("", "damping ratio added to the load", 0.05, ge=0.0)] = 0.05
+    integral: Annotated[float, quantity("", "pole of the integral part", 0.05, ge=0.0)] = 0.05
+    observer: Annotated[float, quantity("", "poles of the observer of the load", 5.0, gt=0.0)] = 5.0
     sigma: Annotated[float, quantity("m", "noise of the load sensor", 1e-6, ge=0.0)] = 1e-6
     resolution: Annotated[float, quantity("m", "position step of the load sensor", 1e-6, ge=0.0)] = 1e-6
 
