@@ -264,7 +264,8 @@ def load_observer() -> Solution:
 
 COMMAND = load_control.Command(
     LOAD,
-    approach=(0.1, 0.05, 0.4),
+    approach=(0.1, 0.4),
+    v_max=0.06,  # the move alone needs it at its peak
     notches=((7.8, 0.02), (13.0, 0.1)),
     gains=(27.0, 0.18, 0.01),
     limit=3e-4,
@@ -646,7 +647,8 @@ START_VALUES: dict[str, dict[str, Any]] = {
     },
     "ScrewCommand": {
         **attributes("model", LOAD, k="stiffness", m="m_load", b="backlash"),
-        **dict(zip(("approach.duration", "approach.v_max", "approach.a_max"), COMMAND.approach, strict=True)),
+        **dict(zip(("approach.duration", "approach.a_max"), COMMAND.approach, strict=True)),
+        "limit.v_max": COMMAND.v_max,
         **indexed("notch.frequency", [f for f, _ in COMMAND.notches]),
         **indexed("notch.damping_ratio", [zeta for _, zeta in COMMAND.notches]),
         **{f"feedback.k_{i}": k for i, k in enumerate(COMMAND.gains)},

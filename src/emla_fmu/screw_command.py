@@ -14,6 +14,7 @@ from fmublock import (
     State,
     clamp,
     maximum,
+    minimum,
     sign,
     sqrt,
     where,
@@ -25,8 +26,8 @@ from .held_inputs import has_begun, interpolated
 NOTCHES = 2
 """Number of frequencies that the wanted motion can avoid."""
 
-_PEAK_SPEED, _PEAK_ACCELERATION = 630.0 / 256.0, 2520.0 * (3.0 / 14.0) ** 3 / math.sqrt(7.0)
-"""Peaks of the first and second derivative of the approach: at r = 1/2, and at r = (1 - sqrt(1/7)) / 2."""
+_PEAK_ACCELERATION = 2520.0 * (3.0 / 14.0) ** 3 / math.sqrt(7.0)
+"""Peak of the second derivative of the approach, at r = (1 - sqrt(1/7)) / 2."""
 
 
 class ScrewCommand(Block):
@@ -38,7 +39,8 @@ class ScrewCommand(Block):
       does not excite what swings with these frequencies. Each notch delays the motion by
       2 (1 - zeta) / (pi f).
     - Approach: from where the load is at the start to x_s, on a polynomial of degree 9 whose first four
-      derivatives are 0 at both ends. The planned motion of the load is x_p.
+      derivatives are 0 at both ends. It waits where the wanted motion needs the speed. The planned motion of
+      the load is x_p.
     - Deflection: the screw is ahead of the load by the spring's deflection under the load force F_hat and the
       load's inertia, (F_hat + m a_p) / k, and by half the play in the direction of F_hat. A wrong F_hat moves
       the load by its error over k.
@@ -121,14 +123,6 @@ class ScrewCommand(Block):
         symbol="T_a",
         description="Shortest duration of the approach; 0 is no approach",
     )
-    approach_speed = Parameter(
-        0.05,
-        unit="m/s",
-        minimum=1e-6,
-        name="approach.v_max",
-        symbol="v_a",
-        description="Largest speed of the approach, relative to the wanted motion",
-    )
     approach_acceleration = Parameter(
         0.5,
         unit="m/s2",
@@ -136,6 +130,13 @@ class ScrewCommand(Block):
         name="approach.a_max",
         symbol="a_a",
         description="Largest acceleration of the approach, relative to the wanted motion",
+    )
+    v_max = Parameter(
+        0.1,
+        unit="m/s",
+        minimum=1e-6,
+        name="limit.v_max",
+        description="Largest speed of wanted motion and approach together, and of the deflection",
     )
     frequency = Parameter(
         0.0,
@@ -181,7 +182,9 @@ class ScrewCommand(Block):
     z = DiscreteState(
         0.0, unit="m", nominal=1e-3, name="feedback.z", description="Correction of the screw by the feedback"
     )
-    t_start = StartTime(0.0, unit="s", name="start.time", symbol="t_0", description="Start of the run")
+    progress = DiscreteState(
+        0.0, name="approach.progress", symbol="r", description="Progress of the approach, from 0 to 1"
+    )
     x_d_start = DiscreteState(0.0, unit="m", name="start.x_d", description="First wanted load position")
     gap_start = DiscreteState(
         0.0,
@@ -191,7 +194,11 @@ class ScrewCommand(Block):
         description="Load position minus wanted load position at the start",
     )
     deflection_before = DiscreteState(
-        0.0, unit="m", name="before.deflection", symbol=r"\delta_-", description="Deflection a step before"
+        0.0,
+        unit="m",
+        name="before.deflection",
+        symbol=r"\delta_-",
+        description="Deflection at the last step's end",
     )
     deflection_rate = DiscreteState(
         0.0, unit="m/s", name="before.deflection_rate", description="Rate of the deflection in the last step"
@@ -233,20 +240,20 @@ class ScrewCommand(Block):
 
     def update(self, v: Any) -> dict[str, Any]:
         """Return the correction, what the run started with, and what the next step needs of this one."""
-        planned, step = self.planned(v, self.shaped(v)), v.time - v.t_before
+        shaped, step = self.shaped(v), v.time - v.t_before
+        r = minimum(v.progress + step * self.approach(v, shaped, v.progress)[2], 1.0)
+        planned = self.planned(v, shaped, r)
         deflection = self.expected_deflection(v, planned[2])
+        change = deflection - v.deflection_before
+        # unknown before the first step, in which the deflection at its beginning is not kept
+        change = where(has_begun(v), clamp(change, -v.v_max * step, v.v_max * step), 0.0)
         return {
             "z": clamp(v.z + step * self.correction_rate(v, planned), -v.z_max, v.z_max),
-            "t_start": v.t_start,
+            "progress": r,
             "x_d_start": self.first_wanted(v),
             "gap_start": self.gap(v),
-            "deflection_before": deflection,
-            # unknown before the first step, in which the deflection at its beginning is not kept
-            "deflection_rate": where(
-                has_begun(v),
-                (deflection - v.deflection_before) / maximum(step, 1e-12),
-                0.0,
-            ),
+            "deflection_before": where(has_begun(v), v.deflection_before + change, deflection),
+            "deflection_rate": change / maximum(step, 1e-12),
             "x_d_before": v.x_d,
             "t_before": v.time,
             "h_before": step,
@@ -255,8 +262,8 @@ class ScrewCommand(Block):
     def outputs(self, v: Any) -> dict[str, Any]:
         """Return the commanded motion of the screw, and the wanted motion of the load after the notches."""
         x_s, v_s, a_s = self.shaped(v)
-        x_p, v_p, a_p = self.planned(v, (x_s, v_s, a_s))
-        deflection = self.expected_deflection(v, a_p)
+        x_p, v_p, a_p = self.planned(v, (x_s, v_s, a_s), v.progress)
+        deflection = where(has_begun(v), v.deflection_before, self.expected_deflection(v, a_p))
         play = 0.5 * v.backlash * sign(v.F_hat)
         z_rate = where(abs(v.z) < v.z_max, self.correction_rate(v, (x_p, v_p, a_p)), 0.0)
         return {
@@ -291,24 +298,50 @@ class ScrewCommand(Block):
         return v.x_d + (x - wanted), speed, acceleration  # the bits of x_d without notches
 
     def gap(self, v: Any) -> Any:
-        """Return the load's position minus the wanted one at the start, in m, if the load was at rest."""
-        at_rest = self.expected_deflection(v, 0.0) + 0.5 * v.backlash * sign(v.F_hat)
-        return where(has_begun(v), v.gap_start, v.x_1 - at_rest - v.x_d)
+        """Return the load's position minus the wanted one at the start, in m, if the load was at rest.
 
-    def planned(self, v: Any, shaped: tuple[Any, Any, Any]) -> tuple[Any, Any, Any]:
-        """Return the planned motion of the load in m, m/s, m/s2: the wanted one, and the approach to it."""
-        gap = where(v.approach_time > 0.0, self.gap(v), 0.0)
-        size = maximum(abs(gap), 1e-12)  # above 0, where the square root has no derivative
-        T = maximum(
-            maximum(v.approach_time, _PEAK_SPEED * size / v.approach_speed),
-            sqrt(_PEAK_ACCELERATION * size / v.approach_acceleration),
-        )
-        r = clamp((v.time - v.t_start) / T, 0.0, 1.0)
-        q = r * (1.0 - r)
-        s = r * r * r * r * r * (126.0 + r * (-420.0 + r * (540.0 + r * (-315.0 + r * 70.0))))
-        speed, acceleration = 630.0 * q * q * q * q / T, 2520.0 * q * q * q * (1.0 - 2.0 * r) / (T * T)
+        It is 0 without an approach.
+        """
+        at_rest = self.expected_deflection(v, 0.0) + 0.5 * v.backlash * sign(v.F_hat)
+        gap = where(v.approach_time > 0.0, v.x_1 - at_rest - v.x_d, 0.0)
+        return where(has_begun(v), v.gap_start, gap)
+
+    def approach_duration(self, v: Any) -> Any:
+        """Return the duration of the approach in s, if nothing limits its speed."""
+        size = maximum(abs(self.gap(v)), 1e-12)  # above 0, where the square root has no derivative
+        return maximum(v.approach_time, sqrt(_PEAK_ACCELERATION * size / v.approach_acceleration))
+
+    def approach(self, v: Any, shaped: tuple[Any, Any, Any], r: Any) -> tuple[Any, Any, Any]:
+        """Return speed in m/s and acceleration in m/s2 of the approach, and the rate of its progress in 1/s.
+
+        The speed is the one that the progress r needs in the duration T, or what the wanted motion leaves of
+        the largest speed, if that is less. Between both it changes smoothly, so that the acceleration has no
+        jump: (needed^-4 + left^-4)^(-1/4).
+        """
+        gap, T, q = self.gap(v), self.approach_duration(v), r * (1.0 - r)
+        direction = -sign(gap)
+        needed = abs(gap) * 630.0 * q * q * q * q / T
+        left = maximum(v.v_max - direction * shaped[1], 1e-9)
+        ratio = needed / left
+        power = 1.0 + ratio * ratio * ratio * ratio
+        root = sqrt(sqrt(power))
+        of_needed = abs(gap) * 2520.0 * q * q * q * (1.0 - 2.0 * r) / (T * T * root)
+        of_left = where(left > 1e-9, -direction * shaped[2], 0.0)
+        slope = (of_needed + ratio * ratio * ratio * ratio * ratio * of_left) / (power * root)
+        return direction * needed / root, direction * slope, 1.0 / (T * root)
+
+    def planned(self, v: Any, shaped: tuple[Any, Any, Any], r: Any) -> tuple[Any, Any, Any]:
+        """Return the planned motion of the load in m, m/s, m/s2: the wanted one, and the approach to it.
+
+        Args:
+            v: Values of the block.
+            shaped: The wanted motion after the notches.
+            r: The progress of the approach.
+        """
         x_s, v_s, a_s = shaped
-        return x_s + gap * (1.0 - s), v_s - gap * speed, a_s - gap * acceleration
+        speed, acceleration, _ = self.approach(v, shaped, r)
+        s = r * r * r * r * r * (126.0 + r * (-420.0 + r * (540.0 + r * (-315.0 + r * 70.0))))
+        return x_s + self.gap(v) * (1.0 - s), v_s + speed, a_s + acceleration
 
     def expected_deflection(self, v: Any, acceleration: Any) -> Any:
         """Return the deflection in m under the load force and the load's inertia at m/s2."""

@@ -96,10 +96,11 @@ class Load:
 
 @dataclass(frozen=True)
 class Command:
-    """The commands of a screw; `approach` is shortest duration, largest speed and largest acceleration."""
+    """The commands of a screw; `approach` is shortest duration and largest acceleration."""
 
     load: Load
-    approach: tuple[float, float, float]
+    approach: tuple[float, float]
+    v_max: float
     notches: tuple[tuple[float, float], tuple[float, float]]
     gains: tuple[float, float, float]
     limit: float
@@ -114,10 +115,27 @@ class Command:
         return {"x_s": in_series(first, notch(f_2, zeta_2)), **lags}
 
     def duration(self, gap: float) -> float:
-        """How long the approach takes from so far away."""
-        shortest, v_max, a_max = self.approach
-        fastest, strongest = largest(STEP.deriv()), largest(STEP.deriv(2))
-        return max(shortest, fastest * abs(gap) / v_max, math.sqrt(strongest * abs(gap) / a_max))
+        """How long the approach takes from so far away, if it does not wait."""
+        shortest, a_max = self.approach
+        return max(shortest, math.sqrt(largest(STEP.deriv(2)) * abs(gap) / a_max))
+
+    def approached(self, gap: float, r: float, shaped: Sequence[float]) -> tuple[list[float], float]:
+        """Position, speed and acceleration of the load at a progress r, and the rate of the progress."""
+        x_s, v_s, a_s = shaped
+        T, direction = self.duration(gap), -math.copysign(1.0, gap)
+        x = x_s + gap * (1.0 - float(STEP(r)))
+        needed = abs(gap) * float(STEP.deriv()(r)) / T
+        left = self.v_max - direction * v_s
+        if needed == 0.0 or left <= 0.0:
+            waits = needed > 0.0
+            return [x, v_s, a_s if waits or gap == 0.0 else a_s - gap * float(STEP.deriv(2)(r)) / T**2], (
+                0.0 if waits else 1.0 / T
+            )
+        speed = (needed**-4 + left**-4) ** -0.25
+        share = speed / needed
+        slopes = abs(gap) * float(STEP.deriv(2)(r)) / T * share / T, -direction * a_s
+        slope = speed**5 * (slopes[0] / needed**5 + slopes[1] / left**5)
+        return [x, v_s + direction * speed, a_s + direction * slope], share / T
 
     def run(self, inputs: Sequence[Row], h: float) -> list[Row]:
         """The outputs of a run, one row more than steps; inputs by FMI name are held from row to row."""
@@ -126,7 +144,7 @@ class Command:
         states = {name: np.zeros(len(linear.A)) for name, linear in filters.items()}
         rest = first["F_hat"] / load.k + math.copysign(load.b / 2.0, first["F_hat"])
         gap = first["x_1"] - rest - first["x_d"]
-        T, z, deflection, rows = self.duration(gap), 0.0, 0.0, list[Row]()
+        r, z, deflection, rows = 0.0, 0.0, 0.0, list[Row]()
         # the row of the start, and one of each step with the inputs held in it
         for k, (before, u) in enumerate(pairwise([first, first, *inputs[:-1]])):
             x, before_x = (row["x_d"] - first["x_d"] for row in (u, before))
@@ -135,18 +153,15 @@ class Command:
                 states = {name: transitions[name] @ [*state, *line] for name, state in states.items()}
             shaped = filters["x_s"].outputs(states["x_s"], (x, u["v_d"], u["a_d"]))
             shaped[0] += first["x_d"]
-            approach = 1.0 - STEP
-            x_p, v_p, a_p = (
-                wanted
-                + gap
-                * float(approach.deriv(n)(min(k * h / T, 1.0)) if n else approach(min(k * h / T, 1.0)))
-                / T**n
-                for n, wanted in enumerate(shaped)
-            )
+            if k > 0:
+                r = min(r + h * self.approached(gap, r, shaped)[1], 1.0)
+            (x_p, v_p, a_p), _ = self.approached(gap, r, shaped)
             rate = -float(np.dot(self.gains, (u["load.x"] - x_p, u["load.v"] - v_p, u["load.a"] - a_p)))
             z = min(max(z + h * rate, -self.limit), self.limit) if k > 0 else z
-            deflection, deflection_before = (u["F_hat"] + load.m * a_p) / load.k, deflection
-            change = (deflection - deflection_before) / h if k > 1 else 0.0
+            wanted_deflection, change = (u["F_hat"] + load.m * a_p) / load.k, 0.0
+            if k > 1:
+                change = min(max((wanted_deflection - deflection) / h, -self.v_max), self.v_max)
+            deflection = deflection + h * change if k > 1 else wanted_deflection
             rows.append(
                 {
                     "x_c": x_p + deflection + math.copysign(load.b / 2.0, u["F_hat"]) + z,

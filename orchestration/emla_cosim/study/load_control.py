@@ -24,8 +24,9 @@ _APPROACH_PERIODS = 3.0
 """Shortest duration of the approach in periods of the load on a held screw: with 1.6, a load of 3.2 Hz swings
 more after a planned start than after one by the controller alone."""
 
-_APPROACH_SPEED = 0.5
-"""Fraction of the joint's largest speed that the approach may take, beside that of the reference."""
+_LARGEST_SPEED = 0.9
+"""Fraction of the joint's largest speed that wanted motion and approach may take together. Controllers limit
+themselves to 0.95: a command with that speed leaves them nothing for errors, and tilt lags by millimetres."""
 
 _APPROACH_FORCE = 0.1
 """Fraction of the force that the motor has left under the load for the acceleration of the approach."""
@@ -159,7 +160,7 @@ def command_parameters(
         "m_load": compliance.mass,
         "backlash": compliance.backlash,
         "approach_time": approach_duration(compliance.mass, compliance.stiffness),
-        "approach_speed": _APPROACH_SPEED * emla.v_max,
+        "v_max": _LARGEST_SPEED * emla.v_max,
         "approach_acceleration": _APPROACH_FORCE * max(left, 0.1 * abs(force)) / moved,
     }
     if control.has_sensor:

@@ -150,7 +150,7 @@ def command_points(draw: Draw) -> Point:
         "solver.internal_step": 5e-5,
         **magnitudes(draw, {"model.stiffness": (1e5, 1e7), "model.m_load": (100.0, 1e4)}),
         **magnitudes(draw, {"model.backlash": (1e-4, 1e-3), "approach.duration": (0.1, 1.0)}),
-        **magnitudes(draw, {"approach.v_max": (0.01, 1.0), "approach.a_max": (0.1, 10.0)}),
+        **magnitudes(draw, {"limit.v_max": (0.01, 1.0), "approach.a_max": (0.1, 10.0)}),
         **magnitudes(draw, {f"notch.frequency[{i}]": (1.0, 50.0) for i in (1, 2)}),
         **magnitudes(draw, {f"notch.damping_ratio[{i}]": (0.01, 0.5) for i in (1, 2)}),
         **magnitudes(draw, {"feedback.limit": (1e-3, 1e-2)}),
