@@ -88,8 +88,11 @@ _TRUE = ("plant.x_L -> controller.x_hat", "plant.v_L -> controller.v_hat")
 
 def ideal_sensors(system: System) -> dict[str, Value]:
     """Return start values that switch off noise and steps of the sensors in the plants of joints."""
-    faults = {block.__name__: _SENSOR_FAULTS for block in (EmlaMotor, EmlaPlant)}
-    faults[EmlaCompliantPlant.__name__] = (*_SENSOR_FAULTS, "load.sensor.sigma", "load.sensor.resolution")
+    faults: dict[str, tuple[str, ...]] = {
+        EmlaMotor.__name__: _SENSOR_FAULTS,
+        EmlaPlant.__name__: _SENSOR_FAULTS,
+        EmlaCompliantPlant.__name__: (*_SENSOR_FAULTS, "load.sensor.sigma", "load.sensor.resolution"),
+    }
     return {f"{c.name}.{p}": 0.0 for c in system.components for p in faults.get(str(c.model), ())}
 
 
