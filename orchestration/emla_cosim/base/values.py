@@ -235,7 +235,7 @@ def _convert_plain(value: Any, type_: Any, meta: msgspec.Meta | None, label: str
             wanted if meta is None else Annotated[wanted, meta],
         )
     except (msgspec.ValidationError, OverflowError) as error:
-        right = _NAMES.get(type_, "a number, true, false or a text")
+        right = _NAMES.get(type_, f"a number{', true, false' if bool in get_args(type_) else ''} or a text")
         if get_origin(type_) is Literal:
             right = " or ".join(map(repr, get_args(type_)))
         elif bound := re.match(r"Expected `\w+` ([<>]=?) ([-+.\w]+)", str(error)):

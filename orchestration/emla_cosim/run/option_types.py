@@ -29,7 +29,7 @@ class CompareOptions(TypedDict, total=False):
     replace: Mapping[str, Replacement | _Path | Mapping[str, Any]]
     input: Sequence[Input | _Path | Mapping[str, Any]]
     load_control: str | None
-    notch: Mapping[str, Value]
+    notch: Mapping[str, float | str]
     actuator: Mapping[str, _Path | FileOrObject]
     sheet: Mapping[str, Value]
     fault: Sequence[Fault | str | Mapping[str, Any]]

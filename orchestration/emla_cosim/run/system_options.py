@@ -85,7 +85,7 @@ class SystemOptions:
         choices=lambda: LOAD_CONTROLS,
         makes="load control",
     )
-    notch: Mapping[str, Value] = _prepared(
+    notch: Mapping[str, float | str] = _prepared(
         {},
         help="Remove up to two frequencies from a joint's reference motion, so that it does not excite what "
         "swings with them, such as lift='6.5 Hz' (repeatable; * is all joints).",

@@ -14,7 +14,7 @@ from emla_fmu.screw_command import NOTCHES
 from ..base.errors import CommandError, suggest_names
 from ..base.quantities import parse_quantity, parse_unit_name
 from ..run.system_options import LOAD_CONTROLS
-from ..system.model import System, Value
+from ..system.model import System
 from .joints.motions import Compliance, LoadFeedback
 
 NONE, MOTOR, SENSOR = LOAD_CONTROLS
@@ -56,7 +56,7 @@ class LoadControl:
 
 
 def choose_load_control(
-    joint: str, sensors: str | None, notch: Mapping[str, Value], compliant: bool
+    joint: str, sensors: str | None, notch: Mapping[str, float | str], compliant: bool
 ) -> LoadControl:
     """Return how a joint's screw is commanded.
 
@@ -80,7 +80,7 @@ def choose_load_control(
     return LoadControl(sensors or (MOTOR if compliant else NONE), frequencies)
 
 
-def check_notch_joints(notch: Mapping[str, Value], joints: Collection[str]) -> None:
+def check_notch_joints(notch: Mapping[str, float | str], joints: Collection[str]) -> None:
     """Raise CommandError if a joint of the option `notch` does not exist."""
     for name in notch:
         if name not in ("*", *joints):
@@ -106,7 +106,7 @@ def complete_order(system: System, options: Mapping[str, Any]) -> dict[str, Any]
     return {"order": order} if order else {}
 
 
-def _read_frequencies(joint: str, given: Value) -> tuple[float, ...]:
+def _read_frequencies(joint: str, given: float | str) -> tuple[float, ...]:
     """Return the frequencies in Hz of an entry such as 6.5, "6.5 Hz" or "6.5 Hz, 20 Hz"."""
     parts = given.split(",") if isinstance(given, str) else [given]
     label = f"the notch of {joint}"

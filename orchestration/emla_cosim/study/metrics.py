@@ -107,12 +107,13 @@ _SHOWN = (
     MetricDisplay("saturated_after_settling", "at a limit once settled", 100.0, "%"),
 )
 
-_SHOWN_WITH_LOAD = tuple(
+SHOWN_WITH_LOAD = tuple(
     replace(shown, label=f"screw {shown.label}")
     if shown.label in ("position error", "speed error")
     else shown
     for shown in _SHOWN
 )
+"""Metrics of joints beside those of their loads."""
 
 CONVERGENCE_TIME = MetricDisplay("convergence_time_s", "convergence time", 1e3, "ms")
 """The paper's figures, for tables beside its own."""
@@ -199,7 +200,7 @@ class JointMetrics(Metrics):
         self._columns = np.array(
             [*self._columns.ravel(), *self._limits.columns, *self._heat.columns], dtype=int
         )
-        shown = _SHOWN if loads is None else _SHOWN_WITH_LOAD
+        shown = _SHOWN if loads is None else SHOWN_WITH_LOAD
         self._displays = (_HEAT, *shown) if self._heat.columns else shown
         self._verdict = _HELD if loads is None else _HELD_WITH_LOAD
         self.shown = (self._verdict, *self._displays)

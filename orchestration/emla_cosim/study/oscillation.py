@@ -54,6 +54,10 @@ _SMALLEST_GROWING = 1e-5
 _SAME_FREQUENCY = 0.1
 """Largest relative difference between frequencies of one oscillation."""
 
+_LARGEST_LINE = 2.0 / math.pi
+"""Amplitude of a sawtooth with steps from one limit to the other, relative to the limit: no line of the steps
+of a sampled controller is larger."""
+
 _OWN_TORQUE = 0.5
 """Largest part of the torque that may be missing or too much for the acceleration of the joint."""
 
@@ -252,8 +256,12 @@ class OscillationWatch:
             return
         causes = [i for i in range(_SEARCHED, _SIGNALS) if about.has[i] and not is_highest]
         limit = float(self._largest[joint]) if math.isnan(about.torque_limit) else about.torque_limit
-        floors = [_SMALLEST_SWING * limit if i == TORQUE else _SMALLEST_WAY * about.window for i in signals]
-        least = [_SMALLEST_GROWING * (limit if i == TORQUE else about.window) for i in signals]
+        scales = [limit if i == TORQUE else about.window for i in signals]
+        floors = [
+            (_SMALLEST_SWING if i == TORQUE else _SMALLEST_WAY) * scale
+            for i, scale in zip(signals, scales, strict=True)
+        ]
+        least = [_SMALLEST_GROWING * scale for scale in scales]
         begin = self._start + first / rate
         inputs = cache(partial(self._inputs, number, joint, causes, first))
         for grid in grids:
@@ -264,7 +272,7 @@ class OscillationWatch:
                 _describe(tone, signals, limit, begin, rate)
                 for tone in tones
                 if (about.is_force_known or _is_own(tone, signals, about))
-                and not _is_sampling(tone, grid, about, 0.5 * rates.rates[0])
+                and not _is_sampling(tone, scales, grid, about, rates)
             ]
             if number == 0 and grid is grids[0] and TORQUE in signals and not oscillations:
                 oscillations = _find_noise(search, grid, about.ripple, limit, begin)
@@ -360,18 +368,27 @@ def _find_noise(
     ]
 
 
-def _is_sampling(tone: Tone, grid: Grid, about: WatchedJoint, highest: float) -> bool:
+def _is_sampling(
+    tone: Tone, scales: Sequence[float], grid: Grid, about: WatchedJoint, rates: SampleRates
+) -> bool:
     """Return whether a tone is made by the steps of a sampled controller, which grow with what it follows.
+
+    A lower rate shows their lines at folded frequencies, where true tones may be: what is larger than the
+    filters in front of that rate leave of the largest steps is no line of them.
 
     Args:
         tone: The tone.
+        scales: Torque limit or position window, by signal.
         grid: Windows in which it is found.
         about: What is known about the joint.
-        highest: Highest frequency of the run in Hz.
+        rates: All rates; the first is that of the run.
     """
-    lines = np.array([m / t for t in about.sample_times for m in range(1, int(highest * t) + 2)])
-    folded = np.abs(lines - grid.rate * np.rint(lines / grid.rate))  # where a lower rate shows them
-    return bool((np.abs(folded - tone.frequency) < grid.rate / grid.length).any())
+    number, half = rates.rates.index(grid.rate), 0.5 * rates.rates[0]
+    lines = np.array([m / t for t in about.sample_times for m in range(1, int(half * t) + 2)])
+    folded = np.abs(lines - grid.rate * np.rint(lines / grid.rate))  # where this rate shows them
+    gains = rates.gains(number, lines) / rates.gains(number, folded)  # tones are divided by the latter
+    largest = gains[np.abs(folded - tone.frequency) < grid.rate / grid.length].max(initial=0.0)
+    return bool(largest > 0.0 and (tone.others <= _LARGEST_LINE * largest * np.array(scales)).all())
 
 
 def _is_own(tone: Tone, signals: Sequence[int], about: WatchedJoint) -> bool:

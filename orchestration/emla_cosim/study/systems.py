@@ -68,7 +68,7 @@ def study_joint(
     electrical: bool = False,
     compliant: bool = False,
     load_control: str | None = None,
-    notch: Mapping[str, Value] = MappingProxyType({}),
+    notch: Mapping[str, float | str] = MappingProxyType({}),
     elsewhere: Mapping[str, str | None] = MappingProxyType({}),
 ) -> Joint:
     """Return the components of a joint, alone or on the manipulator.

@@ -54,6 +54,8 @@ def parameters(name: str, component: str, **options: Any) -> dict[str, Any]:
         ({"notch": {"lft": 5}}, "the notch 'lft' names no joint; did you mean lift?"),
         ({"notch": {"lift": "5, 6, 7"}}, "it must be one or 2 positive frequencies"),
         ({"notch": {"lift": -5.0}}, "it must be one or 2 positive frequencies"),
+        ({"notch": {"lift": True}}, "'lift' in the option 'notch' is True; it must be a number or a text"),
+        ({"notch": {"lift": [5.0, 6.0]}}, "it must be a number or a text"),
         ({"notch": {"lift": "5 kg"}}, "the notch of lift has the units kg and Hz"),
         ({"load_control": "motor"}, "the load of lift is rigid"),
         ({"load_control": "sensors"}, "sensors"),
@@ -198,7 +200,8 @@ def test_comparison_has_the_figures_of_loads(fmu_folder: Path) -> None:
     compared = ec.compare("study-compliant", controllers=["rsba"], gains=["compliant"], **options)
     assert set(LOAD_FIGURES) <= set(compared.rows.columns)
     assert choose_position_error(compared.rows.rows(named=True)).label == "load position error"
-    assert "lift: load position error / µm" in compared.markdown()
+    text = compared.markdown()
+    assert "lift: load position error / µm" in text and "lift: screw position error / µm" in text
     rigid = ec.compare("lift", controllers=["rsba"], **options)
     assert not set(LOAD_FIGURES) & set(rigid.rows.columns)
     assert choose_position_error(rigid.rows.rows(named=True)).label == "position error"
@@ -237,6 +240,11 @@ def test_parts_of_an_actuator_replace_those_of_the_joint() -> None:
     assert plant["start.deflection"] == pytest.approx(FORCE / stiffness + 10e-6)
     assert parameters("study-compliant", "lift.command", sheet=sheet)["model.backlash"] == 20e-6
     assert "transmission.stiffness" not in parameters("study", "lift.plant", sheet=sheet)
+
+
+def test_stiffness_of_a_data_sheet_for_a_rigid_load_is_reported() -> None:
+    (note,) = ec.load("lift", sheet={"lift.compliance.nut": "500 N/um"}).notes
+    assert note == "lift: compliance.nut is not used, because the load is rigid here"
 
 
 def test_deflection_counts_for_the_stroke() -> None:

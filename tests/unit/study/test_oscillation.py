@@ -40,6 +40,7 @@ def oscillation_of(
     block: int = 4000,
     again: bool = False,
     seed: int = 1,
+    sample_time: float | None = None,
     **signals: Any,
 ) -> dict[str, Any]:
     """Return the figures of a joint with these functions of time, beside noise and a forced motion."""
@@ -55,7 +56,9 @@ def oscillation_of(
     rows = np.column_stack([t, error, rest, torque, rest, rest, rest + 57e3, d_2, load])
 
     def make() -> JointMetrics:
-        return JointMetrics(NAMES, PARAMETERS, loads=LoadMetrics([WatchedLoad("j", [8, 1, 4, 4])], {}))
+        loads = LoadMetrics([WatchedLoad("j", [8, 1, 4, 4])], {})
+        sample_times = {} if sample_time is None else {"j.controller": sample_time}
+        return JointMetrics(NAMES, PARAMETERS, sample_times=sample_times, loads=loads)
 
     metrics = make()
     for first in range(0, len(rows), block):
@@ -221,6 +224,30 @@ def test_steps_of_a_sampled_controller_are_no_oscillation(fmu_folder: Any) -> No
     with ec.load("prototype", stop_time=1.0, set=change, fmus=fmu_folder).prepare() as simulation:
         figures = simulation.run(recorders=[]).metrics["joints"]["prototype"]
     assert figures["oscillation"] is None and figures["held"] is True
+
+
+@pytest.mark.parametrize("hertz", [30.8, 61.0, 252.0])
+def test_sampling_hides_no_tone_where_its_lines_are_folded(hertz: float) -> None:
+    """Lines of 1 kHz are at 31.25 and 62.5 Hz of the lowest rate, and at 250 Hz of the middle one."""
+    torque = tone(hertz, 0.0, 42.0)
+    figures = oscillation_of(sample_time=1e-3, torque=torque)
+    assert figures["held"] is False
+    assert figures["oscillation"]["frequency_Hz"] == pytest.approx(hertz, rel=0.02)
+
+
+@pytest.mark.parametrize("sample_time", [3e-4, 5e-4, 8e-4, 1e-3, 2e-3])
+def test_torque_of_any_sample_time_is_no_oscillation(sample_time: float) -> None:
+    """It follows up to 160 of 200 N m at 1.5 Hz in steps that last or grow."""
+    every = round(sample_time / 1e-4)
+    for growth in (0.0, 0.5):
+        torque = tone(1.5, growth, 160.0)
+        figures = oscillation_of(
+            sample_time=sample_time,
+            torque=lambda t, f=torque: np.repeat(f(t[::every]), every)[: len(t)],
+            d_2=lambda t, f=torque: -f(t) / INERTIA / 0.99,
+            error=np.zeros_like,
+        )
+        assert figures["oscillation"] is None
 
 
 # ---- runs --------------------------------------------------------------------------------------------

@@ -14,10 +14,10 @@ from .cases import stability_maps
 from .result import (
     PAPER,
     ROBUSTNESS,
-    SHOWN,
     STABILITY,
     CompareResult,
     Row,
+    choose_displays,
     choose_position_error,
     group_rows,
     label_variant,
@@ -76,7 +76,7 @@ def _bars(result: CompareResult) -> "Figure":
 
     Bars are means over seeds, with their standard deviations.
     """
-    joints = result.group("scenario", "joint")
+    joints, displays = result.group("scenario", "joint"), choose_displays(result.rows.rows(named=True))
     bars = [*_BARS, "convergence_time_s" if result.table == PAPER else "settling_time_s"]
     if (error := choose_position_error(result.rows.rows(named=True)).name) not in bars:
         bars = [error, *_BARS, "load_settling_time_s"]
@@ -88,12 +88,12 @@ def _bars(result: CompareResult) -> "Figure":
                 axes.set_axis_off()
                 continue
             printed = _printed(scenario, joint, name) if result.table == PAPER else None
-            _draw_bars(axes, result, group_by_variant(rows), SHOWN[name], printed)
+            _draw_bars(axes, result, group_by_variant(rows), displays[name], printed)
             if axes is not axes_row[0]:
                 axes.set_yticklabels([])
         axes_row[0].set_ylabel("\n".join(dict.fromkeys([scenario, joint])), fontsize=9)
     for axes, name in zip(grid[-1], bars, strict=True):
-        axes.set_xlabel(f"{SHOWN[name].label} / {SHOWN[name].unit}", fontsize=9)
+        axes.set_xlabel(f"{displays[name].label} / {displays[name].unit}", fontsize=9)
     paper = "; dotted: the paper's RSBA" if result.table == PAPER else ""
     unequal = describe_inequality(result.rows.rows(named=True))
     remark = "; terms are not equal: see comparison.md" if unequal else ""
@@ -181,7 +181,8 @@ def _errors(result: CompareResult) -> "Figure":
                 axes.plot(time[:whole:every], largest, color=_color(result, label_variant(row)), lw=1.0)
         axes.set_yscale("log")
         axes.set_ylim(1e-2, 1e5)
-        axes.set_ylabel(f"{', '.join(dict.fromkeys([scenario, joint]))}\n|error| / µm", fontsize=9)
+        subject = "load error" if choose_position_error(rows).name.startswith("load") else "error"
+        axes.set_ylabel(f"{', '.join(dict.fromkeys([scenario, joint]))}\n|{subject}| / µm", fontsize=9)
         tidy_axes(axes)
     grid[-1, 0].set_xlabel("time / s", fontsize=9)
     from matplotlib.lines import Line2D

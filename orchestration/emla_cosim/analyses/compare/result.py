@@ -9,7 +9,7 @@ import polars
 
 from ...recorders.metrics import HELD, MetricDisplay
 from ...study.loads import LoadFigures, LoadMetrics
-from ...study.metrics import CONVERGENCE_TIME, JointFigures, JointMetrics
+from ...study.metrics import CONVERGENCE_TIME, SHOWN_WITH_LOAD, JointFigures, JointMetrics
 from ..frame.report import ReportTable
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ COLUMNS: Mapping[str, Any] = {
     "y": polars.Float64,
 }
 
-SHOWN: Mapping[str, MetricDisplay] = {
+SHOWN: dict[str, MetricDisplay] = {
     shown.name: shown for shown in (*LoadMetrics.shown, *JointMetrics.shown, CONVERGENCE_TIME)
 }
 """How tables and pictures show a figure."""
@@ -126,10 +126,18 @@ class CompareResult:
         return draw_pictures(self)
 
 
+def choose_displays(rows: Sequence[Row]) -> Mapping[str, MetricDisplay]:
+    """Return how to show figures: those of screws are called so beside loads that are not rigid."""
+    return SHOWN | {shown.name: shown for shown in SHOWN_WITH_LOAD if _has_load(rows)}
+
+
 def choose_position_error(rows: Sequence[Row]) -> MetricDisplay:
     """Return the position error that counts: of the load if it is not rigid, else of the screw."""
-    has_load = any(row.get("load_position_error_m") is not None for row in rows)
-    return SHOWN["load_position_error_m" if has_load else "position_error_m"]
+    return SHOWN["load_position_error_m" if _has_load(rows) else "position_error_m"]
+
+
+def _has_load(rows: Sequence[Row]) -> bool:
+    return any(row.get("load_position_error_m") is not None for row in rows)
 
 
 def label_variant(row: Row) -> str:

@@ -20,6 +20,7 @@ from .result import (
     WHY,
     CompareResult,
     Row,
+    choose_displays,
     choose_position_error,
     group_rows,
     label_variant,
@@ -89,7 +90,8 @@ def _plain(result: CompareResult) -> Iterator[ReportTable]:
             variants = group_by_variant(group)
             error = choose_position_error(group)
             names = _FIGURES if error.name in _FIGURES else (error.name, "load_swing_m", *_FIGURES)
-            for figure in (SHOWN[name] for name in names):
+            displays = choose_displays(group)
+            for figure in (displays[name] for name in names):
                 cells = mark_winner(variants, figure)
                 label = f"{joint}: {figure.label} / {figure.unit}"
                 body.append([label, *(cells.get(name, "") for name in result.entrants)])

@@ -21,7 +21,6 @@ _BY_RULE = ("compensated", "robust", "rule")
 
 _ROUNDING = 1.0 + 1e-9
 _LED = "machine.trajectory"
-_COMPLIANT = "EmlaCompliantPlant"
 
 
 def remarks(system: System, options: Options) -> Sequence[str]:
@@ -46,8 +45,9 @@ def _gains(own: dict[str, Actuator], system: System, options: Options) -> Iterat
     """Yield a warning if the gains were made for another actuator."""
     if not own:
         return
-    is_compliant = any(component.model == EmlaCompliantPlant.__name__ for component in system.components)
-    found = choose_controller(options.controller, options.gains, COMPLIANT if is_compliant else None)
+    found = choose_controller(
+        options.controller, options.gains, COMPLIANT if _list_compliant(system) else None
+    )
     name = found.gain_set
     if found.gains.has_controller_gains and name not in _BY_RULE:
         yield (
@@ -85,14 +85,23 @@ def _describe_impossible(joint: str, own: Actuator, system: System, options: Opt
 
 
 def _describe_other_stiffness(joint: str, own: Actuator, system: System) -> Iterator[str]:
-    """Yield a warning, without full stop, if an actuator of a file has parts of the joint's own actuator."""
-    is_compliant = any(c.name == f"{joint}.plant" and c.model == _COMPLIANT for c in system.components)
+    """Yield a warning, without full stop, if stiffness or backlash of an actuator lack or are not used."""
+    entered = [entry for part in OF_ACTUATOR if (entry := f"compliance.{part}") in own.values]
     missing = [part for part in OF_ACTUATOR if f"compliance.{part}" not in own.values]
+    is_compliant = f"{joint}.plant" in _list_compliant(system)
+    if not is_compliant and entered:
+        verb = "is" if len(entered) == 1 else "are"
+        yield f"{joint}: {join_names(entered)} {verb} not used, because the load is rigid here"
     if is_compliant and missing and own.file is not None:
         yield (
             f"{joint}: {join_names(missing)} between motor and load are those of the joint's own actuator; "
             f"add them to [compliance] of {own.label}"
         )
+
+
+def _list_compliant(system: System) -> list[str]:
+    """Return the plants with loads that are not rigid."""
+    return [c.name for c in system.components if c.model == EmlaCompliantPlant.__name__]
 
 
 def _describe_wrong_sensors(system: System, options: Options) -> Iterator[str]:
