@@ -192,9 +192,9 @@ class LoadFeedback(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     """Control of the load by a position sensor at the load.
 
     `damping_ratio`, `integral` and `observer` are about the poles of load and feedback, relative to the
-    frequency of the load on a held screw. `sigma` and `resolution` are those of the sensor. The defaults leave
-    reserve for other stiffnesses and masses: more damping takes it, and lets lift oscillate at rest, where
-    friction acts.
+    frequency of the load on a held screw. `sigma` and `resolution` are those of the sensor. The defaults
+    leave reserve for other stiffnesses and masses: more damping takes it, and lets lift oscillate at rest,
+    where friction acts.
     """
 
     damping_ratio: Annotated[float, quantity("", "damping ratio added to the load", 0.05, ge=0.0)] = 0.05
