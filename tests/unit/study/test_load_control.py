@@ -135,6 +135,14 @@ def test_feedback_of_the_load_keeps_its_poles_relative_to_the_load(component: st
     )
 
 
+def test_feedback_at_its_limit_is_reported(fmu_folder: Path) -> None:
+    set_ = {"lift.command.feedback.limit": "0.1 um"}
+    run = ec.load("study-compliant", load_control="sensor", set=set_, fmus=fmu_folder, stop_time=0.5)
+    with run.prepare() as simulation:
+        remarks = simulation.run(recorders=[]).remarks
+    assert any("The feedback of lift's load reached its limit of 0.1 µm" in remark for remark in remarks)
+
+
 # ---- results ---------------------------------------------------------------------------------------
 
 
