@@ -224,6 +224,7 @@ class ScrewCommand(Block):
     deflection = Output(
         unit="m", nominal=1e-3, symbol=r"\delta", description="Expected deflection under F_hat and inertia"
     )
+    correction = Output(unit="m", nominal=1e-3, description="Correction of the screw by the feedback")
 
     def conditions(self, v: Any) -> dict[str, Any]:
         """Refuse notches that are too fast for the internal step, with which their lags would be wrong."""
@@ -274,6 +275,7 @@ class ScrewCommand(Block):
             "v_s": v_s,
             "a_s": a_s,
             "deflection": deflection,
+            "correction": v.z,
         }
 
     def notches(self, v: Any) -> list[tuple[Any, Any, Any]]:

@@ -169,6 +169,7 @@ class Command:
                     "a_c": a_p,
                     **dict(zip(("x_s", "v_s", "a_s"), shaped, strict=True)),
                     "deflection": deflection,
+                    "correction": z,
                     **{
                         name: filters[name].outputs(x, (0.0,) * 3)[0]
                         for name, x in states.items()

@@ -34,7 +34,7 @@ _PLACES: dict[str, tuple[str, ...]] = {
     "v_load": ("{joint}.plant.load.v",),
     **{f"f_notch_{i}": (f"{{joint}}.command.notch.frequency[{i}]",) for i in (1, 2)},
     **{f"zeta_notch_{i}": (f"{{joint}}.command.notch.damping_ratio[{i}]",) for i in (1, 2)},
-    "z": ("{joint}.command.feedback.z",),
+    "z": ("{joint}.command.correction",),
     "z_max": ("{joint}.command.feedback.limit",),
     "k_0": ("{joint}.command.feedback.k_0",),
     "assumed_stiffness": ("{joint}.command.model.stiffness",),

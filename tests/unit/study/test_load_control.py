@@ -7,10 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 import emla_cosim as ec
 from emla_cosim.analyses.compare.result import LOAD_FIGURES, choose_position_error
 from emla_cosim.recorders.metrics import TRACKED
+from emla_cosim.study.actuator.model_parameters import follow_plant_changes
 from emla_cosim.study.figures import JOINT_FIGURES
 from emla_cosim.study.joints.schema import load_joint, read_joint_text
 from emla_cosim.study.randomness import find_seeds
@@ -115,6 +117,32 @@ def test_models_of_the_load_are_reported_and_follow(fmu_folder: Path) -> None:
     assert values["lift.plant.start.deflection"] == pytest.approx(30e3 / 80e6 + 1.4e-6)
     expected = 3.0 * 2.0 * np.pi * np.sqrt(43.46e3 / 80e6)
     assert values["lift.command.approach.duration"] == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(("component", "name"), [("command", "feedback.k_0"), ("load_observer", "l_3")])
+def test_feedback_of_the_load_keeps_its_poles_relative_to_the_load(component: str, name: str) -> None:
+    """With the gains of another frequency, a boom on a load sensor swings ever more."""
+    boom = replace(load_joint("tilt").compliant_load, mass=5e3, structure=2e6)
+    set_ = {"tilt.plant.load.m": boom.mass, "tilt.plant.transmission.stiffness": boom.stiffness}
+    scenario = ec.load("study-compliant", set=set_, follow_models=True, load_control="sensor")
+    feedback = load_joint("tilt").load_feedback
+    expected = {
+        "feedback.k_0": feedback.gains(boom.omega)["k_0"],
+        "l_3": (feedback.observer * boom.omega) ** 3,
+    }
+    values = follow_plant_changes(scenario.system, scenario.options)
+    assert values[f"tilt.{component}.{name}"] == pytest.approx(expected[name])
+    assert f"tilt.{component}.{name}" not in follow_plant_changes(
+        scenario.system, scenario.options.merged({"set": {f"tilt.{component}.{name}": 1.0}})
+    )
+
+
+def test_feedback_at_its_limit_is_reported(fmu_folder: Path) -> None:
+    set_ = {"lift.command.feedback.limit": "0.1 um"}
+    run = ec.load("study-compliant", load_control="sensor", set=set_, fmus=fmu_folder, stop_time=0.5)
+    with run.prepare() as simulation:
+        remarks = simulation.run(recorders=[]).remarks
+    assert any("The feedback of lift's load reached its limit of 0.1 µm" in remark for remark in remarks)
 
 
 # ---- results ---------------------------------------------------------------------------------------

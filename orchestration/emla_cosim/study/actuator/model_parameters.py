@@ -38,12 +38,21 @@ class _AssumedValue:
     Attributes:
         of: The parameters from which it follows: of the plant, or of the disturbance.
         value: Computes it from an object with these parameters under the last part of their names.
+        is_scale: Whether it is only proportional to this value, as a gain is.
     """
 
     name: str
     whose: tuple[str, ...]
     of: tuple[str, ...]
     value: Callable[[Any], float]
+    is_scale: bool = False
+
+
+def _gain(name: str, power: int) -> _AssumedValue:
+    """Return a gain that is proportional to a power of the frequency of the load."""
+    return _AssumedValue(
+        name, _LOAD, (_STIFFNESS, _MASS), lambda p: math.sqrt(p.stiffness / p.m) ** power, is_scale=True
+    )
 
 
 _ASSUMED_VALUES = (
@@ -77,6 +86,12 @@ _ASSUMED_VALUES = (
         (_STIFFNESS, _BACKLASH, _LEVEL),
         lambda p: resting_deflection(p.level, p.stiffness, p.backlash),
     ),
+    # poles relative to the frequency of the load
+    _gain("feedback.k_0", 1),
+    _gain("feedback.k_2", -1),
+    _gain("l_1", 1),
+    _gain("l_2", 2),
+    _gain("l_3", 3),
 )
 
 
@@ -138,9 +153,10 @@ def _find_stale(
             continue
         for who in belief.whose:
             name = f"{joint}.{who}.{belief.name}"
-            is_there = belief.name in components.get(f"{joint}.{who}", {})
-            if is_there and not any(matches_pattern(name, key) for key in options.set):
-                yield _StaleValue(name, changed, fitting)
+            present = components.get(f"{joint}.{who}", {}).get(belief.name)
+            if present is not None and not any(matches_pattern(name, key) for key in options.set):
+                value = _number(name, present, {}) * fitting / was if belief.is_scale else fitting
+                yield _StaleValue(name, changed, value)
 
 
 @dataclass(frozen=True)
