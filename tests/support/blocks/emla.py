@@ -334,8 +334,8 @@ FACTS = {
         | {"notch.damping_ratio[1]": 0.05, "feedback.k_1": 0.2, "feedback.k_2": 0.02},
         inputs={"x_d": 0.1, "v_d": 0.1, "a_d": 1.0, "x_1": 0.1, "F_hat": 1e4}
         | {"load.x": 0.1, "load.v": 0.1, "load.a": 1.0},
-        # rigid and without feedback: rate of the deflection and correction are sampled
-        smooth={"interpolate": False, "x_d": 0.1, "v_d": 0.02, "x_1": 0.11, "approach.duration": 1.0}
+        # rigid, without approach and feedback: progress, rate of the deflection and correction are sampled
+        smooth={"interpolate": False, "x_d": 0.1, "v_d": 0.02, "x_1": 0.11}
         | {"notch.frequency[1]": 3.0, "notch.frequency[2]": 5.0, "notch.p[1]": 0.01},
         points=command_points,
         has_model_exchange=False,
