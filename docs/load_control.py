@@ -230,7 +230,8 @@ def print_causes() -> None:
 
 def print_margins() -> None:
     """Print the margins of all loops in motion, of the model's load and the smallest of all loads."""
-    loops = [(control, "position") for control in CONTROLS] + [("sensor", "load"), ("sensor", "current")]
+    loops = [(control, "position") for control in CONTROLS]
+    loops += [("sensor", "load"), *((control, "current") for control in CONTROLS)]
     for title, cases in (("load of the model", [(1.0, 1.0)]), ("smallest of other loads", CORNERS)):
         rows = [
             [

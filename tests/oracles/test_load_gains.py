@@ -103,3 +103,12 @@ def test_loops_have_margins(controller: str, joint: str, load: str, control: str
         margins = result.margins
         assert margins.phase_deg >= LEAST_PHASE_DEG and margins.Ms <= LARGEST_MS
         assert margins.gain_up_dB >= LEAST_GAIN_DB and margins.gain_down_dB <= -LEAST_GAIN_DB
+
+
+def test_the_lift_with_a_load_sensor_is_held_with_both_wrong(fmu_folder: Path) -> None:
+    # the least damped of all loads: with the default feedback, it oscillates at rest
+    scenario = ec.load("study-compliant", load_control="sensor", fmus=fmu_folder)
+    with scenario.prepare() as prepared:
+        result = prepared.run(stop_time=10.0, set=other_load(1.3, 0.5), recorders=[])
+    held = result.metrics["joints"]["lift"]
+    assert held["held"], held["reason"]
