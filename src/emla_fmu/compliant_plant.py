@@ -3,7 +3,6 @@
 from typing import Any
 
 from fmublock import DefaultExperiment, DiscreteState, Output, Parameter, State, where
-from fmublock.noise import lehmer, normal
 
 from . import electrics, sensors, transmission
 from .plant import EmlaPlant, screw_acceleration
@@ -126,14 +125,8 @@ class EmlaCompliantPlant(EmlaPlant):
 
     def update(self, v: Any) -> dict[str, Any]:
         """Return the sampled values of the `EmlaPlant`, and the noise of the load sensor."""
-        first = lehmer(v.random_load)
-        second = lehmer(first)
-        is_noisy = v.sigma_load > 0.0
-        return {
-            **electrics.update(v),
-            "random_load": where(is_noisy, second, v.random_load),
-            "noise_load": where(is_noisy, normal(first, second), 0.0),
-        }
+        random, noise = sensors.drawn_position(v.random_load, v.sigma_load)
+        return {**electrics.update(v), "random_load": random, "noise_load": noise}
 
     def outputs(self, v: Any) -> dict[str, Any]:
         """Return those of the `EmlaPlant`, and position, acceleration and force of the load."""

@@ -15,20 +15,32 @@ def drawn(v: Any) -> dict[str, Any]:
     The currents have their own generator, so that the position's noise does not depend on them. Sensors
     without noise draw no values.
     """
-    first = lehmer(v.random)
-    second = lehmer(first)
+    random, noise = drawn_position(v.random, v.sigma)
     third = lehmer(v.random_i)
     fourth = lehmer(third)
     # both values of one transformation: cosine for q, sine for d
     radius, angle = sqrt(-2.0 * log(uniform(third))), 2.0 * math.pi * uniform(fourth)
-    noisy, noisy_i = v.sigma > 0.0, v.sigma_i > 0.0
+    noisy_i = v.sigma_i > 0.0
     return {
-        "random": where(noisy, second, v.random),
-        "noise": where(noisy, normal(first, second), 0.0),
+        "random": random,
+        "noise": noise,
         "random_i": where(noisy_i, fourth, v.random_i),
         "noise_q": where(noisy_i, radius * cos(angle), 0.0),
         "noise_d": where(noisy_i, radius * sin(angle), 0.0),
     }
+
+
+def drawn_position(random: Any, sigma: Any) -> tuple[Any, Any]:
+    """Return the next state of a position sensor's generator, and its draw from N(0, 1); 0 without noise.
+
+    Args:
+        random: The state of the generator.
+        sigma: The standard deviation of the noise in m.
+    """
+    first = lehmer(random)
+    second = lehmer(first)
+    is_noisy = sigma > 0.0
+    return where(is_noisy, second, random), where(is_noisy, normal(first, second), 0.0)
 
 
 def measured_position(v: Any) -> Any:
