@@ -317,20 +317,25 @@ class ScrewCommand(Block):
         """Return speed in m/s and acceleration in m/s2 of the approach, and the rate of its progress in 1/s.
 
         The speed is the one that the progress r needs in the duration T, or what the wanted motion leaves of
-        the largest speed, if that is less. Between both it changes smoothly, so that the acceleration has no
-        jump: (needed^-4 + left^-4)^(-1/4).
+        the largest speed, if that is less. Between both it changes smoothly, (needed^-4 + left^-4)^(-1/4), so
+        that the acceleration jumps only where the wanted motion alone begins to need all the speed.
         """
         gap, T, q = self.gap(v), self.approach_duration(v), r * (1.0 - r)
         direction = -sign(gap)
         needed = abs(gap) * 630.0 * q * q * q * q / T
-        left = maximum(v.v_max - direction * shaped[1], 1e-9)
+        spare = v.v_max - direction * shaped[1]
+        waits, left = spare <= 0.0, maximum(spare, 1e-9)
         ratio = needed / left
         power = 1.0 + ratio * ratio * ratio * ratio
         root = sqrt(sqrt(power))
         of_needed = abs(gap) * 2520.0 * q * q * q * (1.0 - 2.0 * r) / (T * T * root)
-        of_left = where(left > 1e-9, -direction * shaped[2], 0.0)
+        of_left = -direction * shaped[2]
         slope = (of_needed + ratio * ratio * ratio * ratio * ratio * of_left) / (power * root)
-        return direction * needed / root, direction * slope, 1.0 / (T * root)
+        return (
+            where(waits, 0.0, direction * needed / root),
+            where(waits, 0.0, direction * slope),
+            where(waits, 0.0, 1.0 / (T * root)),
+        )
 
     def planned(self, v: Any, shaped: tuple[Any, Any, Any], r: Any) -> tuple[Any, Any, Any]:
         """Return the planned motion of the load in m, m/s, m/s2: the wanted one, and the approach to it.

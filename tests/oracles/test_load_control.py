@@ -146,10 +146,14 @@ def test_approach_keeps_its_limits_and_begins_and_ends_smoothly(
 
 
 @given(st.floats(-0.1, 0.1), st.floats(-0.1, 0.1), st.floats(0.3, 1.2))
-@examples(3, 30)
+@examples(2, 30)
 def test_approach_waits_while_the_motion_needs_the_speed(gap: float, distance: float, part: float) -> None:
-    """Speed and acceleration are derivatives, the largest speed is kept, and the load arrives."""
-    h, duration = 1e-3, 1.0
+    """Speed and acceleration are derivatives, the largest speed is kept, and the load arrives.
+
+    Where the motion alone needs all the speed, the approach stops, and the acceleration jumps to that of the
+    motion: it is no derivative there.
+    """
+    h, duration = 2e-3, 1.0
     t = h * np.arange(round(5.0 / h))
     x_d, v_d, a_d = quintic(distance, duration, t)
     v_max = max(1.875 * abs(distance) / (part * duration), 0.03)  # the motion alone can need more
@@ -160,8 +164,8 @@ def test_approach_waits_while_the_motion_needs_the_speed(gap: float, distance: f
     assert x[-1] == pytest.approx(distance, abs=1e-12)
     smooth = slice(2, None)
     assert np.abs(np.gradient(x, h) - v)[smooth].max() < 0.02 * max(np.abs(v).max(), 1e-3)
-    strongest = max(np.abs(a).max(), 1e-3)
-    assert np.abs(np.gradient(v, h) - a)[smooth].max() < 0.05 * strongest
+    if part < 0.95:
+        assert np.abs(np.gradient(v, h) - a)[smooth].max() < 0.02 * max(np.abs(a).max(), 1e-3)
 
 
 def test_jumps_of_force_and_acceleration_command_no_impossible_speed() -> None:
