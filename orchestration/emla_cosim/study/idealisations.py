@@ -182,10 +182,13 @@ def _transmission(plant: _Plant) -> Iterator[Idealisation]:
 
 def _load_force(plant: _Plant) -> Iterator[Idealisation]:
     """Yield what the load control takes for granted if it does not measure the load."""
-    if not (plant.value("assumed_stiffness") > 0.0 and plant.value("k_0") == 0.0):
+    assumed, stiffness = plant.value("assumed_stiffness"), plant.value("stiffness")
+    if not (assumed > 0.0 and stiffness > 0.0 and plant.value("k_0") == 0.0):
         return
     play = 0.5 * plant.value("backlash")
-    tenth = format_length(0.1 * max(abs(plant.value("start_deflection")) - play, 0.0))
+    # of the plant's stiffness, which can differ from the one that the load control assumes
+    deflection = max(abs(plant.value("start_deflection")) - play, 0.0) * assumed / stiffness
+    tenth = format_length(0.1 * deflection)
     yield Idealisation(
         "load force",
         f"known load force (10 % more: {tenth})",

@@ -188,6 +188,10 @@ def test_assumed_load_force_is_reported_with_its_effect(result: ec.Result, fmu_f
     micrometres = 1e6 * 0.1 * FORCE / STIFFNESS
     assert f"{micrometres:.4g} µm" in entry["label"] and entry["option"] == "--load-control sensor"
     assert entry["label"] in str(describe_idealisations(result))
+    soft = {"lift.plant.transmission.stiffness": 0.5 * STIFFNESS}  # which the load control does not know
+    with ec.load("study-compliant", fmus=fmu_folder, stop_time=1e-3, set=soft).prepare() as simulation:
+        idealised = simulation.run(recorders=[]).metrics["joints"]["lift"]["idealised"]
+    assert f"{2.0 * micrometres:.4g} µm" in next(x["label"] for x in idealised if x["name"] == "load force")
     for sensors in ("none", "sensor"):
         loaded = ec.load("study-compliant", fmus=fmu_folder, stop_time=1e-3, load_control=sensors)
         with loaded.prepare() as simulation:
