@@ -6,6 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from emla_fmu import ScrewCommand
 from fmublock import Block
 from hdrm_fmu import HdrmManipulator, HdrmPlant
 
@@ -125,7 +126,7 @@ def _system(
         )
         components += made.components
         patterns = wires
-        if any(c.model == "ScrewCommand" for c in made.components):
+        if any(c.model == ScrewCommand.__name__ for c in made.components):
             patterns = [_follow_command(wire) for wire in wires]
         connections += [*made.wires, *(wire.format(joint=joint, element=element) for wire in patterns)]
         if bond is not None:

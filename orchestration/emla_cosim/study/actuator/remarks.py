@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator, Sequence
 
-from emla_fmu import EmlaCompliantPlant
+from emla_fmu import EmlaCompliantPlant, ScrewCommand
 
 from ...base.errors import CommandError, join_names
 from ...run.options import Options
@@ -109,7 +109,7 @@ def _describe_wrong_sensors(system: System, options: Options) -> Iterator[str]:
     for component in system.components:
         joint, _, role = component.name.partition(".")
         stiffness = get_number(system, options, component.name, "model.stiffness")
-        if component.model != "ScrewCommand" or role != "command" or not stiffness:
+        if component.model != ScrewCommand.__name__ or role != "command" or not stiffness:
             continue
         if get_number(system, options, f"{joint}.plant", "sensor.at_load"):
             yield (
