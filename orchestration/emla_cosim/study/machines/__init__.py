@@ -1,0 +1,1 @@
+"""Machine files, and the machines that come with the study."""

@@ -1,0 +1,225 @@
+"""Machine files: bodies, actuators, links and loops. Those that come with the study are read by name."""
+
+from collections.abc import Iterator, Mapping
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import msgspec
+
+from machine_fmu import (
+    GROUND,
+    Actuator,
+    Body,
+    Joint,
+    Link,
+    Machine,
+    MachineError,
+    Parameter,
+    Payload,
+    find_closure,
+)
+from machine_fmu.description import JointKind
+
+from ...base.errors import CommandError, check_choice
+from ...base.toml_structs import describe, dotted, quantity, read_toml
+from ...base.values import convert_value
+from .entries import number, numbers, point_table
+
+_FOLDER = "emla_cosim.study.machines"
+
+KIND = "machine"
+"""The value of `kind` in a machine file."""
+
+_EMPTY: Any = msgspec.field(default_factory=dict)
+
+
+class ParameterTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A number with a name, which can vary between runs; a list has names with [1], [2] and so on."""
+
+    value: Annotated[list[float], numbers("", "value in the unit", 1.15)]
+    unit: Annotated[str, describe("its unit", "m")] = ""
+    about: Annotated[str, describe("its meaning")] = ""
+
+
+class GroundTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What does not move."""
+
+    points: Annotated[dict[str, Any], point_table()] = _EMPTY
+
+
+class BodyTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A rigid body, whose frame is at its joint."""
+
+    joint: Annotated[JointKind, describe("how it moves relative to its parent", "revolute")]
+    on: Annotated[str, describe("parent, or a point of it", "boom.elbow")] = GROUND
+    axis: Annotated[list[float], numbers("", "axis of the joint", [0, 0, 1], (2, 3, 6))] | None = None
+    rotation: Annotated[list[float], numbers("rad", "roll, pitch and yaw at 0", [0, 0, 0], (3,))] = (
+        msgspec.field(default=(0.0, 0.0, 0.0))  # type: ignore[assignment]
+    )
+    assembly: Annotated[list[float], numbers("", "joint coordinates of a pose in m and rad", 0.3)] = (
+        msgspec.field(default=())  # type: ignore[assignment]
+    )
+    passive: Annotated[bool, describe("whether the joint swings freely")] = False
+    m: Annotated[float | str, number("kg", "mass", 160.0)] = 0.0
+    c: Annotated[list[float], numbers("m", "centre of mass", [0.85, 0.0], (2, 3))] = msgspec.field(
+        default=()  # type: ignore[assignment]
+    )
+    J: Annotated[
+        list[float], numbers("kg.m2", "inertia about the centre: about z; or xx, yy, zz", 43.2, (1, 3, 6))
+    ] = msgspec.field(default=())  # type: ignore[assignment]
+    points: Annotated[dict[str, Any], point_table()] = _EMPTY
+
+
+class StrutTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What is between two points."""
+
+    start: Annotated[str, describe("point of the first body", "ground.pin")] = msgspec.field(name="from")
+    to: Annotated[str, describe("point of the second body", "boom.pin")]
+
+
+class LinkTable(StrutTable, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A part of constant length between two points."""
+
+    length: Annotated[float | str, number("m", "length; as in the assembly pose without", 0.6)] | None = None
+    m: Annotated[float | str, number("kg", "mass", 30.0)] = 0.0
+    c: Annotated[float | str, number("m", "centre of mass from the first point", 0.3)] = 0.0
+    J: Annotated[float | str, number("kg.m2", "inertia across, about the centre", 1.0)] = 0.0
+
+
+class ActuatorTable(StrutTable, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """An actuator between two points: housing and motor at the first one, rod at the second one."""
+
+    length: Annotated[float | str, number("m", "distance of the points at stroke 0", 0.85)]
+    stroke: Annotated[list[float], numbers("m", "lowest and highest stroke", [0.0, 0.5], (1, 2))]
+    m: Annotated[float | str, number("kg", "mass without motor", 156.5)] = 0.0
+    motor_m: Annotated[float | str, number("kg", "mass of the motor", 45.0)] = 0.0
+    rod_share: Annotated[float | str, number("", "fraction of m in the rod", 0.3)] = 0.3
+    housing_c: Annotated[float | str, number("m", "its centre of mass from the first point", 0.3)] = 0.0
+    housing_J: Annotated[float | str, number("kg.m2", "its inertia across, about its centre", 9.0)] = 0.0
+    rod_c: Annotated[float | str, number("m", "its centre of mass from the second point", 0.3)] = 0.0
+    rod_J: Annotated[float | str, number("kg.m2", "its inertia across, about its centre", 3.0)] = 0.0
+
+
+class LoopTable(StrutTable, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Two points that are one."""
+
+
+class PayloadTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What the machine carries."""
+
+    at: Annotated[str, describe("point that carries it", "boom.tip")]
+    m: Annotated[float, quantity("kg", "mass", 470.0, ge=0.0)]
+    J: Annotated[float | str, number("m2", "inertia about the point per mass", 0.06)] = 0.0
+
+
+class MachineTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """All data of a machine's mechanics."""
+
+    kind: Literal["machine"]
+    description: Annotated[str, describe("line that `emla list` shows")]
+    dimensions: Annotated[int, describe("2 in the plane with y up, or 3 with z up", 2, ge=2, le=3)]
+    gravity: Annotated[float | str, number("m/s2", "gravitational acceleration", 9.81)] = 9.81
+    parameters: Annotated[
+        dict[str, ParameterTable], dotted("numbers with names", lambda table: "value" in table)
+    ] = _EMPTY
+    ground: GroundTable = GroundTable()
+    bodies: Annotated[dict[str, BodyTable], describe("bodies; each parent precedes its children")]
+    actuators: Annotated[dict[str, ActuatorTable], describe("actuators")] = _EMPTY
+    links: Annotated[dict[str, LinkTable], describe("parts of constant length")] = _EMPTY
+    loops: Annotated[dict[str, LoopTable], describe("pairs of points that are one")] = _EMPTY
+    payload: PayloadTable | None = None
+
+
+def list_machine_names() -> list[str]:
+    """Return the names of all machines that come with the study, sorted."""
+    names = (file.name for file in files(_FOLDER).iterdir())
+    return sorted(name.removesuffix(".toml") for name in names if name.endswith(".toml"))
+
+
+@cache
+def load_machine(name: str) -> Machine:
+    """Return a machine by name; raise CommandError for an unknown name or an error in the file."""
+    check_choice("machine", name, list_machine_names())
+    label = f"the machine '{name}'"
+    text = (files(_FOLDER) / f"{name}.toml").read_text(encoding="utf-8")
+    return parse_machine(read_toml(text, label), label)
+
+
+def parse_machine(content: Mapping[str, Any], label: str, folder: Path | None = None) -> Machine:
+    """Return the machine of a file's content.
+
+    Args:
+        content: The content.
+        label: What error messages call the file.
+        folder: The folder of relative paths in it.
+
+    Raises:
+        CommandError: An entry is unknown, missing or wrong, or the machine cannot be assembled.
+    """
+    table = convert_value(content, MachineTable, label, folder)
+    try:
+        machine = _machine(table)
+        find_closure(machine)
+    except MachineError as error:
+        raise CommandError(f"{label} cannot be used: {error}.") from error
+    return machine
+
+
+def _machine(table: MachineTable) -> Machine:
+    payload = table.payload
+    return Machine(
+        dimensions=3 if table.dimensions == 3 else 2,
+        bodies={name: _body(body) for name, body in table.bodies.items()},
+        ground=table.ground.points,
+        actuators={name: _actuator(entry) for name, entry in table.actuators.items()},
+        links={name: _link(entry) for name, entry in table.links.items()},
+        loops={name: (entry.start, entry.to) for name, entry in table.loops.items()},
+        payload=None if payload is None else Payload(payload.at, payload.m, payload.J),
+        parameters=dict(_parameters(table.parameters)),
+        gravity=table.gravity,
+    )
+
+
+def _parameters(tables: Mapping[str, ParameterTable]) -> Iterator[tuple[str, Parameter]]:
+    for name, table in tables.items():
+        many = len(table.value) > 1
+        for i, value in enumerate(table.value, 1):
+            yield f"{name}[{i}]" if many else name, Parameter(float(value), table.unit, table.about)
+
+
+def _body(table: BodyTable) -> Body:
+    parent, _, at = table.on.partition(".")
+    if table.axis is not None:
+        axis = tuple(float(x) for x in table.axis)
+        axis = (*axis, 0.0) if len(axis) == 2 else axis
+    elif table.joint == "universal":
+        axis = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
+    else:
+        axis = (0.0, 0.0, 1.0)
+    roll, pitch, yaw = table.rotation
+    joint = Joint(
+        table.joint, parent, at, axis, (roll, pitch, yaw), tuple(table.assembly), table.passive
+    )
+    return Body(joint, table.m, tuple(table.c), tuple(table.J), table.points)
+
+
+def _link(table: LinkTable) -> Link:
+    return Link((table.start, table.to), table.m, table.c, table.J, table.length)
+
+
+def _actuator(table: ActuatorTable) -> Actuator:
+    low, high = (0.0, *table.stroke)[-2:]
+    return Actuator(
+        ends=(table.start, table.to),
+        m=table.m,
+        c=table.housing_c,
+        J=table.housing_J,
+        L_0=table.length,
+        motor_m=table.motor_m,
+        rod_share=table.rod_share,
+        rod_c=table.rod_c,
+        rod_J=table.rod_J,
+        stroke=(low, high),
+    )

@@ -1,0 +1,41 @@
+"""Machines of bodies and actuators: kinematics and dynamics from a description.
+
+Numbers can be floats or symbols of CasADi, so that one text gives the functions here and the blocks' FMUs.
+"""
+
+from .closure import Closure, find_closure, reach_pose
+from .description import (
+    GROUND,
+    Actuator,
+    Body,
+    Joint,
+    Link,
+    Machine,
+    MachineError,
+    Parameter,
+    Payload,
+    Point,
+    Strut,
+)
+from .dynamics import Dynamics
+from .mechanism import Mechanism, assemble
+
+__all__ = [
+    "GROUND",
+    "Actuator",
+    "Body",
+    "Closure",
+    "Dynamics",
+    "Joint",
+    "Link",
+    "Machine",
+    "MachineError",
+    "Mechanism",
+    "Parameter",
+    "Payload",
+    "Point",
+    "Strut",
+    "assemble",
+    "find_closure",
+    "reach_pose",
+]

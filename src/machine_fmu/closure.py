@@ -1,0 +1,331 @@
+"""How lengths of actuators determine the pose: by slides, triangles, or Newton's method."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from fmublock import sqrt
+
+from .description import Machine, MachineError
+from .exact import MINUS_ONE, ONE, is_zero, plain
+from .linear import Factors
+from .mechanism import AXES, Bar, End, Mechanism, assemble
+from .pose import Angle, Pose, direction
+from .structure import Step, StructureError, order_steps
+from .vectors import Vector, add, cross, dot, norm, scale, subtract, turn_back
+
+ITERATIONS = 3
+"""Default number of Newton's iterations on symbols, from a guess that is close."""
+
+_MANY, _PARTS = 30, 16
+"""Most iterations for floats, and parts of the way from the assembly pose to another one."""
+
+_NEAR, _SINGULAR = 1e-12, 1e-9
+"""Residual in m of a pose that is found, and least slope of lengths that is not singular."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """An equation: the length of a bar, or a component of the distance of a loop's ends."""
+
+    bar: int = -1
+    loop: int = -1
+    component: int = 0
+
+
+@dataclass(frozen=True)
+class Closure:
+    """The equations of a mechanism in the order in which they determine the coordinates.
+
+    Attributes:
+        rows: All equations.
+        steps: Groups of them, each with the coordinates that it determines.
+        sides: 1 or -1 by coordinate: on which side of the fixed pin a triangle has its moving pin, or to
+            which side a bar pushes a slide. Coordinates that are not here are found by Newton's method.
+        lengths: Lengths by bar in the assembly pose, m.
+        assembly: Coordinates of the assembly pose.
+    """
+
+    rows: tuple[Row, ...]
+    steps: tuple[Step, ...]
+    sides: Mapping[int, int]
+    lengths: Mapping[str, float]
+    assembly: tuple[float, ...]
+
+    @property
+    def iterated(self) -> list[int]:
+        """The coordinates that Newton's method finds."""
+        return sorted(u for step in self.steps for u in step.unknowns if u not in self.sides)
+
+
+def find_closure(machine: Machine) -> Closure:
+    """Return how lengths determine the pose of a machine, near its assembly pose.
+
+    Raises:
+        MachineError: They do not determine it, or links and loops do not close in the assembly pose.
+    """
+    mechanism = assemble(machine)
+    rows = [Row(bar=i) for i in range(len(mechanism.bars))]
+    rows += [Row(loop=i, component=k) for i in range(len(mechanism.loops)) for k in range(machine.dimensions)]
+    unknowns = set(range(mechanism.coordinates)) - set(mechanism.passive)
+    try:
+        steps = order_steps([_dependence(mechanism, row) & unknowns for row in rows], unknowns)
+    except StructureError as error:
+        raise MachineError(_explain(mechanism, rows, error)) from None
+    guess = _given_assembly(machine, mechanism)
+    pose = Pose(mechanism).with_numbers(dict(enumerate(guess)))
+    lengths = {
+        bar.name: float(plain(direction(pose, bar).length if bar.is_actuator else _link_length(pose, bar)))
+        for bar in mechanism.bars
+    }
+    everything = Closure(tuple(rows), tuple(steps), {}, lengths, guess)
+    assembly = _iterate_numbers(mechanism, everything, lengths, guess)
+    pose = Pose(mechanism).with_numbers(dict(enumerate(assembly)))
+    sides = dict[int, int]()
+    for step in steps:
+        if (side := _side(pose, rows, step)) is not None:
+            sides[step.unknowns[0]] = side
+    return Closure(tuple(rows), tuple(steps), sides, lengths, assembly)
+
+
+def row_ends(mechanism: Mechanism, row: Row) -> tuple[End, End]:
+    """Return the two ends that an equation is about."""
+    if row.bar >= 0:
+        return mechanism.bars[row.bar].start, mechanism.bars[row.bar].end
+    return mechanism.loops[row.loop]
+
+
+def row_direction(pose: Pose, row: Row, length: Any = None) -> tuple[Any, Vector]:
+    """Return the distance of the ends along a direction in m, and the direction."""
+    if row.bar >= 0:
+        return direction(pose, pose.mechanism.bars[row.bar], length)
+    axis = AXES[row.component]
+    return dot(axis, pose.apart(*pose.mechanism.loops[row.loop])), axis
+
+
+def row_slopes(pose: Pose, row: Row, u: Vector) -> dict[int, Any]:
+    """Return the derivatives of an equation with respect to the coordinates that it depends on."""
+    mechanism = pose.mechanism
+    if row.bar >= 0 and (slide := mechanism.bars[row.bar].slide) is not None:
+        return {_coordinate(mechanism, slide): ONE}
+    slopes, ends = dict[int, Any](), row_ends(mechanism, row)
+    for end, path, sign in zip(
+        ends, mechanism.paths(ends[0].frame, ends[1].frame), (MINUS_ONE, ONE), strict=True
+    ):
+        reach = pose.reach(end)
+        for frame in reversed(path):
+            of = mechanism.frames[frame]
+            if of.coordinate is not None:
+                axis = pose.axis(frame)
+                slope = dot(u, axis if of.slides else cross(axis, reach))
+                if not is_zero(slope):
+                    slopes[of.coordinate] = sign * slope
+            reach = add(pose.arm(frame), reach)
+    return slopes
+
+
+def solve_pose(
+    mechanism: Mechanism,
+    closure: Closure,
+    lengths: Mapping[str, Any],
+    passive: Mapping[int, Any] | None = None,
+    guess: Mapping[int, Any] | None = None,
+    iterations: int = ITERATIONS,
+) -> Pose:
+    """Return the pose for lengths of all bars, on floats or symbols.
+
+    Args:
+        mechanism: The mechanism.
+        closure: How to find the pose.
+        lengths: Lengths in m by bar.
+        passive: Passive coordinates in m or rad by number; those of the assembly pose by default.
+        guess: Where Newton's method begins, by coordinate; the assembly pose by default.
+        iterations: The number of its iterations. On floats, `reach_pose` does as many as are needed.
+    """
+    passive = passive or {i: closure.assembly[i] for i in mechanism.passive}
+    guess = guess or dict(enumerate(closure.assembly))
+    pose = Pose(mechanism).with_numbers(dict(passive))
+    for step in closure.steps:
+        if step.unknowns[0] in closure.sides:
+            coordinate, row = step.unknowns[0], closure.rows[step.equations[0]]
+            bar = mechanism.bars[row.bar]
+            value = _explicit(pose, bar, coordinate, closure.sides[coordinate], lengths[bar.name])
+            pose.values[coordinate] = value
+            continue
+        x = [guess[i] for i in step.unknowns]
+        rows = [closure.rows[e] for e in step.equations]
+        for _ in range(iterations):
+            x, _ = _improve(pose, rows, step.unknowns, x, lengths)
+        pose.values.update({i: pose.value(i, x_i) for i, x_i in zip(step.unknowns, x, strict=True)})
+    return pose
+
+
+def reach_pose(mechanism: Mechanism, closure: Closure, lengths: Mapping[str, float]) -> list[float]:
+    """Return the coordinates for lengths, found from the assembly pose in small parts, on floats.
+
+    Raises:
+        MachineError: There is no such pose, or a singular one is on the way.
+    """
+    x, last = list(closure.assembly), closure.lengths
+    for part in range(1, _PARTS + 1):
+        share = part / _PARTS
+        there = {name: last[name] + share * (lengths[name] - last[name]) for name in last}
+        x = list(_iterate_numbers(mechanism, closure, there, x))
+    return x
+
+
+def _improve(
+    pose: Pose, rows: Sequence[Row], unknowns: Sequence[int], x: Sequence[Any], lengths: Mapping[str, Any]
+) -> tuple[list[Any], list[Any]]:
+    """Return the coordinates after an iteration of Newton's method, and the residuals before it."""
+    trial = pose.with_numbers(dict(zip(unknowns, x, strict=True)))
+    residuals, slopes = list[Any](), list[list[Any]]()
+    for row in rows:
+        distance, u = row_direction(trial, row)
+        wanted = lengths[pose.mechanism.bars[row.bar].name] if row.bar >= 0 else 0.0
+        residuals.append(plain(distance - wanted))
+        found = row_slopes(trial, row, u)
+        slopes.append([plain(found.get(i, 0.0)) for i in unknowns])
+    change = Factors(slopes).solve(residuals)
+    return [a - b for a, b in zip(x, change, strict=True)], residuals
+
+
+def _iterate_numbers(
+    mechanism: Mechanism, closure: Closure, lengths: Mapping[str, float], guess: Sequence[float]
+) -> tuple[float, ...]:
+    """Return the coordinates for lengths near a guess; raise MachineError if there are none."""
+    x = dict(enumerate(guess))
+    pose = Pose(mechanism).with_numbers({i: x[i] for i in mechanism.passive})
+    for step in closure.steps:
+        rows = [closure.rows[e] for e in step.equations]
+        names = _names(mechanism, step.unknowns)
+        values = [x[i] for i in step.unknowns]
+        for _ in range(_MANY):
+            try:
+                values, residuals = _improve(pose, rows, step.unknowns, values, lengths)
+            except (ZeroDivisionError, OverflowError):
+                raise MachineError(f"the pose is singular: {names} cannot be found from the lengths") from None
+            if max(map(abs, residuals)) <= _NEAR:
+                break
+        else:
+            raise MachineError(f"{names} do not reach the lengths: the mechanism cannot close there")
+        x.update(zip(step.unknowns, values, strict=True))
+        pose = pose.with_numbers({i: x[i] for i in step.unknowns})
+    return tuple(x[i] for i in range(len(x)))
+
+
+def _side(pose: Pose, rows: Sequence[Row], step: Step) -> int | None:
+    """Return the side of an explicit step in a pose of floats; None for Newton's method."""
+    mechanism, row = pose.mechanism, rows[step.equations[0]]
+    if len(step.unknowns) > 1 or row.bar < 0:
+        return None
+    bar = mechanism.bars[row.bar]
+    frame = mechanism.frame_of(step.unknowns[0])
+    if frame not in (bar.start.frame, bar.end.frame):
+        return None
+    found, u = row_direction(pose, row)
+    slope = plain(row_slopes(pose, row, u)[step.unknowns[0]])
+    if abs(slope) < _SINGULAR * max(1.0, abs(plain(found))):
+        raise MachineError(f"the bar '{bar.name}' cannot move '{mechanism.frames[frame].name}': it is singular")
+    return 1 if slope > 0.0 else -1
+
+
+def _explicit(pose: Pose, bar: Bar, coordinate: int, side: int, length: Any) -> Any:
+    """Return the coordinate that the length of a bar determines, if a slide or a triangle does it.
+
+    `side` is the sign of the slope of the length.
+    """
+    mechanism = pose.mechanism
+    number = mechanism.frame_of(coordinate)
+    frame = mechanism.frames[number]
+    moving, fixed = (bar.end, bar.start) if bar.end.frame == number else (bar.start, bar.end)
+    if fixed.frame == frame.parent:
+        w = turn_back(frame.rotation, subtract(fixed.at, frame.at))
+    else:
+        w = turn_back(pose.base_rotation(number), pose.apart(End(frame.parent, frame.at), fixed))
+    if bar.slide is not None:
+        return length - dot(frame.axis, subtract(moving.at, w))
+    if frame.slides:
+        d = subtract(moving.at, w)
+        along = dot(frame.axis, d)
+        across = subtract(d, scale(along, frame.axis))
+        return side * sqrt(plain(length * length - dot(across, across))) - along
+    return _triangle(frame.axis, w, moving.at, side, length)
+
+
+def _triangle(axis: Vector, w: Vector, b: Vector, side: int, length: Any) -> Angle:
+    """Return the angle about an axis that brings the pin at b to the distance `length` from the pin at w."""
+    e_1, e_2 = _across(axis)
+    w_1, w_2, b_1, b_2 = dot(e_1, w), dot(e_2, w), dot(e_1, b), dot(e_2, b)
+    h = dot(axis, subtract(w, b))
+    a_square, b_square = w_1 * w_1 + w_2 * w_2, b_1 * b_1 + b_2 * b_2
+    ab = norm((w_1, w_2, 0.0)) * norm((b_1, b_2, 0.0))
+    cosine = (a_square + b_square + h * h - length * length) / (2.0 * ab)
+    sine = side * sqrt(plain(1.0 - cosine * cosine))
+    # from the direction of the moving pin at an angle of 0 to that of the fixed pin
+    c, s = (w_1 * b_1 + w_2 * b_2) / ab, (w_2 * b_1 - w_1 * b_2) / ab
+    return Angle(c * cosine - s * sine, s * cosine + c * sine)
+
+
+def _across(axis: Vector) -> tuple[Vector, Vector]:
+    """Return two directions that make a right-handed frame with an axis."""
+    for i in range(3):
+        if axis[i] is ONE:
+            return AXES[(i + 1) % 3], AXES[(i + 2) % 3]
+    k = tuple(float(plain(x)) for x in axis)
+    least = min(range(3), key=lambda i: abs(k[i]))
+    first = cross(AXES[least], k)  # type: ignore[arg-type]
+    size = math.sqrt(float(plain(dot(first, first))))
+    e_1 = tuple(float(plain(x)) / size for x in first)
+    return e_1, cross(k, e_1)  # type: ignore[arg-type,return-value]
+
+
+def _dependence(mechanism: Mechanism, row: Row) -> set[int]:
+    if row.bar >= 0 and (slide := mechanism.bars[row.bar].slide) is not None:
+        return {_coordinate(mechanism, slide)}
+    start, end = row_ends(mechanism, row)
+    frames = (mechanism.frames[f] for path in mechanism.paths(start.frame, end.frame) for f in path)
+    return {frame.coordinate for frame in frames if frame.coordinate is not None}
+
+
+def _coordinate(mechanism: Mechanism, frame: int) -> int:
+    coordinate = mechanism.frames[frame].coordinate
+    assert coordinate is not None
+    return coordinate
+
+
+def _link_length(pose: Pose, bar: Bar) -> Any:
+    return direction(pose, bar).length if bar.length is None else bar.length
+
+
+def _given_assembly(machine: Machine, mechanism: Mechanism) -> tuple[float, ...]:
+    """Return the coordinates of the assembly pose as the description has them; 0 without."""
+    found = list[float]()
+    for name, body in machine.bodies.items():
+        count, given = len(machine.coordinates(name)), body.joint.assembly
+        if given and len(given) != count:
+            raise MachineError(f"the assembly pose of '{name}' has {len(given)} numbers; it needs {count}")
+        found += [float(x) for x in given] or [0.0] * count
+    return tuple(found)
+
+
+def _names(mechanism: Mechanism, coordinates: Sequence[int]) -> str:
+    return ", ".join(f"'{mechanism.frames[mechanism.frame_of(i)].name}'" for i in coordinates)
+
+
+def _explain(mechanism: Mechanism, rows: Sequence[Row], error: StructureError) -> str:
+    """Return a message on coordinates that are not determined, or equations that are too many."""
+    bars, loops = mechanism.bars, list(mechanism.machine.loops)
+    extra = [
+        f"'{bars[rows[e].bar].name}'" if rows[e].bar >= 0 else f"'{loops[rows[e].loop]}'"
+        for e in error.equations
+    ]
+    if extra and not error.unknowns:
+        return f"the machine has more actuators, links and loops than joints; remove {', '.join(extra)}"
+    free = _names(mechanism, error.unknowns)
+    hint = f"; {', '.join(extra)} cannot move them" if extra else ""
+    return (
+        f"nothing determines the joint of {free}{hint}; add an actuator or a link, or write passive = true "
+        "if it swings freely"
+    )

@@ -1,0 +1,363 @@
+"""A machine with its numbers: frames with one coordinate each, their inertia, and bars between them.
+
+Joints with several coordinates become frames without mass in between. Numbers are floats or symbols, and
+exact where the description has 0, 1 or -1 without a name.
+"""
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+from fmublock import cos, sin
+
+from .description import GROUND, Actuator, Body, Link, Machine, MachineError, Number, Point, Strut
+from .exact import ONE, ZERO, exact, is_zero, plain
+from .vectors import (
+    IDENTITY,
+    NONE,
+    Matrix,
+    Vector,
+    about,
+    add,
+    compose,
+    cross,
+    dot,
+    scale,
+    subtract,
+    turn,
+)
+
+Values = Callable[[str], Any]
+"""Returns the value of a parameter by name."""
+
+AXES: tuple[Vector, Vector, Vector] = IDENTITY
+
+_PARALLEL, _SHORT = 1e-9, 1e-3
+"""Largest sine of an angle between parallel directions, and least length in m that has a direction."""
+
+
+@dataclass(frozen=True)
+class Inertia:
+    """Mass, its first moment, and its inertia about the origin of a frame, in the frame."""
+
+    m: Any = ZERO
+    S: Vector = NONE
+    J: Matrix = (NONE, NONE, NONE)
+
+    def __add__(self, other: "Inertia") -> "Inertia":
+        J = tuple(add(a, b) for a, b in zip(self.J, other.J, strict=True))
+        return Inertia(self.m + other.m, add(self.S, other.S), J)  # type: ignore[arg-type]
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A frame that turns about its axis, slides along it, or is fixed, at a point of its parent.
+
+    Attributes:
+        name: The coordinate's name; that of the body for a fixed frame.
+        parent: Number of the parent; -1 for the ground.
+        coordinate: Number of the coordinate; None for a fixed frame.
+        slides: Whether it slides.
+        at: The frame's origin in the parent at a coordinate of 0.
+        rotation: Its rotation in the parent at a coordinate of 0.
+        axis: Its axis, of length 1.
+        inertia: Of all that moves with it.
+    """
+
+    name: str
+    parent: int
+    coordinate: int | None
+    slides: bool
+    at: Vector
+    rotation: Matrix
+    axis: Vector
+    inertia: Inertia = Inertia()
+
+
+@dataclass(frozen=True)
+class End:
+    """A point of a frame."""
+
+    frame: int
+    at: Vector
+
+
+@dataclass(frozen=True)
+class Bar:
+    """An actuator or a link between two ends; see `Actuator` for its numbers.
+
+    Attributes:
+        length: Length of a link, or of an actuator at stroke 0; None for a link as in the assembly pose.
+        is_actuator: Whether its length is that and a stroke.
+        slide: The frame whose slide it is parallel to, with its ends on frame and parent; its masses are
+            part of these then.
+    """
+
+    name: str
+    start: End
+    end: End
+    length: Any
+    is_actuator: bool
+    m: Any
+    c: Any
+    J: Any
+    rod_m: Any = ZERO
+    rod_c: Any = ZERO
+    rod_J: Any = ZERO
+    slide: int | None = None
+
+    @property
+    def has_mass(self) -> bool:
+        """Whether it has an inertia of its own."""
+        return self.slide is None and not all(is_zero(x) for x in (self.m, self.rod_m, self.J, self.rod_J))
+
+
+@dataclass(frozen=True)
+class Mechanism:
+    """All frames, the first of which is the ground, and what connects them.
+
+    Attributes:
+        machine: The description.
+        frames: Each follows its parent.
+        bars: Actuators, then links.
+        loops: Pairs of ends that coincide.
+        coordinates: Number of coordinates.
+        passive: Coordinates that are free.
+        gravity: Acceleration of free fall.
+    """
+
+    machine: Machine
+    frames: tuple[Frame, ...]
+    bars: tuple[Bar, ...]
+    loops: tuple[tuple[End, End], ...]
+    passive: tuple[int, ...]
+    gravity: Vector
+
+    @property
+    def coordinates(self) -> int:
+        """Number of coordinates."""
+        return sum(frame.coordinate is not None for frame in self.frames)
+
+    @property
+    def actuators(self) -> tuple[Bar, ...]:
+        """The bars that are actuators."""
+        return tuple(bar for bar in self.bars if bar.is_actuator)
+
+    def frame_of(self, coordinate: int) -> int:
+        """Return the number of the frame with a coordinate."""
+        return next(i for i, frame in enumerate(self.frames) if frame.coordinate == coordinate)
+
+    def ancestors(self, frame: int) -> list[int]:
+        """Return a frame and all that carry it, from the frame to the ground."""
+        found = []
+        while frame >= 0:
+            found.append(frame)
+            frame = self.frames[frame].parent
+        return found
+
+    def paths(self, a: int, b: int) -> tuple[list[int], list[int]]:
+        """Return the frames from the last common carrier of two frames to each of them, without it."""
+        of_a, of_b = self.ancestors(a), self.ancestors(b)
+        common = set(of_a) & set(of_b)
+        return [f for f in reversed(of_a) if f not in common], [f for f in reversed(of_b) if f not in common]
+
+
+def assemble(machine: Machine, values: Values | None = None, payload: Any = None) -> Mechanism:
+    """Return the mechanism of a machine.
+
+    Args:
+        machine: The description.
+        values: Values of its parameters by name. Default: those of the description.
+        payload: Mass of the payload in kg. Default: that of the description.
+
+    Raises:
+        MachineError: The description names something that does not exist.
+    """
+    return _Assembly(machine, values or (lambda name: machine.parameters[name].value)).finish(payload)
+
+
+class _Assembly:
+    """A mechanism in the making."""
+
+    def __init__(self, machine: Machine, values: Values) -> None:
+        self._machine, self._values = machine, values
+        self._frames = [Frame(GROUND, -1, None, False, NONE, IDENTITY, AXES[2])]
+        self._frame_of = {GROUND: 0}
+        self._passive: list[int] = []
+        for name, body in machine.bodies.items():
+            self._add_body(name, body)
+
+    def finish(self, payload: Any) -> Mechanism:
+        """Return the mechanism."""
+        machine = self._machine
+        bars = [self._bar(name, strut) for name, strut in machine.struts()]
+        loops = tuple(
+            (self._end(a, f"the loop '{name}'"), self._end(b, f"the loop '{name}'"))
+            for name, (a, b) in machine.loops.items()
+        )
+        if machine.payload is not None:
+            mass = exact(machine.payload.m) if payload is None else payload
+            at = self._end(machine.payload.at, "the payload")
+            self._hang(at.frame, mass, at.at, self._round(mass * self._number(machine.payload.J)))
+        g = self._number(machine.gravity)
+        down = (ZERO, -g, ZERO) if machine.dimensions == 2 else (ZERO, ZERO, -g)
+        return Mechanism(machine, tuple(self._frames), tuple(bars), loops, tuple(self._passive), down)
+
+    def _number(self, number: Number) -> Any:
+        if not isinstance(number, str):
+            return exact(number)
+        name = number.removeprefix("-")
+        if name not in self._machine.parameters:
+            existing = ", ".join(self._machine.parameters) or "none"
+            raise MachineError(f"there is no parameter '{name}'; existing: {existing}")
+        value = self._values(name)
+        return -value if number.startswith("-") else value
+
+    def _vector(self, numbers: Sequence[Number]) -> Vector:
+        x, y, z = [*(self._number(n) for n in numbers), ZERO, ZERO, ZERO][:3]
+        return x, y, z
+
+    def _place(self, body: str, point: str) -> Vector:
+        """Return a point in the frame of its body."""
+        if not point:
+            return NONE
+        found: Point = self._machine.points(body)[point]
+        at = self._vector(found.position)
+        if found.polar is not None:
+            radius, angle = (self._number(n) for n in found.polar)
+            at = add(at, scale(radius, (cos(plain(angle)), sin(plain(angle)), ZERO)))
+        return at if found.origin is None else add(self._place(body, found.origin), at)
+
+    def _end(self, place: str, what: str) -> End:
+        body, point = self._machine.split(place, what)
+        return End(self._frame_of[body], self._place(body, point))
+
+    def _add_body(self, name: str, body: Body) -> None:
+        joint = body.joint
+        if joint.parent not in self._frame_of:
+            raise MachineError(f"the parent '{joint.parent}' of the body '{name}' must come before it")
+        self._machine.split(f"{joint.parent}.{joint.at}" if joint.at else joint.parent, f"the body '{name}'")
+        parent, at = self._frame_of[joint.parent], self._place(joint.parent, joint.at)
+        rotation = rotate(*joint.rotation)
+        names = self._machine.coordinates(name)
+        axes = list(self._axes(name, body, len(names)))
+        if not names:
+            self._frames.append(Frame(name, parent, None, False, at, rotation, AXES[2]))
+        for coordinate, (slides, axis) in zip(names, axes, strict=True):
+            count = sum(frame.coordinate is not None for frame in self._frames)
+            if joint.is_passive:
+                self._passive.append(count)
+            self._frames.append(Frame(coordinate, parent, count, slides, at, rotation, axis))
+            parent, at, rotation = len(self._frames) - 1, NONE, IDENTITY
+        self._frame_of[name] = len(self._frames) - 1
+        self._hang(len(self._frames) - 1, self._number(body.m), self._vector(body.c), self._inertia(body.J))
+
+    def _axes(self, name: str, body: Body, count: int) -> Iterable[tuple[bool, Vector]]:
+        """Return for each coordinate whether it slides, and its axis."""
+        kind, axis = body.joint.kind, body.joint.axis
+        if kind == "spherical":
+            return [(False, axis) for axis in AXES]
+        if kind == "free":
+            turns = AXES if self._machine.dimensions == 3 else AXES[2:]
+            return [*((True, axis) for axis in AXES[: count - len(turns)]), *((False, axis) for axis in turns)]
+        if len(axis) != 3 * count and count:
+            raise MachineError(f"the axis of the body '{name}' has {len(axis)} numbers; write {3 * count}")
+        return [(kind == "prismatic", _unit(axis[3 * i : 3 * i + 3], name)) for i in range(count)]
+
+    def _inertia(self, J: Sequence[Number]) -> Matrix:
+        if self._machine.dimensions == 2:
+            return self._round(self._number(J[0]) if J else ZERO)
+        xx, yy, zz, xy, xz, yz = [*(self._number(n) for n in J), *[ZERO] * 6][:6]
+        return (xx, xy, xz), (xy, yy, yz), (xz, yz, zz)
+
+    def _round(self, J: Any) -> Matrix:
+        """Return an inertia that is the same about all axes, or that about z in the plane."""
+        if self._machine.dimensions == 2:
+            return NONE, NONE, (ZERO, ZERO, J)
+        return (J, ZERO, ZERO), (ZERO, J, ZERO), (ZERO, ZERO, J)
+
+    def _slender(self, J: Any, axis: Vector) -> Matrix:
+        """Return the inertia J across an axis."""
+        if self._machine.dimensions == 2:
+            return self._round(J)
+        rows = (add(AXES[i], scale(-axis[i], axis)) for i in range(3))
+        return tuple(scale(J, row) for row in rows)  # type: ignore[return-value]
+
+    def _hang(self, frame: int, m: Any, at: Vector, J: Matrix) -> None:
+        """Add a mass to a frame, with its inertia about its centre."""
+        S = scale(m, at)
+        if self._machine.dimensions == 2:
+            about_origin = self._round(dot(S, at))
+        else:
+            square = dot(S, at)
+            about_origin = tuple(  # type: ignore[assignment]
+                subtract(scale(square, AXES[i]), scale(S[i], at)) for i in range(3)
+            )
+        more = Inertia(m, S, J) + Inertia(J=about_origin)
+        old = self._frames[frame]
+        self._frames[frame] = replace(old, inertia=old.inertia + more)
+
+    def _bar(self, name: str, strut: Strut) -> Bar:
+        is_actuator = isinstance(strut, Actuator)
+        what = f"the {'actuator' if is_actuator else 'link'} '{name}'"
+        start, end = (self._end(place, what) for place in strut.ends)
+        m, c, J = (self._number(n) for n in (strut.m, strut.c, strut.J))
+        if isinstance(strut, Actuator):
+            share, motor, rod_c, rod_J = (
+                self._number(n) for n in (strut.rod_share, strut.motor_m, strut.rod_c, strut.rod_J)
+            )
+            housing, L_0 = (ONE - share) * m + motor, self._number(strut.L_0)
+            bar = Bar(name, start, end, L_0, True, housing, c, J, share * m, rod_c, rod_J)
+        else:
+            length = strut.length if isinstance(strut, Link) else None
+            bar = Bar(name, start, end, None if length is None else self._number(length), False, m, c, J)
+        if self._is_along(strut):
+            frame = self._frames[end.frame]
+            axis = turn(frame.rotation, frame.axis)
+            self._hang(start.frame, bar.m, add(start.at, scale(c, axis)), self._slender(J, axis))
+            back = subtract(end.at, scale(bar.rod_c, frame.axis))
+            self._hang(end.frame, bar.rod_m, back, self._slender(bar.rod_J, frame.axis))
+            return replace(bar, slide=end.frame)
+        return bar
+
+    def _is_along(self, strut: Strut) -> bool:
+        """Return whether a strut is parallel to the slide of its second body, with the description's values."""
+        start, end = (self._plain_assembly._end(place, "") for place in strut.ends)
+        frame = self._plain_assembly._frames[end.frame]
+        if not frame.slides or frame.parent != start.frame:
+            return False
+        apart = subtract(add(frame.at, turn(frame.rotation, end.at)), start.at)
+        axis = turn(frame.rotation, frame.axis)
+        across = cross(apart, axis)
+        return plain(dot(across, across)) <= _PARALLEL**2 * max(plain(dot(apart, apart)), _SHORT**2)
+
+    @cached_property
+    def _plain_assembly(self) -> "_Assembly":
+        """The bodies with the values of the description."""
+        return _Assembly(self._machine, lambda name: self._machine.parameters[name].value)
+
+
+def rotate(roll: float, pitch: float, yaw: float) -> Matrix:
+    """Return the rotation by fixed-axis angles in rad, as URDF has them: about z, then y, then x."""
+    angles = ((AXES[2], yaw), (AXES[1], pitch), (AXES[0], roll))
+    R = IDENTITY
+    for axis, angle in angles:
+        if angle:
+            turned = about(axis, _clean(math.cos(angle)), _clean(math.sin(angle)))
+            R = compose(R, turned)
+    return R
+
+
+def _clean(x: float) -> Any:
+    """Return an exact number for a value that is one but for rounding."""
+    return exact(float(round(x))) if abs(x - round(x)) < 1e-15 else x
+
+
+def _unit(axis: Sequence[float], name: str) -> Vector:
+    length = math.hypot(*axis)
+    if not length > 0.0:
+        raise MachineError(f"the axis of the body '{name}' is zero")
+    x, y, z = (_clean(x / length) for x in axis)
+    return x, y, z
