@@ -13,7 +13,7 @@ from .linear import Factors
 from .mechanism import AXES, Bar, End, Mechanism, assemble
 from .pose import Angle, Pose, direction
 from .structure import Step, StructureError, order_steps
-from .vectors import Vector, add, cross, dot, norm, scale, subtract, turn_back
+from .vectors import NONE, Vector, add, cross, dot, norm, scale, subtract, turn_back
 
 ITERATIONS = 3
 """Default number of Newton's iterations on symbols, from a guess that is close."""
@@ -104,25 +104,33 @@ def row_direction(pose: Pose, row: Row, length: Any = None) -> tuple[Any, Vector
     return dot(axis, pose.apart(*pose.mechanism.loops[row.loop])), axis
 
 
-def row_slopes(pose: Pose, row: Row, u: Vector) -> dict[int, Any]:
-    """Return the derivatives of an equation with respect to the coordinates that it depends on."""
+def row_levers(pose: Pose, row: Row) -> dict[int, tuple[Vector, Vector]]:
+    """Return, for each coordinate of an equation, how its ends move apart per speed of the coordinate.
+
+    The second vector is the arm from the coordinate's frame to the end, with the same sign.
+    """
     mechanism = pose.mechanism
-    if row.bar >= 0 and (slide := mechanism.bars[row.bar].slide) is not None:
-        return {_coordinate(mechanism, slide): ONE}
-    slopes, ends = dict[int, Any](), row_ends(mechanism, row)
+    levers, ends = dict[int, tuple[Vector, Vector]](), row_ends(mechanism, row)
     for end, path, sign in zip(
         ends, mechanism.paths(ends[0].frame, ends[1].frame), (MINUS_ONE, ONE), strict=True
     ):
-        reach = pose.reach(end)
+        arm = pose.reach(end)
         for frame in reversed(path):
             of = mechanism.frames[frame]
             if of.coordinate is not None:
                 axis = pose.axis(frame)
-                slope = dot(u, axis if of.slides else cross(axis, reach))
-                if not is_zero(slope):
-                    slopes[of.coordinate] = sign * slope
-            reach = add(pose.arm(frame), reach)
-    return slopes
+                speed = axis if of.slides else cross(axis, arm)
+                levers[of.coordinate] = scale(sign, speed), NONE if of.slides else scale(sign, arm)
+            arm = add(pose.arm(frame), arm)
+    return levers
+
+
+def row_slopes(pose: Pose, row: Row, u: Vector) -> dict[int, Any]:
+    """Return the derivatives of an equation with respect to the coordinates that it depends on."""
+    if row.bar >= 0 and (slide := pose.mechanism.bars[row.bar].slide) is not None:
+        return {_coordinate(pose.mechanism, slide): ONE}
+    slopes = {i: dot(u, lever) for i, (lever, _) in row_levers(pose, row).items()}
+    return {i: slope for i, slope in slopes.items() if not is_zero(slope)}
 
 
 def solve_pose(

@@ -10,25 +10,14 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
-from .closure import ITERATIONS, Closure, row_direction, row_ends, row_slopes, solve_pose
-from .exact import ONE, ZERO, is_zero, plain
-from .linear import Factors, solve_symmetric
-from .mechanism import Bar, Inertia, Mechanism
-from .pose import Motion, Pose, Relative, carry, swing
-from .vectors import NONE, Vector, add, cross, dot, is_none, scale, subtract, turn, turn_back
-
-Numbers = Mapping[int, Any]
-"""Speeds or accelerations by coordinate; missing ones are the exact zero."""
-
-
-@dataclass
-class _Equation:
-    """An equation in a pose: its direction, distance, slopes, and motion of its ends."""
-
-    u: Vector
-    distance: Any
-    slopes: Mapping[int, Any]
-    bar: Bar | None
+from .bars import BarInertia
+from .closure import ITERATIONS, Closure, solve_pose
+from .equations import Equations, Numbers
+from .exact import ONE, ZERO, plain
+from .linear import solve_symmetric
+from .mechanism import Inertia, Mechanism
+from .pose import Motion, Pose, carry, swing
+from .vectors import NONE, Vector, add, cross, dot, is_none, scale, turn, turn_back
 
 
 @dataclass
@@ -103,98 +92,62 @@ class Dynamics:
 
     def speeds(self, v: Sequence[Any]) -> dict[int, Any]:
         """Return the speeds of the coordinates by number."""
-        return self._resolve(v, {}, speeds=True)
-
-    # ---- coordinates -------------------------------------------------------------------
+        return self._equations.speeds(v)
 
     @cached_property
-    def _equations(self) -> list[_Equation]:
-        found = []
-        for row in self.closure.rows:
-            bar = self.mechanism.bars[row.bar] if row.bar >= 0 else None
-            distance, u = row_direction(self.pose, row, None if bar is None else self.lengths[bar.name])
-            found.append(_Equation(u, distance, row_slopes(self.pose, row, u), bar))
-        return found
+    def _equations(self) -> Equations:
+        return Equations(self.pose, self.closure, self.lengths)
 
     @cached_property
-    def _factors(self) -> list[Factors | None]:
-        """The slopes of each step with several coordinates, as factors."""
-        found = list[Factors | None]()
-        for step in self.closure.steps:
-            if len(step.unknowns) == 1:
-                found.append(None)
-                continue
-            rows = ([self._equations[e].slopes.get(i, ZERO) for i in step.unknowns] for e in step.equations)
-            found.append(Factors([list(row) for row in rows]))
-        return found
-
-    def _resolve(self, given: Sequence[Any], rates: Numbers, speeds: bool = False) -> dict[int, Any]:
-        """Return speeds or accelerations of the coordinates for those of the variables."""
-        count = len(self.strokes)
-        found = dict(zip(self.mechanism.passive, given[count:], strict=True))
-        wanted = {bar.name: x for bar, x in zip(self.mechanism.actuators, given[:count], strict=True)}
-        for step, factors in zip(self.closure.steps, self._factors, strict=True):
-            right = []
-            for e in step.equations:
-                equation = self._equations[e]
-                rest = ZERO if equation.bar is None else wanted.get(equation.bar.name, ZERO)
-                if not speeds:
-                    rest = rest - self._drift(e, rates)
-                for i, slope in equation.slopes.items():
-                    if i not in step.unknowns:
-                        rest = rest - slope * found.get(i, ZERO)
-                right.append(rest)
-            if factors is None:
-                slope = self._equations[step.equations[0]].slopes[step.unknowns[0]]
-                found[step.unknowns[0]] = right[0] / slope
-            else:
-                found.update(zip(step.unknowns, factors.solve(right), strict=True))
-        return found
-
-    def _drift(self, e: int, rates: Numbers) -> Any:
-        """Return the second derivative of an equation's distance without accelerations of coordinates."""
-        equation = self._equations[e]
-        if equation.bar is not None and equation.bar.slide is not None:
-            return ZERO
-        if all(is_zero(rates.get(i, ZERO)) for i in equation.slopes):
-            return ZERO
-        ends = row_ends(self.mechanism, self.closure.rows[e])
-        relative = Relative(self.pose, *ends, rates, {})
-        along = dot(equation.u, relative.acceleration())
-        if equation.bar is None:
-            return along
-        speed = relative.speed()
-        across = subtract(speed, scale(dot(equation.u, speed), equation.u))
-        return along + dot(across, across) / equation.distance
-
-    # ---- forces ------------------------------------------------------------------------
+    def _bars(self) -> list[BarInertia]:
+        """The bars with an inertia of their own."""
+        pairs = zip(self.mechanism.bars, self._equations.all, strict=False)
+        return [BarInertia(bar, equation) for bar, equation in pairs if bar.has_mass]
 
     def _forces(self, v: Sequence[Any], a: Sequence[Any], gravity: Vector) -> list[Any]:
-        rates = self._resolve(v, {}, speeds=True)
-        growths = self._resolve(a, rates)
+        """Return the forces of the variables for a motion, with an acceleration of free fall."""
+        frames = self.mechanism.frames
+        rates = self._equations.speeds(v)
+        growths = self._equations.accelerations(a, rates)
         motions = self._motions(rates, growths, gravity)
-        count = len(self.mechanism.frames)
+        count = len(frames)
         forces, moments = [NONE] * count, [NONE] * count
         for i in range(1, count):
-            forces[i], moments[i] = _wrench(self.pose, i, self.mechanism.frames[i].inertia, motions[i])
-        for bar, equation in zip(self.mechanism.bars, self._equations, strict=False):
-            if not bar.has_mass:
-                continue
-            at_start, at_end = self._bar_forces(bar, equation, motions)
-            for end, force in ((bar.start, at_start), (bar.end, at_end)):
+            forces[i], moments[i] = _wrench(self.pose, i, frames[i].inertia, motions[i])
+        axial = dict[str, Any]()
+        names = (bar.name for bar in self.mechanism.actuators)
+        strokes = dict(zip(names, zip(v, a, strict=True), strict=False))
+        for inertia in self._bars:
+            bar = inertia.bar
+            *at_ends, axial[bar.name] = inertia.forces(
+                motions[bar.start.frame],
+                motions[self.mechanism.carrier(bar.start.frame, bar.end.frame)],
+                strokes.get(bar.name, (ZERO, ZERO)),
+                rates,
+                growths,
+            )
+            for end, force in zip((bar.start, bar.end), at_ends, strict=True):
                 forces[end.frame] = add(forces[end.frame], force)
                 moments[end.frame] = add(moments[end.frame], cross(self.pose.reach(end), force))
+        along, rest = self._equations.forces(self._torques(forces, moments))
+        found = []
+        for bar, a_i in zip(self.mechanism.actuators, a, strict=False):
+            force = along[bar.name] + axial.get(bar.name, ZERO)
+            found.append(force - bar.rod_m * a_i if bar.slide is not None else force)
+        return [*found, *(rest[i] for i in self.mechanism.passive)]
+
+    def _torques(self, forces: list[Vector], moments: list[Vector]) -> dict[int, Any]:
+        """Return the torques or forces of the coordinates for wrenches of the frames, the last ones first."""
         torques = dict[int, Any]()
-        for i in range(count - 1, 0, -1):
+        for i in range(len(forces) - 1, 0, -1):
             frame = self.mechanism.frames[i]
             if frame.coordinate is not None:
-                torques[frame.coordinate] = dot(
-                    self.pose.axis(i), forces[i] if frame.slides else moments[i]
-                )
+                along = forces[i] if frame.slides else moments[i]
+                torques[frame.coordinate] = dot(self.pose.axis(i), along)
             moment = add(moments[i], cross(self.pose.arm(i), forces[i]))
             forces[frame.parent] = add(forces[frame.parent], forces[i])
             moments[frame.parent] = add(moments[frame.parent], moment)
-        return self._actuator_forces(torques, a)
+        return torques
 
     def _motions(self, rates: Numbers, growths: Numbers, gravity: Vector) -> list[Motion]:
         """Return the motions of all frames; weight is an upward acceleration of the ground."""
@@ -204,48 +157,6 @@ class Dynamics:
             motions.append(carry(self.pose, motions[frame.parent], i, dict(rates), dict(growths)))
         return motions
 
-    def _bar_forces(self, bar: Bar, equation: _Equation, motions: Sequence[Motion]) -> tuple[Vector, Vector]:
-        """Return the forces at both ends of a bar that its inertia requires, without a force along it."""
-        u, L = equation.u, equation.distance
-        start, end = motions[bar.start.frame], motions[bar.end.frame]
-        reach = self.pose.reach(bar.start), self.pose.reach(bar.end)
-        v = subtract(end.speed_at(reach[1]), start.speed_at(reach[0]))
-        a_start, a_end = start.acceleration_at(reach[0]), end.acceleration_at(reach[1])
-        omega = scale(ONE / L, cross(u, v))
-        a = subtract(a_end, a_start)
-        coriolis = scale(dot(u, v), cross(omega, u))
-        alpha = scale(ONE / L, cross(u, subtract(a, add(coriolis, coriolis))))
-        turning = swing(omega, alpha, u)  # acceleration per distance along the bar
-        housing = scale(bar.m, add(a_start, scale(bar.c, turning)))
-        rod = scale(bar.rod_m, subtract(a_end, scale(bar.rod_c, turning)))
-        moment = scale(bar.J + bar.rod_J, alpha)
-        lever = subtract(scale(bar.c, housing), scale(bar.rod_c, rod))
-        lever = add(subtract(lever, scale(dot(u, lever), u)), cross(moment, u))
-        shift = scale(ONE / L, lever)
-        return subtract(housing, shift), add(rod, shift)
-
-    def _actuator_forces(self, torques: dict[int, Any], a: Sequence[Any]) -> list[Any]:
-        """Return forces of the variables from those of the coordinates, the last step first."""
-        along = dict[str, Any]()
-        for step, factors in reversed(list(zip(self.closure.steps, self._factors, strict=True))):
-            right = [torques[i] for i in step.unknowns]
-            equations = [self._equations[e] for e in step.equations]
-            if factors is None:
-                found = [right[0] / equations[0].slopes[step.unknowns[0]]]
-            else:
-                found = factors.solve_transposed(right)
-            for equation, force in zip(equations, found, strict=True):
-                for i, slope in equation.slopes.items():
-                    if i not in step.unknowns:
-                        torques[i] = torques[i] - slope * force
-                if equation.bar is not None:
-                    along[equation.bar.name] = force
-        strokes = [
-            along[bar.name] - bar.rod_m * a_i
-            for bar, a_i in zip(self.mechanism.actuators, a, strict=False)
-        ]
-        return [*strokes, *(torques[i] for i in self.mechanism.passive)]
-
     def _moment(self) -> Vector:
         """Return the sum of mass times position, kg m."""
         total = NONE
@@ -254,11 +165,10 @@ class Dynamics:
             origin[i] = add(origin[frame.parent], self.pose.arm(i))
             total = add(total, scale(frame.inertia.m, origin[i]))
             total = add(total, turn(self.pose.rotation(i), frame.inertia.S))
-        for bar, equation in zip(self.mechanism.bars, self._equations, strict=False):
-            if bar.has_mass:
-                start, end = (add(origin[e.frame], self.pose.reach(e)) for e in (bar.start, bar.end))
-                total = add(total, scale(bar.m, add(start, scale(bar.c, equation.u))))
-                total = add(total, scale(bar.rod_m, subtract(end, scale(bar.rod_c, equation.u))))
+        for inertia in self._bars:
+            start = inertia.bar.start
+            total = add(total, scale(inertia.m, add(origin[start.frame], self.pose.reach(start))))
+            total = add(total, scale(inertia.S, inertia.equation.u))
         return total
 
 

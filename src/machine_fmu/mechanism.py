@@ -141,6 +141,11 @@ class Mechanism:
         return sum(frame.coordinate is not None for frame in self.frames)
 
     @property
+    def is_plane(self) -> bool:
+        """Whether it moves in the plane."""
+        return self.machine.dimensions == 2
+
+    @property
     def actuators(self) -> tuple[Bar, ...]:
         """The bars that are actuators."""
         return tuple(bar for bar in self.bars if bar.is_actuator)
@@ -162,6 +167,10 @@ class Mechanism:
         of_a, of_b = self.ancestors(a), self.ancestors(b)
         common = set(of_a) & set(of_b)
         return [f for f in reversed(of_a) if f not in common], [f for f in reversed(of_b) if f not in common]
+
+    def carrier(self, a: int, b: int) -> int:
+        """Return the last common carrier of two frames."""
+        return next(f for f in self.ancestors(a) if f in self.ancestors(b))
 
 
 def assemble(machine: Machine, values: Values | None = None, payload: Any = None) -> Mechanism:
