@@ -8,7 +8,7 @@ from typing import Any
 from fmublock import sqrt
 
 from .description import Machine, MachineError
-from .exact import MINUS_ONE, ONE, is_zero, plain
+from .exact import MINUS_ONE, ONE, Exact, is_zero, plain
 from .linear import Factors
 from .mechanism import AXES, Bar, End, Mechanism, assemble
 from .pose import Angle, Pose, direction
@@ -129,7 +129,10 @@ def row_slopes(pose: Pose, row: Row, u: Vector) -> dict[int, Any]:
     """Return the derivatives of an equation with respect to the coordinates that it depends on."""
     if row.bar >= 0 and (slide := pose.mechanism.bars[row.bar].slide) is not None:
         return {_coordinate(pose.mechanism, slide): ONE}
-    slopes = {i: dot(u, lever) for i, (lever, _) in row_levers(pose, row).items()}
+    slopes = {
+        i: dot(u, lever) if arm is NONE else dot(pose.axis(pose.mechanism.frame_of(i)), cross(arm, u))
+        for i, (lever, arm) in row_levers(pose, row).items()
+    }
     return {i: slope for i, slope in slopes.items() if not is_zero(slope)}
 
 
@@ -244,7 +247,7 @@ def _explicit(pose: Pose, bar: Bar, coordinate: int, side: int, length: Any) -> 
 
     `side` is the sign of the slope of the length.
     """
-    mechanism = pose.mechanism
+    mechanism, sign = pose.mechanism, ONE if side > 0 else MINUS_ONE
     number = mechanism.frame_of(coordinate)
     frame = mechanism.frames[number]
     moving, fixed = (bar.end, bar.start) if bar.end.frame == number else (bar.start, bar.end)
@@ -258,11 +261,11 @@ def _explicit(pose: Pose, bar: Bar, coordinate: int, side: int, length: Any) -> 
         d = subtract(moving.at, w)
         along = dot(frame.axis, d)
         across = subtract(d, scale(along, frame.axis))
-        return side * sqrt(plain(length * length - dot(across, across))) - along
-    return _triangle(frame.axis, w, moving.at, side, length)
+        return sign * sqrt(plain(length * length - dot(across, across))) - along
+    return _triangle(frame.axis, w, moving.at, sign, length)
 
 
-def _triangle(axis: Vector, w: Vector, b: Vector, side: int, length: Any) -> Angle:
+def _triangle(axis: Vector, w: Vector, b: Vector, sign: Exact, length: Any) -> Angle:
     """Return the angle about an axis that brings the pin at b to the distance `length` from the pin at w."""
     e_1, e_2 = _across(axis)
     w_1, w_2, b_1, b_2 = dot(e_1, w), dot(e_2, w), dot(e_1, b), dot(e_2, b)
@@ -270,7 +273,7 @@ def _triangle(axis: Vector, w: Vector, b: Vector, side: int, length: Any) -> Ang
     a_square, b_square = w_1 * w_1 + w_2 * w_2, b_1 * b_1 + b_2 * b_2
     ab = norm((w_1, w_2, 0.0)) * norm((b_1, b_2, 0.0))
     cosine = (a_square + b_square + h * h - length * length) / (2.0 * ab)
-    sine = side * sqrt(plain(1.0 - cosine * cosine))
+    sine = sign * sqrt(plain(1.0 - cosine * cosine))
     # from the direction of the moving pin at an angle of 0 to that of the fixed pin
     c, s = (w_1 * b_1 + w_2 * b_2) / ab, (w_2 * b_1 - w_1 * b_2) / ab
     return Angle(c * cosine - s * sine, s * cosine + c * sine)

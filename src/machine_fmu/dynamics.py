@@ -15,6 +15,7 @@ from .closure import ITERATIONS, Closure, solve_pose
 from .equations import Equations, Numbers
 from .exact import ONE, ZERO, plain
 from .linear import solve_symmetric
+from .mass import coordinate_masses
 from .mechanism import Inertia, Mechanism
 from .pose import Motion, Pose, carry, swing
 from .vectors import NONE, Vector, add, cross, dot, is_none, scale, turn, turn_back
@@ -69,11 +70,22 @@ class Dynamics:
         return self.inverse(v, [ZERO] * self.variables)
 
     def mass_matrix(self) -> list[list[Any]]:
-        """Return M as a list of rows; its columns are the forces for unit accelerations at rest."""
-        n = self.variables
-        zeros = [ZERO] * n
-        columns = [self._forces(zeros, [ONE if i == k else ZERO for i in range(n)], NONE) for k in range(n)]
-        return [[plain(columns[min(i, j)][max(i, j)]) for j in range(n)] for i in range(n)]
+        """Return M as a list of rows."""
+        n, strokes = self.variables, self.mechanism.actuators
+        M = coordinate_masses(self.pose, self._bars)
+        columns = [self._equations.speeds([ONE if i == k else ZERO for i in range(n)]) for k in range(n)]
+        rows: list[list[Any]] = [[ZERO] * n for _ in range(n)]
+        for j, column in enumerate(columns):
+            momenta = {
+                i: dot([M[max(i, k)][min(i, k)] for k in column], list(column.values()))
+                for i in range(len(M))
+            }
+            for i in range(j, n):
+                mass = dot(list(columns[i].values()), [momenta[k] for k in columns[i]])
+                if i == j < len(strokes) and strokes[i].slide is not None:
+                    mass = mass - strokes[i].rod_m
+                rows[i][j] = rows[j][i] = plain(mass)
+        return rows
 
     def forward(self, v: Sequence[Any], force: Sequence[Any], reflected: Sequence[Any] = ()) -> list[Any]:
         """Return the accelerations under forces; `reflected` is a further inertia of each variable."""

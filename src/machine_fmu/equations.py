@@ -6,7 +6,7 @@ from functools import cached_property
 from typing import Any
 
 from .closure import Closure, Row, row_direction, row_ends, row_levers, row_slopes
-from .exact import ONE, ZERO, is_zero
+from .exact import MINUS_ONE, ONE, ZERO, is_zero
 from .linear import Factors
 from .mechanism import Bar
 from .pose import Pose, Relative
@@ -49,6 +49,15 @@ class Equation:
             found = {i: cross(self.u, lever) for i, (lever, _) in levers.items() if i not in turning}
             return found | {i: (ZERO, ZERO, dot(self.u, arm)) for i, arm in turning.items()}
         return {i: cross(self.u, lever) for i, (lever, _) in levers.items()}
+
+    @cached_property
+    def start_speeds(self) -> dict[int, Vector]:
+        """The velocity of the start relative to the carrier of both ends per speed of each coordinate."""
+        start, end = row_ends(self.pose.mechanism, self.row)
+        path, _ = self.pose.mechanism.paths(start.frame, end.frame)
+        own = {self.pose.mechanism.frames[frame].coordinate for frame in path}
+        levers = row_levers(self.pose, self.row)
+        return {i: scale(MINUS_ONE, lever) for i, (lever, _) in levers.items() if i in own}
 
     def turning(self, rates: Numbers) -> Vector:
         """Return the angular velocity of the bar relative to the last common carrier of its ends, rad/s."""

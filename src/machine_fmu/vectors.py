@@ -69,6 +69,13 @@ def turn_back(R: Matrix, a: Vector) -> Vector:
     return tuple(R[0][i] * a[0] + R[1][i] * a[1] + R[2][i] * a[2] for i in range(3))  # type: ignore[return-value]
 
 
+def turn_tensor(R: Matrix, J: Matrix) -> Matrix:
+    """Return R J R^T of a symmetric J: an inertia in the outer frame."""
+    half = [tuple(dot(R[i], J[k]) for k in range(3)) for i in range(3)]  # R J
+    lower = [[dot(half[i], R[j]) for j in range(i + 1)] for i in range(3)]
+    return tuple(tuple(lower[max(i, j)][min(i, j)] for j in range(3)) for i in range(3))  # type: ignore[return-value]
+
+
 def compose(R: Matrix, S: Matrix) -> Matrix:
     """Return the rotation R S."""
     if _is_about_z(R) and _is_about_z(S):  # each element once
