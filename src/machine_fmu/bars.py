@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from .equations import Equation, Numbers
-from .exact import ZERO, is_zero
+from .exact import ONE, ZERO, is_zero
 from .mechanism import Bar
 from .pose import Motion, swing
 from .vectors import NONE, Vector, add, cross, dot, is_none, scale, subtract
@@ -62,7 +62,7 @@ class BarInertia:
         force = add(scale(self.m, a), add(scale(along, u), cross(across, u)))
         moment = add(scale(self.S, cross(u, a)), scale(self.J, alpha))
         moment = add(moment, scale(self.rod_S * twice, omega))
-        at_end = cross(scale(1.0 / equation.distance, moment), u)
+        at_end = cross(scale(ONE / equation.distance, moment), u)
         return subtract(force, at_end), at_end, self.rod_m * dot(u, a) - self.rod_S * squared
 
     def _turn(self, carrier: Motion, speed: Any, rates: Numbers, growths: Numbers) -> tuple[Vector, Vector]:
@@ -73,14 +73,14 @@ class BarInertia:
         for i, turn in equation.turns.items():
             gain = add(gain, scale(growths.get(i, ZERO), turn))
         if not is_none(relative):
-            gain = add(gain, cross(u, equation.acceleration(rates)))
+            gain = add(gain, equation.acceleration(rates)[1])
         if equation.pose.mechanism.is_plane:
             gain = subtract(gain, scale(speed + speed, relative))
-            return add(carrier.omega, relative), add(carrier.alpha, scale(1.0 / L, gain))
+            return add(carrier.omega, relative), add(carrier.alpha, scale(ONE / L, gain))
         about = carrier.omega
         omega = add(relative, subtract(about, scale(dot(u, about), u)))
         reach = scale(L, u)
         v = add(scale(speed, u), scale(L, cross(relative, u)))
         more = add(swing(about, carrier.alpha, reach), scale(2.0, cross(about, v)))
         more = subtract(more, scale(speed + speed, cross(omega, u)))
-        return omega, scale(1.0 / L, add(gain, cross(u, more)))
+        return omega, scale(ONE / L, add(gain, cross(u, more)))

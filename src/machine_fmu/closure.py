@@ -8,10 +8,10 @@ from typing import Any
 from fmublock import sqrt
 
 from .description import Machine, MachineError
-from .exact import MINUS_ONE, ONE, Exact, is_zero, plain
+from .exact import MINUS_ONE, ONE, ZERO, Exact, is_zero, plain
 from .linear import Factors
 from .mechanism import AXES, Bar, End, Mechanism, assemble
-from .pose import Angle, Pose, direction
+from .pose import Angle, Lever, Pose, direction
 from .structure import Step, StructureError, order_steps
 from .vectors import NONE, Vector, add, cross, dot, norm, scale, subtract, turn_back
 
@@ -161,8 +161,7 @@ def solve_pose(
         if step.unknowns[0] in closure.sides:
             coordinate, row = step.unknowns[0], closure.rows[step.equations[0]]
             bar = mechanism.bars[row.bar]
-            value = _explicit(pose, bar, coordinate, closure.sides[coordinate], lengths[bar.name])
-            pose.values[coordinate] = value
+            _close(pose, bar, coordinate, closure.sides[coordinate], lengths[bar.name])
             continue
         x = [guess[i] for i in step.unknowns]
         rows = [closure.rows[e] for e in step.equations]
@@ -242,8 +241,8 @@ def _side(pose: Pose, rows: Sequence[Row], step: Step) -> int | None:
     return 1 if slope > 0.0 else -1
 
 
-def _explicit(pose: Pose, bar: Bar, coordinate: int, side: int, length: Any) -> Any:
-    """Return the coordinate that the length of a bar determines, if a slide or a triangle does it.
+def _close(pose: Pose, bar: Bar, coordinate: int, side: int, length: Any) -> None:
+    """Add the coordinate that the length of a bar determines by a slide or a triangle.
 
     `side` is the sign of the slope of the length.
     """
@@ -255,28 +254,36 @@ def _explicit(pose: Pose, bar: Bar, coordinate: int, side: int, length: Any) -> 
         w = turn_back(frame.rotation, subtract(fixed.at, frame.at))
     else:
         w = turn_back(pose.base_rotation(number), pose.apart(End(frame.parent, frame.at), fixed))
+    if not frame.slides:
+        angle, slope, along = _triangle(frame.axis, w, moving.at, sign, length)
+        pose.values[coordinate], pose.levers[bar.name] = angle, Lever(coordinate, slope, along)
+        return
+    d = subtract(moving.at, w)
+    along = dot(frame.axis, d)
     if bar.slide is not None:
-        return length - dot(frame.axis, subtract(moving.at, w))
-    if frame.slides:
-        d = subtract(moving.at, w)
-        along = dot(frame.axis, d)
-        across = subtract(d, scale(along, frame.axis))
-        return sign * sqrt(plain(length * length - dot(across, across))) - along
-    return _triangle(frame.axis, w, moving.at, sign, length)
+        pose.values[coordinate] = length - along
+        return
+    across = subtract(d, scale(along, frame.axis))
+    pose.values[coordinate] = sign * sqrt(plain(length * length - dot(across, across))) - along
 
 
-def _triangle(axis: Vector, w: Vector, b: Vector, sign: Exact, length: Any) -> Angle:
-    """Return the angle about an axis that brings the pin at b to the distance `length` from the pin at w."""
+def _triangle(axis: Vector, w: Vector, b: Vector, sign: Exact, length: Any) -> tuple[Angle, Any, Any]:
+    """Return the angle about an axis that brings the pin at b to the distance `length` from the pin at w.
+
+    The others are the derivative of the length, and the part of b along the bar in the plane, as in `Lever`.
+    """
     e_1, e_2 = _across(axis)
     w_1, w_2, b_1, b_2 = dot(e_1, w), dot(e_2, w), dot(e_1, b), dot(e_2, b)
     h = dot(axis, subtract(w, b))
     a_square, b_square = w_1 * w_1 + w_2 * w_2, b_1 * b_1 + b_2 * b_2
-    ab = norm((w_1, w_2, 0.0)) * norm((b_1, b_2, 0.0))
-    cosine = (a_square + b_square + h * h - length * length) / (2.0 * ab)
+    ab = norm((w_1, w_2, ZERO)) * norm((b_1, b_2, ZERO))
+    cosine = (a_square + b_square + h * h - length * length) * (0.5 / ab)  # the factor is constant, mostly
     sine = sign * sqrt(plain(1.0 - cosine * cosine))
     # from the direction of the moving pin at an angle of 0 to that of the fixed pin
     c, s = (w_1 * b_1 + w_2 * b_2) / ab, (w_2 * b_1 - w_1 * b_2) / ab
-    return Angle(c * cosine - s * sine, s * cosine + c * sine)
+    angle = Angle(c * cosine - s * sine, s * cosine + c * sine)
+    along = (b_square - a_square + length * length) / (2.0 * length)
+    return angle, ab * sine / length, along
 
 
 def _across(axis: Vector) -> tuple[Vector, Vector]:

@@ -9,7 +9,7 @@ from .closure import Closure, Row, row_direction, row_ends, row_levers, row_slop
 from .exact import MINUS_ONE, ONE, ZERO, is_zero
 from .linear import Factors
 from .mechanism import Bar
-from .pose import Pose, Relative
+from .pose import Lever, Pose, Relative
 from .vectors import NONE, Vector, add, cross, dot, scale
 
 Numbers = Mapping[int, Any]
@@ -34,11 +34,17 @@ class Equation:
         """Compute direction and slopes."""
         self.distance, self.u = row_direction(self.pose, self.row, self.length)
         self.slopes = row_slopes(self.pose, self.row, self.u)
+        if self._lever is not None:
+            self.slopes[self._lever.coordinate] = self._lever.slope
 
     @property
     def bar(self) -> Bar | None:
         """Its bar; None for a loop."""
         return self.pose.mechanism.bars[self.row.bar] if self.row.bar >= 0 else None
+
+    @property
+    def _lever(self) -> Lever | None:
+        return None if self.bar is None else self.pose.levers.get(self.bar.name)
 
     @cached_property
     def turns(self) -> dict[int, Vector]:
@@ -47,7 +53,10 @@ class Equation:
         if self.pose.mechanism.is_plane:
             turning = {i: arm for i, (_, arm) in levers.items() if arm is not NONE}
             found = {i: cross(self.u, lever) for i, (lever, _) in levers.items() if i not in turning}
-            return found | {i: (ZERO, ZERO, dot(self.u, arm)) for i, arm in turning.items()}
+            found |= {i: (ZERO, ZERO, dot(self.u, arm)) for i, arm in turning.items()}
+            if self._lever is not None:
+                found[self._lever.coordinate] = ZERO, ZERO, self._lever.along
+            return found
         return {i: cross(self.u, lever) for i, (lever, _) in levers.items()}
 
     @cached_property
@@ -73,17 +82,24 @@ class Equation:
             return ZERO
         if all(is_zero(rates.get(i, ZERO)) for i in self.slopes):
             return ZERO
-        along = dot(self.u, self.acceleration(rates))
+        along, _ = self.acceleration(rates)
         if bar is None:
             return along
         omega = self.turning(rates)
         return along + self.distance * dot(omega, omega)
 
-    def acceleration(self, rates: Numbers) -> Vector:
-        """Return the acceleration of the ends from each other without accelerations of coordinates, m/s2."""
-        ends = row_ends(self.pose.mechanism, self.row)
-        return Relative(self.pose, *ends, dict(rates), {}).acceleration()
+    def acceleration(self, rates: Numbers) -> tuple[Any, Vector]:
+        """Return how the ends accelerate from each other without accelerations of coordinates, m/s2.
 
+        The first is the part along the direction u, the second the vector product of u and the acceleration.
+        """
+        if self._lever is not None and len(self.slopes) == 1 and self.pose.mechanism.is_plane:
+            rate = rates.get(self._lever.coordinate, ZERO)
+            squared = rate * rate
+            return -(squared * self._lever.along), (ZERO, ZERO, squared * self._lever.slope)
+        ends = row_ends(self.pose.mechanism, self.row)
+        a = Relative(self.pose, *ends, dict(rates), {}).acceleration()
+        return dot(self.u, a), cross(self.u, a)
 
 class Equations:
     """All equations of a closure in a pose.
@@ -114,10 +130,7 @@ class Equations:
         rest, along = dict(torques), dict[str, Any]()
         for step, factors in reversed(list(zip(self._closure.steps, self._factors, strict=True))):
             equations = [self.all[e] for e in step.equations]
-            if factors is None:
-                forces = [rest[step.unknowns[0]] / equations[0].slopes[step.unknowns[0]]]
-            else:
-                forces = factors.solve_transposed([rest[i] for i in step.unknowns])
+            forces = factors.solve_transposed([rest[i] for i in step.unknowns])
             for equation, force in zip(equations, forces, strict=True):
                 for i, slope in equation.slopes.items():
                     if i not in step.unknowns:
@@ -127,13 +140,12 @@ class Equations:
         return along, rest
 
     @cached_property
-    def _factors(self) -> list[Factors | None]:
-        """The slopes of each step with several coordinates, as factors."""
-        factors = list[Factors | None]()
-        for step in self._closure.steps:
-            rows = [[self.all[e].slopes.get(i, ZERO) for i in step.unknowns] for e in step.equations]
-            factors.append(Factors(rows) if len(rows) > 1 else None)
-        return factors
+    def _factors(self) -> list[Factors]:
+        """The slopes of each step as factors."""
+        return [
+            Factors([[self.all[e].slopes.get(i, ZERO) for i in step.unknowns] for e in step.equations])
+            for step in self._closure.steps
+        ]
 
     def _resolve(self, given: Sequence[Any], drifts: Sequence[Any]) -> dict[int, Any]:
         """Return speeds or accelerations of the coordinates for those of the variables."""
@@ -150,9 +162,5 @@ class Equations:
                     if i not in step.unknowns:
                         rest = rest - slope * found.get(i, ZERO)
                 right.append(rest)
-            if factors is None:
-                slope = self.all[step.equations[0]].slopes[step.unknowns[0]]
-                found[step.unknowns[0]] = right[0] / slope
-            else:
-                found.update(zip(step.unknowns, factors.solve(right), strict=True))
+            found.update(zip(step.unknowns, factors.solve(right), strict=True))
         return found

@@ -5,7 +5,7 @@ from typing import Any
 
 from fmublock import sqrt, where
 
-from .exact import ZERO, is_zero, plain
+from .exact import ONE, ZERO, is_zero, plain
 from .vectors import dot
 
 Rows = list[list[Any]]
@@ -32,6 +32,7 @@ class Factors:
                 reflected = self._reflect(k, [self._R[i][j] for i in range(k, n)])
                 for i, x in enumerate(reflected, k):
                     self._R[i][j] = x if j > k or i == k else ZERO
+        self._inverse = [ONE / self._R[i][i] for i in range(n)]
 
     def solve(self, b: Sequence[Any]) -> list[Any]:
         """Return x with A x = b."""
@@ -39,14 +40,14 @@ class Factors:
         for k in range(n):
             x[k:] = self._reflect(k, x[k:])
         for i in reversed(range(n)):
-            x[i] = (x[i] - dot(self._R[i][i + 1 :], x[i + 1 :])) / self._R[i][i]
+            x[i] = (x[i] - dot(self._R[i][i + 1 :], x[i + 1 :])) * self._inverse[i]
         return x
 
     def solve_transposed(self, b: Sequence[Any]) -> list[Any]:
         """Return x with A^T x = b."""
         n, x = len(b), list(b)
         for i in range(n):
-            x[i] = (x[i] - dot([self._R[j][i] for j in range(i)], x[:i])) / self._R[i][i]
+            x[i] = (x[i] - dot([self._R[j][i] for j in range(i)], x[:i])) * self._inverse[i]
         for k in reversed(range(n)):
             x[k:] = self._reflect(k, x[k:])
         return x
@@ -78,15 +79,17 @@ def solve_symmetric(M: Sequence[Sequence[Any]], b: Sequence[Any]) -> list[Any]:
     """Solve M x = b for a symmetric, positive definite matrix by M = L D L^T; M's upper triangle is not used."""
     n = len(b)
     L: Rows = [[ZERO] * n for _ in range(n)]
-    D, x = [ZERO] * n, list(b)
+    inverse, x = [ZERO] * n, list(b)
     for j in range(n):
-        scaled = [L[j][k] * D[k] for k in range(j)]
-        D[j] = M[j][j] - dot(scaled, L[j][:j])
+        scaled = [L[j][k] for k in range(j)]  # of L D, until its columns are divided
+        for k in range(j):
+            L[j][k] = scaled[k] * inverse[k]
+        inverse[j] = 1.0 / (M[j][j] - dot(scaled, L[j][:j]))
         for i in range(j + 1, n):
-            L[i][j] = (M[i][j] - dot(L[i][:j], scaled)) / D[j]
+            L[i][j] = M[i][j] - dot(L[i][:j], L[j][:j])
         x[j] = x[j] - dot(L[j][:j], x[:j])
     for j in range(n):
-        x[j] = x[j] / D[j]
+        x[j] = x[j] * inverse[j]
     for j in reversed(range(n)):
         x[j] = x[j] - dot([L[i][j] for i in range(j + 1, n)], x[j + 1 :])
     return x

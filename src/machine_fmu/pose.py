@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 from fmublock import cos, sin
 
-from .exact import ZERO, is_zero, plain
+from .exact import ONE, ZERO, is_zero, plain
 from .mechanism import Bar, End, Mechanism
 from .vectors import (
     IDENTITY,
@@ -37,15 +37,28 @@ class Angle(NamedTuple):
         return cls(cos(plain(angle)), sin(plain(angle)))
 
 
+class Lever(NamedTuple):
+    """The triangle of a bar and the frame that it turns."""
+
+    coordinate: int
+    slope: Any
+    """Length of the bar per angle, m: the distance of the frame's axis from the bar."""
+    along: Any
+    """Part of the moving pin's arm along the bar, m."""
+
+
 @dataclass
 class Pose:
     """Positions of frames, as far as their coordinates are known.
 
     `values` has coordinates by number: an `Angle` of a frame that turns, a distance of one that slides.
+    `levers` has triangles by bar; they do not wait for the positions of pins, so that processors can compute
+    both at the same time.
     """
 
     mechanism: Mechanism
     values: dict[int, Any] = field(default_factory=dict)
+    levers: dict[str, Lever] = field(default_factory=dict)
     _rotations: dict[int, Matrix] = field(default_factory=dict, repr=False)
     _arms: dict[int, Vector] = field(default_factory=dict, repr=False)
     _axes: dict[int, Vector] = field(default_factory=dict, repr=False)
@@ -121,7 +134,7 @@ def direction(pose: Pose, bar: Bar, length: Any = None) -> Direction:
         axis = pose.axis(bar.slide)
         return Direction(dot(axis, apart) if length is None else length, axis)
     length = norm(apart) if length is None else length
-    return Direction(length, (apart[0] / length, apart[1] / length, apart[2] / length))
+    return Direction(length, scale(ONE / length, apart))
 
 
 @dataclass
