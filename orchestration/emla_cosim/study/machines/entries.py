@@ -49,6 +49,25 @@ def numbers(unit: str, about: str, example: Any = None, counts: tuple[int, ...] 
     return describe(_about(about, unit), example, read=read)
 
 
+def joint_values(about: str, example: Any = None) -> msgspec.Meta:
+    """Annotate a list of angles in rad and distances in m, or a single one."""
+
+    def read(value: Any, at: Location, folder: Path | None) -> tuple[float, ...]:
+        items = value if isinstance(value, (list, tuple)) else [value]
+        return tuple(_read_joint_value(x, at.item(i), folder) for i, x in enumerate(items, 1))
+
+    return describe(f"{about} [rad or m]", example, read=read)
+
+
+def _read_joint_value(value: Any, at: Location, folder: Path | None) -> float:
+    if isinstance(value, str):
+        try:
+            return read_quantity(value, at.label, "rad")
+        except CommandError:
+            return read_quantity(value, at.label, "m")
+    return convert_at(value, Annotated[float, quantity("")], at, folder)
+
+
 def point_table() -> msgspec.Meta:
     """Annotate a table of points by name."""
 

@@ -25,7 +25,7 @@ from machine_fmu.description import JointKind
 from ...base.errors import CommandError, check_choice
 from ...base.toml_structs import describe, dotted, quantity, read_toml
 from ...base.values import convert_value
-from .entries import number, numbers, point_table
+from .entries import joint_values, number, numbers, point_table
 
 _FOLDER = "emla_cosim.study.machines"
 
@@ -58,7 +58,7 @@ class BodyTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     rotation: Annotated[list[float], numbers("rad", "roll, pitch and yaw at 0", [0, 0, 0], (3,))] = (
         msgspec.field(default=(0.0, 0.0, 0.0))  # type: ignore[assignment]
     )
-    assembly: Annotated[list[float], numbers("", "joint coordinates of a pose in m and rad", 0.3)] = (
+    assembly: Annotated[list[float], joint_values("joint coordinates of a pose", "30 deg")] = (
         msgspec.field(default=())  # type: ignore[assignment]
     )
     passive: Annotated[bool, describe("whether the joint swings freely")] = False
