@@ -2,7 +2,7 @@
 
 Each actuator is a housing that turns about its first point, and a rod that slides in it; each link turns
 about its first point. That their other ends are points of bodies are constraints, so that nothing here knows
-of lengths, slopes, or triangles. Accelerations and forces are those of the equations of motion with
+of lengths, slopes, or triangles. Passive joints of one coordinate are variables after strokes. Accelerations and forces are those of the equations of motion with
 multipliers (KKT), which NumPy solves.
 """
 
@@ -38,10 +38,9 @@ class PinocchioMachine:
             m, at = machine.payload.m, machine.payload.at
             J = m * self._number(machine.payload.J)
             self._hang(at.partition(".")[0], m, self._point(at), np.diag([J, J, J]))
-        self.data = self.model.createData()
-        self.strokes = np.array([self.model.joints[j].idx_v for j in self._rods])
-        self.lengths = np.array([self._number(a.L_0) for a in machine.actuators.values()])
         self.start = self._start()
+        lengths = [self._number(a.L_0) for a in machine.actuators.values()]
+        self.lengths = np.array([*lengths, *[0.0] * (len(self._rods) - len(lengths))])
 
     def close(self, strokes: Sequence[float], parts: int = 8) -> Vector:
         """Return positions of all joints at strokes in m, from the assembly pose by Newton's method."""
@@ -208,7 +207,9 @@ class PinocchioMachine:
             zip(self._rods, self._rod_masses, strict=True),
             key=lambda pair: order.index(self.model.names[pair[0]].removesuffix(" rod")),
         )
-        self._rods, self._rod_masses = [r for r, _ in pairs], [m for _, m in pairs]
+        passive = [self._joints[name] for name, body in self.machine.bodies.items() if body.joint.is_passive]
+        self._rods = [*(rod for rod, _ in pairs), *passive]
+        self._rod_masses = [*(m for _, m in pairs), *(0.0 for _ in passive)]
         self.data = self.model.createData()
         self.strokes = np.array([self.model.joints[j].idx_v for j in self._rods])
         q = pin.neutral(self.model)
