@@ -3,6 +3,7 @@
 Numbers can be floats or symbols of CasADi, so that one text gives the functions here and the blocks' FMUs.
 """
 
+from .blocks import MachineLoad, MachinePlant, load_block, plant_block
 from .closure import Closure, find_closure, reach_pose
 from .description import (
     GROUND,
@@ -30,6 +31,8 @@ __all__ = [
     "Link",
     "Machine",
     "MachineError",
+    "MachineLoad",
+    "MachinePlant",
     "Mechanism",
     "Parameter",
     "Payload",
@@ -37,5 +40,7 @@ __all__ = [
     "Strut",
     "assemble",
     "find_closure",
+    "load_block",
+    "plant_block",
     "reach_pose",
 ]

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from fmublock import sqrt
@@ -43,8 +43,8 @@ class Closure:
         steps: Groups of them, each with the coordinates that it determines.
         sides: 1 or -1 by coordinate: on which side of the fixed pin a triangle has its moving pin, or to
             which side a bar pushes a slide. Coordinates that are not here are found by Newton's method.
-        lengths: Lengths by bar in the assembly pose, m.
-        assembly: Coordinates of the assembly pose.
+        lengths: Lengths by bar in the assembly pose at the strokes of the start, m.
+        assembly: Coordinates of this pose.
     """
 
     rows: tuple[Row, ...]
@@ -79,14 +79,23 @@ def find_closure(machine: Machine) -> Closure:
         bar.name: float(plain(direction(pose, bar).length if bar.is_actuator else _link_length(pose, bar)))
         for bar in mechanism.bars
     }
-    everything = Closure(tuple(rows), tuple(steps), {}, lengths, guess)
-    assembly = _iterate_numbers(mechanism, everything, lengths, guess)
+    found = Closure(tuple(rows), tuple(steps), {}, lengths, guess)
+    found = replace(found, assembly=_iterate_numbers(mechanism, found, lengths, guess))
+    starts = {
+        bar.name: float(plain(bar.length)) + start
+        for bar in mechanism.actuators
+        if (start := machine.actuators[bar.name].start) is not None
+    }
+    if starts:
+        lengths = {**lengths, **starts}
+        found = replace(found, lengths=lengths, assembly=tuple(reach_pose(mechanism, found, lengths)))
+    assembly = found.assembly
     pose = Pose(mechanism).with_numbers(dict(enumerate(assembly)))
     sides = dict[int, int]()
     for step in steps:
         if (side := _side(pose, rows, step)) is not None:
             sides[step.unknowns[0]] = side
-    return Closure(tuple(rows), tuple(steps), sides, lengths, assembly)
+    return replace(found, sides=sides)
 
 
 def row_ends(mechanism: Mechanism, row: Row) -> tuple[End, End]:
@@ -167,6 +176,7 @@ def solve_pose(
         rows = [closure.rows[e] for e in step.equations]
         for _ in range(iterations):
             x, _ = _improve(pose, rows, step.unknowns, x, lengths)
+        pose.numbers.update(zip(step.unknowns, x, strict=True))
         pose.values.update({i: pose.value(i, x_i) for i, x_i in zip(step.unknowns, x, strict=True)})
     return pose
 

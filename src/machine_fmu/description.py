@@ -41,11 +41,23 @@ class MachineError(ValueError):
 
 @dataclass(frozen=True)
 class Parameter:
-    """A number with a name, which can vary."""
+    """A number with a name, which can vary.
+
+    Attributes:
+        value: Its value.
+        unit: Its unit.
+        about: Its meaning.
+        minimum: Lowest value, if there is one.
+        maximum: Highest value, if there is one.
+        symbol: Symbol in equations, as LaTeX; from its name by default.
+    """
 
     value: float
     unit: str = ""
     about: str = ""
+    minimum: float | None = None
+    maximum: float | None = None
+    symbol: str | None = None
 
 
 @dataclass(frozen=True)
@@ -127,7 +139,8 @@ class Actuator(Strut):
 
     `m` is the mass of both without the motor, which is fixed to the housing; `rod_share` of it is the rod's.
     `c` and `J` are those of housing and motor. `rod_c` is the distance of the rod's centre of mass from the
-    second point. The rod's inertia along the screw is in the equations of the actuator, not in those of the
+    second point. `start` is the stroke at the start of a run; without, that of the assembly pose. The rod's
+    inertia along the screw is in the equations of the actuator, not in those of the
     machine; its weight, and its inertia through the motion of what carries it, are here.
     """
 
@@ -137,6 +150,7 @@ class Actuator(Strut):
     rod_c: Number = 0.0
     rod_J: Number = 0.0
     stroke: tuple[Number, Number] = (0.0, 1.0)
+    start: float | None = None
 
 
 @dataclass(frozen=True)

@@ -123,9 +123,10 @@ class Mechanism:
         frames: Each follows its parent.
         bars: Actuators, then links.
         loops: Pairs of ends that coincide.
-        coordinates: Number of coordinates.
         passive: Coordinates that are free.
         gravity: Acceleration of free fall.
+        payload: Where the payload is.
+        actuator_masses: Masses of the actuators without their motors, kg.
     """
 
     machine: Machine
@@ -134,6 +135,8 @@ class Mechanism:
     loops: tuple[tuple[End, End], ...]
     passive: tuple[int, ...]
     gravity: Vector
+    payload: End | None
+    actuator_masses: tuple[Any, ...]
 
     @property
     def coordinates(self) -> int:
@@ -206,15 +209,19 @@ class _Assembly:
             (self._end(a, f"the loop '{name}'"), self._end(b, f"the loop '{name}'"))
             for name, (a, b) in machine.loops.items()
         )
+        at = None
         if machine.payload is not None:
             mass = exact(machine.payload.m) if payload is None else payload
             at = self._end(machine.payload.at, "the payload")
             self._hang(at.frame, mass, at.at, self._round(mass * self._number(machine.payload.J)))
         g = self._number(machine.gravity)
         down = (ZERO, -g, ZERO) if machine.dimensions == 2 else (ZERO, ZERO, -g)
-        return Mechanism(machine, tuple(self._frames), tuple(bars), loops, tuple(self._passive), down)
+        masses = tuple(self._number(actuator.m) for actuator in machine.actuators.values())
+        frames, passive = tuple(self._frames), tuple(self._passive)
+        return Mechanism(machine, frames, tuple(bars), loops, passive, down, at, masses)
 
     def _number(self, number: Number) -> Any:
+        """Return the value of a number of the description."""
         if not isinstance(number, str):
             return exact(number)
         name = number.removeprefix("-")

@@ -41,6 +41,9 @@ class ParameterTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_f
     value: Annotated[list[float], numbers("", "value in the unit", 1.15)]
     unit: Annotated[str, describe("its unit", "m")] = ""
     about: Annotated[str, describe("its meaning")] = ""
+    minimum: Annotated[float, quantity("", "lowest value", 0.001)] | None = None
+    maximum: Annotated[float, quantity("", "highest value", 1.0)] | None = None
+    symbol: Annotated[str, describe("symbol in equations, as LaTeX", "L_0")] | None = None
 
 
 class GroundTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -75,7 +78,7 @@ class BodyTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
 class StrutTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """What is between two points."""
 
-    start: Annotated[str, describe("point of the first body", "ground.pin")] = msgspec.field(name="from")
+    first: Annotated[str, describe("point of the first body", "ground.pin")] = msgspec.field(name="from")
     to: Annotated[str, describe("point of the second body", "boom.pin")]
 
 
@@ -93,6 +96,7 @@ class ActuatorTable(StrutTable, frozen=True, kw_only=True, forbid_unknown_fields
 
     length: Annotated[float | str, number("m", "distance of the points at stroke 0", 0.85)]
     stroke: Annotated[list[float], numbers("m", "lowest and highest stroke", [0.0, 0.5], (1, 2))]
+    start: Annotated[float, quantity("m", "stroke at the start; that of the assembly pose without")] | None = None
     m: Annotated[float | str, number("kg", "mass without motor", 156.5)] = 0.0
     motor_m: Annotated[float | str, number("kg", "mass of the motor", 45.0)] = 0.0
     rod_share: Annotated[float | str, number("", "fraction of m in the rod", 0.3)] = 0.3
@@ -175,7 +179,7 @@ def _machine(table: MachineTable) -> Machine:
         ground=table.ground.points,
         actuators={name: _actuator(entry) for name, entry in table.actuators.items()},
         links={name: _link(entry) for name, entry in table.links.items()},
-        loops={name: (entry.start, entry.to) for name, entry in table.loops.items()},
+        loops={name: (entry.first, entry.to) for name, entry in table.loops.items()},
         payload=None if payload is None else Payload(payload.at, payload.m, payload.J),
         parameters=dict(_parameters(table.parameters)),
         gravity=table.gravity,
@@ -186,7 +190,10 @@ def _parameters(tables: Mapping[str, ParameterTable]) -> Iterator[tuple[str, Par
     for name, table in tables.items():
         many = len(table.value) > 1
         for i, value in enumerate(table.value, 1):
-            yield f"{name}[{i}]" if many else name, Parameter(float(value), table.unit, table.about)
+            parameter = Parameter(
+                float(value), table.unit, table.about, table.minimum, table.maximum, table.symbol
+            )
+            yield f"{name}[{i}]" if many else name, parameter
 
 
 def _body(table: BodyTable) -> Body:
@@ -206,13 +213,13 @@ def _body(table: BodyTable) -> Body:
 
 
 def _link(table: LinkTable) -> Link:
-    return Link((table.start, table.to), table.m, table.c, table.J, table.length)
+    return Link((table.first, table.to), table.m, table.c, table.J, table.length)
 
 
 def _actuator(table: ActuatorTable) -> Actuator:
     low, high = (0.0, *table.stroke)[-2:]
     return Actuator(
-        ends=(table.start, table.to),
+        ends=(table.first, table.to),
         m=table.m,
         c=table.housing_c,
         J=table.housing_J,
@@ -222,4 +229,5 @@ def _actuator(table: ActuatorTable) -> Actuator:
         rod_c=table.rod_c,
         rod_J=table.rod_J,
         stroke=(low, high),
+        start=table.start,
     )
