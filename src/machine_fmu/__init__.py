@@ -3,6 +3,7 @@
 Numbers can be floats or symbols of CasADi, so that one text gives the functions here and the blocks' FMUs.
 """
 
+from .assembly import assemble
 from .blocks import MachineLoad, MachinePlant, load_block, plant_block
 from .closure import Closure, find_closure, reach_pose
 from .description import (
@@ -19,7 +20,7 @@ from .description import (
     Strut,
 )
 from .dynamics import Dynamics
-from .mechanism import Mechanism, assemble
+from .mechanism import Mechanism
 
 __all__ = [
     "GROUND",

@@ -11,12 +11,12 @@ from fmublock import Block, DefaultExperiment, Input, Output, Parameter, State
 from fmublock.variables import Variable
 
 from .actuators import actuator_parameters, screw_forces
-from .closure import Closure, find_closure
+from .assembly import assemble
+from .closure import ITERATIONS, Closure, find_closure
 from .description import Machine, MachineError
 from .dynamics import Dynamics
 from .exact import ZERO, plain
 from .linear import solve_symmetric
-from .mechanism import assemble
 from .naming import Group, group_parameters, name_numbers
 
 _CORRECTION = 50.0
@@ -33,12 +33,14 @@ class MachineBlock(Block):
         closure: How lengths determine the pose.
         places: Attribute and index of each parameter by its name.
         initial_strokes: Name of the initial strokes in messages.
+        iterations: Number of Newton's iterations in an evaluation.
     """
 
     machine: ClassVar[Machine]
     closure: ClassVar[Closure]
     places: ClassVar[Mapping[str, tuple[str, int | None]]]
     initial_strokes: ClassVar[str] = "x_L"
+    iterations: ClassVar[int] = ITERATIONS
     default_experiment = DefaultExperiment(stop_time=1.0, step_size=1e-3)
 
     internal_step = Parameter(
@@ -50,17 +52,32 @@ class MachineBlock(Block):
     )
 
     def conditions(self, v: Any) -> dict[str, Any]:
-        """Require that the payload is not negative, and that triangles close at the initial strokes."""
+        """Require a payload that is not negative, strokes that are not empty, and triangles that close."""
         conditions = {}
         if self.machine.payload is not None:
             conditions["payload.m must not be negative"] = v.payload >= 0.0
-        dynamics = self.dynamics(v, getattr(v, self.initial_strokes.replace("start.x_L", "x_L_start")))
-        for i, name in enumerate(self.machine.actuators, 1):
-            lever = dynamics.pose.levers.get(name)
-            if lever is not None:
-                slope = plain(lever.slope) * float(self.closure.sides[lever.coordinate])
-                stroke = f"{self.initial_strokes}[{i}]"
-                conditions[f"the triangle of '{name}' cannot close at the stroke {stroke}"] = slope > 0.0
+        start = self.initial_strokes.replace("start.x_L", "x_L_start")
+        conditions |= self._closing(v, getattr(v, start), f"{self.initial_strokes}[{{}}]", with_all=True)
+        if "screw_q_LB" in vars(type(self)):
+            for i, (low, high) in enumerate(zip(v.screw_q_LB, v.screw_q_UB, strict=True), 1):
+                conditions[f"the stroke is empty: screw.q_UB[{i}] must be above screw.q_LB[{i}]"] = high > low
+            if not self.closure.iterated:
+                conditions |= self._closing(v, v.screw_q_LB, "screw.q_LB[{}]")
+                conditions |= self._closing(v, v.screw_q_UB, "screw.q_UB[{}]")
+        return conditions
+
+    def _closing(self, v: Any, strokes: Sequence[Any], name: str, with_all: bool = False) -> dict[str, Any]:
+        """Return conditions that triangles close; `with_all` those whose pins other joints move."""
+        dynamics, conditions = self.dynamics(v, strokes), dict[str, Any]()
+        frames = dynamics.mechanism.frames
+        for i, bar in enumerate(dynamics.mechanism.actuators, 1):
+            lever = dynamics.pose.levers.get(bar.name)
+            parents = {frames[bar.start.frame].parent, frames[bar.end.frame].parent}
+            if lever is None or not (with_all or parents & {bar.start.frame, bar.end.frame}):
+                continue
+            slope = plain(lever.slope) * float(self.closure.sides[lever.coordinate])
+            stroke = name.format(i)
+            conditions[f"the triangle of '{bar.name}' cannot close at the stroke {stroke}"] = slope > 0.0
         return conditions
 
     def dynamics(self, v: Any, strokes: Sequence[Any]) -> Dynamics:
@@ -75,7 +92,7 @@ class MachineBlock(Block):
         iterated = self.closure.iterated
         guess = dict(zip(iterated, v.pose, strict=True)) if iterated else None
         passive = v.passive_q if mechanism.passive else ()
-        return Dynamics(mechanism, self.closure, strokes, passive, guess)
+        return Dynamics(mechanism, self.closure, strokes, passive, guess, self.iterations)
 
     def pose_rates(self, v: Any, dynamics: Dynamics, speeds: Sequence[Any]) -> dict[str, Any]:
         """Return the derivatives of the pose: its speeds, and a return to the solution."""
@@ -99,7 +116,7 @@ class MachineLoad(MachineBlock):
     """Load forces of a machine for the motion of its actuators."""
 
     def accelerations(self, v: Any, dynamics: Dynamics) -> tuple[list[Any], list[Any]]:
-        """Return speeds and accelerations of strokes and passive coordinates, of which the latter are free."""
+        """Return speeds and accelerations of strokes and passive coordinates."""
         count = len(v.x_L)
         if not dynamics.mechanism.passive:
             return v.v_L, v.a_L
@@ -132,6 +149,7 @@ class MachinePlant(MachineBlock):
     """A machine with the mechanics of its actuators: motor torques in, motion out."""
 
     initial_strokes = "start.x_L"
+    iterations = 2  # strokes and pose are states of the same integration, so that the guess is close
 
     def motion(self, v: Any) -> tuple[Dynamics, list[Any], list[Any], list[Any], list[Any]]:
         """Return dynamics, speeds and accelerations of all variables, forces, and reflected inertias."""
@@ -235,16 +253,16 @@ def plant_block(
         "F_L": _force(n),
         **made.tip(),
         "energy": Output(
-            unit="J", nominal=1e4, description="Energy of machine and actuators; potential energy relative to 0"
+            unit="J",
+            nominal=1e4,
+            description="Energy of machine and actuators; potential energy relative to 0",
         ),
     }
     return made.block(MachinePlant, name, about, variables)
 
 
 def _force(count: int) -> Output:
-    return Output(
-        shape=count, unit="N", nominal=1e4, description="Load force, positive against extension"
-    )
+    return Output(shape=count, unit="N", nominal=1e4, description="Load force, positive against extension")
 
 
 def _passive(v: Any, dynamics: Dynamics, accelerations: Sequence[Any]) -> dict[str, Any]:
@@ -273,7 +291,9 @@ class _Declared:
         found = []
         for bar in self.mechanism.actuators:
             start = self.machine.actuators[bar.name].start
-            found.append(self.closure.lengths[bar.name] - float(plain(bar.length)) if start is None else start)
+            found.append(
+                self.closure.lengths[bar.name] - float(plain(bar.length)) if start is None else start
+            )
         return found
 
     @property

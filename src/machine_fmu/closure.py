@@ -7,13 +7,14 @@ from typing import Any
 
 from fmublock import sqrt
 
+from .assembly import assemble
 from .description import Machine, MachineError
 from .exact import MINUS_ONE, ONE, ZERO, Exact, is_zero, plain
 from .linear import Factors
-from .mechanism import AXES, Bar, End, Mechanism, assemble
+from .mechanism import Bar, End, Mechanism
 from .pose import Angle, Lever, Pose, direction
 from .structure import Step, StructureError, order_steps
-from .vectors import NONE, Vector, add, cross, dot, norm, scale, subtract, turn_back
+from .vectors import AXES, NONE, Vector, add, cross, dot, norm, scale, subtract, turn_back
 
 ITERATIONS = 3
 """Default number of Newton's iterations on symbols, from a guess that is close."""
@@ -225,7 +226,9 @@ def _iterate_numbers(
             try:
                 values, residuals = _improve(pose, rows, step.unknowns, values, lengths)
             except (ZeroDivisionError, OverflowError):
-                raise MachineError(f"the pose is singular: {names} cannot be found from the lengths") from None
+                raise MachineError(
+                    f"the pose is singular: {names} cannot be found from the lengths"
+                ) from None
             if max(map(abs, residuals)) <= _NEAR:
                 break
         else:
@@ -237,17 +240,19 @@ def _iterate_numbers(
 
 def _side(pose: Pose, rows: Sequence[Row], step: Step) -> int | None:
     """Return the side of an explicit step in a pose of floats; None for Newton's method."""
-    mechanism, row = pose.mechanism, rows[step.equations[0]]
-    if len(step.unknowns) > 1 or row.bar < 0:
+    (unknown, *others), row = step.unknowns, rows[step.equations[0]]
+    if others or row.bar < 0:
         return None
-    bar = mechanism.bars[row.bar]
-    frame = mechanism.frame_of(step.unknowns[0])
+    mechanism, bar = pose.mechanism, pose.mechanism.bars[row.bar]
+    frame = mechanism.frame_of(unknown)
     if frame not in (bar.start.frame, bar.end.frame):
         return None
     found, u = row_direction(pose, row)
-    slope = plain(row_slopes(pose, row, u)[step.unknowns[0]])
+    slope = plain(row_slopes(pose, row, u)[unknown])
     if abs(slope) < _SINGULAR * max(1.0, abs(plain(found))):
-        raise MachineError(f"the bar '{bar.name}' cannot move '{mechanism.frames[frame].name}': it is singular")
+        raise MachineError(
+            f"the bar '{bar.name}' cannot move '{mechanism.frames[frame].name}': it is singular"
+        )
     return 1 if slope > 0.0 else -1
 
 

@@ -52,9 +52,7 @@ class Dynamics:
         for bar, stroke in zip(mechanism.actuators, self.strokes, strict=True):
             self.lengths[bar.name] = bar.length + stroke
         passive = dict(zip(mechanism.passive, self.passive, strict=True)) if self.passive else None
-        self.pose = solve_pose(
-            mechanism, self.closure, self.lengths, passive, self.guess, self.iterations
-        )
+        self.pose = solve_pose(mechanism, self.closure, self.lengths, passive, self.guess, self.iterations)
 
     @property
     def variables(self) -> int:
@@ -194,6 +192,3 @@ def _wrench(pose: Pose, number: int, inertia: Inertia, motion: Motion) -> tuple[
     if not is_none(spin):
         own = add(own, cross(spin, turn(inertia.J, spin)))
     return force, add(cross(S, motion.a), turn(R, own))
-
-
-

@@ -101,6 +101,7 @@ class Equation:
         a = Relative(self.pose, *ends, dict(rates), {}).acceleration()
         return dot(self.u, a), cross(self.u, a)
 
+
 class Equations:
     """All equations of a closure in a pose.
 

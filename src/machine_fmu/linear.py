@@ -76,7 +76,7 @@ def _reflection(column: Sequence[Any]) -> list[Any]:
 
 
 def solve_symmetric(M: Sequence[Sequence[Any]], b: Sequence[Any]) -> list[Any]:
-    """Solve M x = b for a symmetric, positive definite matrix by M = L D L^T; M's upper triangle is not used."""
+    """Solve M x = b for a symmetric, positive definite matrix by M = L D L^T, from its lower triangle."""
     n = len(b)
     L: Rows = [[ZERO] * n for _ in range(n)]
     inverse, x = [ZERO] * n, list(b)

@@ -10,22 +10,9 @@ from typing import Any
 
 from .bars import BarInertia
 from .exact import ONE, ZERO
-from .mechanism import Inertia, Mechanism
+from .inertia import Inertia, slender
 from .pose import Pose
-from .vectors import (
-    IDENTITY,
-    NONE,
-    Matrix,
-    Vector,
-    add,
-    cross,
-    dot,
-    is_none,
-    scale,
-    subtract,
-    turn,
-    turn_tensor,
-)
+from .vectors import NONE, Matrix, Vector, add, cross, dot, scale
 
 Rows = list[list[Any]]
 """Rows of a matrix."""
@@ -82,15 +69,15 @@ class _Masses:
         return M
 
     def _compose(self) -> list[Inertia]:
-        """Return what each frame carries as one body, about the frame's origin, in the ground's directions."""
-        found = [_to_ground(self._pose.rotation(i), f.inertia) for i, f in enumerate(self._mechanism.frames)]
+        """Return what each frame carries, about its origin, in the ground's directions."""
+        found = [f.inertia.turned(self._pose.rotation(i)) for i, f in enumerate(self._mechanism.frames)]
         for share in self._shares:
             if share.carrier > 0:
                 found[share.carrier] = found[share.carrier] + share.inertia()
         for i in range(len(found) - 1, 0, -1):
             parent = self._mechanism.frames[i].parent
             if parent > 0:
-                found[parent] = found[parent] + _shifted(found[i], self._pose.arm(i))
+                found[parent] = found[parent] + found[i].shifted(self._pose.arm(i))
         return found
 
 
@@ -104,18 +91,18 @@ class _Share:
         equation, u = bar.equation, bar.equation.u
         self._speeds = equation.start_speeds
         self.momenta = dict[int, tuple[Vector, Vector]]()
-        self._turns = {i: scale(ONE / equation.distance, turn) for i, turn in equation.turns.items()}
-        for i, turn in self._turns.items():
+        self._turns = {i: scale(ONE / equation.distance, x) for i, x in equation.turns.items()}
+        for i, omega in self._turns.items():
             v = self._speeds.get(i, NONE)
-            momentum = add(scale(bar.m, v), cross(scale(bar.S, turn), u))
+            momentum = add(scale(bar.m, v), cross(scale(bar.S, omega), u))
             momentum = add(momentum, scale(bar.rod_m * equation.slopes.get(i, ZERO), u))
-            self.momenta[i] = momentum, add(scale(bar.S, cross(u, v)), scale(bar.J, turn))
+            self.momenta[i] = momentum, add(scale(bar.S, cross(u, v)), scale(bar.J, omega))
 
     def inertia(self) -> Inertia:
         """Return the bar as a body of the carrier, about the carrier's origin."""
         bar, u = self._bar, self._bar.equation.u
-        own = Inertia(bar.m, scale(bar.S, u), _across(bar.J, u, self._pose.mechanism))
-        return _shifted(own, self._start)
+        own = Inertia(bar.m, scale(bar.S, u), slender(bar.J, u, self._pose.mechanism.is_plane))
+        return own.shifted(self._start)
 
     def momentum_at_carrier(self, coordinate: int) -> tuple[Vector, Vector]:
         """Return momentum per speed of a coordinate, and its moment about the carrier's origin."""
@@ -142,32 +129,6 @@ class _Share:
             arm = add(self._pose.arm(frame), arm)
             frame = self._pose.mechanism.frames[frame].parent
         return arm
-
-
-def _to_ground(R: Matrix, inertia: Inertia) -> Inertia:
-    """Return an inertia with the ground's directions."""
-    return Inertia(inertia.m, turn(R, inertia.S), turn_tensor(R, inertia.J))
-
-
-def _shifted(inertia: Inertia, arm: Vector) -> Inertia:
-    """Return an inertia about a point from which its origin is at `arm`."""
-    if is_none(arm):
-        return inertia
-    S = add(inertia.S, scale(inertia.m, arm))
-    square = dot(add(S, inertia.S), arm)
-    rows = []
-    for i in range(3):
-        outer = add(scale(inertia.S[i], arm), scale(arm[i], S))
-        rows.append(add(inertia.J[i], subtract(scale(square, IDENTITY[i]), outer)))
-    return Inertia(inertia.m, S, tuple(rows))  # type: ignore[arg-type]
-
-
-def _across(J: Any, u: Vector, mechanism: Mechanism) -> Matrix:
-    """Return the inertia J across a direction."""
-    if mechanism.is_plane:
-        return NONE, NONE, (ZERO, ZERO, J)
-    rows = (scale(J, subtract(IDENTITY[i], scale(u[i], u))) for i in range(3))
-    return tuple(rows)  # type: ignore[return-value]
 
 
 def _times(J: Matrix, axis: Vector) -> Vector:

@@ -9,7 +9,18 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from .description import GROUND, Actuator, Body, Link, Machine, MachineError, Number, Parameter, Payload, Point
+from .description import (
+    GROUND,
+    Actuator,
+    Body,
+    Link,
+    Machine,
+    MachineError,
+    Number,
+    Parameter,
+    Payload,
+    Point,
+)
 
 _ELEMENT = re.compile(r"(?P<name>.+)\[(?P<index>[0-9]+)\]")
 _AXES = "xyz"

@@ -52,8 +52,8 @@ class Pose:
     """Positions of frames, as far as their coordinates are known.
 
     `values` has coordinates by number: an `Angle` of a frame that turns, a distance of one that slides.
-    `numbers` has those that Newton's method found, in m and rad. `levers` has triangles by bar; they do not wait for the positions of pins, so that processors can compute
-    both at the same time.
+    `numbers` has those that Newton's method found, in m and rad. `levers` has triangles by bar; they do not
+    wait for the positions of pins, so that processors can compute both at the same time.
     """
 
     mechanism: Mechanism
@@ -78,8 +78,9 @@ class Pose:
         if frame not in self._rotations:
             of = self.mechanism.frames[frame]
             R = self.base_rotation(frame)
-            turns = of.coordinate is not None and not of.slides
-            self._rotations[frame] = compose(R, about(of.axis, *self.values[of.coordinate])) if turns else R
+            if of.coordinate is not None and not of.slides:
+                R = compose(R, about(of.axis, *self.values[of.coordinate]))
+            self._rotations[frame] = R
         return self._rotations[frame]
 
     def base_rotation(self, frame: int) -> Matrix:
@@ -198,9 +199,7 @@ def swing(omega: Vector, alpha: Vector, arm: Vector) -> Vector:
     return add(across, cross(omega, cross(omega, arm)))
 
 
-def carry(
-    pose: Pose, carrier: Motion, frame: int, rates: dict[int, Any], growths: dict[int, Any]
-) -> Motion:
+def carry(pose: Pose, carrier: Motion, frame: int, rates: dict[int, Any], growths: dict[int, Any]) -> Motion:
     """Return the motion of a frame from that of its parent."""
     of = pose.mechanism.frames[frame]
     arm = pose.arm(frame)

@@ -15,6 +15,8 @@ Matrix = tuple[Vector, Vector, Vector]
 
 NONE: Vector = (ZERO, ZERO, ZERO)
 IDENTITY: Matrix = ((ONE, ZERO, ZERO), (ZERO, ONE, ZERO), (ZERO, ZERO, ONE))
+AXES: tuple[Vector, Vector, Vector] = IDENTITY
+"""The directions x, y and z."""
 
 
 def add(a: Vector, b: Vector) -> Vector:

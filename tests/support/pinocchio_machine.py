@@ -2,8 +2,8 @@
 
 Each actuator is a housing that turns about its first point, and a rod that slides in it; each link turns
 about its first point. That their other ends are points of bodies are constraints, so that nothing here knows
-of lengths, slopes, or triangles. Passive joints of one coordinate are variables after strokes. Accelerations and forces are those of the equations of motion with
-multipliers (KKT), which NumPy solves.
+of lengths, slopes, or triangles. Accelerations and forces are those of the equations of motion with
+multipliers (KKT), which NumPy solves. Passive joints of one coordinate are variables after the strokes.
 """
 
 import math
@@ -54,7 +54,7 @@ class PinocchioMachine:
         self, strokes: Sequence[float], v: Sequence[float], force: Sequence[float], reflected: Sequence[float]
     ) -> Vector:
         """Return the accelerations of strokes; as in `machine_fmu`, rods have no inertia along themselves."""
-        M, h, J, drift, speed_map = self._motion(strokes, v)
+        M, h, J, drift, _ = self._motion(strokes, v)
         for i, extra in enumerate(reflected):
             M[self.strokes[i], self.strokes[i]] += extra - self._rod_masses[i]
         right = -h

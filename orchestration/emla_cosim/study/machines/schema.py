@@ -61,9 +61,9 @@ class BodyTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     rotation: Annotated[list[float], numbers("rad", "roll, pitch and yaw at 0", [0, 0, 0], (3,))] = (
         msgspec.field(default=(0.0, 0.0, 0.0))  # type: ignore[assignment]
     )
-    assembly: Annotated[list[float], joint_values("joint coordinates of a pose", "30 deg")] = (
-        msgspec.field(default=())  # type: ignore[assignment]
-    )
+    assembly: Annotated[list[float], joint_values("joint coordinates of a pose", "30 deg")] = msgspec.field(
+        default=()
+    )  # type: ignore[assignment]
     passive: Annotated[bool, describe("whether the joint swings freely")] = False
     m: Annotated[float | str, number("kg", "mass", 160.0)] = 0.0
     c: Annotated[list[float], numbers("m", "centre of mass", [0.85, 0.0], (2, 3))] = msgspec.field(
@@ -96,7 +96,9 @@ class ActuatorTable(StrutTable, frozen=True, kw_only=True, forbid_unknown_fields
 
     length: Annotated[float | str, number("m", "distance of the points at stroke 0", 0.85)]
     stroke: Annotated[list[float], numbers("m", "lowest and highest stroke", [0.0, 0.5], (1, 2))]
-    start: Annotated[float, quantity("m", "stroke at the start; that of the assembly pose without")] | None = None
+    start: (
+        Annotated[float, quantity("m", "stroke at the start; that of the assembly pose without")] | None
+    ) = None
     m: Annotated[float | str, number("kg", "mass without motor", 156.5)] = 0.0
     motor_m: Annotated[float | str, number("kg", "mass of the motor", 45.0)] = 0.0
     rod_share: Annotated[float | str, number("", "fraction of m in the rod", 0.3)] = 0.3
@@ -206,9 +208,7 @@ def _body(table: BodyTable) -> Body:
     else:
         axis = (0.0, 0.0, 1.0)
     roll, pitch, yaw = table.rotation
-    joint = Joint(
-        table.joint, parent, at, axis, (roll, pitch, yaw), tuple(table.assembly), table.passive
-    )
+    joint = Joint(table.joint, parent, at, axis, (roll, pitch, yaw), tuple(table.assembly), table.passive)
     return Body(joint, table.m, tuple(table.c), tuple(table.J), table.points)
 
 

@@ -1,0 +1,83 @@
+"""Machines from descriptions against the paper's equations, and against Pinocchio with constraints."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from hdrm_fmu import HDRM, dynamics, kinematics
+from hdrm_fmu.parameters import PAYLOAD
+from machine_fmu.exact import plain
+from tests.support.machine_states import Case, MachineState
+from tests.support.pinocchio_machine import PinocchioMachine
+from tests.support.reference_model import Vector
+
+MACHINES = ("hdrm", "crane", "excavator", "lift_table", "stewart")
+CASE = cache(Case.of)
+
+
+def relative(found: object, expected: object) -> float:
+    """Largest difference, as a fraction of the largest entry."""
+    a, b = np.asarray(found, dtype=float), np.asarray(expected, dtype=float)
+    return float(np.abs(a - b).max() / np.abs(b).max())
+
+
+@pytest.mark.parametrize("state", CASE("hdrm").states(20), ids=str)
+def test_manipulator_has_the_equations_of_the_paper(state: MachineState) -> None:
+    made, q, v, a = CASE("hdrm").dynamics(state), state.strokes, state.v, state.a
+    reflected = [7e4, 9e4, 3e2]
+    assert relative(made.inverse(v, a), dynamics.inverse_dynamics(HDRM, q, v, a, PAYLOAD)) < 1e-12
+    assert relative(made.mass_matrix(), dynamics.mass_matrix(HDRM, q, PAYLOAD)) < 1e-12
+    expected = dynamics.forward_dynamics(HDRM, q, v, state.force, PAYLOAD, reflected)
+    assert relative(made.forward(v, state.force, reflected), expected) < 1e-11
+    size = abs(dynamics.energy(HDRM, HDRM.q_UB, v, PAYLOAD, reflected))
+    energy = dynamics.energy(HDRM, q, v, PAYLOAD, reflected)
+    assert made.energy(v, reflected) == pytest.approx(energy, abs=1e-12 * size)
+    assert made.mechanism.payload is not None
+    tip = [plain(x) for x in made.pose.point(made.mechanism.payload)[:2]]
+    assert tip == pytest.approx(kinematics.tip(HDRM, q), abs=1e-13)
+
+
+@pytest.mark.parametrize("name", MACHINES)
+def test_machines_agree_with_constraints_in_pinocchio(name: str) -> None:
+    """Which knows nothing of lengths and triangles: rods are bodies whose ends are held at pins."""
+    case = CASE(name)
+    oracle = PinocchioMachine(case.machine)
+    count = len(case.machine.actuators)
+    for state in case.states(6, seed=3):
+        made = case.dynamics(state)
+        reflected = [2e3] * count + [0.0] * len(state.passive)
+        forces = oracle.forces(state.variables, state.v, state.a)
+        assert relative(made.inverse(state.v, state.a), forces) < 1e-11
+        expected = oracle.accelerations(state.variables, state.v, state.force, reflected)
+        assert relative(made.forward(state.v, state.force, reflected), expected) < 1e-11
+
+
+@pytest.mark.parametrize("name", MACHINES)
+def test_energy_is_the_work_of_the_forces(name: str) -> None:
+    """Over a short motion by Runge-Kutta, without friction and with the inertia of motors."""
+    case = CASE(name)
+    state = case.states(1, seed=5)[0]
+    count = len(state.strokes)
+    reflected = [5e3] * count + [0.0] * len(state.passive)
+    force = np.array([*(0.1 * x for x in state.force[:count]), *(0.0 for _ in state.passive)])
+
+    def slope(y: Vector) -> Vector:
+        x, v = np.split(y, 2)
+        at = MachineState(x[:count].tolist(), x[count:].tolist(), v.tolist(), [], [])
+        return np.concatenate([v, case.dynamics(at).forward(v.tolist(), force.tolist(), reflected)])
+
+    def energy(y: Vector) -> float:
+        x, v = np.split(y, 2)
+        at = MachineState(x[:count].tolist(), x[count:].tolist(), v.tolist(), [], [])
+        return case.dynamics(at).energy(v.tolist(), reflected) - float(force @ x)
+
+    first = y = np.array([*state.variables, *(0.1 * x for x in state.v)])
+    h = 2e-3
+    for _ in range(10):
+        k_1 = slope(y)
+        k_2 = slope(y + 0.5 * h * k_1)
+        k_3 = slope(y + 0.5 * h * k_2)
+        y = y + h / 6.0 * (k_1 + 2.0 * k_2 + 2.0 * k_3 + slope(y + h * k_3))
+    kinetic = 0.5 * float(np.abs(y[len(y) // 2 :]) @ (np.array(reflected) * np.abs(y[len(y) // 2 :])))
+    assert energy(y) == pytest.approx(energy(first), abs=1e-8 * max(kinetic, 1.0))

@@ -1,0 +1,80 @@
+"""Machines that cannot be: messages say what is wrong."""
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from machine_fmu import (
+    Actuator,
+    Body,
+    Joint,
+    Link,
+    Machine,
+    MachineError,
+    Point,
+    assemble,
+    find_closure,
+    reach_pose,
+)
+
+BOOM = Body(Joint("revolute", assembly=(0.5,)), 100.0, (1.0, 0.0), (30.0,), {"pin": Point((0.6, 0.1))})
+LIFT = Actuator(("ground.foot", "boom.pin"), 50.0, L_0=0.5)
+CRANE = Machine(2, {"boom": BOOM}, {"foot": Point((0.4, -0.5))}, {"lift": LIFT})
+
+
+def message(**changes: Any) -> str:
+    with pytest.raises(MachineError) as error:
+        find_closure(replace(CRANE, **changes))
+    return str(error.value)
+
+
+def test_pose_is_that_of_the_lengths() -> None:
+    closure = find_closure(CRANE)
+    assert closure.sides == {0: 1}
+    assert closure.iterated == []
+    (angle,) = reach_pose(assemble(CRANE), closure, closure.lengths)
+    assert angle == pytest.approx(0.5, abs=1e-14)
+
+
+def test_joint_that_nothing_moves() -> None:
+    assert message(actuators={}) == (
+        "nothing determines the joint of 'boom'; add an actuator or a link, or write passive = true if it "
+        "swings freely"
+    )
+
+
+def test_two_actuators_for_one_joint() -> None:
+    expected = "the machine has more actuators, links and loops than joints; remove 'other'"
+    assert message(actuators={"lift": LIFT, "other": LIFT}) == expected
+
+
+def test_actuator_through_the_joint() -> None:
+    straight = {"foot": Point((0.0, 0.0))}
+    assert "singular" in message(ground=straight) or "cannot move" in message(ground=straight)
+
+
+def test_unknown_point() -> None:
+    wrong = {"lift": replace(LIFT, ends=("ground.feet", "boom.pin"))}
+    expected = (
+        "the actuator 'lift' is at 'ground.feet', but there is no point 'feet' of 'ground'; existing: foot"
+    )
+    assert message(actuators=wrong) == expected
+
+
+def test_unknown_parameter() -> None:
+    assert message(bodies={"boom": replace(BOOM, m="boom.m")}) == (
+        "there is no parameter 'boom.m'; existing: none"
+    )
+
+
+def test_links_that_do_not_close() -> None:
+    rocker = Body(Joint("revolute", assembly=(1.5,)), 5.0, points={"end": Point((0.3, 0.0))})
+    link = Link(("boom.pin", "rocker.end"), length=5.0)
+    text = message(bodies={"boom": BOOM, "rocker": rocker}, links={"rod": link})
+    assert text.startswith("'rocker' do not reach the lengths") or "cannot" in text
+
+
+def test_length_beyond_the_triangle() -> None:
+    with pytest.raises(MachineError, match=r"'boom' .*(cannot close|cannot be found)"):
+        reach_pose(assemble(CRANE), find_closure(CRANE), {"lift": 3.0})

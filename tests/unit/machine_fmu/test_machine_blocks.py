@@ -1,0 +1,111 @@
+"""Blocks of machines: variables, equations on symbols and floats, and starts that are refused."""
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from emla_cosim.study.machines.schema import load_machine
+from fmublock import Block, BlockError, Instance
+from fmublock.symbolic import evaluate_symbolically
+from hdrm_fmu import HdrmManipulator, HdrmPlant
+from machine_fmu import assemble, load_block, plant_block, reach_pose
+from machine_fmu.pose import Pose
+
+PLANT = {name: list(getattr(HdrmPlant, name).start) for name in ("J_m", "rho", "lead", "v_max")}
+
+
+@cache
+def made(name: str, kind: str) -> type[Block]:
+    machine = load_machine(name)
+    if kind == "load":
+        return load_block(machine, "Load")
+    return plant_block(machine, "Plant", actuators=PLANT if name == "hdrm" else None)
+
+
+@pytest.mark.parametrize(("kind", "own"), [("load", HdrmManipulator), ("plant", HdrmPlant)])
+def test_manipulator_keeps_its_variables(kind: str, own: type[Block]) -> None:
+    """In their order, with units, ranges, start values and symbols."""
+
+    def variables(block: type[Block]) -> list[Any]:
+        return [
+            (s.name, s.variable.unit, s.variable.range, s.start, type(s.variable), s.variable.symbol)
+            for s in block.layout().scalars
+        ]
+
+    assert variables(made("hdrm", kind)) == variables(own)
+
+
+def test_manipulator_moves_as_before() -> None:
+    both = [Instance(HdrmPlant()), Instance(made("hdrm", "plant")())]
+    for instance in both:
+        instance["tau_m"] = [25.0, 8.0, -6.0]
+        instance.enter_initialization()
+        instance.exit_initialization()
+        for i in range(20):
+            instance.do_step(i * 1e-3, 1e-3)
+    for name in ("x_L", "v_L", "a_L", "F_L"):
+        assert both[1][name] == pytest.approx(both[0][name], rel=1e-10)
+    assert both[1]["energy"] == pytest.approx(both[0]["energy"], abs=1e-7)
+
+
+@pytest.mark.parametrize("kind", ["load", "plant"])
+@pytest.mark.parametrize("name", ["crane", "lift_table"])
+def test_symbols_and_floats_give_the_same_bits(name: str, kind: str) -> None:
+    """After a step; these machines have triangles, loops, and a load that swings."""
+    instance = Instance(made(name, kind)())
+    layout = instance.layout
+    for variable in layout.inputs:
+        if variable.attribute != "payload" and variable.attribute != "x_L":
+            instance[str(variable.name)] = [0.3 + 0.1 * i for i in range(*variable.shape)]
+    instance.enter_initialization()
+    instance.exit_initialization()
+    instance.do_step(0.0, 1e-3)
+    values = np.array(instance.get(range(len(layout.scalars))))
+    symbolic = evaluate_symbolically(instance.block)
+    outputs = symbolic.outputs(instance.time, values).full().ravel()
+    assert outputs.tolist() == values[list(layout.references(layout.outputs))].tolist()
+
+
+def test_pose_follows_the_strokes() -> None:
+    """What Newton's method finds is a state, which stays close to the solution."""
+    instance = Instance(made("lift_table", "load")())
+    start = instance["x_L"][0]
+    instance.enter_initialization()
+    instance.exit_initialization()
+    heights = [instance["tip.y"]]
+    for i in range(60):
+        instance["x_L"] = [start + 1e-4 * (i + 1)]
+        instance["v_L"] = [0.1]
+        instance.do_step(i * 1e-3, 1e-3)
+        heights.append(instance["tip.y"])
+    assert np.all(np.diff(heights[1:]) > 0.0)
+    block: Any = instance.block
+    mechanism = assemble(block.machine)
+    lengths = {"lift": mechanism.bars[0].length + instance["x_L"][0]}
+    expected = reach_pose(mechanism, block.closure, lengths)
+    assert instance["pose"] == pytest.approx([expected[i] for i in block.closure.iterated], abs=1e-3)
+    end = mechanism.payload
+    assert end is not None
+    pose = Pose(mechanism).with_numbers(dict(enumerate(expected)))
+    assert instance["tip.y"] == pytest.approx(pose.point(end)[1], abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("values", "expected"),
+    [
+        ({"screw.q_UB[1]": 0.9}, "the triangle of 'lift' cannot close at the stroke screw.q_UB[1]"),
+        ({"tilt.L_0": 0.79}, "the triangle of 'tilt' cannot close at the stroke screw.q_LB[2]"),
+        ({"screw.q_LB[3]": 1.5}, "the stroke is empty: screw.q_UB[3] must be above screw.q_LB[3]"),
+        ({"payload.m": -470.0}, "payload.m must not be negative"),
+    ],
+)
+def test_impossible_machines_do_not_start(values: dict[str, float], expected: str) -> None:
+    instance = Instance(made("hdrm", "load")())
+    for name, value in values.items():
+        instance[name] = value
+    instance.enter_initialization()
+    with pytest.raises(BlockError) as error:
+        instance.exit_initialization()
+    assert str(error.value) == f"Load: {expected}."

@@ -1,0 +1,76 @@
+"""Machine files: what they contain, and messages for wrong ones."""
+
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from emla_cosim.base.errors import CommandError
+from emla_cosim.base.schemas import make_schema
+from emla_cosim.study.machines.schema import MachineTable, list_machine_names, load_machine, parse_machine
+
+LIFT = """
+kind = "machine"
+description = "A boom"
+dimensions = 2
+ground.points.foot = [0.4, "-500 mm"]
+
+[bodies.boom]
+joint = "revolute"
+assembly = "30 deg"
+m = "120 kg"
+c = [1.0, 0.0]
+J = 30.0
+points = { pin = [0.6, 0.1] }
+
+[actuators.lift]
+from = "ground.foot"
+to = "boom.pin"
+length = 0.5
+stroke = [0.0, 0.4]
+"""
+
+
+def message(old: str, new: str) -> str:
+    assert old in LIFT
+    with pytest.raises(CommandError) as error:
+        parse_machine(tomllib.loads(LIFT.replace(old, new)), "the machine 'boom.toml'")
+    return str(error.value)
+
+
+def test_short_file() -> None:
+    machine = parse_machine(tomllib.loads(LIFT), "the machine", Path())
+    assert machine.ground["foot"].position == (0.4, -0.5)
+    assert machine.bodies["boom"].m == 120.0
+    assert machine.actuators["lift"].stroke == (0.0, 0.4)
+
+
+def test_machines_of_the_study() -> None:
+    assert list_machine_names() == ["crane", "excavator", "hdrm", "lift_table", "stewart"]
+    for name in list_machine_names():
+        assert load_machine(name).actuators
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        (
+            'joint = "revolute"',
+            'joint = "hinge"',
+            "'joint' in [bodies.boom] of the machine 'boom.toml' is 'hinge'",
+        ),
+        ('m = "120 kg"', 'm = "120 m"', "'m' in [bodies.boom] of the machine 'boom.toml'"),
+        ('m = "120 kg"', 'm = "boom.mass"', "there is no parameter 'boom.mass'; existing: none."),
+        ("length = 0.5", "lenght = 0.5", "has the unknown entry 'lenght'; did you mean 'length'?"),
+        ('to = "boom.pin"', 'to = "boom.pins"', "there is no point 'pins' of 'boom'; existing: pin."),
+        ("c = [1.0, 0.0]", "c = [1.0]", "'c' in [bodies.boom] of the machine 'boom.toml' has 1 numbers"),
+        ("[0.4, ", "[0.4, 1.0, 1.0, ", "it must be a list of 2 or 3 numbers."),
+    ],
+)
+def test_wrong_entries(old: str, new: str, expected: str) -> None:
+    assert expected in message(old, new)
+
+
+def test_schema_of_machine_files() -> None:
+    schema = make_schema(MachineTable, "Machine")
+    assert {"bodies", "actuators", "links", "loops"} <= set(schema["properties"])
