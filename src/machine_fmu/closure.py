@@ -232,7 +232,9 @@ def _iterate_numbers(
             if max(map(abs, residuals)) <= _NEAR:
                 break
         else:
-            raise MachineError(f"{names} do not reach the lengths: the mechanism cannot close there")
+            raise MachineError(
+                f"{names} do not reach the lengths: the mechanism cannot close, or is singular"
+            )
         x.update(zip(step.unknowns, values, strict=True))
         pose = pose.with_numbers({i: x[i] for i in step.unknowns})
     return tuple(x[i] for i in range(len(x)))

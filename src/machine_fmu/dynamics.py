@@ -44,7 +44,7 @@ class Dynamics:
 
     def __post_init__(self) -> None:
         """Solve for the pose."""
-        mechanism = self.mechanism
+        mechanism, self.strokes, self.passive = self.mechanism, _native(self.strokes), _native(self.passive)
         self.lengths = {b.name: b.length for b in mechanism.bars if not b.is_actuator}
         for name, length in self.lengths.items():
             if length is None:
@@ -90,7 +90,7 @@ class Dynamics:
         M, h = self.mass_matrix(), self.bias(v)
         for i, inertia in enumerate(reflected):
             M[i][i] = M[i][i] + inertia
-        return solve_symmetric(M, [f - b for f, b in zip(force, h, strict=True)])
+        return solve_symmetric(M, [f - b for f, b in zip(_native(force), h, strict=True)])
 
     def energy(self, v: Sequence[Any], reflected: Sequence[Any] = ()) -> Any:
         """Return the kinetic and potential energy in J; the latter is 0 with all masses at height 0."""
@@ -116,6 +116,7 @@ class Dynamics:
 
     def _forces(self, v: Sequence[Any], a: Sequence[Any], gravity: Vector) -> list[Any]:
         """Return the forces of the variables for a motion, with an acceleration of free fall."""
+        v, a = _native(v), _native(a)
         frames = self.mechanism.frames
         rates = self._equations.speeds(v)
         growths = self._equations.accelerations(a, rates)
@@ -180,6 +181,11 @@ class Dynamics:
             total = add(total, scale(inertia.m, add(origin[start.frame], self.pose.reach(start))))
             total = add(total, scale(inertia.S, inertia.equation.u))
         return total
+
+
+def _native(values: Sequence[Any]) -> list[Any]:
+    """Return scalars of NumPy as floats; their comparisons would not be Python's."""
+    return [x.item() if hasattr(x, "dtype") else x for x in values]
 
 
 def _wrench(pose: Pose, number: int, inertia: Inertia, motion: Motion) -> tuple[Vector, Vector]:

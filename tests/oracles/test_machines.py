@@ -7,6 +7,7 @@ import pytest
 
 from hdrm_fmu import HDRM, dynamics, kinematics
 from hdrm_fmu.parameters import PAYLOAD
+from machine_fmu import Actuator, Body, Joint, Machine, Payload, Point
 from machine_fmu.exact import plain
 from tests.support.machine_states import Case, MachineState
 from tests.support.pinocchio_machine import PinocchioMachine
@@ -14,6 +15,52 @@ from tests.support.reference_model import Vector
 
 MACHINES = ("hdrm", "crane", "excavator", "lift_table", "stewart")
 CASE = cache(Case.of)
+
+
+PINS = [(1.0, 0.2, 0.0), (-0.6, 0.9, 0.1), (-0.5, -0.8, -0.1)]
+"""Pins of actuators around a joint, m."""
+
+
+def tripod(joint: Joint, count: int) -> Machine:
+    """A mast on a joint in space, held by actuators, with an arm that turns about an oblique axis."""
+    actuators = {
+        f"leg_{i}": Actuator(
+            (f"ground.foot_{i}", f"mast.pin_{i}"), 40.0, 0.3, 2.0, 0.9, 10.0, 0.3, 0.2, 1.0, (0.0, 0.5)
+        )
+        for i in range(count)
+    }
+    turn = Joint("revolute", "mast", "top", (0.2, 1.0, 0.3), (0.3, -0.2, 0.5), (0.4,))
+    arm = {"end": Point((0.8, 0.1, 0.2))}
+    bodies = {
+        "mast": Body(
+            joint,
+            200.0,
+            (0.1, 0.0, 0.8),
+            (90.0, 80.0, 20.0, 3.0, -2.0, 1.0),
+            {
+                "top": Point((0.2, 0.0, 1.5)),
+                "side": Point((0.1, -0.3, 0.8)),
+                **{f"pin_{i}": Point((0.5 * x, 0.5 * y, 0.9)) for i, (x, y, _) in enumerate(PINS)},
+            },
+        ),
+        "arm": Body(turn, 50.0, (0.4, 0.0, 0.1), (2.0, 9.0, 8.0), arm),
+        "carriage": Body(
+            Joint("prismatic", "arm", "end", (1.0, 0.5, -0.2), assembly=(0.2,)), 20.0, (0.1, 0.2, 0.0)
+        ),
+    }
+    more = {
+        "arm": Actuator(("mast.side", "arm.end"), 30.0, 0.3, 1.0, 0.8, 5.0, 0.3, 0.2, 0.5, (0.0, 0.4)),
+        "carriage": Actuator(("mast.top", "carriage"), 10.0, 0.2, 0.5, 0.7, 2.0, 0.3, 0.2, 0.2, (0.0, 0.4)),
+    }
+    # turned against the pins, or nothing would hold the mast against a turn about z
+    feet = {f"foot_{i}": Point((x + 1.5 * y, y - 1.5 * x, z)) for i, (x, y, z) in enumerate(PINS)}
+    return Machine(3, bodies, feet, {**actuators, **more}, payload=Payload("carriage", 30.0, 0.1))
+
+
+SPATIAL = {
+    "universal": tripod(Joint("universal", axis=(1.0, 0.0, 0.0, 0.0, 1.0, 0.0)), 2),
+    "spherical": tripod(Joint("spherical"), 3),
+}
 
 
 def relative(found: object, expected: object) -> float:
@@ -53,6 +100,23 @@ def test_machines_agree_with_constraints_in_pinocchio(name: str) -> None:
         assert relative(made.forward(state.v, state.force, reflected), expected) < 1e-11
 
 
+@pytest.mark.parametrize("name", SPATIAL)
+def test_joints_in_space_agree_with_pinocchio(name: str) -> None:
+    """Universal, spherical and oblique joints, and a slide that its actuator pushes from aside."""
+    case = Case.of_machine(name, SPATIAL[name])
+    oracle = PinocchioMachine(case.machine)
+    draw = np.random.default_rng(4)
+    assembled = [case.closure.lengths[bar.name] - bar.length for bar in case.mechanism.actuators]
+    for _ in range(5):
+        strokes = (np.array(assembled) + draw.uniform(-0.04, 0.04, len(assembled))).tolist()
+        v, a = draw.uniform(-0.3, 0.3, len(strokes)).tolist(), draw.uniform(-5.0, 5.0, len(strokes)).tolist()
+        made = case.dynamics(MachineState(strokes, [], v, a, []))
+        assert relative(made.inverse(v, a), oracle.forces(strokes, v, a)) < 1e-11
+        force = (1e4 * draw.uniform(-1.0, 1.0, len(strokes))).tolist()
+        expected = oracle.accelerations(strokes, v, force, [1e3] * len(strokes))
+        assert relative(made.forward(v, force, [1e3] * len(strokes)), expected) < 1e-11
+
+
 @pytest.mark.parametrize("name", MACHINES)
 def test_energy_is_the_work_of_the_forces(name: str) -> None:
     """Over a short motion by Runge-Kutta, without friction and with the inertia of motors."""
@@ -74,7 +138,7 @@ def test_energy_is_the_work_of_the_forces(name: str) -> None:
 
     first = y = np.array([*state.variables, *(0.1 * x for x in state.v)])
     h = 2e-3
-    for _ in range(10):
+    for _ in range(5):
         k_1 = slope(y)
         k_2 = slope(y + 0.5 * h * k_1)
         k_3 = slope(y + 0.5 * h * k_2)

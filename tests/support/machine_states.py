@@ -36,7 +36,11 @@ class Case:
     @classmethod
     def of(cls, name: str) -> "Case":
         """Return the case of a machine that comes with the study."""
-        machine = load_machine(name)
+        return cls.of_machine(name, load_machine(name))
+
+    @classmethod
+    def of_machine(cls, name: str, machine: Machine) -> "Case":
+        """Return the case of a machine."""
         return cls(name, machine, find_closure(machine), assemble(machine))
 
     def number(self, x: float | str) -> float:
