@@ -22,6 +22,9 @@ from .naming import Group, group_parameters, name_numbers
 _CORRECTION = 50.0
 """Rate in 1/s at which the state `pose` returns to the solution."""
 
+_CLOSE = 1e-6
+"""Largest change in m or rad by the last iteration of a pose that is found."""
+
 _AXES = "xyz"
 
 
@@ -70,6 +73,11 @@ class MachineBlock(Block):
         """Return conditions that triangles close; `with_all` those whose pins other joints move."""
         dynamics, conditions = self.dynamics(v, strokes), dict[str, Any]()
         frames = dynamics.mechanism.frames
+        for coordinate, change in dynamics.pose.changes.items():
+            coordinate_name = frames[dynamics.mechanism.frame_of(coordinate)].name
+            conditions[f"start.pose of '{coordinate_name}' must be near the one of the strokes"] = (
+                abs(change) < _CLOSE
+            )
         for i, bar in enumerate(dynamics.mechanism.actuators, 1):
             lever = dynamics.pose.levers.get(bar.name)
             parents = {frames[bar.start.frame].parent, frames[bar.end.frame].parent}

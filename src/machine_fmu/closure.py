@@ -176,7 +176,10 @@ def solve_pose(
         x = [guess[i] for i in step.unknowns]
         rows = [closure.rows[e] for e in step.equations]
         for _ in range(iterations):
+            before = x
             x, _ = _improve(pose, rows, step.unknowns, x, lengths)
+            changes = (b - a for a, b in zip(before, x, strict=True))
+            pose.changes.update(zip(step.unknowns, changes, strict=True))
         pose.numbers.update(zip(step.unknowns, x, strict=True))
         pose.values.update({i: pose.value(i, x_i) for i, x_i in zip(step.unknowns, x, strict=True)})
     return pose

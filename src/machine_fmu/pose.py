@@ -52,14 +52,15 @@ class Pose:
     """Positions of frames, as far as their coordinates are known.
 
     `values` has coordinates by number: an `Angle` of a frame that turns, a distance of one that slides.
-    `numbers` has those that Newton's method found, in m and rad. `levers` has triangles by bar; they do not
-    wait for the positions of pins, so that processors can compute both at the same time.
+    `numbers` has those that Newton's method found, in m and rad, `changes` their last changes. `levers` has
+    triangles by bar; they do not wait for the positions of pins, so that processors can compute both at once.
     """
 
     mechanism: Mechanism
     values: dict[int, Any] = field(default_factory=dict)
     levers: dict[str, Lever] = field(default_factory=dict)
     numbers: dict[int, Any] = field(default_factory=dict)
+    changes: dict[int, Any] = field(default_factory=dict)
     _rotations: dict[int, Matrix] = field(default_factory=dict, repr=False)
     _arms: dict[int, Vector] = field(default_factory=dict, repr=False)
     _axes: dict[int, Vector] = field(default_factory=dict, repr=False)

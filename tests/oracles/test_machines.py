@@ -1,13 +1,16 @@
 """Machines from descriptions against the paper's equations, and against Pinocchio with constraints."""
 
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
+from fmublock.symbolic import evaluate_symbolically
 from hdrm_fmu import HDRM, dynamics, kinematics
 from hdrm_fmu.parameters import PAYLOAD
-from machine_fmu import Actuator, Body, Joint, Machine, Payload, Point
+from machine_fmu import Actuator, Body, Joint, Machine, Payload, Point, plant_block
 from machine_fmu.exact import plain
 from tests.support.machine_states import Case, MachineState
 from tests.support.pinocchio_machine import PinocchioMachine
@@ -115,6 +118,50 @@ def test_joints_in_space_agree_with_pinocchio(name: str) -> None:
         force = (1e4 * draw.uniform(-1.0, 1.0, len(strokes))).tolist()
         expected = oracle.accelerations(strokes, v, force, [1e3] * len(strokes))
         assert relative(made.forward(v, force, [1e3] * len(strokes)), expected) < 1e-11
+
+
+@pytest.mark.parametrize("name", MACHINES)
+def test_merged_block_moves_as_pinocchio(name: str) -> None:
+    """Half a second under springs and dampers, each side with its own integration of its own states."""
+    case = CASE(name)
+    count, J_m, lead = len(case.machine.actuators), 0.02, 0.02
+    ideal = {"B_m": [0.0] * count, "eta_GB": [1.0] * count, "J_m": [J_m] * count, "lead": [lead] * count}
+    block = plant_block(case.machine, "Plant", actuators=ideal)()
+    layout, symbolic = block.layout(), evaluate_symbolically(block)
+    states, torque = list(layout.references(layout.states)), layout.reference("tau_m[1]")
+    values = np.array([s.start for s in layout.scalars])
+    values[states] = [values[layout.start_reference(r)] for r in states]
+    first = values[states]
+    alpha = 2.0 * np.pi / lead
+    reflected = [alpha * alpha * J_m + float(m) for m in case.mechanism.actuator_masses]
+    passive = [case.closure.assembly[i] for i in case.mechanism.passive]
+    n = count + len(passive)
+    rest = case.dynamics(MachineState(first[:count].tolist(), passive, [], [], []))
+    weight, mass = np.array(rest.bias([0.0] * n)), np.diag(rest.mass_matrix())[:count] + reflected
+
+    def force(t: float, x: Vector, v: Vector) -> Vector:
+        wanted = first[:count] + 0.06 * (1.0 - np.cos(3.0 * t))
+        return weight[:count] + mass * (36.0 * (wanted - x) - 8.0 * v)
+
+    def slope(t: float, y: Vector) -> Vector:
+        now = values.copy()
+        now[states] = y
+        now[torque : torque + count] = force(t, y[:count], y[count : 2 * count]) / alpha
+        return symbolic.derivatives(t, now).full().ravel()
+
+    oracle = PinocchioMachine(case.machine)
+
+    def expected_slope(t: float, y: Vector) -> Vector:
+        x, v = np.split(y, 2)
+        forces = [*force(t, x[:count], v[:count]), *[0.0] * len(passive)]
+        extra = [*reflected, *[0.0] * len(passive)]
+        return np.concatenate([v, oracle.accelerations(x.tolist(), v.tolist(), forces, extra)])
+
+    start = np.array([*first[:count], *passive, *[0.0] * n])
+    tight: Any = {"method": "DOP853", "rtol": 1e-9, "atol": 1e-10}
+    expected = solve_ivp(expected_slope, (0.0, 0.5), start, **tight).y[:count, -1]
+    assert solve_ivp(slope, (0.0, 0.5), first, **tight).y[:count, -1] == pytest.approx(expected, abs=1e-8)
+    assert np.abs(expected - first[:count]).min() > 0.005
 
 
 @pytest.mark.parametrize("name", MACHINES)

@@ -92,6 +92,14 @@ def test_pose_follows_the_strokes() -> None:
     assert instance["tip.y"] == pytest.approx(pose.point(end)[1], abs=1e-12)
 
 
+def test_pose_of_another_place_does_not_start() -> None:
+    instance = Instance(made("lift_table", "load")())
+    instance["start.pose"] = [0.6, 2.0, -2.0, 0.6]
+    instance.enter_initialization()
+    with pytest.raises(BlockError, match=r"start\.pose of '\w+' must be near the one of the strokes"):
+        instance.exit_initialization()
+
+
 @pytest.mark.parametrize(
     ("values", "expected"),
     [
