@@ -6,6 +6,7 @@ Numbers can be floats or symbols of CasADi, so that one text gives the functions
 from .assembly import assemble
 from .blocks import MachineLoad, MachinePlant, load_block, plant_block
 from .closure import Closure, find_closure, reach_pose
+from .definition import read_definition, write_definition, write_module
 from .description import (
     GROUND,
     Actuator,
@@ -44,4 +45,7 @@ __all__ = [
     "load_block",
     "plant_block",
     "reach_pose",
+    "read_definition",
+    "write_definition",
+    "write_module",
 ]

@@ -5,6 +5,7 @@ state, `pose`: it moves with the strokes, so that each evaluation begins close t
 """
 
 from collections.abc import Mapping, Sequence
+from hashlib import sha256
 from typing import Any, ClassVar
 
 from fmublock import Block, DefaultExperiment, Input, Output, Parameter, State
@@ -13,6 +14,7 @@ from fmublock.variables import Variable
 from .actuators import actuator_parameters, screw_forces
 from .assembly import assemble
 from .closure import ITERATIONS, Closure, find_closure
+from .definition import write_definition
 from .description import Machine, MachineError
 from .dynamics import Dynamics
 from .exact import ZERO, plain
@@ -187,12 +189,12 @@ class MachinePlant(MachineBlock):
         }
 
 
-def load_block(machine: Machine, name: str, about: str = "") -> type[MachineLoad]:
+def load_block(machine: Machine, name: str = "", about: str = "") -> type[MachineLoad]:
     """Return the block of a machine as a load.
 
     Args:
         machine: The description.
-        name: Name of the class and of the FMU.
+        name: Name of the class and of the FMU; empty for the base of a class in a file.
         about: Its docstring.
 
     Raises:
@@ -212,13 +214,16 @@ def load_block(machine: Machine, name: str, about: str = "") -> type[MachineLoad
 
 
 def plant_block(
-    machine: Machine, name: str, about: str = "", actuators: Mapping[str, Sequence[float]] | None = None
+    machine: Machine,
+    name: str = "",
+    about: str = "",
+    actuators: Mapping[str, Sequence[float]] | None = None,
 ) -> type[MachinePlant]:
     """Return the block of a machine with the mechanics of its actuators.
 
     Args:
         machine: The description.
-        name: Name of the class and of the FMU.
+        name: As in `load_block`.
         about: Its docstring.
         actuators: Start values of the actuators' parameters by attribute.
 
@@ -372,6 +377,10 @@ class _Declared:
             "closure": self.closure,
             "places": places,
         }
+        if not name:  # as the text of the base, so that the class in a file can be gathered for an FMU
+            digest = sha256(write_definition(self.machine).encode()).hexdigest()
+            name, texts["__doc__"] = base.__name__, f"{texts['__doc__']}\n\nDefinition: {digest}"
+            texts["__qualname__"] = base.__qualname__
         return type(name, (base,), {**declared, **variables, **texts})
 
 
