@@ -4,8 +4,9 @@ Numbers can be floats or symbols of CasADi, so that one text gives the functions
 """
 
 from .assembly import assemble
-from .blocks import MachineLoad, MachinePlant, load_block, plant_block
+from .blocks import MachineLoad, MachinePlant
 from .closure import Closure, find_closure, reach_pose
+from .declarations import load_block, plant_block
 from .definition import read_definition, write_definition, write_module
 from .description import (
     GROUND,
