@@ -14,11 +14,15 @@ from .assembly import assemble
 from .closure import ITERATIONS, Closure
 from .description import Machine
 from .dynamics import Dynamics
-from .exact import ZERO, plain
+from .exact import ZERO, is_zero, plain
 from .linear import solve_symmetric
+from .mechanism import Mechanism
 
 _CORRECTION = 50.0
 """Rate in 1/s at which the state `pose` returns to the solution."""
+
+_BESIDE = 1e-16
+"""Largest square of the distance in m2 of a bar from the slide that it is parallel to."""
 
 _CLOSE = 1e-6
 """Largest change in m or rad by the last iteration of a pose that is found."""
@@ -59,6 +63,12 @@ class MachineBlock(Block):
             conditions["payload.m must not be negative"] = v.payload >= 0.0
         start = self.initial_strokes.replace("start.x_L", "x_L_start")
         conditions |= self._closing(v, getattr(v, start), f"{self.initial_strokes}[{{}}]", with_all=True)
+        mechanism = self.mechanism(v)
+        for bar in mechanism.bars:
+            if bar.slide is not None and not is_zero(distance := mechanism.beside_slide(bar)):
+                moved = mechanism.frames[bar.slide].name
+                sentence = f"the points of '{bar.name}' must be along the slide of '{moved}', as in the file"
+                conditions[sentence] = distance < _BESIDE
         if "screw_q_LB" in vars(type(self)):
             for i, (low, high) in enumerate(zip(v.screw_q_LB, v.screw_q_UB, strict=True), 1):
                 conditions[f"the stroke is empty: screw.q_UB[{i}] must be above screw.q_LB[{i}]"] = high > low
@@ -88,17 +98,21 @@ class MachineBlock(Block):
 
     def dynamics(self, v: Any, strokes: Sequence[Any]) -> Dynamics:
         """Return the machine's dynamics at strokes in m."""
+        mechanism = self.mechanism(v)
+        iterated = self.closure.iterated
+        guess = dict(zip(iterated, v.pose, strict=True)) if iterated else None
+        passive = v.passive_q if mechanism.passive else ()
+        return Dynamics(mechanism, self.closure, strokes, passive, guess, self.iterations)
+
+    def mechanism(self, v: Any) -> Mechanism:
+        """Return the mechanism with the values of an instance."""
 
         def value(name: str) -> Any:
             attribute, index = self.places[name]
             found = getattr(v, attribute)
             return found if index is None else found[index]
 
-        mechanism = assemble(self.machine, value, None if self.machine.payload is None else v.payload)
-        iterated = self.closure.iterated
-        guess = dict(zip(iterated, v.pose, strict=True)) if iterated else None
-        passive = v.passive_q if mechanism.passive else ()
-        return Dynamics(mechanism, self.closure, strokes, passive, guess, self.iterations)
+        return assemble(self.machine, value, None if self.machine.payload is None else v.payload)
 
     def pose_rates(self, v: Any, dynamics: Dynamics, speeds: Sequence[Any]) -> dict[str, Any]:
         """Return the derivatives of the pose: its speeds, and a return to the solution."""

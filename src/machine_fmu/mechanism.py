@@ -10,7 +10,7 @@ from typing import Any
 from .description import Machine
 from .exact import ZERO, is_zero
 from .inertia import NO_INERTIA, Inertia
-from .vectors import Matrix, Vector
+from .vectors import Matrix, Vector, add, cross, dot, subtract, turn
 
 
 @dataclass(frozen=True)
@@ -118,6 +118,14 @@ class Mechanism:
     def frame_of(self, coordinate: int) -> int:
         """Return the number of the frame with a coordinate."""
         return next(i for i, frame in enumerate(self.frames) if frame.coordinate == coordinate)
+
+    def beside_slide(self, bar: Bar) -> Any:
+        """Return the square of the distance in m2 between a bar that is parallel to a slide and its axis."""
+        assert bar.slide is not None
+        frame = self.frames[bar.slide]
+        apart = subtract(add(frame.at, turn(frame.rotation, bar.end.at)), bar.start.at)
+        across = cross(turn(frame.rotation, frame.axis), apart)
+        return dot(across, across)
 
     def ancestors(self, frame: int) -> list[int]:
         """Return a frame and all that carry it, from the frame to the ground."""

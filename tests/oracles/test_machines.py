@@ -5,14 +5,26 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
 from scipy.integrate import solve_ivp
 
 from fmublock.symbolic import evaluate_symbolically
-from hdrm_fmu import HDRM, dynamics, kinematics
+from hdrm_fmu import HDRM, HdrmManipulator, HdrmParameters, dynamics, kinematics
 from hdrm_fmu.parameters import PAYLOAD
-from machine_fmu import Actuator, Body, Joint, Machine, Payload, Point, plant_block
+from machine_fmu import (
+    Actuator,
+    Body,
+    Dynamics,
+    Joint,
+    Machine,
+    Payload,
+    Point,
+    assemble,
+    plant_block,
+)
 from machine_fmu.exact import plain
 from tests.support.machine_states import Case, MachineState
+from tests.support.machines import MOMENTS, Moment, machines
 from tests.support.pinocchio_machine import PinocchioMachine
 from tests.support.reference_model import Vector
 
@@ -86,6 +98,26 @@ def test_manipulator_has_the_equations_of_the_paper(state: MachineState) -> None
     assert made.mechanism.payload is not None
     tip = [plain(x) for x in made.pose.point(made.mechanism.payload)[:2]]
     assert tip == pytest.approx(kinematics.tip(HDRM, q), abs=1e-13)
+
+
+@given(m=MOMENTS, p=machines())
+@settings(max_examples=20, deadline=None)
+def test_names_are_those_of_the_parameters(m: Moment, p: HdrmParameters) -> None:
+    """Any manipulator: each number of the description is the parameter with its name."""
+    values = {
+        scalar.name: value
+        for variable in HdrmManipulator.layout().parameters
+        for scalar, value in zip(
+            variable.scalars(), variable.flat(getattr(p, variable.attribute)), strict=True
+        )
+    }
+    case = CASE("hdrm")
+    made = Dynamics(assemble(case.machine, values.__getitem__, m.payload), case.closure, m.q)
+    expected = dynamics.inverse_dynamics(p, m.q, m.v, m.a, m.payload)
+    weight = np.abs(dynamics.bias(p, m.q, (0.0, 0.0, 0.0), m.payload)) + 1e3
+    assert made.inverse(m.v, m.a) == pytest.approx(expected, abs=1e-9 * float(weight.max()))
+    M = dynamics.mass_matrix(p, m.q, m.payload)
+    assert relative(made.mass_matrix(), M) < 1e-10
 
 
 @pytest.mark.parametrize("name", MACHINES)

@@ -92,6 +92,16 @@ def test_pose_follows_the_strokes() -> None:
     assert instance["tip.y"] == pytest.approx(pose.point(end)[1], abs=1e-12)
 
 
+def test_pins_that_leave_their_slide() -> None:
+    instance = Instance(made("crane", "load")())
+    instance["jib.foot.y"] = 0.25
+    instance.enter_initialization()
+    expected = "Load: the points of 'telescope' must be along the slide of 'extension', as in the file."
+    with pytest.raises(BlockError) as error:
+        instance.exit_initialization()
+    assert str(error.value) == expected
+
+
 def test_pose_of_another_place_does_not_start() -> None:
     instance = Instance(made("lift_table", "load")())
     instance["start.pose"] = [0.6, 2.0, -2.0, 0.6]
