@@ -1,6 +1,7 @@
 """Machine files: bodies, actuators, links and loops. Those that come with the study are read by name."""
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
@@ -18,14 +19,17 @@ from machine_fmu import (
     MachineError,
     Parameter,
     Payload,
+    Point,
     find_closure,
 )
 from machine_fmu.description import JointKind
 
 from ...base.errors import CommandError, check_choice
+from ...base.table_entries import unknown_entry
 from ...base.toml_structs import describe, dotted, quantity, read_toml
 from ...base.values import convert_value
 from .entries import joint_values, number, numbers, point_table
+from .urdf import read_urdf
 
 _FOLDER = "emla_cosim.study.machines"
 
@@ -73,6 +77,16 @@ class BodyTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
         list[float], numbers("kg.m2", "inertia about the centre: about z; or xx, yy, zz", 43.2, (1, 3, 6))
     ] = msgspec.field(default=())  # type: ignore[assignment]
     points: Annotated[dict[str, Any], point_table()] = _EMPTY
+
+
+class UrdfLinkTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What a URDF file does not have: pins of actuators, and the pose in which the machine is assembled."""
+
+    points: Annotated[dict[str, Any], point_table()] = _EMPTY
+    assembly: Annotated[list[float], joint_values("joint coordinates of a pose", "30 deg")] = msgspec.field(
+        default=()
+    )  # type: ignore[assignment]
+    passive: Annotated[bool, describe("whether the joint swings freely")] = False
 
 
 class StrutTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -131,7 +145,11 @@ class MachineTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
         dict[str, ParameterTable], dotted("numbers with names", lambda table: "value" in table)
     ] = _EMPTY
     ground: GroundTable = GroundTable()
-    bodies: Annotated[dict[str, BodyTable], describe("bodies; each parent precedes its children")]
+    bodies: Annotated[dict[str, BodyTable], describe("bodies; each parent precedes its children")] = _EMPTY
+    urdf: Annotated[Path, describe("file in URDF with the bodies", "crane.urdf")] | None = None
+    links_of_urdf: Annotated[dict[str, UrdfLinkTable], describe("more about its links")] = msgspec.field(
+        default_factory=dict, name="urdf_links"
+    )
     actuators: Annotated[dict[str, ActuatorTable], describe("actuators")] = _EMPTY
     links: Annotated[dict[str, LinkTable], describe("parts of constant length")] = _EMPTY
     loops: Annotated[dict[str, LoopTable], describe("pairs of points that are one")] = _EMPTY
@@ -165,20 +183,38 @@ def parse_machine(content: Mapping[str, Any], label: str, folder: Path | None = 
         CommandError: An entry is unknown, missing or wrong, or the machine cannot be assembled.
     """
     table = convert_value(content, MachineTable, label, folder)
+    if bool(table.bodies) == (table.urdf is not None):
+        has = "both bodies and urdf" if table.bodies else "neither bodies nor urdf"
+        raise CommandError(f"{label} has {has}; write one of them.")
+    bodies, ground = {name: _body(body) for name, body in table.bodies.items()}, table.ground.points
+    if table.urdf is not None:
+        bodies, ground = _from_urdf(table, table.urdf, label)
     try:
-        machine = _machine(table)
+        machine = _machine(table, bodies, ground)
         find_closure(machine)
     except MachineError as error:
         raise CommandError(f"{label} cannot be used: {error}.") from error
     return machine
 
 
-def _machine(table: MachineTable) -> Machine:
+def _from_urdf(table: MachineTable, file: Path, label: str) -> tuple[dict[str, Body], dict[str, Point]]:
+    """Return bodies and points of the ground: those of a URDF file with what the machine file adds."""
+    bodies, ground = read_urdf(file)
+    for name, more in table.links_of_urdf.items():
+        if name not in bodies:
+            raise unknown_entry(f"[urdf_links] of {label}", name, list(bodies))
+        body = bodies[name]
+        joint = replace(body.joint, assembly=tuple(more.assembly), is_passive=more.passive)
+        bodies[name] = replace(body, joint=joint, points={**body.points, **more.points})
+    return bodies, {**ground, **table.ground.points}
+
+
+def _machine(table: MachineTable, bodies: Mapping[str, Body], ground: Mapping[str, Point]) -> Machine:
     payload = table.payload
     return Machine(
         dimensions=3 if table.dimensions == 3 else 2,
-        bodies={name: _body(body) for name, body in table.bodies.items()},
-        ground=table.ground.points,
+        bodies=bodies,
+        ground=ground,
         actuators={name: _actuator(entry) for name, entry in table.actuators.items()},
         links={name: _link(entry) for name, entry in table.links.items()},
         loops={name: (entry.first, entry.to) for name, entry in table.loops.items()},
