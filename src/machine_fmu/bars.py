@@ -1,13 +1,13 @@
 """Inertia of bars between two points: what their motion requires of their ends.
 
-A bar is slender: its inertia along its axis, and its rotation about it, do not count. `A` is its start.
+A bar is slender: its inertia about its axis, and its rotation about it, do not count.
 """
 
 from dataclasses import dataclass
 from typing import Any
 
 from .equations import Equation, Numbers
-from .exact import ONE, ZERO, is_zero
+from .exact import ONE, ZERO
 from .mechanism import Bar
 from .pose import Motion, swing
 from .vectors import NONE, Vector, add, cross, dot, is_none, scale, subtract
@@ -34,8 +34,6 @@ class BarInertia:
         own = bar.m * bar.c
         self.S = own + self.rod_S
         self.J = own * bar.c + bar.J + self.rod_S * place + bar.rod_J
-        if is_zero(bar.rod_m):
-            self.J = own * bar.c + bar.J + bar.rod_J
 
     def forces(
         self, start: Motion, carrier: Motion, stroke: tuple[Any, Any], rates: Numbers, growths: Numbers

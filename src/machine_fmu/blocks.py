@@ -37,14 +37,14 @@ class MachineBlock(Block):
         machine: The description, all of whose numbers are parameters.
         closure: How lengths determine the pose.
         places: Attribute and index of each parameter by its name.
-        initial_strokes: Name of the initial strokes in messages.
+        initial_strokes: Name of the initial strokes in messages, and their attribute.
         iterations: Number of Newton's iterations in an evaluation.
     """
 
     machine: ClassVar[Machine]
     closure: ClassVar[Closure]
     places: ClassVar[Mapping[str, tuple[str, int | None]]]
-    initial_strokes: ClassVar[str] = "x_L"
+    initial_strokes: ClassVar[tuple[str, str]] = ("x_L", "x_L")
     iterations: ClassVar[int] = ITERATIONS
     default_experiment = DefaultExperiment(stop_time=1.0, step_size=1e-3)
 
@@ -61,8 +61,8 @@ class MachineBlock(Block):
         conditions = {}
         if self.machine.payload is not None:
             conditions["payload.m must not be negative"] = v.payload >= 0.0
-        start = self.initial_strokes.replace("start.x_L", "x_L_start")
-        conditions |= self._closing(v, getattr(v, start), f"{self.initial_strokes}[{{}}]", with_all=True)
+        name, attribute = self.initial_strokes
+        conditions |= self._closing(v, getattr(v, attribute), f"{name}[{{}}]", with_all=True)
         mechanism = self.mechanism(v)
         for bar in mechanism.bars:
             if bar.slide is not None and not is_zero(distance := mechanism.beside_slide(bar)):
@@ -168,7 +168,7 @@ class MachineLoad(MachineBlock):
 class MachinePlant(MachineBlock):
     """A machine with the mechanics of its actuators: motor torques in, motion out."""
 
-    initial_strokes = "start.x_L"
+    initial_strokes = ("start.x_L", "x_L_start")
     iterations = 2  # strokes and pose are states of the same integration, so that the guess is close
 
     def motion(self, v: Any) -> tuple[Dynamics, list[Any], list[Any], list[Any], list[Any]]:

@@ -1,5 +1,6 @@
 """Machines from descriptions against the paper's equations, and against Pinocchio with constraints."""
 
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -135,10 +136,26 @@ def test_machines_agree_with_constraints_in_pinocchio(name: str) -> None:
         assert relative(made.forward(state.v, state.force, reflected), expected) < 1e-11
 
 
-@pytest.mark.parametrize("name", SPATIAL)
-def test_joints_in_space_agree_with_pinocchio(name: str) -> None:
-    """Universal, spherical and oblique joints, and a slide that its actuator pushes from aside."""
-    case = Case.of_machine(name, SPATIAL[name])
+def scissors() -> Machine:
+    """The lift table with its actuator between both arms, so that both of its ends move."""
+    machine = CASE("lift_table").machine
+    arms = {
+        name: replace(machine.bodies[name], points={**machine.bodies[name].points, "push": Point(place)})
+        for name, place in (("arm", (1.2, 0.1)), ("other_arm", (1.1, -0.15)))
+    }
+    lift = replace(
+        machine.actuators["lift"], ends=("other_arm.push", "arm.push"), L_0=0.1, rod_share=0.4, start=None
+    )
+    return replace(machine, bodies={**machine.bodies, **arms}, actuators={"lift": lift})
+
+
+FURTHER = {**SPATIAL, "scissors": scissors()}
+
+
+@pytest.mark.parametrize("name", FURTHER)
+def test_further_machines_agree_with_pinocchio(name: str) -> None:
+    """Universal, spherical and oblique joints, a slide that is pushed from aside, an actuator that moves."""
+    case = Case.of_machine(name, FURTHER[name])
     oracle = PinocchioMachine(case.machine)
     draw = np.random.default_rng(4)
     assembled = [case.closure.lengths[bar.name] - bar.length for bar in case.mechanism.actuators]
