@@ -57,6 +57,7 @@ class _Assembly:
         self._frames = [Frame(GROUND, -1, None, False, NONE, IDENTITY, AXES[2])]
         self._frame_of = {GROUND: 0}
         self._passive: list[int] = []
+        self._dampings: list[Any] = []
         for name, body in machine.bodies.items():
             self._add_body(name, body)
 
@@ -77,7 +78,9 @@ class _Assembly:
         down = (ZERO, -g, ZERO) if self._is_plane else (ZERO, ZERO, -g)
         masses = tuple(self._number(actuator.m) for actuator in machine.actuators.values())
         frames, passive = tuple(self._frames), tuple(self._passive)
-        return Mechanism(machine, frames, tuple(bars), loops, passive, down, at, masses)
+        return Mechanism(
+            machine, frames, tuple(bars), loops, passive, down, at, masses, tuple(self._dampings)
+        )
 
     @property
     def _is_plane(self) -> bool:
@@ -128,6 +131,7 @@ class _Assembly:
             count = sum(frame.coordinate is not None for frame in self._frames)
             if joint.is_passive:
                 self._passive.append(count)
+                self._dampings.append(self._number(joint.damping))
             self._frames.append(Frame(coordinate, parent, count, slides, at, rotation, axis))
             parent, at, rotation = len(self._frames) - 1, NONE, IDENTITY
         self._frame_of[name] = len(self._frames) - 1

@@ -143,8 +143,8 @@ class MachineLoad(MachineBlock):
         speeds = [*v.v_L, *v.passive_v]
         M, h = dynamics.mass_matrix(), dynamics.bias(speeds)
         right = []
-        for row, weight in zip(M[count:], h[count:], strict=True):
-            total = -weight
+        for row, weight, damped in zip(M[count:], h[count:], _damping(v, dynamics), strict=True):
+            total = plain(damped - weight)
             for m, a in zip(row, v.a_L, strict=False):
                 total = total - m * a
             right.append(total)
@@ -175,9 +175,9 @@ class MachinePlant(MachineBlock):
         """Return dynamics, speeds and accelerations of all variables, forces, and reflected inertias."""
         dynamics = self.dynamics(v, v.x_L)
         forces, inertias = screw_forces(v, dynamics.mechanism.actuator_masses)
-        free = [ZERO] * len(dynamics.mechanism.passive)
-        speeds = [*v.v_L, *(v.passive_v if free else ())]
-        forces, inertias = [*forces, *free], [*inertias, *free]
+        damping = _damping(v, dynamics)
+        speeds = [*v.v_L, *(v.passive_v if damping else ())]
+        forces, inertias = [*forces, *damping], [*inertias, *([ZERO] * len(damping))]
         return dynamics, speeds, dynamics.forward(speeds, forces, inertias), forces, inertias
 
     def derivatives(self, v: Any) -> dict[str, Any]:
@@ -197,6 +197,14 @@ class MachinePlant(MachineBlock):
             **self.tip(dynamics),
             "energy": dynamics.energy(speeds, inertias),
         }
+
+
+def _damping(v: Any, dynamics: Dynamics) -> list[Any]:
+    """Return the torques or forces of the dampers of passive coordinates."""
+    mechanism = dynamics.mechanism
+    if not mechanism.passive:
+        return []
+    return [-(damping * speed) for damping, speed in zip(mechanism.dampings, v.passive_v, strict=True)]
 
 
 def _passive(v: Any, dynamics: Dynamics, accelerations: Sequence[Any]) -> dict[str, Any]:

@@ -81,6 +81,7 @@ class Joint:
         rotation: Roll, pitch and yaw of the body's frame at joint coordinates of 0.
         assembly: Joint coordinates of the assembly pose, in m and rad.
         is_passive: Whether the coordinates are free, as those of a load on a hook.
+        damping: Torque or force per speed of each passive coordinate, N m s/rad or N s/m.
     """
 
     kind: JointKind
@@ -90,6 +91,7 @@ class Joint:
     rotation: tuple[float, float, float] = (0.0, 0.0, 0.0)
     assembly: tuple[float, ...] = ()
     is_passive: bool = False
+    damping: Number = 0.0
 
 
 @dataclass(frozen=True)

@@ -89,6 +89,7 @@ class Mechanism:
         gravity: Acceleration of free fall.
         payload: Where the payload is.
         actuator_masses: Masses of the actuators without their motors, kg.
+        dampings: Torque or force per speed of the passive coordinates.
     """
 
     machine: Machine
@@ -99,6 +100,7 @@ class Mechanism:
     gravity: Vector
     payload: End | None
     actuator_masses: tuple[Any, ...]
+    dampings: tuple[Any, ...]
 
     @property
     def coordinates(self) -> int:

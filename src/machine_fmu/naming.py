@@ -123,8 +123,12 @@ class _Naming:
                 self._name(f"{name}.J.{end}", x, "kg.m2", f"Inertia about the centre of mass, {end}")
                 for end, x in zip(ends, J, strict=False)
             )
+        damping = self._name(
+            f"{name}.damping", body.joint.damping, "", "Damping of its joint, N.m.s/rad or N.s/m"
+        )
         return replace(
             body,
+            joint=replace(body.joint, damping=damping),
             m=self._name(f"{name}.m", body.m, "kg", "Mass"),
             c=self._names(f"{name}.c", body.c, "m", "Centre of mass"),
             J=J,

@@ -202,7 +202,8 @@ def test_merged_block_moves_as_pinocchio(name: str) -> None:
 
     def expected_slope(t: float, y: Vector) -> Vector:
         x, v = np.split(y, 2)
-        forces = [*force(t, x[:count], v[:count]), *[0.0] * len(passive)]
+        damping = -np.array(case.mechanism.dampings) * v[count:]
+        forces = [*force(t, x[:count], v[:count]), *damping]
         extra = [*reflected, *[0.0] * len(passive)]
         return np.concatenate([v, oracle.accelerations(x.tolist(), v.tolist(), forces, extra)])
 

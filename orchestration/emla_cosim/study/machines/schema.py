@@ -69,6 +69,7 @@ class BodyTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
         default=()
     )  # type: ignore[assignment]
     passive: Annotated[bool, describe("whether the joint swings freely")] = False
+    damping: Annotated[float | str, number("", "damping of a passive joint, N m s/rad or N s/m", 20.0)] = 0.0
     m: Annotated[float | str, number("kg", "mass", 160.0)] = 0.0
     c: Annotated[list[float], numbers("m", "centre of mass", [0.85, 0.0], (2, 3))] = msgspec.field(
         default=()  # type: ignore[assignment]
@@ -244,7 +245,9 @@ def _body(table: BodyTable) -> Body:
     else:
         axis = (0.0, 0.0, 1.0)
     roll, pitch, yaw = table.rotation
-    joint = Joint(table.joint, parent, at, axis, (roll, pitch, yaw), tuple(table.assembly), table.passive)
+    joint = Joint(
+        table.joint, parent, at, axis, (roll, pitch, yaw), tuple(table.assembly), table.passive, table.damping
+    )
     return Body(joint, table.m, tuple(table.c), tuple(table.J), table.points)
 
 
