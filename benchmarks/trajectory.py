@@ -12,10 +12,10 @@ import casadi
 import numpy as np
 from scipy.optimize import minimize
 
-from hdrm_fmu.optimisation.assessment import assessed
-from hdrm_fmu.optimisation.problem import EndSpeed, MotionProblem
-from hdrm_fmu.optimisation.solving import Solution, solved, straight
-from hdrm_fmu.optimisation.transcription import Discretisation, Programme, stage
+from machine_fmu.optimisation.assessment import assessed
+from machine_fmu.optimisation.problem import EndSpeed, MotionProblem
+from machine_fmu.optimisation.solving import Solution, solved, straight
+from machine_fmu.optimisation.transcription import Discretisation, Programme, stage
 
 MOST_ITERATIONS = 300
 

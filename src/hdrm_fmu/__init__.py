@@ -1,8 +1,7 @@
 """The paper's manipulator of lift, tilt and telescope, moved by three EMLAs.
 
-Closed-chain kinematics, inverse and forward dynamics, and the motion along a B-spline are functions and
-blocks. The paper is the one that `emla_fmu` names. Numbers in parentheses are those of its equations as
-printed.
+Closed-chain kinematics, inverse and forward dynamics are functions and blocks. The paper is the one that
+`emla_fmu` names. Numbers in parentheses are those of its equations as printed.
 
 Examples:
     >>> from fmublock import Instance
@@ -15,9 +14,8 @@ Examples:
 from .manipulator import HdrmManipulator
 from .parameters import HDRM, HdrmParameters
 from .plant import HdrmPlant
-from .trajectory import Trajectory
 
-BLOCKS = (HdrmManipulator, HdrmPlant, Trajectory)
+BLOCKS = (HdrmManipulator, HdrmPlant)
 
 __all__ = [
     "BLOCKS",
@@ -25,5 +23,4 @@ __all__ = [
     "HdrmManipulator",
     "HdrmParameters",
     "HdrmPlant",
-    "Trajectory",
 ]

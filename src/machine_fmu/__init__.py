@@ -23,8 +23,12 @@ from .description import (
 )
 from .dynamics import Dynamics
 from .mechanism import Mechanism
+from .trajectory import Trajectory
+
+BLOCKS = (Trajectory,)
 
 __all__ = [
+    "BLOCKS",
     "GROUND",
     "Actuator",
     "Body",
@@ -41,6 +45,7 @@ __all__ = [
     "Payload",
     "Point",
     "Strut",
+    "Trajectory",
     "assemble",
     "find_closure",
     "load_block",

@@ -21,7 +21,7 @@ from emla_cosim.master.stepping.timing import make_communication_points
 from emla_cosim.study.loading import load
 from emla_cosim.system.model import System
 from fmublock.variables import DiscreteState, Output, State
-from hdrm_fmu.spline import Spline, trajectory_parameters
+from machine_fmu.spline import Spline, trajectory_parameters
 from tests.support import smooth_lift
 from tests.support.modelica_package import SCALARS, Array, compiled, driven, joint_source, name_in
 from tests.support.modelica_package import simulated as simulated_by_rumoca

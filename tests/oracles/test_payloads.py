@@ -8,11 +8,11 @@ import pytest
 from scipy.integrate import simpson
 
 from hdrm_fmu.dynamics import energy, inverse_dynamics
-from hdrm_fmu.optimisation.assessment import assessed, course
-from hdrm_fmu.optimisation.problem import MotionProblem, Via
-from hdrm_fmu.optimisation.solving import NoMotionError, Solution, solved
-from hdrm_fmu.optimisation.transcription import Discretisation
-from hdrm_fmu.spline import TrajectoryError
+from machine_fmu.optimisation.assessment import assessed, course
+from machine_fmu.optimisation.problem import MotionProblem, Via
+from machine_fmu.optimisation.solving import NoMotionError, Solution, solved
+from machine_fmu.optimisation.transcription import Discretisation
+from machine_fmu.spline import TrajectoryError
 
 COARSE = Discretisation(knots=12, points=6)
 REST = (0.0, 0.0, 0.0)

@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 from scipy.interpolate import BSpline
 
 from fmublock import BlockError
-from hdrm_fmu import Trajectory
-from hdrm_fmu.spline import Spline, TrajectoryError, default_spline, spline_of, trajectory_parameters
-from hdrm_fmu.spline_window import COEFFICIENTS, KNOTS
-from hdrm_fmu.trajectory import JOINTS
+from machine_fmu import Trajectory
+from machine_fmu.spline import Spline, TrajectoryError, default_spline, spline_of, trajectory_parameters
+from machine_fmu.spline_window import COEFFICIENTS, KNOTS
+from machine_fmu.trajectory import JOINTS
 from tests.support.in_process import started
 
 OUTPUTS = [f"{name}[{i}]" for name in ("x_d", "v_d", "a_d") for i in (1, 2, 3)]

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import emla_fmu
 import hdrm_fmu
+import machine_fmu
 import rsba_fmu
 from fmublock import Block
 from fmublock.archive import BuiltFmu, read_built
@@ -28,7 +29,7 @@ from ..base.errors import CommandError, RunError, check_choice
 from ..base.output_files import OutputFile
 
 MODELS: dict[str, type[Block]] = {
-    b.__name__: b for b in (*emla_fmu.BLOCKS, *rsba_fmu.BLOCKS, *hdrm_fmu.BLOCKS)
+    b.__name__: b for b in (*emla_fmu.BLOCKS, *rsba_fmu.BLOCKS, *hdrm_fmu.BLOCKS, *machine_fmu.BLOCKS)
 }
 """The blocks by the name of their model."""
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from fmublock import Block
-from hdrm_fmu.spline import Spline, TrajectoryError, default_spline, trajectory_parameters
+from machine_fmu.spline import Spline, TrajectoryError, default_spline, trajectory_parameters
 
 from ..base.errors import CommandError
 from ..system.model import System, Value

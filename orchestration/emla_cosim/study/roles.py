@@ -8,7 +8,7 @@ from collections.abc import Collection, Iterable, Mapping
 from functools import cached_property
 from typing import TypeVar
 
-from hdrm_fmu.trajectory import JOINTS
+from machine_fmu.trajectory import JOINTS
 
 from ..base.errors import CommandError, join_names, suggest_names
 from ..inputs.input import find_data_names

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from hdrm_fmu.spline import DEFAULT_FILE, Spline, TrajectoryError, spline_of
+from machine_fmu.spline import DEFAULT_FILE, Spline, TrajectoryError, spline_of
 
 from ..base.errors import CommandError
 from ..base.files import read_text

@@ -6,9 +6,9 @@ from typing import Any
 
 from hypothesis import strategies as st
 
-from hdrm_fmu.spline import Spline, trajectory_parameters
-from hdrm_fmu.spline_window import DEGREE, KNOTS
-from hdrm_fmu.trajectory import JOINTS
+from machine_fmu.spline import Spline, trajectory_parameters
+from machine_fmu.spline_window import DEGREE, KNOTS
+from machine_fmu.trajectory import JOINTS
 from tests.support.blocks.facts import BlockFacts, Draw, Point, magnitude, magnitudes, signed, signs
 
 

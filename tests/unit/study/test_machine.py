@@ -22,7 +22,7 @@ from emla_cosim.study.paper import TABLE_VI
 from emla_cosim.study.roles import JOINTS, find_joints, find_tracked_joints, find_variable
 from hdrm_fmu import HDRM
 from hdrm_fmu.dynamics import inverse_dynamics
-from hdrm_fmu.spline import DEFAULT_FILE, default_spline
+from machine_fmu.spline import DEFAULT_FILE, default_spline
 from tests.support.commands import Emla
 from tests.support.coupled_machine import column, positions
 from tests.support.tiers import mostly_slow

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from hdrm_fmu.optimisation.problem import MotionProblem
+from machine_fmu.optimisation.problem import MotionProblem
 
 from ...base.errors import CommandError
 from ...base.files import check_output_files, report_write_errors

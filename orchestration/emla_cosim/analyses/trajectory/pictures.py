@@ -7,10 +7,10 @@ import numpy as np
 
 from hdrm_fmu.base import base_corners
 from hdrm_fmu.kinematics import outline, tip
-from hdrm_fmu.optimisation.assessment import Course
-from hdrm_fmu.optimisation.problem import MotionProblem
 from hdrm_fmu.parameters import HdrmParameters
-from hdrm_fmu.trajectory import JOINTS
+from machine_fmu.optimisation.assessment import Course
+from machine_fmu.optimisation.problem import MotionProblem
+from machine_fmu.trajectory import JOINTS
 
 from ...base.arrays import Vector
 from ...views.plots.style import BLUE, GREY, ORANGE, RED, new_figure, tidy_axes

@@ -8,9 +8,9 @@ from typing import Annotated, Any, Literal, get_type_hints
 
 import msgspec
 
-from hdrm_fmu.optimisation.problem import MotionProblem, Via
 from hdrm_fmu.parameters import HdrmParameters
-from hdrm_fmu.spline import TrajectoryError
+from machine_fmu.optimisation.problem import MotionProblem, Via
+from machine_fmu.spline import TrajectoryError
 
 from ...base.errors import CommandError, suggest_names
 from ...base.files import read_text

@@ -2,8 +2,8 @@
 
 from collections.abc import Callable, Iterator
 
-from hdrm_fmu.optimisation.assessment import BODY, Clearance, Peak
-from hdrm_fmu.optimisation.problem import EndSpeed
+from machine_fmu.optimisation.assessment import BODY, Clearance, Peak
+from machine_fmu.optimisation.problem import EndSpeed
 
 from ..frame.report import Report, ReportTable, Section, Text
 from .pictures import PICTURES

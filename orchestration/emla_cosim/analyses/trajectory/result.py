@@ -7,11 +7,11 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from hdrm_fmu.optimisation.assessment import Assessment, Course, course
-from hdrm_fmu.optimisation.problem import EndSpeed, MotionProblem
-from hdrm_fmu.optimisation.solving import Solution
-from hdrm_fmu.optimisation.transcription import Discretisation
-from hdrm_fmu.spline import Spline
+from machine_fmu.optimisation.assessment import Assessment, Course, course
+from machine_fmu.optimisation.problem import EndSpeed, MotionProblem
+from machine_fmu.optimisation.solving import Solution
+from machine_fmu.optimisation.transcription import Discretisation
+from machine_fmu.spline import Spline
 
 from ...base.arrays import Vector
 from ...study.trajectory_file import check_trajectory

@@ -4,18 +4,18 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from hdrm_fmu.optimisation.assessment import Assessment, assessed
-from hdrm_fmu.optimisation.narrowing import narrowed
-from hdrm_fmu.optimisation.problem import EndSpeed, MotionProblem
-from hdrm_fmu.optimisation.solving import (
+from machine_fmu.optimisation.assessment import Assessment, assessed
+from machine_fmu.optimisation.narrowing import narrowed
+from machine_fmu.optimisation.problem import EndSpeed, MotionProblem
+from machine_fmu.optimisation.solving import (
     MOST_ITERATIONS,
     NoMotionError,
     Solution,
     detour,
     solved,
 )
-from hdrm_fmu.optimisation.transcription import Discretisation
-from hdrm_fmu.spline_window import COEFFICIENTS
+from machine_fmu.optimisation.transcription import Discretisation
+from machine_fmu.spline_window import COEFFICIENTS
 
 from ...base.errors import CommandError, RunError, check_choice
 from ...base.progress import Progress

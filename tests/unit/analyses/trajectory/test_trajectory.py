@@ -17,8 +17,8 @@ from emla_cosim.base.progress import Progress
 from emla_cosim.cli.app import app
 from emla_cosim.study.trajectory_file import DEFAULT_FILE
 from emla_cosim.system.model import System
-from hdrm_fmu.optimisation.problem import MotionProblem
-from hdrm_fmu.spline import default_spline
+from machine_fmu.optimisation.problem import MotionProblem
+from machine_fmu.spline import default_spline
 from tests.support.commands import Emla, sentence, widen_terminal
 from tests.support.manipulator_geometry import points
 

@@ -12,9 +12,9 @@ from typing import Any
 import casadi
 import numpy as np
 
-from ..base import base_corners
-from ..kinematics import posture
-from ..parameters import HdrmParameters
+from hdrm_fmu.base import base_corners
+from hdrm_fmu.kinematics import posture
+from hdrm_fmu.parameters import HdrmParameters
 
 GROUND_POINTS = {
     "O_2": "the elbow",

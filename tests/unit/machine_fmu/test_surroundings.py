@@ -10,14 +10,14 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 from hdrm_fmu.base import base_corners
-from hdrm_fmu.optimisation.assessment import BODY, GROUND, assessed, measure_clearances
-from hdrm_fmu.optimisation.narrowing import narrowed
-from hdrm_fmu.optimisation.problem import MotionProblem
-from hdrm_fmu.optimisation.solving import NoMotionError, solved
-from hdrm_fmu.optimisation.surroundings import body_approach, ground_approach
-from hdrm_fmu.optimisation.transcription import Discretisation
 from hdrm_fmu.parameters import HDRM
-from hdrm_fmu.spline import Spline
+from machine_fmu.optimisation.assessment import BODY, GROUND, assessed, measure_clearances
+from machine_fmu.optimisation.narrowing import narrowed
+from machine_fmu.optimisation.problem import MotionProblem
+from machine_fmu.optimisation.solving import NoMotionError, solved
+from machine_fmu.optimisation.surroundings import body_approach, ground_approach
+from machine_fmu.optimisation.transcription import Discretisation
+from machine_fmu.spline import Spline
 from tests.support.manipulator_geometry import points
 from tests.support.tiers import examples
 

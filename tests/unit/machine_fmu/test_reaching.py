@@ -8,13 +8,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hdrm_fmu.optimisation.assessment import assessed
-from hdrm_fmu.optimisation.problem import MotionProblem, Via
-from hdrm_fmu.optimisation.reaching import nearest_position, nearest_posture
-from hdrm_fmu.optimisation.solving import solved
-from hdrm_fmu.optimisation.transcription import Discretisation
 from hdrm_fmu.parameters import HDRM
-from hdrm_fmu.spline import TrajectoryError
+from machine_fmu.optimisation.assessment import assessed
+from machine_fmu.optimisation.problem import MotionProblem, Via
+from machine_fmu.optimisation.reaching import nearest_position, nearest_posture
+from machine_fmu.optimisation.solving import solved
+from machine_fmu.optimisation.transcription import Discretisation
+from machine_fmu.spline import TrajectoryError
 from tests.support.manipulator_geometry import points
 
 COARSE = Discretisation(knots=12, points=6)

@@ -6,7 +6,8 @@ from typing import TypeVar
 
 import numpy as np
 
-from ..parameters import Three
+from hdrm_fmu.parameters import Three
+
 from ..spline import Spline
 from ..trajectory import JOINTS
 from .grid import lobatto

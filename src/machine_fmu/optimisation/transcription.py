@@ -13,9 +13,10 @@ from itertools import pairwise
 import casadi
 import numpy as np
 
-from ..dynamics import energy, inverse_dynamics
-from ..kinematics import tip
-from ..parameters import Three
+from hdrm_fmu.dynamics import energy, inverse_dynamics
+from hdrm_fmu.kinematics import tip
+from hdrm_fmu.parameters import Three
+
 from ..trajectory import JOINTS
 from .constraints import Constraints
 from .grid import SplineBasis, lobatto

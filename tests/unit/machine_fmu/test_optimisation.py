@@ -9,13 +9,13 @@ import pytest
 from scipy.interpolate import BSpline
 
 from hdrm_fmu.dynamics import inverse_dynamics
-from hdrm_fmu.optimisation.assessment import Assessment, assessed
-from hdrm_fmu.optimisation.grid import SplineBasis, lobatto
-from hdrm_fmu.optimisation.narrowing import narrowed
-from hdrm_fmu.optimisation.problem import EndSpeed, MotionProblem
-from hdrm_fmu.optimisation.solving import NoMotionError, Solution, detour, solved
-from hdrm_fmu.optimisation.transcription import Discretisation
-from hdrm_fmu.spline import Spline, default_spline
+from machine_fmu.optimisation.assessment import Assessment, assessed
+from machine_fmu.optimisation.grid import SplineBasis, lobatto
+from machine_fmu.optimisation.narrowing import narrowed
+from machine_fmu.optimisation.problem import EndSpeed, MotionProblem
+from machine_fmu.optimisation.solving import NoMotionError, Solution, detour, solved
+from machine_fmu.optimisation.transcription import Discretisation
+from machine_fmu.spline import Spline, default_spline
 from tests.support.tiers import mostly_slow
 
 PRINTED = MotionProblem()

@@ -10,7 +10,8 @@ from itertools import product
 import numpy as np
 from scipy.optimize import minimize
 
-from ..parameters import HdrmParameters, Three
+from hdrm_fmu.parameters import HdrmParameters, Three
+
 from .surroundings import postures
 
 _STROKES = 2001

@@ -10,9 +10,10 @@ from typing import NamedTuple, get_args
 
 import numpy as np
 
-from ..base import lowest_ground
-from ..dynamics import bias
-from ..parameters import HDRM, PAYLOAD, HdrmParameters, Three
+from hdrm_fmu.base import lowest_ground
+from hdrm_fmu.dynamics import bias
+from hdrm_fmu.parameters import HDRM, PAYLOAD, HdrmParameters, Three
+
 from ..spline import TrajectoryError
 from ..trajectory import JOINTS
 from .reaching import nearest_position, nearest_posture

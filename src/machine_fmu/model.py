@@ -1,0 +1,255 @@
+"""A machine with its numbers, and its mechanics as functions of many poses at once.
+
+Blocks do not use this: it needs CasADi and NumPy, and finds poses by as many iterations as they need.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import cached_property
+from typing import Any
+
+import casadi
+import numpy as np
+
+from .assembly import assemble
+from .closure import find_closure
+from .description import GROUND, Machine, MachineError
+from .dynamics import Dynamics
+from .exact import plain
+from .mechanism import End, Mechanism
+from .naming import name_numbers
+from .pose import Pose
+
+_MANY = 50
+"""Largest number of Newton's iterations for a pose."""
+
+_NEAR = 1e-12
+"""Change in m or rad by an iteration at which a pose is found."""
+
+_PART = 0.02
+"""Largest change of a stroke in m between two poses that Newton's method joins."""
+
+
+class MachineModel:
+    """A machine with values of its numbers.
+
+    Rows of arrays are poses; columns of strokes, speeds and forces are the actuators in their order. Passive
+    coordinates, such as a hook, are held as in the assembly pose.
+
+    Args:
+        machine: The description.
+        values: Numbers by name, as the variables of its blocks have them, which replace those of the
+            description.
+
+    Raises:
+        MachineError: A name does not exist, or lengths do not determine the pose.
+    """
+
+    def __init__(self, machine: Machine, values: Mapping[str, float] | None = None) -> None:
+        named = name_numbers(machine)
+        parameters = dict(named.parameters)
+        for name, value in (values or {}).items():
+            if name not in parameters:
+                raise MachineError(f"the machine has no number '{name}'; existing: {', '.join(parameters)}")
+            parameters[name] = replace(parameters[name], value=float(value))
+        self.machine = replace(named, parameters=parameters)
+        self.closure = find_closure(self.machine)
+        self.mechanism = assemble(self.machine)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The actuators in their order."""
+        return tuple(self.machine.actuators)
+
+    @property
+    def dimensions(self) -> int:
+        """Number of coordinates of a point: 2 in the plane, 3 in space."""
+        return self.machine.dimensions
+
+    @property
+    def payload(self) -> float:
+        """Mass of the payload in kg; 0 without one."""
+        return 0.0 if self.machine.payload is None else self.machine.payload.m
+
+    @cached_property
+    def q_LB(self) -> tuple[float, ...]:
+        """Lower ends of the strokes, m."""
+        return tuple(self._number(actuator.stroke[0]) for actuator in self.machine.actuators.values())
+
+    @cached_property
+    def q_UB(self) -> tuple[float, ...]:
+        """Upper ends of the strokes, m."""
+        return tuple(self._number(actuator.stroke[1]) for actuator in self.machine.actuators.values())
+
+    @cached_property
+    def start(self) -> tuple[float, ...]:
+        """Strokes at the start, m."""
+        starts = []
+        for bar in self.mechanism.actuators:
+            given = self.machine.actuators[bar.name].start
+            as_assembled = self.closure.lengths[bar.name] - float(plain(bar.length))
+            starts.append(as_assembled if given is None else given)
+        return tuple(starts)
+
+    def dynamics(
+        self, q: Sequence[Any], payload: Any = None, guess: Mapping[int, Any] | None = None
+    ) -> Dynamics:
+        """Return the dynamics at strokes, on floats or symbols of CasADi.
+
+        Args:
+            q: Strokes, m.
+            payload: Mass of the payload in kg; that of the description without.
+            guess: Coordinates that Newton's method finds, by number, near the solution; needed where
+                `closure.iterated` has any. See `poses`.
+        """
+        mechanism = self.mechanism if payload is None else self._loaded(payload)
+        held = [self.closure.assembly[i] for i in mechanism.passive]
+        return Dynamics(mechanism, self.closure, q, held, guess)
+
+    def poses(self, strokes: np.ndarray) -> np.ndarray:
+        """Return the coordinates that Newton's method finds; one row per pose, NaN where there is none.
+
+        Each pose is sought from that of the row before, and then in parts from the assembly pose.
+
+        Args:
+            strokes: Strokes in m, one row per pose.
+        """
+        iterated = self.closure.iterated
+        found = np.full((len(strokes), len(iterated)), np.nan)
+        if not iterated:
+            return found
+        first = np.array([self.closure.assembly[i] for i in iterated])
+        before, last = first, np.array(self.start)
+        for row, q in enumerate(np.asarray(strokes, dtype=float)):
+            x = self._continued(last, q, before)
+            if not np.isfinite(x).all():
+                x = self._continued(np.array(self.start), q, first)
+            found[row] = x
+            if np.isfinite(x).all():
+                before, last = x, q
+        return found
+
+    def forces(
+        self, q: np.ndarray, v: np.ndarray, a: np.ndarray, payload: float | np.ndarray | None = None
+    ) -> np.ndarray:
+        """Return the forces of the actuators in N for their motion, positive against extension of a load.
+
+        Args:
+            q: Strokes in m, one row per pose.
+            v: Speeds, m/s.
+            a: Accelerations, m/s2.
+            payload: Mass in kg, also one for each row; that of the description without.
+        """
+
+        def equation(dynamics: Dynamics, v: Any, a: Any) -> Any:
+            none = [0.0] * len(dynamics.mechanism.passive)
+            rows = dynamics.inverse([*casadi.vertsplit(v), *none], [*casadi.vertsplit(a), *none])
+            return casadi.vertcat(*rows[: len(self.names)])
+
+        return self._evaluate("forces", equation, q, payload, v, a)
+
+    def energy(self, q: np.ndarray, v: np.ndarray, payload: float | np.ndarray | None = None) -> np.ndarray:
+        """Return the energy in J for each row; arguments as in `forces`."""
+
+        def equation(dynamics: Dynamics, v: Any) -> Any:
+            return dynamics.energy([*casadi.vertsplit(v), *[0.0] * len(dynamics.mechanism.passive)])
+
+        return self._evaluate("energy", equation, q, payload, v)[:, 0]
+
+    def tip(self, q: np.ndarray) -> np.ndarray:
+        """Return the position of the payload in m for each row of strokes: x and y, in space also z.
+
+        Raises:
+            MachineError: The machine has no payload.
+        """
+        if self.mechanism.payload is None:
+            raise MachineError("the machine has no [payload], so it has no tip")
+        end = self.mechanism.payload
+        return self._evaluate("tip", lambda dynamics: self._place(dynamics.pose, end), q, None)
+
+    def points(self, q: np.ndarray) -> dict[str, np.ndarray]:
+        """Return the positions in m of all points for each row of strokes.
+
+        Keys are BODY for the origin of a body, and BODY.POINT; the ground is the body 'ground'.
+        """
+        ends = self.ends
+
+        def equation(dynamics: Dynamics) -> Any:
+            return casadi.vertcat(*(self._place(dynamics.pose, end) for end in ends.values()))
+
+        found = self._evaluate("points", equation, q, None)
+        n = self.dimensions
+        return {name: found[:, n * i : n * (i + 1)] for i, name in enumerate(ends)}
+
+    @cached_property
+    def ends(self) -> dict[str, End]:
+        """All points of bodies and of the ground, by BODY or BODY.POINT."""
+        bodies = [GROUND, *self.machine.bodies]
+        names = [f"{b}.{point}" if point else b for b in bodies for point in ("", *self.machine.points(b))]
+        # a loop of a point with itself is one way to ask for a point
+        loops = {name: (name, name) for name in names}
+        asked = assemble(replace(self.machine, loops=loops)).loops
+        return {name: first for name, (first, _) in zip(names, asked, strict=True)}
+
+    def _number(self, number: float | str) -> float:
+        if not isinstance(number, str):
+            return float(number)
+        value = self.machine.parameters[number.removeprefix("-")].value
+        return -value if number.startswith("-") else value
+
+    def _loaded(self, payload: Any) -> Mechanism:
+        return assemble(self.machine, None, payload)
+
+    def _place(self, pose: Pose, end: End) -> Any:
+        return casadi.vertcat(*(plain(x) for x in pose.point(end)[: self.dimensions]))
+
+    def _continued(self, last: np.ndarray, q: np.ndarray, guess: np.ndarray) -> np.ndarray:
+        """Return the coordinates at strokes q, from those at other strokes; NaN if they are not reached."""
+        parts = max(1, int(np.ceil(np.abs(q - last).max() / _PART)))
+        x = guess
+        for part in range(1, parts + 1):
+            there = last + part / parts * (q - last)
+            for _ in range(_MANY):
+                before = x
+                x = np.array(self._improved(there, x)).ravel()
+                if not np.isfinite(x).all() or np.abs(x - before).max() <= _NEAR:
+                    break
+            else:
+                return np.full(len(x), np.nan)
+        return x
+
+    @cached_property
+    def _improved(self) -> casadi.Function:
+        """One iteration of Newton's method: from strokes and a guess to the coordinates."""
+        q = casadi.SX.sym("q", len(self.names))
+        x = casadi.SX.sym("x", len(self.closure.iterated))
+        guess = dict(zip(self.closure.iterated, casadi.vertsplit(x), strict=True))
+        held = [self.closure.assembly[i] for i in self.mechanism.passive]
+        pose = Dynamics(self.mechanism, self.closure, casadi.vertsplit(q), held, guess, 1).pose
+        return casadi.Function("improved", [q, x], [casadi.vertcat(*(pose.numbers[i] for i in guess))])
+
+    def _evaluate(
+        self,
+        name: str,
+        equation: Callable[..., Any],
+        q: np.ndarray,
+        payload: float | np.ndarray | None,
+        *motion: np.ndarray,
+    ) -> np.ndarray:
+        """Return a function of poses, speeds and so on, one row per pose."""
+        q = np.asarray(q, dtype=float)
+        if name not in self._functions:
+            symbols = [casadi.SX.sym(f"s{i}", len(self.names)) for i in range(1 + len(motion))]
+            x, m = casadi.SX.sym("x", len(self.closure.iterated)), casadi.SX.sym("m")
+            guess = dict(zip(self.closure.iterated, casadi.vertsplit(x), strict=True)) or None
+            dynamics = self.dynamics(casadi.vertsplit(symbols[0]), m, guess)
+            result = equation(dynamics, *symbols[1:])
+            self._functions[name] = casadi.Function(name, [*symbols, x, m], [result])
+        loads = np.broadcast_to(self.payload if payload is None else payload, len(q))
+        columns = [np.asarray(s, dtype=float).T for s in (q, *motion)]
+        poses = self.poses(q).T
+        return np.array(self._functions[name].map(len(q))(*columns, poses, loads[None, :])).T
+
+    @cached_property
+    def _functions(self) -> dict[str, casadi.Function]:
+        return {}
