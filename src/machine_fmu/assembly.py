@@ -49,6 +49,33 @@ def assemble(machine: Machine, values: Values | None = None, payload: Any = None
     return _Assembly(machine, values or (lambda name: machine.parameters[name].value)).finish(payload)
 
 
+def locate_points(machine: Machine) -> dict[str, End]:
+    """Return all points of bodies and of the ground, by BODY for a body's frame and BODY.POINT."""
+    assembly = _Assembly(machine, lambda name: machine.parameters[name].value)
+    bodies = (GROUND, *machine.bodies)
+    names = (f"{body}.{point}" if point else body for body in bodies for point in ("", *machine.points(body)))
+    return {name: assembly._end(name, "a point") for name in names}
+
+
+def locate_outlines(machine: Machine) -> dict[str, tuple[End, ...]]:
+    """Return the corners of outlines by body; bodies without an outline are left out.
+
+    Raises:
+        MachineError: A corner names a point that does not exist.
+    """
+    assembly = _Assembly(machine, lambda name: machine.parameters[name].value)
+    outlines = {GROUND: machine.outline, **{name: body.outline for name, body in machine.bodies.items()}}
+    for name, corners in outlines.items():
+        for corner in corners:
+            if corner.origin is not None:
+                machine.split(f"{name}.{corner.origin}", f"a corner of the outline of '{name}'")
+    return {
+        name: tuple(End(assembly._frame_of[name], assembly._locate(name, corner)) for corner in corners)
+        for name, corners in outlines.items()
+        if corners
+    }
+
+
 class _Assembly:
     """A mechanism in the making."""
 
@@ -103,14 +130,14 @@ class _Assembly:
 
     def _place(self, body: str, point: str) -> Vector:
         """Return a point in the frame of its body."""
-        if not point:
-            return NONE
-        found: Point = self._machine.points(body)[point]
-        at = self._vector(found.position)
-        if found.polar is not None:
-            radius, angle = (self._number(n) for n in found.polar)
+        return self._locate(body, self._machine.points(body)[point]) if point else NONE
+
+    def _locate(self, body: str, point: Point) -> Vector:
+        at = self._vector(point.position)
+        if point.polar is not None:
+            radius, angle = (self._number(n) for n in point.polar)
             at = add(at, scale(radius, (cos(plain(angle)), sin(plain(angle)), ZERO)))
-        return at if found.origin is None else add(self._place(body, found.origin), at)
+        return at if point.origin is None else add(self._place(body, point.origin), at)
 
     def _end(self, place: str, what: str) -> End:
         body, point = self._machine.split(place, what)

@@ -81,12 +81,22 @@ def _machine(data: Mapping[str, Any]) -> Machine:
         payload=None if payload is None else Payload(**payload),
         parameters={name: Parameter(**x) for name, x in data["parameters"].items()},
         gravity=data["gravity"],
+        outline=_outline(data),
     )
 
 
 def _body(data: Mapping[str, Any]) -> Body:
-    values = {**data, "joint": Joint(**_tuples(data["joint"])), "points": _points(data["points"])}
+    values = {
+        **data,
+        "joint": Joint(**_tuples(data["joint"])),
+        "points": _points(data["points"]),
+        "outline": _outline(data),
+    }
     return Body(**_tuples(values))
+
+
+def _outline(data: Mapping[str, Any]) -> tuple[Point, ...]:
+    return tuple(Point(**_tuples(x)) for x in data.get("outline", ()))
 
 
 def _points(data: Mapping[str, Any]) -> dict[str, Point]:

@@ -105,6 +105,7 @@ class Body:
         J: Inertia about the centre of mass: about z in the plane; xx, yy, zz, and optionally xy, xz, yz in
             space.
         points: Points of the body by name.
+        outline: Corners of its outline, for pictures and distances; without, pictures draw its points.
     """
 
     joint: Joint
@@ -112,6 +113,7 @@ class Body:
     c: tuple[Number, ...] = ()
     J: tuple[Number, ...] = ()
     points: Mapping[str, Point] = field(default_factory=dict)
+    outline: tuple[Point, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -178,6 +180,7 @@ class Machine:
         payload: What the machine carries.
         parameters: Numbers with names.
         gravity: Gravitational acceleration, m/s2.
+        outline: Corners of the outline of the base, which does not move.
     """
 
     dimensions: Literal[2, 3]
@@ -189,6 +192,7 @@ class Machine:
     payload: Payload | None = None
     parameters: Mapping[str, Parameter] = field(default_factory=dict)
     gravity: Number = 9.81
+    outline: tuple[Point, ...] = ()
 
     def coordinates(self, body: str) -> list[str]:
         """Return the names of the coordinates of a body's joint."""

@@ -11,7 +11,7 @@ from typing import Any
 import casadi
 import numpy as np
 
-from .assembly import assemble
+from .assembly import assemble, locate_points
 from .closure import find_closure
 from .description import GROUND, Machine, MachineError
 from .dynamics import Dynamics
@@ -121,6 +121,8 @@ class MachineModel:
         first = np.array([self.closure.assembly[i] for i in iterated])
         before, last = first, np.array(self.start)
         for row, q in enumerate(np.asarray(strokes, dtype=float)):
+            if not np.isfinite(q).all():
+                continue
             x = self._continued(last, q, before)
             if not np.isfinite(x).all():
                 x = self._continued(np.array(self.start), q, first)
@@ -181,15 +183,30 @@ class MachineModel:
         n = self.dimensions
         return {name: found[:, n * i : n * (i + 1)] for i, name in enumerate(ends)}
 
+    def frames(self, q: np.ndarray) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+        """Return the frames of all bodies and of the ground for each row of strokes.
+
+        Returns:
+            By body, the positions of its origin in m, and its rotations: the columns are its axes.
+        """
+        bodies = (GROUND, *self.machine.bodies)
+        n, size = self.dimensions, self.dimensions + self.dimensions**2
+
+        def equation(dynamics: Dynamics) -> Any:
+            rows = []
+            for body in bodies:
+                rotation = dynamics.pose.rotation(self.ends[body].frame)
+                rows.append(self._place(dynamics.pose, self.ends[body]))
+                rows += [plain(x) for row in rotation[:n] for x in row[:n]]
+            return casadi.vertcat(*rows)
+
+        values = self._evaluate("frames", equation, q, None).reshape(-1, len(bodies), size)
+        return {body: (values[:, i, :n], values[:, i, n:].reshape(-1, n, n)) for i, body in enumerate(bodies)}
+
     @cached_property
     def ends(self) -> dict[str, End]:
         """All points of bodies and of the ground, by BODY or BODY.POINT."""
-        bodies = [GROUND, *self.machine.bodies]
-        names = [f"{b}.{point}" if point else b for b in bodies for point in ("", *self.machine.points(b))]
-        # a loop of a point with itself is one way to ask for a point
-        loops = {name: (name, name) for name in names}
-        asked = assemble(replace(self.machine, loops=loops)).loops
-        return {name: first for name, (first, _) in zip(names, asked, strict=True)}
+        return locate_points(self.machine)
 
     def _number(self, number: float | str) -> float:
         if not isinstance(number, str):

@@ -79,6 +79,21 @@ def point_table() -> msgspec.Meta:
     return describe("points of the body, in m in its frame", {"pin": [0.5, 0.1]}, read=read)
 
 
+def corner_list(subject: str) -> msgspec.Meta:
+    """Annotate a list of corners, each a point, or the name of a point of the same body."""
+
+    def read(value: Any, at: Location, folder: Path | None) -> tuple[Point, ...]:
+        if not isinstance(value, (list, tuple)) or len(value) < 3:
+            raise CommandError(f"{at.label} is {value!r}; it must be a list of at least 3 corners.")
+        return tuple(
+            Point(origin=x) if isinstance(x, str) else _read_point(x, at.item(i), folder)
+            for i, x in enumerate(value, 1)
+        )
+
+    about = f"corners of the {subject} in pictures, in m: points, or names of its points"
+    return describe(about, [[0.0, 0.1], [0.0, -0.1], "pin"], read=read)
+
+
 def _about(about: str, unit: str) -> str:
     return f"{about} [{unit}], or a parameter" if unit else f"{about}, or a parameter"
 

@@ -22,13 +22,14 @@ from machine_fmu import (
     Point,
     find_closure,
 )
+from machine_fmu.assembly import locate_outlines
 from machine_fmu.description import JointKind
 
 from ...base.errors import CommandError, check_choice
 from ...base.table_entries import unknown_entry
 from ...base.toml_structs import describe, dotted, quantity, read_toml
 from ...base.values import convert_value
-from .entries import joint_values, number, numbers, point_table
+from .entries import corner_list, joint_values, number, numbers, point_table
 from .urdf import read_urdf
 
 _FOLDER = "emla_cosim.study.machines"
@@ -54,6 +55,7 @@ class GroundTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     """What does not move."""
 
     points: Annotated[dict[str, Any], point_table()] = _EMPTY
+    outline: Annotated[list[Any], corner_list("base")] = msgspec.field(default=())  # type: ignore[assignment]
 
 
 class BodyTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -78,12 +80,14 @@ class BodyTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
         list[float], numbers("kg.m2", "inertia about the centre: about z; or xx, yy, zz", 43.2, (1, 3, 6))
     ] = msgspec.field(default=())  # type: ignore[assignment]
     points: Annotated[dict[str, Any], point_table()] = _EMPTY
+    outline: Annotated[list[Any], corner_list("body")] = msgspec.field(default=())  # type: ignore[assignment]
 
 
 class UrdfLinkTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """What a URDF file does not have: pins of actuators, and the pose in which the machine is assembled."""
 
     points: Annotated[dict[str, Any], point_table()] = _EMPTY
+    outline: Annotated[list[Any], corner_list("link")] = msgspec.field(default=())  # type: ignore[assignment]
     assembly: Annotated[list[float], joint_values("joint coordinates of a pose", "30 deg")] = msgspec.field(
         default=()
     )  # type: ignore[assignment]
@@ -193,6 +197,7 @@ def parse_machine(content: Mapping[str, Any], label: str, folder: Path | None = 
     try:
         machine = _machine(table, bodies, ground)
         find_closure(machine)
+        locate_outlines(machine)
     except MachineError as error:
         raise CommandError(f"{label} cannot be used: {error}.") from error
     return machine
@@ -206,7 +211,8 @@ def _from_urdf(table: MachineTable, file: Path, label: str) -> tuple[dict[str, B
             raise unknown_entry(f"[urdf_links] of {label}", name, list(bodies))
         body = bodies[name]
         joint = replace(body.joint, assembly=tuple(more.assembly), is_passive=more.passive)
-        bodies[name] = replace(body, joint=joint, points={**body.points, **more.points})
+        points = {**body.points, **more.points}
+        bodies[name] = replace(body, joint=joint, points=points, outline=tuple(more.outline))
     return bodies, {**ground, **table.ground.points}
 
 
@@ -222,6 +228,7 @@ def _machine(table: MachineTable, bodies: Mapping[str, Body], ground: Mapping[st
         payload=None if payload is None else Payload(payload.at, payload.m, payload.J),
         parameters=dict(_parameters(table.parameters)),
         gravity=table.gravity,
+        outline=tuple(table.ground.outline),
     )
 
 
@@ -248,7 +255,7 @@ def _body(table: BodyTable) -> Body:
     joint = Joint(
         table.joint, parent, at, axis, (roll, pitch, yaw), tuple(table.assembly), table.passive, table.damping
     )
-    return Body(joint, table.m, tuple(table.c), tuple(table.J), table.points)
+    return Body(joint, table.m, tuple(table.c), tuple(table.J), table.points, tuple(table.outline))
 
 
 def _link(table: LinkTable) -> Link:
