@@ -23,7 +23,7 @@ from .description import (
 )
 from .dynamics import Dynamics
 from .mechanism import Mechanism
-from .trajectory import Trajectory
+from .trajectory import Trajectory, trajectory_block
 
 BLOCKS = (Trajectory,)
 
@@ -52,6 +52,7 @@ __all__ = [
     "plant_block",
     "reach_pose",
     "read_definition",
+    "trajectory_block",
     "write_definition",
     "write_module",
 ]

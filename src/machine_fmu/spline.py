@@ -1,4 +1,4 @@
-"""A B-spline of the three strokes, and its conversion to parameters of the block Trajectory."""
+"""A B-spline of strokes, and its conversion to parameters of a block by `trajectory_block`."""
 
 import json
 import reprlib
@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .spline_window import COEFFICIENTS, DEGREE, KNOTS
-from .trajectory import JOINTS
 
 if TYPE_CHECKING:
     import numpy as np
@@ -34,6 +33,7 @@ class Spline:
         degree: Degree of the polynomials.
         knots: Knots in s, in increasing order.
         coefficients: Coefficients (control points) in m by joint: knots - degree - 1 for each joint.
+            Their order is that of the strokes.
 
     Raises:
         TrajectoryError: A value is not of this form.
@@ -48,9 +48,10 @@ class Spline:
             raise TrajectoryError(f"the degree {reprlib.repr(self.degree)} must be one of 1 to {DEGREE}.")
         _check_numbers("the knots", self.knots)
         self._check_knots()
-        if set(self.coefficients) != set(JOINTS):
-            names = reprlib.repr(list(self.coefficients))
-            raise TrajectoryError(f"the coefficients are of {names}; they must be of {', '.join(JOINTS)}.")
+        if not self.coefficients:
+            raise TrajectoryError(
+                "there are no coefficients; a trajectory has a list of them for each joint."
+            )
         for joint, values in self.coefficients.items():
             _check_numbers(f"the coefficients of {joint}", values)
             if len(values) != self.size:
@@ -58,6 +59,11 @@ class Spline:
                     f"there are {len(values)} coefficients of {joint}; {len(self.knots)} knots "
                     f"and degree {self.degree} need {self.size}."
                 )
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """The joints in the order of the strokes."""
+        return tuple(self.coefficients)
 
     @property
     def size(self) -> int:
@@ -74,15 +80,26 @@ class Spline:
         """Time of the last knot in s."""
         return self.knots[-1]
 
+    def ordered(self, joints: Sequence[str]) -> "Spline":
+        """Return the same motion with the joints in this order.
+
+        Raises:
+            TrajectoryError: It is the motion of other joints.
+        """
+        if set(self.coefficients) != set(joints):
+            names = reprlib.repr(list(self.coefficients))
+            raise TrajectoryError(f"the coefficients are of {names}; they must be of {', '.join(joints)}.")
+        return Spline(self.degree, self.knots, {joint: self.coefficients[joint] for joint in joints})
+
     def evaluated(self, times: "Iterable[float] | np.ndarray", derivative: int = 0) -> "np.ndarray":
         """Return the strokes in m, or a derivative, at times in s within the knots: one row per time."""
         import numpy as np
         from scipy.interpolate import BSpline
 
-        values = np.column_stack([self.coefficients[joint] for joint in JOINTS])
+        values = np.column_stack([self.coefficients[joint] for joint in self.joints])
         given = np.asarray(times, dtype=float)
         if derivative > self.degree:
-            return np.zeros((len(given), len(JOINTS)))
+            return np.zeros((len(given), len(self.joints)))
         return BSpline(np.asarray(self.knots, dtype=float), values, self.degree)(given, nu=derivative)
 
     def _check_knots(self) -> None:
@@ -118,7 +135,7 @@ def _check_numbers(what: str, values: Any) -> None:
 
 
 def trajectory_parameters(spline: Spline) -> dict[str, float | int]:
-    """Return the parameters of the block Trajectory for a spline, by FMI name.
+    """Return the parameters of a block with the motion of a spline, by FMI name.
 
     The last knot and the last coefficients are repeated to fill the arrays.
 
@@ -127,13 +144,13 @@ def trajectory_parameters(spline: Spline) -> dict[str, float | int]:
     """
     if spline.size > COEFFICIENTS:
         raise TrajectoryError(
-            f"the spline has {spline.size} coefficients per joint; the block Trajectory has room for "
+            f"the spline has {spline.size} coefficients per joint; the block of a trajectory has room for "
             f"{COEFFICIENTS}: use fewer knots."
         )
     found: dict[str, float | int] = {"degree": spline.degree}
     found |= _filled("knot", spline.knots, KNOTS)
-    for joint in JOINTS:
-        found |= _filled(f"coefficient.{joint}", spline.coefficients[joint], COEFFICIENTS)
+    for joint, values in spline.coefficients.items():
+        found |= _filled(f"coefficient.{joint}", values, COEFFICIENTS)
     return found
 
 
@@ -157,7 +174,7 @@ def spline_of(document: object) -> Spline:
     if not isinstance(degree, int) or isinstance(degree, bool):
         raise TrajectoryError(f"the degree {reprlib.repr(degree)} must be a whole number of 1 to {DEGREE}.")
     if not isinstance(coefficients, Mapping):
-        raise TrajectoryError(f"the coefficients must be lists by joint: {', '.join(JOINTS)}.")
+        raise TrajectoryError("the coefficients must be lists of numbers by joint.")
     return Spline(degree, knots, coefficients)
 
 

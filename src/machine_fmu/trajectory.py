@@ -1,7 +1,8 @@
-"""The reference motion of the three joints as a B-spline."""
+"""The reference motion of joints as a B-spline."""
 
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from typing import Any
+from typing import Any, ClassVar
 
 from fmublock import (
     Block,
@@ -20,9 +21,6 @@ from .spline_window import COEFFICIENTS, DEGREE, KNOTS, basis, window
 _ROUNDING = 1e-9
 """Time in s before the first and after the last knot that counts as rounding by tools."""
 
-JOINTS = ("lift", "tilt", "telescope")
-"""The joints in the order of the outputs."""
-
 _AT_REST = (DEGREE + 1) // 2
 """Equal coefficients at each end of a quintic move from rest to rest."""
 
@@ -38,12 +36,14 @@ def _coefficients(joint: str, start: float, end: float) -> Parameter:
     )
 
 
-class Trajectory(Block):
-    """A B-spline of three strokes with exact derivatives, held before its first and after its last knot.
+class Motion(Block):
+    """A B-spline of strokes with exact derivatives, held before its first and after its last knot.
 
-    The start values are one quintic move from rest to rest between the end points of Table II.
+    Attributes:
+        joints: The joints in the order of the outputs.
     """
 
+    joints: ClassVar[Sequence[str]]
     default_experiment = DefaultExperiment(stop_time=37.7, step_size=1e-3)
 
     degree = Parameter(DEGREE, minimum=1, maximum=DEGREE, symbol="p", description="Degree of the polynomials")
@@ -54,13 +54,6 @@ class Trajectory(Block):
         symbol="t_i",
         description="Knots in increasing order, first and last degree + 1 times; fill up with the last one",
     )
-    c_lift = _coefficients("lift", 0.244, 0.270)
-    c_tilt = _coefficients("tilt", 0.389, 0.442)
-    c_telescope = _coefficients("telescope", 0.499, 0.348)
-
-    x_d = Output(shape=3, unit="m", nominal=0.1, description="Reference position of lift, tilt and telescope")
-    v_d = Output(shape=3, unit="m/s", nominal=0.1, description="Reference speed of lift, tilt and telescope")
-    a_d = Output(shape=3, unit="m/s2", description="Reference acceleration of lift, tilt and telescope")
 
     def conditions(self, v: Any) -> dict[str, Any]:
         """Require knots in increasing order, the first one degree + 1 times."""
@@ -82,10 +75,52 @@ class Trajectory(Block):
         first, last = v.knot[0], v.knot[-1]
         t = clamp(v.time, first, last)
         moves = logical_and(v.time >= first - _ROUNDING, v.time <= last + _ROUNDING)
-        knots, rows = window(t, v.knot, [v.c_lift, v.c_tilt, v.c_telescope])
+        knots, rows = window(t, v.knot, [getattr(v, f"c_{joint}") for joint in self.joints])
         counts = basis(t, knots, v.degree)
         return {
             "x_d": [dot(counts.x, c) for c in rows],
             "v_d": [where(moves, dot(counts.v, c), 0.0) for c in rows],
             "a_d": [where(moves, dot(counts.a, c), 0.0) for c in rows],
         }
+
+
+def trajectory_block(
+    joints: Sequence[str], moves: Mapping[str, tuple[float, float]] | None = None
+) -> type[Motion]:
+    """Return the base of a block with the motion of these joints.
+
+    Args:
+        joints: The joints in the order of the outputs.
+        moves: First and last stroke of each joint in m: its start values are one quintic move from rest to
+            rest. Without, all strokes are 0.
+    """
+    names = " and ".join([", ".join(joints[:-1]), joints[-1]] if len(joints) > 1 else joints)
+    variables: dict[str, Parameter | Output] = {
+        f"c_{joint}": _coefficients(joint, *(moves or {}).get(joint, (0.0, 0.0))) for joint in joints
+    }
+    for attribute, unit, nominal, about in _OUTPUTS:
+        variables[attribute] = Output(
+            shape=len(joints), unit=unit, nominal=nominal, description=f"Reference {about} of {names}"
+        )
+    texts = {"__doc__": Motion.__doc__, "__module__": __name__, "__qualname__": Motion.__qualname__}
+    return type(Motion.__name__, (Motion,), {**texts, "joints": tuple(joints), **variables})
+
+
+_OUTPUTS = (
+    ("x_d", "m", 0.1, "position"),
+    ("v_d", "m/s", 0.1, "speed"),
+    ("a_d", "m/s2", None, "acceleration"),
+)
+"""Attribute, unit, nominal value and meaning of the outputs."""
+
+JOINTS = ("lift", "tilt", "telescope")
+"""The joints of `Trajectory`."""
+
+
+class Trajectory(
+    trajectory_block(JOINTS, {"lift": (0.244, 0.270), "tilt": (0.389, 0.442), "telescope": (0.499, 0.348)})
+):
+    """A B-spline of three strokes with exact derivatives, held before its first and after its last knot.
+
+    The start values are one quintic move from rest to rest between the end points of Table II.
+    """

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.interpolate import BSpline
 
 from fmublock import BlockError
-from machine_fmu import Trajectory
+from machine_fmu import Trajectory, trajectory_block
 from machine_fmu.spline import Spline, TrajectoryError, default_spline, spline_of, trajectory_parameters
 from machine_fmu.spline_window import COEFFICIENTS, KNOTS
 from machine_fmu.trajectory import JOINTS
@@ -119,8 +119,8 @@ BAD: list[tuple[object, str]] = [
     (changed(knots=[0, 0, 0, 1, 1, 2, 2, 2, 2]), "the first 4 knots are not the same"),
     (changed(knots=[0, 0, 0, 0, 1, 1, 2, 2, 2]), "the last 4 knots are not the same"),
     (changed(knots=[0, 0, 0, 0, 1, 2, 2, 2, float("inf")]), "number 9 of the knots is inf"),
-    (changed(coefficients=[1.0]), "the coefficients must be lists by joint: lift, tilt, telescope"),
-    (changed(coefficients={"lift": [1.0]}), "the coefficients are of .'lift'.; they must be of lift, tilt"),
+    (changed(coefficients=[1.0]), "the coefficients must be lists of numbers by joint"),
+    (changed(coefficients={}), "there are no coefficients; a trajectory has a list of them for each joint"),
     (coefficients(tilt=[0.1] * 4), "there are 4 coefficients of tilt; 9 knots and degree 3 need 5"),
     (coefficients(tilt=[0.1] * 4 + [float("nan")]), "number 5 of the coefficients of tilt is nan"),
     (coefficients(lift=[0.1] * 4 + [10**400]), "number 5 of the coefficients of lift is 1000"),
@@ -135,6 +135,20 @@ def test_wrong_trajectories_give_one_message(document: object, words: str) -> No
         spline_of(document)
     assert str(caught.value).endswith(".")
     assert len(str(caught.value)) < 250
+
+
+def test_joints_of_any_machine() -> None:
+    spline = Spline(1, [0.0, 0.0, 2.0, 2.0], {"luff": [0.1, 0.3], "fold": [0.5, 0.4]})
+    made = type("CraneTrajectory", (trajectory_block(spline.joints, {"fold": (0.2, 0.2)}),), {})
+    block = started(made, trajectory_parameters(spline), 1.0)
+    assert block["x_d[1]"] == pytest.approx(0.2)
+    assert block["v_d[2]"] == pytest.approx(-0.05)
+    resting = started(made, {}, 1.0)
+    assert [resting[name] for name in ("x_d[1]", "x_d[2]", "v_d[2]")] == pytest.approx([0.0, 0.2, 0.0])
+    other = spline.ordered(["fold", "luff"])
+    assert other.evaluated([1.0]) == pytest.approx(np.array([[0.45, 0.2]]))
+    with pytest.raises(TrajectoryError, match=r"are of .'luff', 'fold'.; they must be of fold, tilt"):
+        spline.ordered(["fold", "tilt"])
 
 
 def test_other_entries_of_a_file_do_not_matter() -> None:
