@@ -6,7 +6,8 @@ from emla_cosim.base.arrays import Vector
 from emla_cosim.run.result import Result
 from emla_cosim.run.simulation import Simulation
 from emla_cosim.study.joints.schema import load_joint
-from emla_cosim.study.roles import JOINTS, find_variable
+from emla_cosim.study.roles import find_variable
+from tests.support.hdrm_runs import JOINTS
 
 SAMPLE = 1e-4
 """Time in s after which controllers, observers and disturbances act, whatever the communication step."""
@@ -18,7 +19,7 @@ _DISTURBING = ("amplitude[1]", "amplitude[2]", "arctan", "high", "low")
 
 def column(result: Result, role: str) -> Vector:
     """The signal of a role, a column for each joint."""
-    names = [find_variable(joint, role, result.names) for joint in JOINTS]
+    names = [find_variable(joint, role, result.names, result.roles) for joint in JOINTS]
     return np.column_stack([np.asarray(result[str(name)]) for name in names])
 
 

@@ -14,6 +14,7 @@ from hdrm_fmu import HDRM, HdrmManipulator, HdrmParameters
 from hdrm_fmu.dynamics import inverse_dynamics
 
 JOINTS = ("lift", "tilt", "telescope")
+MACHINE_ROLES = {f"{joint}.x_d": f"machine.trajectory.x_d[{i}]" for i, joint in enumerate(JOINTS, 1)}
 Q_S, Q_E = np.array([0.244, 0.389, 0.499]), np.array([0.270, 0.442, 0.348])
 
 
@@ -78,6 +79,7 @@ def result_of(
             "settings": {"output_format": "csv"},
         },
         parameters=parameters,
+        roles=MACHINE_ROLES,
     )
 
 

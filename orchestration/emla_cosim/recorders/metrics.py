@@ -1,7 +1,7 @@
 """Compute metrics during a run, from every communication point."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -147,6 +147,16 @@ TRACKED: dict[str, Callable[[Collection[str], Mapping[str, str]], Mapping[str, t
 
 Each takes the names of all signals, and the roles. It returns pairs of names by object, such as a joint.
 """
+
+
+ROLES: list[Callable[[Iterable[str]], Mapping[str, str]]] = []
+"""Registered functions that return roles, as in the option of this name, from connections as texts."""
+
+
+def default_roles(connections: Iterable[str]) -> dict[str, str]:
+    """Return the roles that follow from the connections of a system; options override them."""
+    texts = list(connections)
+    return {role: name for find in ROLES for role, name in find(texts).items()}
 
 
 SIGNALS = "signals"

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Collection, Mapping
 
+from ..recorders.metrics import default_roles
 from ..system.model import System, Value
 from .options import Options
 
@@ -11,6 +12,11 @@ FOLLOWERS: list[Callable[[System, Options], Mapping[str, Value]]] = []
 SEEDS: list[Callable[[Mapping[str, float]], Collection[str]]] = []
 """Registered functions that return the full names of the seeds of random sequences, whose components draw
 numbers in each step, from all parameters."""
+
+
+def list_roles(system: System, options: Options) -> dict[str, str]:
+    """Return the roles of a system, with those of the options."""
+    return default_roles(map(str, system.connections)) | dict(options.roles)
 
 
 def following_values(system: System, options: Options) -> dict[str, Value]:

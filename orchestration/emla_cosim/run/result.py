@@ -278,7 +278,7 @@ class Result:
 
         check_choice("plot format", plot_format, PLOT_FORMATS)
         if animate:
-            check_animated(self.name, self.names, self.names)
+            check_animated(self.name, self.names, self.names, self.roles)
         output = OutputFolder(
             convert_value(folder, Path, "the folder"),
             self.record["settings"]["output_format"],

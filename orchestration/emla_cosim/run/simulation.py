@@ -25,6 +25,7 @@ from ..master.instances.in_process_instance import is_dead
 from ..master.instances.integrator_settings import IntegratorSettings
 from ..master.stepping.fixed_steps import FixedSteps
 from ..master.stepping.stepping_base import ROUNDING, Stepping
+from ..recorders.metrics import default_roles
 from ..recorders.recorder import Recorder
 from ..stepper.library import require_stepper
 from ..system.model import System
@@ -159,6 +160,13 @@ class Simulation:
         matching = self._names.match(name) if self.system.main_name else []
         return matching[0].full_name if len(matching) == 1 else name
 
+    @cached_property
+    def _default_roles(self) -> dict[str, str]:
+        """Roles that follow from the system, without those whose signal was replaced."""
+        roles = default_roles(map(str, self._initial_system.connections))
+        names = set(self.names)
+        return {role: name for role, name in roles.items() if name in names}
+
     def _resolve_stop_conditions(self, texts: Sequence[str]) -> list[Requirement]:
         if not texts:
             return []
@@ -281,7 +289,8 @@ class Simulation:
             raise CommandError("the simulation is closed; prepare it again.")
         values = self._read_options(options)
         chosen = self.options.merged(values)
-        chosen = replace(chosen, roles={role: self._complete(name) for role, name in chosen.roles.items()})
+        roles = {role: self._complete(name) for role, name in chosen.roles.items()}
+        chosen = replace(chosen, roles=self._default_roles | roles)
         plan = replace(
             plan_run(chosen, self.name, self._notes(chosen)),
             origin=self._origin.updated(values),

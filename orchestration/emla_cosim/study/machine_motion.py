@@ -8,11 +8,11 @@ from typing import Any
 
 from fmublock import Block
 from machine_fmu.spline import Spline, TrajectoryError, default_spline, trajectory_parameters
+from machine_fmu.trajectory import JOINTS
 
 from ..base.errors import CommandError
 from ..system.model import System, Value
 from .joints.schema import load_joint
-from .roles import JOINTS
 from .trajectory_file import read_motion
 
 _SHOWN = 3

@@ -9,6 +9,7 @@ from typing import Any
 from emla_fmu import ScrewCommand
 from fmublock import Block
 from hdrm_fmu import HdrmManipulator, HdrmPlant
+from machine_fmu.trajectory import JOINTS
 
 from ..base.errors import CommandError, join_names
 from ..system.bond import Bond
@@ -18,7 +19,6 @@ from .joint import start_values
 from .joints.schema import load_joint
 from .load_control import check_notch_joints
 from .machine_motion import Motion, describe_other_machine, load_motion
-from .roles import JOINTS
 from .systems import Choice, study_joint
 
 _LED: dict[str, str | None] = {

@@ -5,7 +5,7 @@ from functools import partial
 from importlib.resources import files
 
 from ..inputs.schedules import SCHEDULES
-from ..recorders.metrics import METRICS, TRACKED
+from ..recorders.metrics import METRICS, ROLES, TRACKED
 from ..run.registered import FOLLOWERS, SEEDS
 from ..run.scenarios.built_in import CHANGES, FOLLOWING, PLANS, REMARKS, SCENARIOS, STEPPING, SYSTEMS, TUNINGS
 from ..run.scenarios.scenario_file import KINDS, Kind
@@ -23,7 +23,7 @@ from .load_control import complete_order
 from .loads import load_metrics
 from .metrics import joint_metrics
 from .randomness import find_seeds
-from .roles import find_tracked_joints, find_tracked_loads
+from .roles import find_tracked_joints, find_tracked_loads, machine_roles
 from .schedules import scheduled_times
 from .sketch.film import ManipulatorAnimation
 from .sketch.manipulator_picture import ManipulatorPicture
@@ -51,6 +51,8 @@ def register() -> None:
         FOLLOWERS.append(follow_plant_changes)
     if find_seeds not in SEEDS:
         SEEDS.append(find_seeds)
+    if machine_roles not in ROLES:
+        ROLES.append(machine_roles)
     if scheduled_times not in SCHEDULES:
         SCHEDULES.append(scheduled_times)
     KINDS[KIND] = Kind(KEYS, joint_scenario)

@@ -1,17 +1,17 @@
 """Roles of variables for a joint.
 
 A joint has its own plant and reference, or shares those of a machine, which have arrays with an element
-for each joint.
+for each joint. Which element is that of a joint follows from the connections of the system.
 """
 
+import re
 from collections.abc import Collection, Iterable, Mapping
 from functools import cached_property
 from typing import TypeVar
 
-from machine_fmu.trajectory import JOINTS
-
 from ..base.errors import CommandError, join_names, suggest_names
 from ..inputs.input import find_data_names
+from ..system.model import System
 
 _PLACES: dict[str, tuple[str, ...]] = {
     "x_L": ("{joint}.plant.x_L", "machine.plant.x_L[{element}]"),
@@ -164,7 +164,7 @@ def find_variable(
         roles: Names by JOINT.ROLE, which override the default places.
     """
     given = (roles or {}).get(f"{joint}.{role}")
-    places = _names(joint, _PLACES[role]) if given is None else (given,)
+    places = _names(_PLACES[role], joint, find_element(joint, roles)) if given is None else (given,)
     data = names.data if isinstance(names, RoleNames) else find_data_names(names)
     variable = next((data.get(name, name) for name in places if name in data or name in names), None)
     if variable is None and role in _SAME:
@@ -236,18 +236,46 @@ def list_role_patterns(*roles: str) -> list[str]:
     return list(dict.fromkeys(place.format(joint="*", element="*") for place in places))
 
 
-def find_joints(components: Collection[str]) -> list[str]:
-    """Return the joints with position and reference, in a system with components of these names."""
-    branches = dict.fromkeys(name.partition(".")[0] for name in components)
-    return [b for b in branches if all(_component(b, role, components) for role in ("x_L", "x_d"))]
+def find_joints(system: System) -> list[str]:
+    """Return the joints of a system that have position and reference."""
+    components = {c.name for c in system.components}
+    roles = machine_roles(map(str, system.connections))
+    return [
+        b for b in system.branches if all(_has_component(b, r, components, roles) for r in ("x_L", "x_d"))
+    ]
 
 
-def _component(joint: str, role: str, components: Collection[str]) -> bool:
-    return any(".".join(name.split(".")[:2]) in components for name in _names(joint, _PLACES[role]))
+def _has_component(joint: str, role: str, components: Collection[str], roles: Mapping[str, str]) -> bool:
+    names = _names(_PLACES[role], joint, find_element(joint, roles))
+    return any(".".join(name.split(".")[:2]) in components for name in names)
 
 
-def _names(joint: str, places: Iterable[str]) -> Iterable[str]:
-    element = JOINTS.index(joint) + 1 if joint in JOINTS else None
+def machine_roles(connections: Iterable[str]) -> dict[str, str]:
+    """Return the roles of joints that the trajectory of a machine moves, such as lift.x_d.
+
+    Args:
+        connections: Connections as texts, such as "machine.trajectory.x_d[1] -> lift.controller.x_d".
+    """
+    matches = filter(None, map(_FROM_TRAJECTORY.match, connections))
+    return {f"{match['joint']}.{match['role']}": match["name"] for match in matches}
+
+
+def find_element(joint: str, roles: Mapping[str, str] | None) -> int | None:
+    """Return the element of a joint in arrays of its machine, from its roles; None if it has none."""
+    for role in _MACHINE_ROLES:
+        if match := _ELEMENT.fullmatch((roles or {}).get(f"{joint}.{role}", "")):
+            return int(match["element"])
+    return None
+
+
+_MACHINE_ROLES = ("x_d", "v_d", "a_d")
+_FROM_TRAJECTORY = re.compile(
+    r"(?P<name>machine\.trajectory\.(?P<role>[xva]_d)\[\d+\]) -> (?P<joint>(?!machine\.)[^. ]+)\."
+)
+_ELEMENT = re.compile(r"machine\.trajectory\.[xva]_d\[(?P<element>\d+)\]")
+
+
+def _names(places: Iterable[str], joint: str, element: int | None) -> Iterable[str]:
     return (
         place.format(joint=joint, element=element)
         for place in places

@@ -1,7 +1,7 @@
 """Animations of results as GIF, registered for the signals that a run has."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import AbstractContextManager
 from typing import IO, TYPE_CHECKING
 
@@ -50,8 +50,11 @@ class Animation(ABC):
     takes: str
 
     @abstractmethod
-    def signals(self, names: Collection[str]) -> Sequence[str] | None:
-        """Return the signals that it needs from these names, or None if some are missing."""
+    def signals(self, names: Collection[str], roles: Mapping[str, str]) -> Sequence[str] | None:
+        """Return the signals that it needs from these names, or None if some are missing.
+
+        `roles` are names by JOINT.ROLE.
+        """
 
     @abstractmethod
     def film(self, result: "Result") -> Film:
@@ -62,9 +65,11 @@ ANIMATIONS: dict[str, Animation] = {}
 """Animations by file name, for runs that have their signals."""
 
 
-def check_animated(name: str, all_names: Collection[str], kept: Collection[str]) -> None:
+def check_animated(
+    name: str, all_names: Collection[str], kept: Collection[str], roles: Mapping[str, str]
+) -> None:
     """Raise CommandError if the recorded signals of a run are not enough for an animation."""
-    needed = [names for a in ANIMATIONS.values() if (names := a.signals(all_names)) is not None]
+    needed = [names for a in ANIMATIONS.values() if (names := a.signals(all_names, roles)) is not None]
     if not needed:
         takes = join_names(a.takes for a in ANIMATIONS.values())
         raise CommandError(f"'{name}' cannot be animated: an animation needs {takes}.", name=name)
@@ -91,7 +96,7 @@ def animate(
     """
     written = []
     for name, animation in ANIMATIONS.items():
-        if animation.signals(result.names) is not None:
+        if animation.signals(result.names, result.roles) is not None:
             film = animation.film(result)
             progress.begin("animating", len(film))
             with write(file := f"{name}.gif") as stream:

@@ -19,12 +19,13 @@ from emla_cosim.study.figures import JOINT_FIGURES
 from emla_cosim.study.joints.schema import load_joint
 from emla_cosim.study.loading import load
 from emla_cosim.study.paper import TABLE_VI
-from emla_cosim.study.roles import JOINTS, find_joints, find_tracked_joints, find_variable
+from emla_cosim.study.roles import find_joints, find_tracked_joints, find_variable
 from hdrm_fmu import HDRM
 from hdrm_fmu.dynamics import inverse_dynamics
 from machine_fmu.spline import DEFAULT_FILE, default_spline
 from tests.support.commands import Emla
 from tests.support.coupled_machine import column, positions
+from tests.support.hdrm_runs import JOINTS
 from tests.support.tiers import mostly_slow
 
 
@@ -136,8 +137,7 @@ def test_divergence_of_late_forces_is_explained(coupled: Simulation, algorithm: 
 
 @pytest.mark.parametrize("name", ["study", *machine_systems.SYSTEMS])
 def test_joints_are_found_in_every_system(name: str) -> None:
-    components = [c.name for c in load(name).system.components]
-    assert find_joints(components) == list(JOINTS)
+    assert find_joints(load(name).system) == list(JOINTS)
 
 
 def test_pictures_and_metrics_of_the_merged_system(merged: Simulation) -> None:
@@ -147,14 +147,14 @@ def test_pictures_and_metrics_of_the_merged_system(merged: Simulation) -> None:
         signals = {name for panel in picture.panels for curve in panel.curves for name in curve.names}
         for signal in signals - {"P_L", "x_load", "v_load"}:  # the motor alone has no load
             for i, joint in enumerate(JOINTS, 1):
-                name = find_variable(joint, signal, result.names)
+                name = find_variable(joint, signal, result.names, result.roles)
                 assert name is not None and (name.startswith(f"{joint}.") or name.endswith(f"[{i}]"))
     errors = {joint: result.metrics["joints"][joint]["position_error_m"] for joint in JOINTS}
     late = result.time >= 0.3
     found = np.abs(column(result, "x_L") - column(result, "x_d"))[late].max(axis=0)
     assert found == pytest.approx(list(errors.values()), rel=1e-9)
     assert find_variable("tilt", "tau_m", result.names) == "tilt.motor.tau_m"
-    tracked = find_tracked_joints(result.names, {})["tilt"]
+    tracked = find_tracked_joints(result.names, result.roles)["tilt"]
     assert tracked == ("machine.plant.x_L[2]", "machine.trajectory.x_d[2]")
 
 

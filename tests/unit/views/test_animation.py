@@ -12,6 +12,7 @@ from PIL import Image, ImageSequence
 from emla_cosim.base.errors import CommandError, RunError
 from emla_cosim.base.progress import Progress
 from emla_cosim.views.animation import Film, Pixels, check_animated, write_gif
+from tests.support.hdrm_runs import MACHINE_ROLES
 
 
 class Square(Film):
@@ -65,8 +66,8 @@ def test_missing_signals_are_named() -> None:
     joints = ("lift", "tilt", "telescope")
     names = [f"{joint}.plant.x_L" for joint in joints]
     names += [f"machine.{x}[{i}]" for x in ("trajectory.x_d", "manipulator.F_L") for i in (1, 2, 3)]
-    check_animated("it", names, names)
+    check_animated("it", names, names, MACHINE_ROLES)
     with pytest.raises(CommandError) as found:
-        check_animated("it", names, names[2:])
+        check_animated("it", names, names[2:], MACHINE_ROLES)
     words = "an animation needs signals that are not recorded: lift.plant.x_L and tilt.plant.x_L."
     assert str(found.value) == words

@@ -216,7 +216,7 @@ def _cases(
 
 
 def _joints(part: Preparation) -> list[str]:
-    return find_joints([c.name for c in part.system.components])
+    return find_joints(part.system)
 
 
 def find_independent_subsystems(prepared: Preparation) -> list[Preparation]:

@@ -54,7 +54,7 @@ class Examination:
 
 def _size_joint(result: Result, joint: str, examination: Examination) -> JointSizing:
     sheet, criteria = examination.sheets[joint], examination.criteria[joint]
-    values, plant = sheet.values, find_plant(joint, result.parameters, sheet.emla)
+    values, plant = sheet.values, find_plant(joint, result.parameters, sheet.emla, result.roles)
     cycle = read_cycle(result, plant, examination.starts[joint], examination.stop)
     verdict = result.metrics.get("joints", {}).get(joint, {"held": True})
     trip = verdict.get("trip") or {}

@@ -23,7 +23,7 @@ from ...base.toml_structs import read_toml
 from ...run.scenarios.scenario import Scenario
 from ...study.actuator.actuator import Actuator
 from ...study.joints.schema import JointFile, list_joint_names, load_joint, parse_joint
-from ...study.roles import JOINTS
+from ...study.roles import find_element
 
 _LIMITS = ("tau_max", "q_LB", "q_UB", "v_max")
 """Fields of `EmlaParameters` that stay those of the data sheet, with which a cycle is compared."""
@@ -86,11 +86,13 @@ class JointPlant:
         return np.asarray(function(*(row[np.newaxis] for row in signals.values())), dtype=float).ravel()
 
 
-def find_plant(joint: str, parameters: Mapping[str, float], sheet: EmlaParameters) -> JointPlant:
+def find_plant(
+    joint: str, parameters: Mapping[str, float], sheet: EmlaParameters, roles: Mapping[str, str] | None = None
+) -> JointPlant:
     """Return the plant of a joint from the parameters of a run by full name, and those of its data sheet."""
     places = [f"{joint}.plant.{{}}", f"{joint}.motor.{{}}"]
-    if joint in JOINTS:
-        places.append(f"machine.plant.{{}}[{JOINTS.index(joint) + 1}]")
+    if (element := find_element(joint, roles)) is not None:
+        places.append(f"machine.plant.{{}}[{element}]")
 
     def find(name: str) -> str | None:
         return next((p for p in (place.format(name) for place in places) if p in parameters), None)

@@ -15,6 +15,7 @@ from ...base.patterns import matches_pattern
 from ...base.progress import Progress
 from ...recorders.table import TimeSeries
 from ...run.option_types import RunOptions
+from ...run.registered import list_roles
 from ...run.remarks import describe_disabled_event_mode
 from ...run.requirements import check_no_condition
 from ...run.run_setup import run_times
@@ -273,7 +274,8 @@ def _size_scenario(scenario: Scenario, labels: Mapping[str, str], task: _Task) -
     check_no_condition(scenario.options.stop_when, "size")
     session = task.session
     session.check_unread([scenario.options.files_read()])
-    times, roles = run_times(scenario.options, scenario.name), scenario.options.roles
+    times = run_times(scenario.options, scenario.name)
+    roles = list_roles(scenario.system, scenario.options)
     patterns = [*dict.fromkeys((*list_role_patterns(*SIGNALS), *roles.values()))]
     whole = times.stop - times.start
     length = whole if task.cycle is None else task.cycle

@@ -13,6 +13,7 @@ from ...base.option import RUN
 from ...master.stepping.checkpoint import check_checkpoint
 from ...recorders.recorder import ProgressRecorder
 from ...run.options import Options
+from ...run.registered import list_roles
 from ...run.result import Result
 from ...run.run_setup import plan_run
 from ...run.scenarios.scenario import Scenario
@@ -82,7 +83,8 @@ def run_into(
         ):
             if options.animate:
                 kept = simulation.select_signals(options.signals)
-                check_animated(chosen.name, simulation.names, kept)
+                roles = list_roles(chosen.system, chosen.options)
+                check_animated(chosen.name, simulation.names, kept, roles)
             writing = output.recorders(chosen.name, continued=options.resume is not None)
             remembered.watch(simulation, writing[-1])
             recorders = [*writing, ProgressRecorder(progress), remembered]

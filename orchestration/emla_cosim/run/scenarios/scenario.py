@@ -16,6 +16,7 @@ from ..option_types import RunOptions
 from ..options import Options, list_options, read_options
 from ..origin import RunOrigin
 from ..preparation import limit_to_data_end, prepare_system
+from ..registered import list_roles
 from ..remarks import describe_disabled_event_mode, describe_lost_values
 from ..run_setup import run_times
 from ..simulation import Simulation
@@ -238,7 +239,7 @@ class Scenario:
             run_times(options, self.name),
             options.inputs,
             options.outputs,
-            lambda names: _tracked(names, options.roles),
+            lambda names: _tracked(names, list_roles(self.system, options)),
             options.platform,
             options.fmi,
             options.overwrite,

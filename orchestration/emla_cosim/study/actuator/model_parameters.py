@@ -16,7 +16,7 @@ from ...run.options import Options
 from ...system.model import System, Value
 from ..joints.motions import resting_deflection
 from ..load_control import approach_duration
-from ..roles import JOINTS
+from ..roles import find_element, machine_roles
 
 _BOTH, _CONTROLLER = ("controller", "observer"), ("controller",)
 
@@ -135,15 +135,20 @@ def _by_joint(system: System, options: Options) -> dict[str, list[_StaleValue]]:
     """Return the mismatched model parameters by joint; joints without any are left out."""
     components = {c.name: c.parameters for c in system.components if c.name not in options.replace}
     joints = dict.fromkeys(name.partition(".")[0] for name in components)
-    found = {joint: list(_find_stale(joint, components, options)) for joint in joints} if options.set else {}
+    if not options.set:
+        return {}
+    roles = machine_roles(map(str, system.connections))
+    found = {j: list(_find_stale(j, find_element(j, roles), components, options)) for j in joints}
     return {joint: stale for joint, stale in found.items() if stale}
 
 
 def _find_stale(
-    joint: str, components: Mapping[str, Mapping[str, Value]], options: Options
+    joint: str, element: int | None, components: Mapping[str, Mapping[str, Value]], options: Options
 ) -> Iterator[_StaleValue]:
     for belief in _ASSUMED_VALUES:
-        plant = {parameter: _parameter(joint, parameter, components, options) for parameter in belief.of}
+        plant = {
+            parameter: _parameter(joint, element, parameter, components, options) for parameter in belief.of
+        }
         changed = tuple(one.name for one in plant.values() if one.is_changed)
         if not changed:
             continue
@@ -173,7 +178,11 @@ class _Parameter:
 
 
 def _parameter(
-    joint: str, parameter: str, components: Mapping[str, Mapping[str, Value]], options: Options
+    joint: str,
+    element: int | None,
+    parameter: str,
+    components: Mapping[str, Mapping[str, Value]],
+    options: Options,
 ) -> _Parameter:
     """Return a plant's parameter for a joint; if two joints share the plant, the changed one.
 
@@ -184,8 +193,8 @@ def _parameter(
         places = [(f"{joint}.disturbance", rest)]
     else:
         places = [(f"{joint}.plant", parameter), (f"{joint}.motor", parameter)]
-    if joint in JOINTS:
-        places.append(("machine.plant", f"{parameter}[{JOINTS.index(joint) + 1}]"))
+    if element is not None:
+        places.append(("machine.plant", f"{parameter}[{element}]"))
     found = [
         _Parameter(name, _number(name, value, {}), _number(name, value, options.set))
         for name, value in (

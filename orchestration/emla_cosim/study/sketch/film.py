@@ -1,6 +1,6 @@
 """The manipulator in motion, with its forces and errors."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
@@ -25,9 +25,9 @@ class ManipulatorAnimation(Animation):
 
     takes = "a manipulator, machine.manipulator or machine.plant, with actual and reference strokes"
 
-    def signals(self, names: Collection[str]) -> Sequence[str] | None:
+    def signals(self, names: Collection[str], roles: Mapping[str, str]) -> Sequence[str] | None:
         """Return the signals of actual and reference strokes, and of forces."""
-        return animated_signals(names)
+        return animated_signals(names, roles)
 
     def film(self, result: Result) -> Film:
         """Return the film of a run; raise RunError if its manipulator is not one of ours."""

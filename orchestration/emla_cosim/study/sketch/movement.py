@@ -9,10 +9,11 @@ import numpy as np
 from hdrm_fmu import HdrmManipulator, HdrmParameters
 from hdrm_fmu.kinematics import tip
 from hdrm_fmu.parameters import PAYLOAD
+from machine_fmu.trajectory import JOINTS
 
 from ...base.arrays import Vector
 from ...run.result import Result
-from ..roles import JOINTS, find_variable
+from ..roles import find_variable
 
 MACHINES = ("machine.manipulator", "machine.plant")
 """Components that may have the geometry."""
@@ -59,9 +60,9 @@ class Movement:
         return Movement(self.p, self.time[:row], self.strokes[:row], self.payload[:row], wanted, forces)
 
 
-def animated_signals(names: Collection[str]) -> list[str] | None:
+def animated_signals(names: Collection[str], roles: Mapping[str, str]) -> list[str] | None:
     """Return the strokes, reference strokes and forces among the signals; None without a manipulator."""
-    found = [_signals(role, names) for role in (MADE, WANTED, FORCE)]
+    found = [_signals(role, names, roles) for role in (MADE, WANTED, FORCE)]
     there = any(name.startswith(f"{machine}.") for name in names for machine in MACHINES)
     return [name for signals in found for name in signals] if there and all(found) else None
 
@@ -70,7 +71,7 @@ def recorded_signals(result: Result) -> list[str]:
     """Return the recorded signals of the manipulator; an empty list without a manipulator."""
     if _machine(result) is None:
         return []
-    found = [name for role in (MADE, WANTED, FORCE) for name in _signals(role, result.names)]
+    found = [name for role in (MADE, WANTED, FORCE) for name in _signals(role, result.names, result.roles)]
     driver = _payload_driver(result)
     return found if driver is None else [*found, driver]
 
@@ -81,7 +82,7 @@ def read_movement(result: Result, data: Mapping[str, Vector]) -> Movement | None
     `data` has the columns of `recorded_signals`, and `time`.
     """
     p = _geometry(result)
-    made, wanted, forces = (_columns(role, data) for role in (MADE, WANTED, FORCE))
+    made, wanted, forces = (_columns(role, data, result.roles) for role in (MADE, WANTED, FORCE))
     if made is None:
         made, wanted = wanted, None
     if p is None or made is None:
@@ -92,14 +93,14 @@ def read_movement(result: Result, data: Mapping[str, Vector]) -> Movement | None
     return found if len(found.time) > 1 else None
 
 
-def _signals(role: str, names: Collection[str]) -> list[str]:
+def _signals(role: str, names: Collection[str], roles: Mapping[str, str]) -> list[str]:
     """Return the signals of all joints in this role; an empty list if a joint lacks it."""
-    found = [name for joint in JOINTS if (name := find_variable(joint, role, names)) is not None]
+    found = [name for joint in JOINTS if (name := find_variable(joint, role, names, roles)) is not None]
     return found if len(found) == len(JOINTS) else []
 
 
-def _columns(role: str, data: Mapping[str, Vector]) -> Vector | None:
-    names = _signals(role, data)
+def _columns(role: str, data: Mapping[str, Vector], roles: Mapping[str, str]) -> Vector | None:
+    names = _signals(role, data, roles)
     return np.column_stack([data[name] for name in names]) if names else None
 
 

@@ -9,9 +9,9 @@ import numpy as np
 from hdrm_fmu.base import TOP, foot_corners
 from hdrm_fmu.kinematics import outline
 from hdrm_fmu.parameters import PAYLOAD
+from machine_fmu.trajectory import JOINTS
 
 from ...base.arrays import Vector
-from ..roles import JOINTS
 
 _ROUND = np.linspace(-0.5 * math.pi, 0.5 * math.pi, 9)
 """Angles of a rounded end."""

@@ -14,7 +14,7 @@ from ...base.files import read_text
 from ...base.patterns import find_names, select_names
 from ...base.signal_types import COLUMN_TYPES, REAL, SignalType, read_types
 from ...inputs.stored_runs import StoredRun, open_stored_run
-from ...recorders.metrics import TRACKED
+from ...recorders.metrics import TRACKED, default_roles
 from ...system.model import find_main_component
 from ..panels import Line, Plot
 from .panel_drawing import read_rows
@@ -153,7 +153,9 @@ def _read_trace(place: Path, label: str) -> Traces:
     stored = open_stored_run(place, "the run")
     record = stored.path.parent / "run.json"
     content = _record(record)
-    units, roles = stored.units | _texts(content, "units"), _texts(content.get("settings"), "roles")
+    units = stored.units | _texts(content, "units")
+    connections = filter(lambda text: isinstance(text, str), content.get("connections") or ())
+    roles = default_roles(connections) | _texts(content.get("settings"), "roles")
     types = stored.types | read_types(content.get(COLUMN_TYPES))
     files = stored.path, record
     main = find_main_component(content)
