@@ -3,7 +3,7 @@
 Blocks do not use this: it needs CasADi and NumPy, and finds poses by as many iterations as they need.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Any
@@ -12,7 +12,7 @@ import casadi
 import numpy as np
 
 from .assembly import assemble, locate_points
-from .closure import find_closure
+from .closure import ITERATIONS, find_closure
 from .description import GROUND, Machine, MachineError
 from .dynamics import Dynamics
 from .exact import plain
@@ -28,6 +28,9 @@ _NEAR = 1e-12
 
 _PART = 0.02
 """Largest change of a stroke in m between two poses that Newton's method joins."""
+
+_FEW, _FAR, _CLOSE = 100, 0.1, 1e-6
+"""Rows and mean distance in m above which poses are sought together, and their last change in m or rad."""
 
 
 class MachineModel:
@@ -109,7 +112,8 @@ class MachineModel:
     def poses(self, strokes: np.ndarray) -> np.ndarray:
         """Return the coordinates that Newton's method finds; one row per pose, NaN where there is none.
 
-        Each pose is sought from that of the row before, and then in parts from the assembly pose.
+        Each pose is sought from that of the row before, and then in parts from the start. Rows that are far
+        apart, as those of a grid, are sought together, all from the start.
 
         Args:
             strokes: Strokes in m, one row per pose.
@@ -120,7 +124,10 @@ class MachineModel:
             return found
         first = np.array([self.closure.assembly[i] for i in iterated])
         before, last = first, np.array(self.start)
-        for row, q in enumerate(np.asarray(strokes, dtype=float)):
+        strokes = np.asarray(strokes, dtype=float)
+        if len(strokes) > _FEW and np.abs(np.diff(strokes, axis=0)).max(axis=1).mean() > _FAR:
+            return self._poses_apart(strokes, first)
+        for row, q in enumerate(strokes):
             if not np.isfinite(q).all():
                 continue
             x = self._continued(last, q, before)
@@ -169,17 +176,21 @@ class MachineModel:
         end = self.mechanism.payload
         return self._evaluate("tip", lambda dynamics: self._place(dynamics.pose, end), q, None)
 
-    def points(self, q: np.ndarray) -> dict[str, np.ndarray]:
-        """Return the positions in m of all points for each row of strokes.
+    def points(self, q: np.ndarray, names: Iterable[str] | None = None) -> dict[str, np.ndarray]:
+        """Return the positions in m of points for each row of strokes.
 
         Keys are BODY for the origin of a body, and BODY.POINT; the ground is the body 'ground'.
+
+        Args:
+            q: Strokes in m, one row per pose.
+            names: The points; all by default.
         """
-        ends = self.ends
+        ends = self.ends if names is None else {name: self.ends[name] for name in names}
 
         def equation(dynamics: Dynamics) -> Any:
             return casadi.vertcat(*(self._place(dynamics.pose, end) for end in ends.values()))
 
-        found = self._evaluate("points", equation, q, None)
+        found = self._evaluate(" ".join(["points", *ends]), equation, q, None)
         n = self.dimensions
         return {name: found[:, n * i : n * (i + 1)] for i, name in enumerate(ends)}
 
@@ -235,6 +246,20 @@ class MachineModel:
                 return np.full(len(x), np.nan)
         return x
 
+    def _poses_apart(self, strokes: np.ndarray, first: np.ndarray) -> np.ndarray:
+        """Return the coordinates of all rows, each in parts from the start; NaN where there is no pose."""
+        start = np.array(self.start)
+        improved = self._improved.map(len(strokes))
+        parts = max(1, int(np.ceil(np.nanmax(np.abs(strokes - start)) / _PART)))
+        x = np.tile(first[:, None], len(strokes))
+        for part in range(1, parts + 1):
+            there = (start + part / parts * (strokes - start)).T
+            for _ in range(ITERATIONS):
+                x = np.array(improved(there, x))
+        before, x = x, np.array(improved(strokes.T, x))
+        x[:, ~(np.abs(x - before).max(axis=0) <= _CLOSE)] = np.nan
+        return np.array(improved(strokes.T, x)).T
+
     @cached_property
     def _improved(self) -> casadi.Function:
         """One iteration of Newton's method: from strokes and a guess to the coordinates."""
@@ -261,7 +286,7 @@ class MachineModel:
             guess = dict(zip(self.closure.iterated, casadi.vertsplit(x), strict=True)) or None
             dynamics = self.dynamics(casadi.vertsplit(symbols[0]), m, guess)
             result = equation(dynamics, *symbols[1:])
-            self._functions[name] = casadi.Function(name, [*symbols, x, m], [result])
+            self._functions[name] = casadi.Function("f", [*symbols, x, m], [result])
         loads = np.broadcast_to(self.payload if payload is None else payload, len(q))
         columns = [np.asarray(s, dtype=float).T for s in (q, *motion)]
         poses = self.poses(q).T
