@@ -25,8 +25,8 @@ from .metrics import joint_metrics
 from .randomness import find_seeds
 from .roles import find_tracked_joints, find_tracked_loads, machine_roles
 from .schedules import scheduled_times
-from .sketch.film import ManipulatorAnimation
-from .sketch.manipulator_picture import ManipulatorPicture
+from .sketch.film import MachineAnimation
+from .sketch.machine_picture import MachinePicture
 from .systems import change_entries, joint_scenario
 from .tuning_plans import list_tuning_plans
 
@@ -68,9 +68,9 @@ def register() -> None:
     TRACKED[LOADS] = find_tracked_loads  # after the joints: the last pair of a joint counts
     FIGURES.update(JOINT_FIGURES | MACHINE_FIGURES)
     FIGURES["joints"] = JointMap()
-    FIGURES["manipulator"] = ManipulatorPicture()
+    FIGURES["manipulator"] = MachinePicture()
     FIGURES.update(BY_UNIT)
-    ANIMATIONS["manipulator"] = ManipulatorAnimation()
+    ANIMATIONS["manipulator"] = MachineAnimation()
 
 
 def _text(folder: str, name: str) -> Callable[[], str]:

@@ -1,1 +1,1 @@
-"""Drawings of the manipulator: at instants along its path, and in motion."""
+"""Drawings of machines: at instants along its path, and in motion."""

@@ -1,5 +1,6 @@
-"""Load forces and position errors of the joints over time, as panels beside the machine."""
+"""Load forces and position errors of the actuators over time, as panels beside the machine."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -7,8 +8,7 @@ import numpy as np
 
 from ...base.arrays import Vector
 from ...views.plots.style import tidy_axes
-from .movement import JOINTS, Movement
-from .scene import JOINT_COLORS
+from .movement import Movement
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,35 +20,43 @@ _PARTS = 300
 _TRANSIENT = 0.3
 """Time in s of the initial transient, whose forces and errors would dwarf all others."""
 
+_LEGEND_COLUMNS = 3
+"""Most columns of the legend."""
+
 
 @dataclass(frozen=True)
 class Curves:
-    """Values of the joints over `time` in s, with a column for each joint."""
+    """Values of the actuators over `time` in s, with a column for each; `colors` are theirs by name."""
 
     label: str
     time: Vector
     values: Vector
+    colors: Mapping[str, str]
 
     def draw(self, axes: "Axes", **look: Any) -> "list[Line2D]":
-        """Draw a line for each joint, in their order; small values are drawn above large ones."""
+        """Draw a line for each actuator, in their order; small values are drawn above large ones."""
         spans = np.ptp(self.values, axis=0)
         return [
-            axes.plot(time, values, color=JOINT_COLORS[joint], linewidth=1.1, zorder=zorder, **look)[0]
-            for joint, time, values, zorder in zip(
-                JOINTS, self.time.T, self.values.T, 2.0 + 1.0 / (1.0 + spans), strict=True
+            axes.plot(time, values, color=color, linewidth=1.1, zorder=zorder, **look)[0]
+            for color, time, values, zorder in zip(
+                self.colors.values(), self.time.T, self.values.T, 2.0 + 1.0 / (1.0 + spans), strict=True
             )
         ]
 
 
-def build_curves(found: Movement) -> list[Curves]:
-    """Return the curves of a movement after the initial transient."""
+def build_curves(found: Movement, colors: Mapping[str, str]) -> list[Curves]:
+    """Return the curves of a movement after the initial transient; `colors` are those of the actuators."""
     late = found.time >= found.time[0] + _TRANSIENT
     part = late if late.sum() > 1 else np.full_like(late, True)
     wanted = []
     if found.forces is not None:
-        wanted.append(Curves("load force / kN", *_thin_rows(found.time[part], 1e-3 * found.forces[part])))
+        wanted.append(
+            Curves("load force / kN", *_thin_rows(found.time[part], 1e-3 * found.forces[part]), colors)
+        )
     if found.errors is not None:
-        wanted.append(Curves("position error / µm", *_thin_rows(found.time[part], 1e6 * found.errors[part])))
+        wanted.append(
+            Curves("position error / µm", *_thin_rows(found.time[part], 1e6 * found.errors[part]), colors)
+        )
     return wanted
 
 
@@ -60,9 +68,16 @@ def label_panels(axes: "list[Axes]", shown: list[Curves]) -> None:
     if not axes:
         return
     axes[-1].set_xlabel("time / s", fontsize=9)
-    lines = axes[0].lines[: len(JOINTS)]
+    names = list(shown[0].colors)
+    lines = axes[0].lines[: len(names)]
     axes[0].legend(
-        lines, JOINTS, ncols=3, loc="lower center", bbox_to_anchor=(0.5, 1.0), fontsize=9, frameon=False
+        lines,
+        names,
+        ncols=_LEGEND_COLUMNS,
+        loc="lower center",
+        bbox_to_anchor=(0.5, 1.0),
+        fontsize=9,
+        frameon=False,
     )
 
 

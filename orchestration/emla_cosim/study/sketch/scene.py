@@ -1,29 +1,30 @@
-"""The manipulator on axes, with its colours, its workspace, and the ground."""
+"""A machine on axes, with its workspace, the ground, and the path of its tip."""
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hdrm_fmu import HdrmParameters
+from machine_fmu.model import MachineModel
 
-from ...views.plots.style import BLUE, GREEN, GREY, ORANGE, RED
+from ...base.arrays import Vector
+from ...base.colors import BLUE, RED
 from .movement import Movement
-from .shapes import build_shapes
-from .workspace import outline_workspace
+from .painting import DARK, EDGE, Polygons, actuator_colors, paint
+from .parts import MachineParts, Posture
+from .views import View, main_view
+from .workspace import Workspace, find_workspace
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
-    from matplotlib.patches import Polygon
-
-JOINT_COLORS = {"lift": BLUE, "tilt": ORANGE, "telescope": GREEN}
-
-DARK, EDGE, _STEEL, _LIGHT = "#3a424d", "#8b939e", "#dde2e8", "#f3f5f8"
 
 _MARGIN = 0.15
-"""Free space around the workspace, m."""
+"""Free space around everything in units of the machine's drawing."""
+
+_FLOOR_SQUARES = 8
+"""Number of squares of the floor along its longer side, about."""
 
 
 def machine_and_panels(rows: int, size: tuple[float, float], dpi: int) -> "tuple[Figure, Axes, list[Axes]]":
@@ -35,67 +36,148 @@ def machine_and_panels(rows: int, size: tuple[float, float], dpi: int) -> "tuple
     return figure, figure.add_subplot(grid[:, 0]), [figure.add_subplot(grid[row, 1]) for row in range(rows)]
 
 
-def draw_scene(axes: "Axes", p: HdrmParameters) -> None:
-    """Draw workspace and ground on axes with equal scales."""
-    reached = outline_workspace(p)
-    axes.fill(*reached.T, color=BLUE, alpha=0.06, linewidth=0)
-    axes.plot(*reached.T, color=BLUE, alpha=0.45, linewidth=0.8)
-    base = build_shapes(p, p.q_LB)["base"]
-    foot, left, right = base[:, 1].min(), base[:, 0].min() - 0.15, base[:, 0].max() + 0.15
-    axes.plot([left, right], [foot, foot], color=EDGE, linewidth=1.2)
-    axes.fill_between(
-        [left, right], foot - 0.1, foot, facecolor="none", edgecolor=EDGE, hatch="////", linewidth=0
-    )
-    around = np.concatenate([reached, base])
-    (x_low, y_low), (x_high, y_high) = around.min(axis=0) - _MARGIN, around.max(axis=0) + _MARGIN
-    axes.set(xlim=(x_low - 0.1, x_high), ylim=(y_low, y_high), aspect="equal")
-    axes.tick_params(labelsize=8)
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.set_xlabel("x / m")
-    axes.set_ylabel("y / m")
+class Scene:
+    """A machine with its workspace, in a view.
+
+    Attributes:
+        machine: The machine.
+        view: The view.
+        parts: The parts of its drawing.
+        colors: Colours of the actuators by name.
+    """
+
+    def __init__(
+        self, machine: MachineModel, view: View | None = None, workspace: Workspace | None = None
+    ) -> None:
+        self.machine, self.view = machine, view or main_view(machine.dimensions)
+        self.parts, self.colors = MachineParts(machine), actuator_colors(machine.names)
+        self.workspace = workspace or find_workspace(machine)
+
+    @cached_property
+    def reach(self) -> list[Vector]:
+        """Lines around the positions that the tip reaches, in the view; a line with one actuator."""
+        is_line = len(self.machine.names) == 1
+        return [self.workspace.line(self.view)] if is_line else self.workspace.areas(self.view)
+
+    def paint(self, posture: Posture) -> Polygons:
+        """Return the polygons of a posture, the rear ones first."""
+        return paint(posture.values(), self.view, self.colors)
+
+    def draw_ghost(self, axes: "Axes", posture: Posture) -> None:
+        """Draw the moving parts of the machine faintly, as they were at another time."""
+        paint(posture.values(), self.view, self.colors, 0.3, only_moving=True).add_to(axes, 2.0)
+
+    def limits(self, postures: list[Posture]) -> tuple[Vector, Vector]:
+        """Return the lower left and the upper right corner of a picture with room for the postures."""
+        around = np.concatenate([*self.reach, *(line for p in postures for line in self.paint(p).lines)])
+        around = np.concatenate([around, self._floor.corners if self._has_floor else self._ground])
+        margin = _MARGIN * self.parts.unit
+        return np.nanmin(around, axis=0) - margin, np.nanmax(around, axis=0) + margin
+
+    def draw_surroundings(self, axes: "Axes", postures: list[Posture]) -> None:
+        """Draw workspace and ground on axes with equal scales that have room for the postures."""
+        if self._has_floor:
+            self._draw_floor(axes)
+        elif self.view.toward is None:
+            self._draw_ground(axes)
+        self._draw_reach(axes)
+        low, high = self.limits(postures)
+        axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
+        axes.tick_params(labelsize=8)
+        axes.spines[["top", "right"]].set_visible(False)
+        if self.view.labels:
+            axes.set_xlabel(self.view.labels[0])
+            axes.set_ylabel(self.view.labels[1])
+        else:
+            axes.set_axis_off()
+
+    def draw_path(self, axes: "Axes", path: Vector) -> "Line2D":
+        """Draw the path of the tip, from positions in m."""
+        return axes.plot(
+            *self.view.flatten(path).T, color=RED, linewidth=1.8, zorder=5, solid_capstyle="round"
+        )[0]
+
+    def draw_wanted(self, axes: "Axes", movement: Movement) -> None:
+        """Draw the reference path of the tip."""
+        if movement.wanted_path is not None:
+            line = self.view.flatten(movement.wanted_path)
+            axes.plot(*line.T, color=DARK, linewidth=1.0, linestyle=(0, (4, 3)), zorder=6)
+
+    def _draw_reach(self, axes: "Axes") -> None:
+        from matplotlib.patches import PathPatch
+        from matplotlib.path import Path
+
+        if len(self.machine.names) == 1:
+            axes.plot(*self.reach[0].T, color=BLUE, alpha=0.6, linewidth=1.2)
+            return
+        if self.reach:
+            outline = Path.make_compound_path(*(Path(line, closed=True) for line in self.reach))
+            axes.add_patch(PathPatch(outline, facecolor=BLUE, alpha=0.06, linewidth=0))
+        for line in self.reach:
+            axes.plot(*line.T, color=BLUE, alpha=0.45, linewidth=0.8)
+
+    @property
+    def _has_floor(self) -> bool:
+        return self.view.toward is not None and not self.view.labels
+
+    @cached_property
+    def _ground(self) -> Vector:
+        """Corners of the surface under the base."""
+        unit, base = self.parts.unit, np.concatenate(paint([self.parts.base], self.view, {}).lines)
+        foot, margin = base[:, 1].min(), 0.15 * unit
+        return np.array([[base[:, 0].min() - margin, foot - 0.1 * unit], [base[:, 0].max() + margin, foot]])
+
+    def _draw_ground(self, axes: "Axes") -> None:
+        """Draw the surface under the base in the plane."""
+        (left, low), (right, foot) = self._ground
+        axes.plot([left, right], [foot, foot], color=EDGE, linewidth=1.2)
+        axes.fill_between(
+            [left, right], low, foot, facecolor="none", edgecolor=EDGE, hatch="////", linewidth=0
+        )
+
+    @cached_property
+    def _floor(self) -> "_Floor":
+        base = self.parts.base.points
+        return _Floor(self.view, base.min(axis=0), base.max(axis=0))
+
+    def _draw_floor(self, axes: "Axes") -> None:
+        """Draw the floor in space as squares, and the directions of the axes."""
+        floor = self._floor
+        for line in floor.lines:
+            axes.plot(*line.T, color=EDGE, alpha=0.35, linewidth=0.6, zorder=1)
+        for name, (start, stop, label) in zip("xyz", floor.directions, strict=True):
+            arrow = {"arrowstyle": "-|>", "color": DARK, "linewidth": 1.0, "shrinkA": 0, "shrinkB": 0}
+            axes.annotate("", stop, start, arrowprops=arrow, zorder=2)
+            axes.text(label[0], label[1], name, ha="center", va="center", fontsize=8, color=DARK)
+        axes.set_title(f"squares of {floor.size:g} m", fontsize=8, color=DARK, y=-0.04)
 
 
-def draw_machine(axes: "Axes", p: HdrmParameters, q: Sequence[float], payload: float) -> dict[str, "Polygon"]:
-    """Draw the machine in a posture, and return its parts by name, the rear ones first."""
-    from matplotlib.patches import Polygon
+class _Floor:
+    """The floor under a machine in space, in a view.
 
-    found = {}
-    for name, line in build_shapes(p, q, payload).items():
-        part = Polygon(line, closed=True, joinstyle="round", **_look(name))
-        found[name] = axes.add_patch(part)
-    return found
+    Attributes:
+        size: Length of its squares in m.
+        lines: Their sides.
+        directions: For each axis the start and end of an arrow, and the place of its name.
+        corners: Points that a picture must have room for.
+    """
 
-
-def draw_ghost(axes: "Axes", p: HdrmParameters, q: Sequence[float], payload: float) -> None:
-    """Draw the moving parts of the machine faintly, as they were at another time."""
-    for name, line in build_shapes(p, q, payload).items():
-        if name.endswith(("boom", "tube", "housing", "payload")):
-            axes.fill(*line.T, alpha=0.3, **_look(name))
-
-
-def draw_wanted(axes: "Axes", found: Movement) -> None:
-    """Draw the reference path of the tip."""
-    if found.wanted_path is not None:
-        axes.plot(*found.wanted_path.T, color=DARK, linewidth=1.0, linestyle=(0, (4, 3)), zorder=6)
-
-
-def draw_way(axes: "Axes", found: Movement) -> "Line2D":
-    """Draw the path of the tip."""
-    return axes.plot(*found.path.T, color=RED, linewidth=1.8, zorder=5, solid_capstyle="round")[0]
+    def __init__(self, view: View, low: Vector, high: Vector) -> None:
+        self.size = round_length(float((high - low)[:2].max()) / _FLOOR_SQUARES)
+        begin, end = (f(x / self.size) * self.size for f, x in ((np.floor, low), (np.ceil, high)))
+        self.lines = list[Vector]()
+        for i, j in ((0, 1), (1, 0)):
+            for value in np.arange(begin[i], end[i] + 0.5 * self.size, self.size):
+                line = np.full((2, 3), low[2])
+                line[:, i], line[:, j] = value, (begin[j], end[j])
+                self.lines.append(view.flatten(line))
+        corner = np.array([begin[0], begin[1], low[2]])
+        shares = 2.0 * self.size * np.array([0.0, 1.0, 1.3])
+        self.directions = [view.flatten(corner + np.outer(shares, axis)) for axis in np.eye(3)]
+        self.corners = np.concatenate([*self.lines, *self.directions])
 
 
-def _look(name: str) -> Mapping[str, Any]:
-    """Return the style of a part of the machine."""
-    joint, _, kind = name.partition("_")
-    color = JOINT_COLORS.get(joint, GREY)
-    looks = {
-        "housing": {"facecolor": color, "edgecolor": "none"},
-        "tube": {"facecolor": _LIGHT, "edgecolor": color, "linewidth": 1.0},
-        "payload": {"facecolor": "#b4bcc7", "edgecolor": DARK, "linewidth": 1.0},
-        "base": {"facecolor": "#c6ccd5", "edgecolor": EDGE, "linewidth": 1.0},
-        "pin": {"facecolor": "white", "edgecolor": DARK, "linewidth": 0.9},
-        "steel": {"facecolor": _STEEL, "edgecolor": EDGE, "linewidth": 1.0},
-    }
-    if joint in ("A", "B", "O"):
-        return looks["pin"]
-    return looks.get(kind) or looks.get(name) or looks["steel"]
+def round_length(length: float) -> float:
+    """Return the least of 1, 2 and 5 times a power of ten that is about as long, or longer."""
+    power = 10.0 ** np.floor(np.log10(length))
+    return float(next(power * n for n in (1, 2, 5, 10) if power * n >= 0.99 * length))

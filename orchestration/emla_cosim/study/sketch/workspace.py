@@ -1,54 +1,92 @@
-"""The reachable positions of the tip, as a polygon: the paper's workspace."""
+"""The reachable positions of the tip, as areas in a view: the workspace."""
 
-from typing import Any
+import math
+from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
-from hdrm_fmu.kinematics import joint_angles, tip
+from machine_fmu.model import MachineModel
 
 from ...base.arrays import Vector
+from .movement import tip_path
+from .views import View
 
-_SIDE, _ARC = 80, 60
-"""Number of pieces of each side of the box of tilt and telescope strokes, and of an arc of the lift."""
+_COUNTS = {1: 401, 2: 121, 3: 33, 4: 12, 5: 7}
+"""Strokes of each actuator by number of actuators; with more of them, as few as `_FEWEST`."""
+_FEWEST = 4
+
+_PIXELS, _FINER = 700, 4
+"""Size of the picture from which outlines are read, in pixels, and how much finer it is drawn."""
 
 
-def outline_workspace(p: Any) -> Vector:
-    """Return the closed line around all points that the tip reaches within the box of strokes.
+@dataclass(frozen=True)
+class Workspace:
+    """Positions of the tip over the box of strokes.
 
-    The lift turns everything about O1. Points that tilt and telescope reach at its lower end are therefore
-    swept along arcs about O1: at each radius from the first angle reached to the last one, plus the turn of
-    the
-    lift. A hole that no turning closes is filled. O1 itself, where the base is, must be out of reach.
+    Attributes:
+        strokes: Strokes in m on a grid: an axis for each actuator, and one for the strokes.
+        tips: Positions in m on this grid, NaN where the machine does not close.
     """
-    turn = joint_angles(p, p.q_UB)[0] - joint_angles(p, p.q_LB)[0]
-    radius, first, last = _slices(_outer_line(p))
-    last = last + turn
-    begin = np.linspace(last[0], first[0], _ARC)
-    end = np.linspace(first[-1], last[-1], _ARC)
-    angles = np.concatenate([begin, first, end, last[::-1]])
-    radii = np.concatenate([np.full(_ARC, radius[0]), radius, np.full(_ARC, radius[-1]), radius[::-1]])
-    return np.column_stack([radii * np.cos(angles), radii * np.sin(angles)])
+
+    strokes: Vector
+    tips: Vector
+
+    @property
+    def unreachable(self) -> float:
+        """The share of the poses that do not close."""
+        return float(np.isnan(self.tips[..., 0]).mean())
+
+    def areas(self, view: View) -> list[Vector]:
+        """Return the closed outlines of the area in a view; those of holes go the other way round.
+
+        All faces of the grid's cells are drawn, and the outline of the picture is read.
+        """
+        from contourpy import contour_generator
+        from PIL import Image, ImageDraw
+
+        flat = view.flatten(self.tips.reshape(-1, self.tips.shape[-1])).reshape(*self.tips.shape[:-1], 2)
+        low, high = (f(flat.reshape(-1, 2), axis=0) for f in (np.nanmin, np.nanmax))
+        size = float((high - low).max()) / _PIXELS
+        if size == 0.0 or not np.isfinite(size):
+            return []
+        corner = low - 2.0 * size
+        width, height = (math.ceil(x / size) + 4 for x in high - low)
+        image = Image.new("L", (_FINER * width, _FINER * height))
+        pen = ImageDraw.Draw(image)
+        for line in _faces((flat - corner) * (_FINER / size)):
+            pen.polygon(line, fill=255, outline=255)
+        values = np.asarray(image.reduce(_FINER), dtype=float)
+        lines = contour_generator(z=values).lines(127.0)
+        return [corner + size * (np.asarray(line) + 0.5) for line in lines if len(line) > 8]
+
+    def line(self, view: View) -> Vector:
+        """Return where the tip of a machine with one actuator goes, in a view."""
+        return view.flatten(self.tips)
 
 
-def _outer_line(p: Any) -> Vector:
-    """Return the tip along the sides of the box of tilt and telescope strokes, with the lift retracted."""
-    corners = [(p.q_LB[1], p.q_LB[2]), (p.q_UB[1], p.q_LB[2]), (p.q_UB[1], p.q_UB[2]), (p.q_LB[1], p.q_UB[2])]
-    sides = zip(corners, corners[1:] + corners[:1], strict=True)
-    strokes = np.concatenate([np.linspace(a, b, _SIDE, endpoint=False) for a, b in sides])
-    return np.array([tip(p, (float(p.q_LB[0]), float(tilt), float(tele))) for tilt, tele in strokes])
+def find_workspace(machine: MachineModel) -> Workspace:
+    """Return the workspace of a machine."""
+    axes = [
+        np.linspace(low, high, _COUNTS.get(len(machine.names), _FEWEST))
+        for low, high in zip(machine.q_LB, machine.q_UB, strict=True)
+    ]
+    strokes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+    tips = tip_path(machine, strokes.reshape(-1, len(axes)))
+    return Workspace(strokes, tips.reshape(*strokes.shape[:-1], -1))
 
 
-def _slices(line: Vector) -> tuple[Vector, Vector, Vector]:
-    """Return radii of a closed line's points, with the first and the last angle about O1 at each."""
-    radius = np.hypot(line[:, 0], line[:, 1])
-    angle = np.unwrap(np.arctan2(line[:, 1], line[:, 0]))
-    level = np.unique(radius)[:, None]
-    r, a = radius, angle
-    r_next, a_next = np.roll(r, -1), np.roll(a, -1)
-    low, high = np.minimum(r, r_next), np.maximum(r, r_next)
-    crossed = (low <= level) & (level <= high)
-    part = (level - r) / np.where(r_next == r, 1.0, r_next - r)
-    crossing = a + part * (a_next - a)
-    first = np.where(crossed, crossing, np.inf).min(axis=1)
-    last = np.where(crossed, crossing, -np.inf).max(axis=1)
-    return level[:, 0], first, last
+def _faces(points: Vector) -> list[list[float]]:
+    """Return the corners of all faces of the cells of a grid of points, as x, y, x, y and so on."""
+    found = list[list[float]]()
+    for pair in combinations(range(points.ndim - 1), 2):
+        grid = np.moveaxis(points, pair, (-3, -2))
+        sides = (
+            (np.s_[:-1], np.s_[:-1]),
+            (np.s_[1:], np.s_[:-1]),
+            (np.s_[1:], np.s_[1:]),
+            (np.s_[:-1], np.s_[1:]),
+        )
+        corners = np.concatenate([grid[..., i, j, :] for i, j in sides], axis=-1).reshape(-1, 8)
+        found += corners[np.isfinite(corners).all(axis=1)].tolist()
+    return found

@@ -1,4 +1,4 @@
-"""The picture and the animation of the manipulator show the run, from results made by hand."""
+"""The picture and the animation of a machine show the run, from results made by hand."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -11,8 +11,8 @@ import emla_cosim as ec
 from emla_cosim.base.errors import CommandError, RunError
 from emla_cosim.run.result import Result
 from emla_cosim.study.figures import MACHINE_FIGURES
-from emla_cosim.study.sketch.film import MachineFilm, ManipulatorAnimation
-from emla_cosim.study.sketch.manipulator_picture import INSTANTS, select_instants
+from emla_cosim.study.sketch.film import MachineAnimation, MachineFilm
+from emla_cosim.study.sketch.machine_picture import INSTANTS, select_instants
 from emla_cosim.study.sketch.movement import Movement, read_movement, recorded_signals
 from emla_cosim.views.plots.by_unit import BY_UNIT
 from emla_cosim.views.plots.pictures import drawn as figures
@@ -41,7 +41,7 @@ def drawn(result: Result, folder: Path) -> set[str]:
 
 
 def film(result: Result) -> MachineFilm:
-    found = ManipulatorAnimation().film(result)
+    found = MachineAnimation().film(result)
     assert isinstance(found, MachineFilm)
     return found
 
@@ -105,7 +105,7 @@ def test_unknown_geometry_is_not_drawn(tmp_path: Path) -> None:
 def test_geometry_is_that_of_the_run() -> None:
     longer = replace(HDRM, reach=2.0, q_UB=(0.5, 0.6, 0.9))
     found = moved(replayed(longer))
-    assert found.p == longer
+    assert found.machine.q_UB == longer.q_UB
     assert found.path[7] == pytest.approx(tip(longer, found.strokes[7].tolist()))
 
 
@@ -172,9 +172,8 @@ def test_frame_shows_the_machine_at_its_time() -> None:
         found[index]
         row = round(index / 99 * 800)
         q = [run[f"{joint}.plant.x_L"][row] for joint in ("lift", "tilt", "telescope")]
-        payload, *pins = (
-            np.asarray(found.parts[n].get_xy())[:-1].mean(axis=0) for n in ("payload", "A_1", "B_1")
-        )
+        drawn = dict(zip(found.polygons.names, found.polygons.lines, strict=True))
+        payload, *pins = (drawn[n].mean(axis=0) for n in ("payload", "lift first pin", "lift second pin"))
         assert payload == pytest.approx(tip(HDRM, q), abs=1e-4)
         assert np.hypot(*(pins[1] - pins[0])) == pytest.approx(HDRM.lift_L_0 + q[0], abs=1e-4)
 

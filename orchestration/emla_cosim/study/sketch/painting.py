@@ -1,0 +1,138 @@
+"""Parts of a machine as polygons of a picture, in their colours."""
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...base.arrays import Vector
+from ...base.colors import BLUE, GREEN, GREY, ORANGE, PURPLE
+from .parts import Part
+from .views import View
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.collections import PolyCollection
+
+DARK, EDGE, _STEEL, _LIGHT = "#3a424d", "#8b939e", "#dde2e8", "#f3f5f8"
+
+_ACTUATOR_COLORS = (BLUE, ORANGE, GREEN, PURPLE, "#2b9aa0", "#8a6a3f")
+"""Without red, which is the path of the tip."""
+
+_MOVING = ("inner", "body", "link", "rod", "housing", "payload")
+"""Looks of the parts that a faint picture has."""
+
+_CIRCLE = np.linspace(0.0, 2.0 * math.pi, 24, endpoint=False)
+
+_LIGHT_FROM = np.array([-0.35, -0.55, 0.76])
+"""Direction to the light, of length 1."""
+
+
+def actuator_colors(names: Sequence[str]) -> dict[str, str]:
+    """Return the colours of actuators by name."""
+    return {name: _ACTUATOR_COLORS[i % len(_ACTUATOR_COLORS)] for i, name in enumerate(names)}
+
+
+@dataclass(frozen=True)
+class Polygons:
+    """Closed lines from the rear to the front, with their styles, one for each line."""
+
+    names: list[str]
+    lines: list[Vector]
+    faces: list[Any]
+    edges: list[Any]
+    widths: list[float]
+
+    def add_to(self, axes: "Axes", zorder: float = 3.0) -> "PolyCollection":
+        """Draw them."""
+        from matplotlib.collections import PolyCollection
+
+        found = PolyCollection([], closed=True, zorder=zorder)
+        found.set_joinstyle("round")
+        self.update(found)
+        axes.add_collection(found, autolim=False)
+        return found
+
+    def update(self, drawn: "PolyCollection") -> None:
+        """Replace what is drawn by these."""
+        drawn.set_verts(self.lines)
+        drawn.set_facecolor(self.faces)
+        drawn.set_edgecolor(self.edges)
+        drawn.set_linewidth(self.widths)
+
+
+def paint(
+    parts: Iterable[Part], view: View, colors: dict[str, str], alpha: float = 1.0, only_moving: bool = False
+) -> Polygons:
+    """Return the polygons of a machine's parts.
+
+    Args:
+        parts: The parts; in the plane from the rear to the front.
+        view: The view.
+        colors: Colours by actuator.
+        alpha: Opacity.
+        only_moving: Leave out the base, brackets and pins.
+    """
+    from matplotlib.colors import to_rgba
+
+    shown = [part for part in parts if not only_moving or part.look in _MOVING]
+    if view.toward is not None:
+        shown = _sort_by_depth(shown, view)
+    found = Polygons([], [], [], [], [])
+    for part in shown:
+        face, edge, width = _look(part, colors.get(part.bar, GREY))
+        for line, shade in _lines(part, view):
+            found.names.append(part.name)
+            found.lines.append(line)
+            color = np.array(to_rgba(face))
+            color[:3] *= shade
+            found.faces.append((*color[:3], alpha))
+            found.edges.append((0.0, 0.0, 0.0, 0.0) if edge == "none" else to_rgba(edge, alpha))
+            found.widths.append(width)
+    return found
+
+
+def _sort_by_depth(parts: Sequence[Part], view: View) -> list[Part]:
+    """Return the parts with the nearest ones last; housing, rod and pins of an actuator stay together."""
+    depths = dict[str, list[float]]()
+    for part in parts:
+        depths.setdefault(part.bar or part.name, []).append(float(view.nearness(part.points).mean()))
+    depth = {name: sum(values) / len(values) for name, values in depths.items()}
+    # the base is below everything
+    return sorted(parts, key=lambda part: (part.look != "base", depth[part.bar or part.name]))
+
+
+def _lines(part: Part, view: View) -> Iterable[tuple[Vector, float]]:
+    """Yield closed lines in a view with how light they are: the faces of a solid, or a silhouette."""
+    flat = view.flatten(part.points)
+    if not part.faces:
+        yield (flat if part.is_line else _outline(flat, part.radii)), 1.0
+        return
+    for corners in part.faces:
+        face = part.points[list(corners)]
+        normal = np.cross(face[1] - face[0], face[2] - face[1])
+        normal /= np.linalg.norm(normal) or 1.0
+        if view.nearness(normal[None, :])[0] > 1e-9:
+            yield flat[list(corners)], 0.82 + 0.18 * float(normal @ _LIGHT_FROM)
+
+
+def _outline(points: Vector, radii: Vector) -> Vector:
+    """Return the convex line around discs."""
+    from scipy.spatial import ConvexHull
+
+    circle = np.column_stack([np.cos(_CIRCLE), np.sin(_CIRCLE)])
+    around = (points[:, None, :] + radii[:, None, None] * circle).reshape(-1, 2)
+    return around if len(points) == 1 else around[ConvexHull(around).vertices]
+
+
+def _look(part: Part, color: str) -> tuple[str, str, float]:
+    """Return colours of face and edge, and the width of the edge."""
+    return {
+        "housing": (color, "none", 0.0),
+        "rod": (_LIGHT, color, 1.0),
+        "payload": ("#b4bcc7", DARK, 1.0),
+        "base": ("#c6ccd5", EDGE, 1.0),
+        "pin": ("white", DARK, 0.9),
+    }.get(part.look, (_STEEL, EDGE, 1.0))

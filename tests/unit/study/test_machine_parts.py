@@ -1,0 +1,186 @@
+"""The drawn machine has the points and lengths of the kinematics, and its workspace has what it reaches."""
+
+import math
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+import pytest
+from matplotlib.path import Path
+
+from emla_cosim.study.machines.schema import list_machine_names, load_machine
+from emla_cosim.study.sketch.movement import tip_path
+from emla_cosim.study.sketch.painting import actuator_colors, paint
+from emla_cosim.study.sketch.parts import MachineParts, Posture
+from emla_cosim.study.sketch.views import OBLIQUE, PLANE, THREE_SIDES, main_view
+from emla_cosim.study.sketch.workspace import Workspace, find_workspace
+from hdrm_fmu import HDRM, HdrmParameters
+from hdrm_fmu.kinematics import joint_angles, outline, tip
+from machine_fmu import Body, Joint, Machine, Payload, Point
+from machine_fmu.model import MachineModel
+from tests.support.hdrm_runs import parameters
+
+STROKES = np.random.default_rng(3).uniform(HDRM.q_LB, HDRM.q_UB, (40, 3))
+
+OTHERS = (
+    HDRM,
+    replace(HDRM, lift_length=1.2, reach=2.4),
+    replace(HDRM, lift_delta=math.radians(-110.0), tilt_epsilon=math.radians(10.0)),
+    replace(HDRM, q_LB=(0.1, 0.2, 0.3), q_UB=(0.2, 0.25, 0.4)),
+    replace(HDRM, q_UB=(0.0001, 0.611, 1.0)),
+)
+"""Machines whose reach has other forms: a ring that is thin, turned, small, or hardly lifted."""
+
+
+def model_of(p: HdrmParameters) -> MachineModel:
+    values = {name.removeprefix("machine.manipulator."): x for name, x in parameters(p).items()}
+    return MachineModel(load_machine("hdrm"), values)
+
+
+def posture(model: MachineModel, q: np.ndarray, payload: float | None = None) -> Posture:
+    mass = model.payload if payload is None else payload
+    return MachineParts(model).postures(np.array([q]), np.array([mass]))[0]
+
+
+@pytest.mark.parametrize("q", STROKES[:3])
+def test_pins_and_payload_are_where_the_kinematics_have_them(q: np.ndarray) -> None:
+    lines, drawn = outline(HDRM, q.tolist()), posture(model_of(HDRM), q)
+    assert drawn["pin of outer_boom"].points[0] == pytest.approx(lines["lift_boom"][1])
+    assert drawn["tilt second pin"].points[0] == pytest.approx(lines["tilt_actuator"][2])
+    assert drawn["payload"].points.mean(axis=0) == pytest.approx(tip(HDRM, q.tolist()), abs=1e-12)
+    assert drawn["lift_boom"].points == pytest.approx(np.array(lines["lift_boom"]))
+    assert drawn["telescope rod"].points[1] == pytest.approx(lines["inner_boom"][1])
+
+
+@pytest.mark.parametrize("name", list_machine_names())
+def test_actuators_are_as_long_as_their_pins_are_apart(name: str) -> None:
+    machine = MachineModel(load_machine(name))
+    q = 0.9 * np.array(machine.start) + 0.1 * np.array(machine.q_UB)
+    drawn = posture(machine, q)
+    rests = [float(bar.length) for bar in machine.mechanism.actuators]
+    for joint, rest, stroke in zip(machine.names, rests, q, strict=True):
+        rod, housing = drawn[f"{joint} rod"], drawn[f"{joint} housing"]
+        if joint != "telescope":  # whose pins may be beside its slide
+            assert math.dist(*rod.points) == pytest.approx(rest + stroke, abs=1e-9)
+        assert math.dist(*housing.points) == pytest.approx(rest, abs=1e-9)
+        flat = paint([rod], PLANE, {}).lines[0] if machine.dimensions == 2 else rod.points
+        longest = np.linalg.norm(flat[:, None] - flat[None, :], axis=-1).max()
+        round_ends = 2.0 * rod.radii[0] if machine.dimensions == 2 else 0.0
+        assert longest == pytest.approx(math.dist(*rod.points) + round_ends, rel=0.02)
+
+
+def test_the_box_grows_with_the_payload() -> None:
+    machine = model_of(HDRM)
+    sides = [
+        np.ptp(posture(machine, STROKES[0], kg)["payload"].points, axis=0).max()
+        for kg in (0.0, 470.0, 8 * 470.0)
+    ]
+    assert sides[0] == 0.0
+    assert sides[2] == pytest.approx(2.0 * sides[1])
+
+
+def test_base_does_not_move() -> None:
+    machine = model_of(HDRM)
+    bases = [posture(machine, q)["ground"].points for q in STROKES[:5]]
+    assert all(np.array_equal(base, bases[0]) for base in bases)
+
+
+def test_outlines_are_drawn_instead_of_beams() -> None:
+    corners = (Point((0.0, 0.1)), Point((1.0, 0.2)), Point(origin="pin"), Point((0.5, -0.4), origin="pin"))
+    bodies = {
+        "boom": Body(Joint("revolute", is_passive=True), points={"pin": Point((0.6, -0.2))}, outline=corners)
+    }
+    machine = load_machine("lift_table")
+    machine = replace(machine, bodies={**machine.bodies, **bodies}, outline=corners[:2] + corners[1:2])
+    drawn = posture(model := MachineModel(machine), np.array(model.start))
+    expected = np.array([[0.0, 0.1], [1.0, 0.2], [0.6, -0.2], [1.1, -0.6]])
+    assert drawn["boom"].points == pytest.approx(expected)
+    assert drawn["ground"].is_line
+
+
+def test_platform_in_space_is_drawn_in_all_views() -> None:
+    machine = MachineModel(load_machine("stewart"))
+    drawn = posture(machine, np.array(machine.start))
+    tops = [drawn[f"{leg} second pin"].points[0] for leg in machine.names]
+    assert np.ptp(np.array(tops)[:, 2]) == pytest.approx(0.0, abs=1e-5)
+    for view in (OBLIQUE, *THREE_SIDES):
+        axes = np.array([*view.axes, view.toward])
+        assert axes @ axes.T == pytest.approx(np.eye(3))
+        assert np.linalg.det(axes) == pytest.approx(1.0)  # not mirrored
+        polygons = paint(drawn.values(), view, actuator_colors(machine.names))
+        assert polygons.names[0] == "ground"
+        assert {"platform", "payload", "leg_6 rod"} <= set(polygons.names)
+    order = list(dict.fromkeys(paint(drawn.values(), THREE_SIDES[2], {}).names))
+    assert order.index("payload") > order.index("platform") > order.index("leg_1 rod")
+
+
+@pytest.mark.parametrize("p", OTHERS)
+def test_the_workspace_has_every_point_that_the_tip_reaches(p: HdrmParameters) -> None:
+    strokes = np.random.default_rng(5).uniform(p.q_LB, p.q_UB, (3000, 3))
+    points = np.array([tip(p, q) for q in (*strokes.tolist(), *product(*zip(p.q_LB, p.q_UB, strict=True)))])
+    workspace = find_workspace(model_of(p))
+    area = Path.make_compound_path(*(Path(line, closed=True) for line in workspace.areas(PLANE)))
+    pixel = np.ptp(points, axis=0).max() / 700
+    found = [area.contains_points(points, radius=r) for r in (2.0 * pixel, -2.0 * pixel)]  # outwards is one
+    assert np.logical_or(*found).all()
+    assert workspace.unreachable == 0.0
+
+
+@pytest.mark.parametrize("p", OTHERS)
+def test_the_tip_reaches_every_point_of_the_boundary(p: HdrmParameters) -> None:
+    lines = find_workspace(model_of(p)).areas(PLANE)
+    angles = np.array([joint_angles(p, q) for q in (p.q_LB, p.q_UB)])
+    lift = np.linspace(angles[0, 0], angles[1, 0], 4001)
+    ends = p.lift_length * np.column_stack([np.cos(lift), np.sin(lift)])
+    for point in np.concatenate(lines)[::25]:
+        boom = point - ends
+        reach = np.hypot(*boom.T)
+        tilt = np.arctan2(boom[:, 1], boom[:, 0]) - lift
+        tilt = tilt - 2.0 * math.pi * np.round((tilt - angles[:, 1].mean()) / (2.0 * math.pi))
+        off = np.abs(np.clip(tilt, *angles[:, 1]) - tilt) * reach
+        off += np.abs(np.clip(reach, p.reach + p.q_LB[2], p.reach + p.q_UB[2]) - reach)
+        assert off.min() < 0.02
+
+
+def test_workspace_of_one_actuator_is_a_line() -> None:
+    machine = MachineModel(load_machine("lift_table"))
+    line = find_workspace(machine).line(main_view(2))
+    ends = tip_path(machine, np.array([machine.q_LB, machine.q_UB]))
+    assert line[[0, -1]] == pytest.approx(ends)
+
+
+def test_poses_that_do_not_close_are_left_out() -> None:
+    opened = MachineModel(load_machine("hdrm"), {"screw.q_UB[1]": 0.9})  # the triangle opens at 0.72 m
+    workspace = find_workspace(opened)
+    assert workspace.unreachable == pytest.approx(1.0 - 0.72 / 0.9, abs=0.03)
+    assert np.isfinite(np.concatenate(workspace.areas(PLANE))).all()
+
+
+def test_holes_of_the_workspace_stay_open() -> None:
+    """A boom that goes all the way around, but cannot fold, leaves a ring."""
+    angle = np.linspace(0.0, 2.0 * math.pi, 60)
+    radius = np.linspace(1.0, 1.5, 9)
+    tips = np.stack(np.meshgrid(angle, radius, indexing="ij"), axis=-1)
+    tips = np.stack([tips[..., 1] * np.cos(tips[..., 0]), tips[..., 1] * np.sin(tips[..., 0])], axis=-1)
+    outer, inner = sorted(Workspace(tips, tips).areas(PLANE), key=len, reverse=True)
+    for line, expected in ((outer, 1.5), (inner, 1.0)):
+        assert np.hypot(*line.T) == pytest.approx(expected, abs=0.01)
+
+
+def test_tip_without_a_payload_is_the_last_point() -> None:
+    boom = Body(
+        Joint("revolute", assembly=(0.3,)), m=1.0, points={"pin": Point((0.4, 0.1)), "end": Point((2.0, 0.0))}
+    )
+    table = load_machine("hdrm")
+    lift = replace(
+        table.actuators["lift"], ends=("ground.foot", "boom.pin"), L_0=0.5, start=None, stroke=(0.0, 0.2)
+    )
+    machine = Machine(
+        2, {"boom": boom}, {"foot": Point((0.3, -0.4))}, {"lift": lift}, parameters=table.parameters
+    )
+    assert machine.payload is None
+    model = MachineModel(machine)
+    here = tip_path(model, np.array([model.start]))[0]
+    assert here == pytest.approx([2.0 * math.cos(0.3), 2.0 * math.sin(0.3)])
+    loaded = MachineModel(replace(machine, payload=Payload("boom.end", 5.0)))
+    assert tip_path(loaded, np.array([model.start]))[0] == pytest.approx(here)
