@@ -33,11 +33,16 @@ _FEW, _FAR, _CLOSE = 100, 0.1, 1e-6
 """Rows and mean distance in m above which poses are sought together, and their last change in m or rad."""
 
 
+_ANYWHERE = 1e-9
+"""Share of stiffness below which a passive coordinate rests anywhere."""
+
+
 class MachineModel:
     """A machine with values of its numbers.
 
     Rows of arrays are poses; columns of strokes, speeds and forces are the actuators in their order. Passive
-    coordinates, such as a hook, are held as in the assembly pose.
+    coordinates, such as a hook, are held as in the assembly pose, except where `passive` gives them, in m or
+    rad; see `hanging`.
 
     Args:
         machine: The description.
@@ -139,7 +144,12 @@ class MachineModel:
         return found
 
     def forces(
-        self, q: np.ndarray, v: np.ndarray, a: np.ndarray, payload: float | np.ndarray | None = None
+        self,
+        q: np.ndarray,
+        v: np.ndarray,
+        a: np.ndarray,
+        payload: float | np.ndarray | None = None,
+        passive: np.ndarray | None = None,
     ) -> np.ndarray:
         """Return the forces of the actuators in N for their motion, positive against extension of a load.
 
@@ -148,6 +158,7 @@ class MachineModel:
             v: Speeds, m/s.
             a: Accelerations, m/s2.
             payload: Mass in kg, also one for each row; that of the description without.
+            passive: Passive coordinates.
         """
 
         def equation(dynamics: Dynamics, v: Any, a: Any) -> Any:
@@ -155,7 +166,7 @@ class MachineModel:
             rows = dynamics.inverse([*casadi.vertsplit(v), *none], [*casadi.vertsplit(a), *none])
             return casadi.vertcat(*rows[: len(self.names)])
 
-        return self._evaluate("forces", equation, q, payload, v, a)
+        return self._evaluate("forces", equation, q, payload, v, a, passive=passive)
 
     def energy(self, q: np.ndarray, v: np.ndarray, payload: float | np.ndarray | None = None) -> np.ndarray:
         """Return the energy in J for each row; arguments as in `forces`."""
@@ -165,7 +176,46 @@ class MachineModel:
 
         return self._evaluate("energy", equation, q, payload, v)[:, 0]
 
-    def tip(self, q: np.ndarray) -> np.ndarray:
+    def holding_forces(self, q: np.ndarray, payload: float | np.ndarray | None = None) -> np.ndarray:
+        """Return the forces in N that hold the machine at rest; passive coordinates hang freely."""
+        at_rest = np.zeros((len(q), len(self.names)))
+        return self.forces(q, at_rest, at_rest, payload, self.hanging(q, payload))
+
+    def hanging(self, q: np.ndarray, payload: float | np.ndarray | None = None) -> np.ndarray:
+        """Return the passive coordinates at rest for each row of strokes; NaN where they do not come to rest.
+
+        They are followed from where they rest at the start. Those that rest anywhere are as assembled.
+        """
+        q, start = np.asarray(q, dtype=float), np.array([self.start])
+        x = np.array([[self.closure.assembly[i] for i in self.mechanism.passive]])
+        if not x.size:
+            return np.zeros((len(q), 0))
+        moves = np.zeros(len(q), dtype=bool)
+        for _ in range(_MANY):
+            x = x - self._unrest(start, self.payload, x)
+        x = np.tile(x, (len(q), 1))
+        parts = max(1, int(np.ceil(np.nanmax(np.abs(q - start), initial=0.0) / _FAR)))
+        for share in [*np.linspace(0.0, 1.0, parts + 1)[1:], *[1.0] * ITERATIONS]:
+            x = x - (change := self._unrest(start + share * (q - start), payload, x))
+            moves = ~(np.abs(change).max(axis=1) <= _CLOSE)
+        x[moves] = np.nan
+        return x
+
+    def _unrest(self, q: np.ndarray, payload: float | np.ndarray | None, passive: np.ndarray) -> np.ndarray:
+        """Return Newton's change of passive coordinates that are to rest."""
+
+        def equation(dynamics: Dynamics) -> Any:
+            rest = [0.0] * dynamics.variables
+            torque = casadi.vertcat(*dynamics.inverse(rest, rest)[len(self.names) :])
+            slope = casadi.jacobian(torque, self._passive)
+            square = slope.T @ slope
+            # coordinates that rest anywhere, such as a turn about the vertical, stay where they are
+            square += _ANYWHERE * (1.0 + casadi.trace(square)) * casadi.SX.eye(slope.size1())
+            return casadi.solve(square, slope.T @ torque)
+
+        return self._evaluate("unrest", equation, q, payload, passive=passive)
+
+    def tip(self, q: np.ndarray, passive: np.ndarray | None = None) -> np.ndarray:
         """Return the position of the payload in m for each row of strokes: x and y, in space also z.
 
         Raises:
@@ -174,9 +224,13 @@ class MachineModel:
         if self.mechanism.payload is None:
             raise MachineError("the machine has no [payload], so it has no tip")
         end = self.mechanism.payload
-        return self._evaluate("tip", lambda dynamics: self._place(dynamics.pose, end), q, None)
+        return self._evaluate(
+            "tip", lambda dynamics: self._place(dynamics.pose, end), q, None, passive=passive
+        )
 
-    def points(self, q: np.ndarray, names: Iterable[str] | None = None) -> dict[str, np.ndarray]:
+    def points(
+        self, q: np.ndarray, names: Iterable[str] | None = None, passive: np.ndarray | None = None
+    ) -> dict[str, np.ndarray]:
         """Return the positions in m of points for each row of strokes.
 
         Keys are BODY for the origin of a body, and BODY.POINT; the ground is the body 'ground'.
@@ -184,18 +238,25 @@ class MachineModel:
         Args:
             q: Strokes in m, one row per pose.
             names: The points; all by default.
+            passive: Passive coordinates.
         """
         ends = self.ends if names is None else {name: self.ends[name] for name in names}
 
         def equation(dynamics: Dynamics) -> Any:
             return casadi.vertcat(*(self._place(dynamics.pose, end) for end in ends.values()))
 
-        found = self._evaluate(" ".join(["points", *ends]), equation, q, None)
+        found = self._evaluate(" ".join(["points", *ends]), equation, q, None, passive=passive)
         n = self.dimensions
         return {name: found[:, n * i : n * (i + 1)] for i, name in enumerate(ends)}
 
-    def frames(self, q: np.ndarray) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    def frames(
+        self, q: np.ndarray, passive: np.ndarray | None = None
+    ) -> dict[str, tuple[np.ndarray, np.ndarray]]:
         """Return the frames of all bodies and of the ground for each row of strokes.
+
+        Args:
+            q: Strokes in m, one row per pose.
+            passive: Passive coordinates.
 
         Returns:
             By body, the positions of its origin in m, and its rotations: the columns are its axes.
@@ -211,7 +272,7 @@ class MachineModel:
                 rows += [plain(x) for row in rotation[:n] for x in row[:n]]
             return casadi.vertcat(*rows)
 
-        values = self._evaluate("frames", equation, q, None).reshape(-1, len(bodies), size)
+        values = self._evaluate("frames", equation, q, None, passive=passive).reshape(-1, len(bodies), size)
         return {body: (values[:, i, :n], values[:, i, n:].reshape(-1, n, n)) for i, body in enumerate(bodies)}
 
     @cached_property
@@ -277,6 +338,7 @@ class MachineModel:
         q: np.ndarray,
         payload: float | np.ndarray | None,
         *motion: np.ndarray,
+        passive: np.ndarray | None = None,
     ) -> np.ndarray:
         """Return a function of poses, speeds and so on, one row per pose."""
         q = np.asarray(q, dtype=float)
@@ -284,13 +346,21 @@ class MachineModel:
             symbols = [casadi.SX.sym(f"s{i}", len(self.names)) for i in range(1 + len(motion))]
             x, m = casadi.SX.sym("x", len(self.closure.iterated)), casadi.SX.sym("m")
             guess = dict(zip(self.closure.iterated, casadi.vertsplit(x), strict=True)) or None
-            dynamics = self.dynamics(casadi.vertsplit(symbols[0]), m, guess)
+            held, strokes = casadi.vertsplit(self._passive), casadi.vertsplit(symbols[0])
+            dynamics = Dynamics(self._loaded(m), self.closure, strokes, held, guess)
             result = equation(dynamics, *symbols[1:])
-            self._functions[name] = casadi.Function("f", [*symbols, x, m], [result])
+            self._functions[name] = casadi.Function("f", [*symbols, x, self._passive, m], [result])
         loads = np.broadcast_to(self.payload if payload is None else payload, len(q))
         columns = [np.asarray(s, dtype=float).T for s in (q, *motion)]
         poses = self.poses(q).T
-        return np.array(self._functions[name].map(len(q))(*columns, poses, loads[None, :])).T
+        if passive is None:
+            passive = np.tile([self.closure.assembly[i] for i in self.mechanism.passive], (len(q), 1))
+        function = self._functions[name].map(len(q))
+        return np.array(function(*columns, poses, np.asarray(passive).T, loads[None, :])).T
+
+    @cached_property
+    def _passive(self) -> casadi.SX:
+        return casadi.SX.sym("p", len(self.mechanism.passive))
 
     @cached_property
     def _functions(self) -> dict[str, casadi.Function]:

@@ -145,7 +145,7 @@ def test_the_tip_reaches_every_point_of_the_boundary(p: HdrmParameters) -> None:
 def test_workspace_of_one_actuator_is_a_line() -> None:
     machine = MachineModel(load_machine("lift_table"))
     line = find_workspace(machine).line(main_view(2))
-    ends = tip_path(machine, np.array([machine.q_LB, machine.q_UB]))
+    ends = machine.tip(np.array([machine.q_LB, machine.q_UB]))
     assert line[[0, -1]] == pytest.approx(ends)
 
 
@@ -180,7 +180,30 @@ def test_tip_without_a_payload_is_the_last_point() -> None:
     )
     assert machine.payload is None
     model = MachineModel(machine)
-    here = tip_path(model, np.array([model.start]))[0]
+    here = tip_path(model, start := np.array([model.start]), model.hanging(start))[0]
     assert here == pytest.approx([2.0 * math.cos(0.3), 2.0 * math.sin(0.3)])
     loaded = MachineModel(replace(machine, payload=Payload("boom.end", 5.0)))
-    assert tip_path(loaded, np.array([model.start]))[0] == pytest.approx(here)
+    assert tip_path(loaded, start, model.hanging(start))[0] == pytest.approx(here)
+
+
+def test_what_swings_freely_hangs_at_rest() -> None:
+    machine = MachineModel(load_machine("crane"))
+    q = np.random.default_rng(4).uniform(machine.q_LB, machine.q_UB, (20, 3))
+    points = machine.points(q, ["hook", "hook.load"], machine.hanging(q))
+    assert points["hook.load"] - points["hook"] == pytest.approx(np.tile([0.0, -0.8], (20, 1)), abs=1e-12)
+    drawn = MachineParts(machine).postures(q, np.full(20, 900.0))
+    assert drawn[7]["hook"].points[1] == pytest.approx(points["hook.load"][7])
+    step = 1e-6 * np.eye(3)
+    heavier = machine.holding_forces(q, 1000.0) - machine.holding_forces(q, 900.0)
+    heights = (
+        np.array(
+            [
+                (machine.tip(q + d, machine.hanging(q + d)) - machine.tip(q - d, machine.hanging(q - d)))[
+                    :, 1
+                ]
+                for d in step
+            ]
+        ).T
+        / 2e-6
+    )
+    assert heavier == pytest.approx(100.0 * 9.81 * heights, rel=1e-6, abs=1e-3)

@@ -49,7 +49,9 @@ class MachineFilm(Film):
         from matplotlib.backends.backend_agg import FigureCanvasAgg
 
         self._movement, self._rows, self._scene = found, _rows(found), Scene(found.machine)
-        self._postures = self._scene.parts.postures(found.strokes[self._rows], found.payload[self._rows])
+        self._postures = self._scene.parts.postures(
+            *(values[self._rows] for values in (found.strokes, found.payload, found.passive))
+        )
         speed = (found.time[-1] - found.time[0]) / (self.period * len(self._rows))
         self._faster = f", {speed:.2g} x real time" if speed > 1.05 else ""
         shown = build_curves(found, self._scene.colors)

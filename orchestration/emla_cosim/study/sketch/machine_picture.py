@@ -47,7 +47,7 @@ class MachinePicture(Drawing):
 
 def _draw_picture(found: Movement) -> "Figure":
     scene, rows = Scene(found.machine), select_instants(found)
-    postures = scene.parts.postures(found.strokes[rows], found.payload[rows])
+    postures = scene.parts.postures(found.strokes[rows], found.payload[rows], found.passive[rows])
     shown, corner = build_curves(found, scene.colors), _find_corner(scene, postures)
     figure, machine, panels = machine_and_panels(len(shown) + (corner is None), (9.8, 6.0), 120)
     _draw_postures(machine, found, scene, postures)

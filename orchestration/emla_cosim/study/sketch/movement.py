@@ -22,26 +22,30 @@ class Movement:
     """A machine over `time` in s.
 
     `strokes` in m, `wanted` (reference) strokes in m and `forces` in N have a column for each actuator;
-    `payload` is in kg. Values that were not recorded are None. If only the reference was recorded, it is in
-    `strokes`.
+    `payload` is in kg. `passive` has the coordinates in m or rad of what swings freely; where they were not
+    recorded, it hangs at rest. Other values that were not recorded are None. If only the reference was
+    recorded, it is in `strokes`.
     """
 
     machine: MachineModel
     time: Vector
     strokes: Vector
     payload: Vector
+    passive: Vector
     wanted: Vector | None = None
     forces: Vector | None = None
 
     @cached_property
     def path(self) -> Vector:
         """The position of the tip, in m."""
-        return tip_path(self.machine, self.strokes)
+        return tip_path(self.machine, self.strokes, self.passive)
 
     @cached_property
     def wanted_path(self) -> Vector | None:
-        """The reference position of the tip, in m."""
-        return None if self.wanted is None else tip_path(self.machine, self.wanted)
+        """The reference position of the tip in m, with what swings freely at rest."""
+        if self.wanted is None:
+            return None
+        return tip_path(self.machine, self.wanted, self.machine.hanging(self.wanted, self.payload))
 
     @property
     def errors(self) -> Vector | None:
@@ -52,18 +56,21 @@ class Movement:
         """Return the rows before this one."""
         wanted = None if self.wanted is None else self.wanted[:row]
         forces = None if self.forces is None else self.forces[:row]
-        return Movement(self.machine, self.time[:row], self.strokes[:row], self.payload[:row], wanted, forces)
+        time, strokes, payload, passive = (
+            x[:row] for x in (self.time, self.strokes, self.payload, self.passive)
+        )
+        return Movement(self.machine, time, strokes, payload, passive, wanted, forces)
 
 
-def tip_path(machine: MachineModel, strokes: Vector) -> Vector:
+def tip_path(machine: MachineModel, strokes: Vector, passive: Vector) -> Vector:
     """Return the positions of the tip in m at strokes, one row each; NaN where the machine does not close.
 
     The tip is the point of the payload; without a payload, the last point of the last body.
     """
     if machine.machine.payload is not None:
-        return machine.tip(strokes)
+        return machine.tip(strokes, passive)
     last = list(machine.ends)[-1]
-    return machine.points(strokes, [last])[last]
+    return machine.points(strokes, [last], passive)[last]
 
 
 def animated_signals(names: Collection[str], roles: Mapping[str, str]) -> list[str] | None:
@@ -85,7 +92,7 @@ def recorded_signals(result: Result) -> list[str]:
         for name in _signals(machine.names, role, result.names, result.roles)
     ]
     driver = _payload_driver(result)
-    return found if driver is None else [*found, driver]
+    return [*found, *_passive_names(machine, result.names, result), *([] if driver is None else [driver])]
 
 
 def read_movement(result: Result, data: Mapping[str, Vector]) -> Movement | None:
@@ -101,7 +108,10 @@ def read_movement(result: Result, data: Mapping[str, Vector]) -> Movement | None
         made, wanted = wanted, None
     if made is None:
         return None
-    found = Movement(machine, data["time"], made, _payload(machine, result, data), wanted, forces)
+    payload = _payload(machine, result, data)
+    names = _passive_names(machine, data, result)
+    passive = np.column_stack([data[n] for n in names]) if names else machine.hanging(made, payload)
+    found = Movement(machine, data["time"], made, payload, passive, wanted, forces)
     broken = np.flatnonzero(~np.isfinite(found.path).all(axis=1))
     found = found.until(broken[0]) if len(broken) else found
     return found if len(found.time) > 1 else None
@@ -118,6 +128,13 @@ def _columns(
 ) -> Vector | None:
     names = _signals(machine.names, role, data, roles)
     return np.column_stack([data[name] for name in names]) if names else None
+
+
+def _passive_names(machine: MachineModel, names: Collection[str], result: Result) -> list[str]:
+    """Return the signals of all passive coordinates; an empty list if one was not recorded."""
+    count = len(machine.mechanism.passive)
+    found = [f"{find_component(result)}.passive.q[{i}]" for i in range(1, count + 1)]
+    return found if all(name in names for name in found) else []
 
 
 def _payload_driver(result: Result) -> str | None:

@@ -72,14 +72,16 @@ class MachineParts:
         self._pins = list(self._place_pins())
         self.base = self._base()
 
-    def postures(self, strokes: Vector, payload: Vector) -> list[Posture]:
+    def postures(self, strokes: Vector, payload: Vector, passive: Vector | None = None) -> list[Posture]:
         """Return the parts in several poses.
 
         Args:
             strokes: Strokes in m, one row per pose.
             payload: Mass of the payload in kg for each pose, which gives the size of its box.
+            passive: Coordinates in m or rad of what swings freely; as it hangs by default.
         """
-        frames = self._model.frames(strokes)
+        hanging = self._model.hanging(strokes, payload) if passive is None else passive
+        frames = self._model.frames(strokes, hanging)
         found = []
         for row in range(len(strokes)):
             here = {body: (origins[row], rotations[row]) for body, (origins, rotations) in frames.items()}

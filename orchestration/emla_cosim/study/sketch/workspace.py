@@ -72,7 +72,8 @@ def find_workspace(machine: MachineModel) -> Workspace:
         for low, high in zip(machine.q_LB, machine.q_UB, strict=True)
     ]
     strokes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
-    tips = tip_path(machine, strokes.reshape(-1, len(axes)))
+    rows = strokes.reshape(-1, len(axes))
+    tips = tip_path(machine, rows, machine.hanging(rows))
     return Workspace(strokes, tips.reshape(*strokes.shape[:-1], -1))
 
 
