@@ -74,6 +74,7 @@ TABLES: dict[str, tuple[SheetEntry, ...]] = {
         SheetEntry("tau_R", "N.m", "7.1 N m", "continuous torque at the speed n_R"),
         SheetEntry("n_R", "rad/s", "3000 rpm", "speed of the continuous torque tau_R"),
         SheetEntry("n_max", "rad/s", "3500 rpm", "largest speed", needed=True),
+        SheetEntry("m", "kg", "45 kg", "mass, for machines that carry it"),
     ),
     "coupling": (SheetEntry("J_c", "kg.m2", "0.4 kg cm^2", "inertia of the coupling", positive=False),),
     "gearbox": (

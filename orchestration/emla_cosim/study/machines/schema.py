@@ -113,13 +113,20 @@ class LinkTable(StrutTable, frozen=True, kw_only=True, forbid_unknown_fields=Tru
 class ActuatorTable(StrutTable, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """An actuator between two points: housing and motor at the first one, rod at the second one."""
 
+    joint: Annotated[str, describe("name of a built-in joint, or path of a joint file", "lift")] | None = None
     length: Annotated[float | str, number("m", "distance of the points at stroke 0", 0.85)]
-    stroke: Annotated[list[float], numbers("m", "lowest and highest stroke", [0.0, 0.5], (1, 2))]
+    stroke: (
+        Annotated[list[float], numbers("m", "lowest and highest; without, of the joint", [0.0, 0.5], (1, 2))]
+        | None
+    ) = None
     start: (
         Annotated[float, quantity("m", "stroke at the start; that of the assembly pose without")] | None
     ) = None
-    m: Annotated[float | str, number("kg", "mass without motor", 156.5)] = 0.0
-    motor_m: Annotated[float | str, number("kg", "mass of the motor", 45.0)] = 0.0
+    start_error: Annotated[float, quantity("m", "distance from the motion at the start", -0.004)] = 0.0
+    m: Annotated[float | str, number("kg", "mass without motor; without, of the joint", 156.5)] | None = None
+    motor_m: Annotated[float | str, number("kg", "mass of the motor; without, of the joint", 45.0)] | None = (
+        None
+    )
     rod_share: Annotated[float | str, number("", "fraction of m in the rod", 0.3)] = 0.3
     housing_c: Annotated[float | str, number("m", "its centre of mass from the first point", 0.3)] = 0.0
     housing_J: Annotated[float | str, number("kg.m2", "its inertia across, about its centre", 9.0)] = 0.0
@@ -137,6 +144,17 @@ class PayloadTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     at: Annotated[str, describe("point that carries it", "boom.tip")]
     m: Annotated[float, quantity("kg", "mass", 470.0, ge=0.0)]
     J: Annotated[float | str, number("m2", "inertia about the point per mass", 0.06)] = 0.0
+
+
+class MotionTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The motion of the actuators: a file, or strokes at times, at which all of them rest."""
+
+    file: Annotated[Path, describe("file by emla trajectory", "crane.json")] | None = None
+    times: Annotated[tuple[float, ...], quantity("s", "times of the strokes", [0.0, 4.0, 8.0])] = ()
+    strokes: Annotated[
+        dict[str, Annotated[tuple[float, ...], quantity("m", "strokes at the times", [0.1, 0.3, 0.1])]],
+        describe("strokes by actuator; the others hold their start"),
+    ] = _EMPTY
 
 
 class MachineTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -159,6 +177,8 @@ class MachineTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     links: Annotated[dict[str, LinkTable], describe("parts of constant length")] = _EMPTY
     loops: Annotated[dict[str, LoopTable], describe("pairs of points that are one")] = _EMPTY
     payload: PayloadTable | None = None
+    motion: Annotated[MotionTable, describe("motion; the start is held without")] | None = None
+    run: Any = None  # `machine_struct` has its type
 
 
 def list_machine_names() -> list[str]:
@@ -167,13 +187,22 @@ def list_machine_names() -> list[str]:
     return sorted(name.removesuffix(".toml") for name in names if name.endswith(".toml"))
 
 
+def read_machine_text(name: str) -> str:
+    """Return the text of a machine file; raise CommandError for an unknown name."""
+    check_choice("machine", name, list_machine_names())
+    return (files(_FOLDER) / f"{name}.toml").read_text(encoding="utf-8")
+
+
 @cache
 def load_machine(name: str) -> Machine:
     """Return a machine by name; raise CommandError for an unknown name or an error in the file."""
-    check_choice("machine", name, list_machine_names())
     label = f"the machine '{name}'"
-    text = (files(_FOLDER) / f"{name}.toml").read_text(encoding="utf-8")
-    return parse_machine(read_toml(text, label), label)
+    return parse_machine(read_toml(read_machine_text(name), label), label, machines_folder())
+
+
+def machines_folder() -> Path:
+    """Return the folder of the machines that come with the study."""
+    return Path(str(files(_FOLDER)))
 
 
 def parse_machine(content: Mapping[str, Any], label: str, folder: Path | None = None) -> Machine:
@@ -187,7 +216,11 @@ def parse_machine(content: Mapping[str, Any], label: str, folder: Path | None = 
     Raises:
         CommandError: An entry is unknown, missing or wrong, or the machine cannot be assembled.
     """
-    table = convert_value(content, MachineTable, label, folder)
+    return build_machine(convert_value(content, MachineTable, label, folder), label, folder)
+
+
+def build_machine(table: MachineTable, label: str, folder: Path | None = None) -> Machine:
+    """Return the machine of a table; see `parse_machine`."""
     if bool(table.bodies) == (table.urdf is not None):
         has = "both bodies and urdf" if table.bodies else "neither bodies nor urdf"
         raise CommandError(f"{label} has {has}; write one of them.")
@@ -195,7 +228,7 @@ def parse_machine(content: Mapping[str, Any], label: str, folder: Path | None = 
     if table.urdf is not None:
         bodies, ground = _from_urdf(table, table.urdf, label)
     try:
-        machine = _machine(table, bodies, ground)
+        machine = _machine(table, bodies, ground, label, folder)
         find_closure(machine)
         locate_outlines(machine)
     except MachineError as error:
@@ -216,13 +249,19 @@ def _from_urdf(table: MachineTable, file: Path, label: str) -> tuple[dict[str, B
     return bodies, {**ground, **table.ground.points}
 
 
-def _machine(table: MachineTable, bodies: Mapping[str, Body], ground: Mapping[str, Point]) -> Machine:
+def _machine(
+    table: MachineTable,
+    bodies: Mapping[str, Body],
+    ground: Mapping[str, Point],
+    label: str,
+    folder: Path | None,
+) -> Machine:
     payload = table.payload
     return Machine(
         dimensions=3 if table.dimensions == 3 else 2,
         bodies=bodies,
         ground=ground,
-        actuators={name: _actuator(entry) for name, entry in table.actuators.items()},
+        actuators={name: _actuator(name, x, label, folder) for name, x in table.actuators.items()},
         links={name: _link(entry) for name, entry in table.links.items()},
         loops={name: (entry.first, entry.to) for name, entry in table.loops.items()},
         payload=None if payload is None else Payload(payload.at, payload.m, payload.J),
@@ -262,15 +301,22 @@ def _link(table: LinkTable) -> Link:
     return Link((table.first, table.to), table.m, table.c, table.J, table.length)
 
 
-def _actuator(table: ActuatorTable) -> Actuator:
-    low, high = (0.0, *table.stroke)[-2:]
+def _actuator(name: str, table: ActuatorTable, label: str, folder: Path | None) -> Actuator:
+    m, motor_m, stroke = table.m, table.motor_m, table.stroke
+    if m is None or motor_m is None or stroke is None:
+        from .machine_joints import joint_values_of  # loads the tables of controllers
+
+        values = joint_values_of(name, table.joint, label, folder)
+        m, motor_m = values.m if m is None else m, values.motor_m if motor_m is None else motor_m
+        stroke = list(values.stroke) if stroke is None else stroke
+    low, high = (0.0, *stroke)[-2:]
     return Actuator(
         ends=(table.first, table.to),
-        m=table.m,
+        m=m,
         c=table.housing_c,
         J=table.housing_J,
         L_0=table.length,
-        motor_m=table.motor_m,
+        motor_m=motor_m,
         rod_share=table.rod_share,
         rod_c=table.rod_c,
         rod_J=table.rod_J,

@@ -1,0 +1,173 @@
+"""Machine files with their joints, motion and options: all that a machine needs to run."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cache
+from pathlib import Path
+from typing import Annotated, Any
+
+import msgspec
+
+from machine_fmu import Machine, assemble, find_closure
+from machine_fmu.description import Number
+from machine_fmu.exact import plain
+
+from ...base.errors import CommandError
+from ...base.files import read_text
+from ...base.option import RUN
+from ...base.toml_structs import describe, extend_struct, list_given, read_toml
+from ...base.values import convert_value
+from ...run.scenarios.option_fields import with_options
+from ..joints.schema import JointFile
+from .machine_joints import require_joint
+from .motion import Motion, read_motion_table
+from .schema import KIND, MachineTable, build_machine, machines_folder, read_machine_text
+
+_ROUNDING = 1e-9
+"""Distance in m and fraction of a speed by which a motion may leave its limits."""
+
+
+class MachineRunTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The options of the machine's scenario."""
+
+
+@dataclass(frozen=True)
+class MachineFile:
+    """All data of a machine.
+
+    Attributes:
+        name: Its name, which is that of its file.
+        label: What error messages call the file.
+        description: Its purpose, in one line.
+        machine: Its mechanics.
+        joints: The joint of each actuator, in order, with masses and stroke as in the machine.
+        start_errors: Distance in m of each actuator from the motion at the start.
+        motion: The motion of the actuators; None to hold the start.
+        run: Options of its scenario.
+    """
+
+    name: str
+    label: str
+    description: str
+    machine: Machine
+    joints: Mapping[str, JointFile]
+    start_errors: Mapping[str, float] = field(default_factory=dict)
+    motion: Motion | None = None
+    run: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def start(self) -> dict[str, float]:
+        """The stroke of each actuator at the start in m."""
+        return dict(zip(self.joints, _start_strokes(self.machine), strict=True))
+
+
+def machine_struct() -> type[MachineTable]:
+    """Return the struct of machine files, with the options of a run that are registered."""
+    options = with_options(MachineRunTable, "MachineRun", RUN)
+    run = Annotated[options, describe("options of its scenario")]
+    return extend_struct(MachineTable, "MachineFile", [("run", run, msgspec.field(default_factory=options))])
+
+
+@cache
+def load_machine_file(name: str | Path) -> MachineFile:
+    """Return the file of a machine that comes with the study, by name, or of another one, by path.
+
+    Raises:
+        CommandError: There is no such machine, or an entry of its file is unknown, missing or wrong.
+    """
+    path = Path(name)
+    if path.suffix.lower() == ".toml":
+        label = f"the machine '{path}'"
+        return parse_machine_file(
+            read_toml(read_text(path, "the machine"), label), label, path.stem, path.parent
+        )
+    label = f"the machine '{name}'"
+    content = read_toml(read_machine_text(str(name)), label)
+    return parse_machine_file(content, label, str(name), machines_folder())
+
+
+def parse_machine_file(content: Mapping[str, Any], label: str, name: str, folder: Path) -> MachineFile:
+    """Return the machine file of a content; paths in it are relative to `folder`.
+
+    Raises:
+        CommandError: An entry is unknown, missing or wrong.
+    """
+    if content.get("kind") != KIND:
+        raise CommandError(f'{label} is not a machine file; it lacks kind = "{KIND}".', key="kind")
+    if not name.isidentifier():
+        raise CommandError(
+            f"{label} cannot name a machine: '{name}' is invalid; use letters, digits and _ in the file name."
+        )
+    table = convert_value(content, machine_struct(), label, folder)
+    machine = build_machine(table, label, folder)
+    joints = {
+        actuator: _as_in_machine(require_joint(actuator, entry.joint, label, folder), machine, label)
+        for actuator, entry in table.actuators.items()
+    }
+    file = MachineFile(
+        name,
+        label,
+        table.description,
+        machine,
+        joints,
+        {actuator: entry.start_error for actuator, entry in table.actuators.items()},
+        run=list_given(table.run),
+    )
+    motion = read_motion_table(table.motion, file.start, label, folder)
+    if motion is not None:
+        _check_motion(file, motion)
+    return replace(file, motion=motion)
+
+
+def _as_in_machine(own: JointFile, machine: Machine, label: str) -> JointFile:
+    """Return a joint whose actuator has the mass and the stroke of the machine."""
+    actuator = machine.actuators[own.name]
+    m, (low, high) = _number(machine, actuator.m), (_number(machine, x) for x in actuator.stroke)
+    emla = own.emla
+    changes = dict[str, str]()
+    if m and m != emla.M_BS:
+        changes["M_BS"] = f"{m!r} kg"
+    if (low, high) != (emla.q_LB, emla.q_UB):
+        changes |= {"stroke": f"{high - low!r} m", "q_LB": f"{low!r} m"}
+    if not changes:
+        return own
+    title = f"the actuator of '{own.name}' of {label}"
+    sheets = {
+        name: getattr(own, name).changed({"screw": changes}, title) for name in ("actuator", "realistic")
+    }
+    return msgspec.structs.replace(own, **sheets)
+
+
+def _check_motion(file: MachineFile, motion: Motion) -> None:
+    """Raise CommandError if a motion leaves a stroke, or is faster than an actuator."""
+    for name, own in file.joints.items():
+        emla = own.emla
+        low, high, peak = motion.travel(name, motion.spline.start, motion.spline.end)
+        where = f"[motion] of {file.label} moves '{name}'"
+        if low < emla.q_LB - _ROUNDING or high > emla.q_UB + _ROUNDING:
+            raise CommandError(
+                f"{where} from {low:.6g} to {high:.6g} m, but its stroke is {emla.q_LB:.6g} to "
+                f"{emla.q_UB:.6g} m."
+            )
+        if peak > emla.v_max * (1.0 + _ROUNDING):
+            raise CommandError(
+                f"{where} with {peak:.4g} m/s, but its actuator makes {emla.v_max:.4g} m/s at the most; "
+                f"make its times {peak / emla.v_max:.3g} times as long."
+            )
+
+
+def _start_strokes(machine: Machine) -> list[float]:
+    lengths, bars = find_closure(machine).lengths, assemble(machine).actuators
+    starts = (machine.actuators[bar.name].start for bar in bars)
+    return [
+        lengths[bar.name] - float(plain(bar.length)) if start is None else start
+        for bar, start in zip(bars, starts, strict=True)
+    ]
+
+
+def _number(machine: Machine, number: Number) -> float:
+    """Return the value of a number of a description."""
+    if not isinstance(number, str):
+        return float(number)
+    value = machine.parameters[number.removeprefix("-")].value
+    return -value if number.startswith("-") else value

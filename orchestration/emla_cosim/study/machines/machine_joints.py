@@ -1,0 +1,73 @@
+"""The joints of a machine's actuators: their data sheets and gains, from joint files."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import msgspec
+
+from ...base.errors import CommandError, join_names
+from ...base.files import read_text
+from ...base.toml_structs import read_toml
+from ..joints.schema import JointFile, list_joint_names, load_joint, parse_joint
+
+
+@dataclass(frozen=True)
+class SheetValues:
+    """What a joint file says of an actuator: masses in kg, and the ends of its stroke in m."""
+
+    m: float
+    motor_m: float
+    stroke: tuple[float, float] | None
+
+
+def find_joint(actuator: str, joint: str | None, label: str, folder: Path | None) -> JointFile | None:
+    """Return the joint of an actuator, with the name of the actuator; None without a joint.
+
+    Args:
+        actuator: The name of the actuator.
+        joint: A built-in joint or the path of a joint file; None for a built-in joint of the actuator's name.
+        label: What error messages call the machine file.
+        folder: The folder of relative paths.
+
+    Raises:
+        CommandError: The joint does not exist, or its file has an error.
+    """
+    if joint is None and actuator not in list_joint_names():
+        return None
+    name = joint or actuator
+    if name.lower().endswith(".toml"):
+        path = (folder or Path()) / name
+        what = f"the joint file '{path}'"
+        return parse_joint(read_toml(read_text(path, "the joint"), what), what, actuator, path.parent)
+    if name not in list_joint_names():
+        raise CommandError(
+            f"'joint' in [actuators.{actuator}] of {label} is '{name}'; it must be "
+            f"{join_names(list_joint_names())}, or the path of a joint file that ends in .toml.",
+            joint=name,
+        )
+    return msgspec.structs.replace(load_joint(name), name=actuator)
+
+
+def joint_values_of(actuator: str, joint: str | None, label: str, folder: Path | None) -> SheetValues:
+    """Return what the joint of an actuator says; masses of 0, and no stroke, without a joint.
+
+    Raises:
+        CommandError: As `find_joint`.
+    """
+    own = find_joint(actuator, joint, label, folder)
+    if own is None:
+        return SheetValues(0.0, 0.0, None)
+    emla = own.emla
+    return SheetValues(emla.M_BS, own.actuator.values.get("motor.m", 0.0), (emla.q_LB, emla.q_UB))
+
+
+def require_joint(actuator: str, joint: str | None, label: str, folder: Path | None) -> JointFile:
+    """Return the joint of an actuator as `find_joint` does; raise CommandError if it has none."""
+    own = find_joint(actuator, joint, label, folder)
+    if own is None:
+        raise CommandError(
+            f"[actuators.{actuator}] of {label} has no 'joint'; to run the machine, write joint = with "
+            f"{join_names(list_joint_names())}, or the path of a joint file.",
+            actuator=actuator,
+        )
+    return own
