@@ -84,6 +84,8 @@ from .study.controllers import CONTROLLERS as CONTROLLERS
 from .study.controllers import Controller as Controller
 from .study.controllers import Gains as Gains
 from .study.loading import load as load
+from .study.machines.blocks import MachineBlocks as MachineBlocks
+from .study.machines.blocks import read_machine_blocks as read_machine_blocks
 from .study.trajectory_file import read_trajectory as read_trajectory
 from .system.bond import Bond as Bond
 from .system.fault import Fault as Fault

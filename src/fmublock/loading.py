@@ -34,13 +34,26 @@ def load_block(place: str) -> type[Block]:
         raise LoadError(f"there is no file '{name}'.")
     module = _run(file.resolve())
     found = getattr(module, block, None)
-    own = [n for n, x in vars(module).items() if _is_block(x) and x.__module__ == module.__name__]
+    own = _defined_blocks(module)
     if found is None:
         choice = f"its blocks are {', '.join(own)}" if own else "it defines no block"
         raise LoadError(f"'{name}' has no {block}; {choice}.")
     if not _is_block(found):
         raise LoadError(f"{block} of '{name}' is not a block; derive it from fmublock.Block.")
     return found
+
+
+def load_blocks(file: Path) -> dict[str, type[Block]]:
+    """Return the block classes that a file defines, by name; see `load_block`.
+
+    Raises:
+        LoadError: the file fails.
+    """
+    return _defined_blocks(_run(file.resolve()))
+
+
+def _defined_blocks(module: ModuleType) -> dict[str, type[Block]]:
+    return {n: x for n, x in vars(module).items() if _is_block(x) and x.__module__ == module.__name__}
 
 
 def _is_block(thing: object) -> bool:

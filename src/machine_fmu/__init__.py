@@ -5,7 +5,7 @@ Numbers can be floats or symbols of CasADi, so that one text gives the functions
 
 from .assembly import assemble
 from .blocks import MachineLoad, MachinePlant
-from .closure import Closure, find_closure, reach_pose
+from .closure import Closure, find_closure, reach_pose, start_strokes
 from .declarations import load_block, plant_block
 from .definition import read_definition, write_definition, write_module
 from .description import (
@@ -52,6 +52,7 @@ __all__ = [
     "plant_block",
     "reach_pose",
     "read_definition",
+    "start_strokes",
     "trajectory_block",
     "write_definition",
     "write_module",

@@ -47,6 +47,12 @@ def actuator_parameters(count: int, values: Mapping[str, Sequence[float]]) -> di
     }
 
 
+def actuator_values(sources: Sequence[Any]) -> dict[str, list[float]]:
+    """Return start values by attribute, from objects with these attributes, one for each actuator."""
+    attributes = [attribute for attribute in _ABOUT if sources and hasattr(sources[0], attribute)]
+    return {attribute: [getattr(source, attribute) for source in sources] for attribute in attributes}
+
+
 def screw_forces(v: Any, masses: Sequence[Any]) -> tuple[list[Any], list[Any]]:
     """Return the forces of the screws in N without their inertia, and this inertia in kg: A_eq/D_eq.
 

@@ -99,6 +99,20 @@ def find_closure(machine: Machine) -> Closure:
     return replace(found, sides=sides)
 
 
+def start_strokes(machine: Machine) -> list[float]:
+    """Return the strokes at the start of a run in m; those of the assembly pose where none are given.
+
+    Raises:
+        MachineError: As `find_closure`.
+    """
+    lengths, bars = find_closure(machine).lengths, assemble(machine).actuators
+    starts = (machine.actuators[bar.name].start for bar in bars)
+    return [
+        lengths[bar.name] - float(plain(bar.length)) if start is None else start
+        for bar, start in zip(bars, starts, strict=True)
+    ]
+
+
 def row_ends(mechanism: Mechanism, row: Row) -> tuple[End, End]:
     """Return the two ends that an equation is about."""
     if row.bar >= 0:

@@ -10,10 +10,9 @@ from fmublock.variables import Variable
 from .actuators import actuator_parameters
 from .assembly import assemble
 from .blocks import AXES_NAMES, MachineLoad, MachinePlant, attribute_of
-from .closure import find_closure
+from .closure import find_closure, start_strokes
 from .definition import write_definition
 from .description import Machine, MachineError
-from .exact import plain
 from .naming import Group, group_parameters, name_numbers
 
 
@@ -31,7 +30,9 @@ def load_block(machine: Machine, name: str = "", about: str = "") -> type[Machin
     made = _Declared(machine)
     n = made.count
     variables: dict[str, Variable] = {
-        "x_L": Input(made.strokes, shape=n, unit="m", nominal=0.1, symbol="q_i", description="Stroke"),
+        "x_L": Input(
+            start_strokes(machine), shape=n, unit="m", nominal=0.1, symbol="q_i", description="Stroke"
+        ),
         "v_L": Input(shape=n, unit="m/s", nominal=0.1, symbol=r"\dot{q}_i", description="Speed of a stroke"),
         "a_L": Input(shape=n, unit="m/s2", symbol=r"\ddot{q}_i", description="Acceleration of a stroke"),
         **made.states(),
@@ -62,7 +63,7 @@ def plant_block(
     n = made.count
     parameters = actuator_parameters(n, actuators or {})
     x_L_start = Parameter(
-        made.strokes, shape=n, unit="m", name="start.x_L", description="Initial screw position"
+        start_strokes(machine), shape=n, unit="m", name="start.x_L", description="Initial screw position"
     )
     v_L_start = Parameter(0.0, shape=n, unit="m/s", name="start.v_L", description="Initial screw speed")
     variables: dict[str, Variable] = {
@@ -118,17 +119,6 @@ class _Declared:
         self.mechanism = assemble(self.machine)
         self._groups = {group.name: group for group in group_parameters(self.machine.parameters)}
         self._parameters = {attribute_of(name): _declare(group) for name, group in self._groups.items()}
-
-    @property
-    def strokes(self) -> list[float]:
-        """The strokes at the start in m."""
-        found = []
-        for bar in self.mechanism.actuators:
-            start = self.machine.actuators[bar.name].start
-            found.append(
-                self.closure.lengths[bar.name] - float(plain(bar.length)) if start is None else start
-            )
-        return found
 
     @property
     def stroke_limits(self) -> tuple[Parameter, Parameter] | None:

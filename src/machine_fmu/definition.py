@@ -9,11 +9,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
+from .closure import start_strokes
 from .description import Actuator, Body, Joint, Link, Machine, MachineError, Parameter, Payload, Point
+from .trajectory import join_joints
 
 _MODULE = '''"""Blocks of the machine {name}, written by EMLA-Cosim from its description."""
 
-from machine_fmu import load_block, plant_block, read_definition
+from machine_fmu import {imports}
 
 MACHINE = read_definition(
     r"""
@@ -23,11 +25,26 @@ MACHINE = read_definition(
 
 
 class {load}(load_block(MACHINE)):
-    """The machine {name} as a load: motion of its actuators in, forces out."""
+    """The machine {name} as a load: motion of its actuators in, forces out.
+
+    {elements}
+    """
 
 
 class {plant}(plant_block(MACHINE, actuators={actuators!r})):
-    """The machine {name} with the mechanics of its actuators: motor torques in, motion out."""
+    """The machine {name} with the mechanics of its actuators: motor torques in, motion out.
+
+    {elements}
+    """
+'''
+
+_TRAJECTORY = '''
+
+class {trajectory}(trajectory_block({joints!r}, {moves!r})):
+    """A B-spline of the strokes of the machine {name}, held before its first and after its last knot.
+
+    {elements}
+    """
 '''
 
 
@@ -49,6 +66,7 @@ def write_module(
     name: str,
     load: str,
     plant: str,
+    trajectory: str | None = None,
     actuators: Mapping[str, Sequence[float]] | None = None,
 ) -> str:
     """Return the text of a Python file with the blocks of a machine.
@@ -58,15 +76,31 @@ def write_module(
         name: Its name in the docstring.
         load: Name of its block as a load.
         plant: Name of its block with the mechanics of the actuators.
+        trajectory: Name of the block with the motion of its actuators, which rest at their strokes of the
+            start. Default: no such block.
         actuators: Start values of the actuators' parameters by attribute.
     """
-    return _MODULE.format(
-        name=name,
-        definition=write_definition(machine),
-        load=load,
-        plant=plant,
-        actuators=dict(actuators or {}),
-    )
+    imports = ["load_block", "plant_block", "read_definition"]
+    joints = list(machine.actuators)
+    values = {
+        "name": name,
+        "definition": write_definition(machine),
+        "load": load,
+        "plant": plant,
+        "elements": "Elements of vectors are " + join_joints(joints) + ".",
+        "actuators": dict(actuators or {}),
+    }
+    text = _MODULE
+    if trajectory is not None:
+        imports.append("trajectory_block")
+        starts = dict(zip(joints, start_strokes(machine), strict=True))
+        values |= {
+            "trajectory": trajectory,
+            "joints": tuple(joints),
+            "moves": {joint: (stroke, stroke) for joint, stroke in starts.items()},
+        }
+        text += _TRAJECTORY
+    return text.format(imports=", ".join(imports), **values)
 
 
 def _machine(data: Mapping[str, Any]) -> Machine:

@@ -94,7 +94,7 @@ def trajectory_block(
         moves: First and last stroke of each joint in m: its start values are one quintic move from rest to
             rest. Without, all strokes are 0.
     """
-    names = " and ".join([", ".join(joints[:-1]), joints[-1]] if len(joints) > 1 else joints)
+    names = join_joints(joints)
     variables: dict[str, Parameter | Output] = {
         f"c_{joint}": _coefficients(joint, *(moves or {}).get(joint, (0.0, 0.0))) for joint in joints
     }
@@ -104,6 +104,11 @@ def trajectory_block(
         )
     texts = {"__doc__": Motion.__doc__, "__module__": __name__, "__qualname__": Motion.__qualname__}
     return type(Motion.__name__, (Motion,), {**texts, "joints": tuple(joints), **variables})
+
+
+def join_joints(joints: Sequence[str]) -> str:
+    """Return the joints as text: lift, tilt and telescope."""
+    return " and ".join([", ".join(joints[:-1]), joints[-1]] if len(joints) > 1 else joints)
 
 
 _OUTPUTS = (

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from scipy.integrate import solve_ivp
 
 from fmublock.symbolic import evaluate_symbolically
-from hdrm_fmu import HDRM, HdrmManipulator, HdrmParameters, dynamics, kinematics
+from hdrm_fmu import HDRM, HdrmParameters, dynamics, kinematics
 from hdrm_fmu.parameters import PAYLOAD
 from machine_fmu import (
     Actuator,
@@ -25,7 +25,7 @@ from machine_fmu import (
 )
 from machine_fmu.exact import plain
 from tests.support.machine_states import Case, MachineState
-from tests.support.machines import MOMENTS, Moment, machines
+from tests.support.machines import MOMENTS, Moment, machines, named_values
 from tests.support.pinocchio_machine import PinocchioMachine
 from tests.support.reference_model import Vector
 
@@ -105,15 +105,8 @@ def test_manipulator_has_the_equations_of_the_paper(state: MachineState) -> None
 @settings(max_examples=20, deadline=None)
 def test_names_are_those_of_the_parameters(m: Moment, p: HdrmParameters) -> None:
     """Any manipulator: each number of the description is the parameter with its name."""
-    values = {
-        scalar.name: value
-        for variable in HdrmManipulator.layout().parameters
-        for scalar, value in zip(
-            variable.scalars(), variable.flat(getattr(p, variable.attribute)), strict=True
-        )
-    }
     case = CASE("hdrm")
-    made = Dynamics(assemble(case.machine, values.__getitem__, m.payload), case.closure, m.q)
+    made = Dynamics(assemble(case.machine, named_values(p).__getitem__, m.payload), case.closure, m.q)
     expected = dynamics.inverse_dynamics(p, m.q, m.v, m.a, m.payload)
     weight = np.abs(dynamics.bias(p, m.q, (0.0, 0.0, 0.0), m.payload)) + 1e3
     assert made.inverse(m.v, m.a) == pytest.approx(expected, abs=1e-9 * float(weight.max()))

@@ -1,7 +1,6 @@
 """Results of the manipulator made by hand: a smooth motion from rest to rest, and small errors."""
 
 from collections.abc import Mapping
-from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -10,8 +9,9 @@ from emla_cosim.master.stepping.timing import CommunicationPoints
 from emla_cosim.recorders.recorder import Outline
 from emla_cosim.recorders.table import TimeSeries
 from emla_cosim.run.result import Result
-from hdrm_fmu import HDRM, HdrmManipulator, HdrmParameters
+from hdrm_fmu import HDRM, HdrmParameters
 from hdrm_fmu.dynamics import inverse_dynamics
+from tests.support.machines import named_values
 
 JOINTS = ("lift", "tilt", "telescope")
 MACHINE_ROLES = {f"{joint}.x_d": f"machine.trajectory.x_d[{i}]" for i, joint in enumerate(JOINTS, 1)}
@@ -85,13 +85,7 @@ def result_of(
 
 def parameters(p: HdrmParameters, machine: str = "machine.manipulator") -> dict[str, float]:
     """Those of the manipulator, by full name."""
-    found = {}
-    for field in fields(HdrmParameters):
-        variable = getattr(HdrmManipulator, field.name)
-        elements = variable.flat(getattr(p, field.name))
-        names = (f"{machine}.{x.name}" for x in variable.scalars())
-        found |= dict(zip(names, elements, strict=True))
-    return found
+    return {f"{machine}.{name}": value for name, value in named_values(p).items()}
 
 
 def _named(x: np.ndarray, v: np.ndarray, a: np.ndarray) -> dict[str, np.ndarray]:

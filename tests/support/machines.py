@@ -1,11 +1,12 @@
 """Manipulators and their states, drawn by hypothesis."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 from hypothesis import strategies as st
 
+from emla_cosim.study.machines.former_names import FORMER_NAMES
 from hdrm_fmu import HDRM, HdrmParameters
 
 
@@ -21,6 +22,18 @@ class Moment:
 
 STROKES = st.tuples(*(st.floats(low, high) for low, high in zip(HDRM.q_LB, HDRM.q_UB, strict=True))).map(list)
 """Strokes within the box of Table II."""
+
+
+def named_values(p: HdrmParameters) -> dict[str, float]:
+    """Return parameters by FMI name."""
+    values = dict[str, float]()
+    for field in fields(HdrmParameters):
+        name, value = FORMER_NAMES[field.name], getattr(p, field.name)
+        if isinstance(value, tuple):
+            values |= {f"{name}[{i}]": x for i, x in enumerate(value, 1)}
+        else:
+            values[name] = value
+    return values
 
 
 def three(largest: float) -> Any:

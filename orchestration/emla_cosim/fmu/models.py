@@ -5,14 +5,14 @@ A key shows whether an FMU is up to date, without importing the modules that bui
 
 import hashlib
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cache
+from importlib import import_module
 from importlib.resources import files
 from pathlib import Path
 
 import emla_fmu
-import hdrm_fmu
 import machine_fmu
 import rsba_fmu
 from fmublock import Block
@@ -28,9 +28,38 @@ from fmublock.recipe import FLAVOURS, Documents, Producer, Recipe, RelatedFile
 from ..base.errors import CommandError, RunError, check_choice
 from ..base.output_files import OutputFile
 
-MODELS: dict[str, type[Block]] = {
-    b.__name__: b for b in (*emla_fmu.BLOCKS, *rsba_fmu.BLOCKS, *hdrm_fmu.BLOCKS, *machine_fmu.BLOCKS)
-}
+
+class _Models(Mapping[str, type[Block]]):
+    """Blocks by the name of their model. Those of the manipulator are made of its file when they are used."""
+
+    def __init__(self, blocks: Mapping[str, type[Block] | str]) -> None:
+        self._blocks = blocks
+
+    def __getitem__(self, name: str) -> type[Block]:
+        block = self._blocks[name]
+        if isinstance(block, str):
+            study = import_module("emla_cosim.study.machines.blocks")  # this room does not know the study
+            return getattr(study.manipulator_blocks(), block)
+        return block
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._blocks)
+
+    def __len__(self) -> int:
+        return len(self._blocks)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._blocks  # without making a block
+
+
+MODELS: Mapping[str, type[Block]] = _Models(
+    {
+        **{block.__name__: block for block in (*emla_fmu.BLOCKS, *rsba_fmu.BLOCKS)},
+        "HdrmManipulator": "load",
+        "HdrmPlant": "plant",
+        **{block.__name__: block for block in machine_fmu.BLOCKS},
+    }
+)
 """The blocks by the name of their model."""
 
 PLATFORMS = tuple(TARGETS)

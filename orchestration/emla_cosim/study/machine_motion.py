@@ -13,6 +13,7 @@ from machine_fmu.trajectory import JOINTS
 from ..base.errors import CommandError
 from ..system.model import System, Value
 from .joints.schema import load_joint
+from .machines.former_names import FORMER_NAMES
 from .trajectory_file import read_motion
 
 _SHOWN = 3
@@ -75,11 +76,12 @@ def describe_other_machine(problem: Mapping[str, Any], name: str, block: type[Bl
         system: The system with all start values.
     """
     values, driven = system.component(name).parameters, {x.input for x in system.into(name)}
-    known = {"payload": problem.get("payload"), **_table(problem.get("machine"))}
+    given = _table(problem.get("machine"))
+    known = {"payload.m": problem.get("payload"), **{FORMER_NAMES.get(k, k): x for k, x in given.items()}}
     layout = block.layout()
     shown = []
     for variable in (*layout.inputs, *layout.parameters):
-        given = known.get(variable.attribute)
+        given = known.get(str(variable.name))
         if given is None:
             continue
         elements = given if isinstance(given, list) else [given]

@@ -8,7 +8,6 @@ from typing import Any
 
 from emla_fmu import ScrewCommand
 from fmublock import Block
-from hdrm_fmu import HdrmManipulator, HdrmPlant
 from machine_fmu.trajectory import JOINTS
 
 from ..base.errors import CommandError, join_names
@@ -19,6 +18,7 @@ from .joint import start_values
 from .joints.schema import load_joint
 from .load_control import check_notch_joints
 from .machine_motion import Motion, describe_other_machine, load_motion
+from .machines.blocks import manipulator_blocks
 from .systems import Choice, study_joint
 
 _LED: dict[str, str | None] = {
@@ -65,7 +65,8 @@ def _separate(
     """Build the machine with the manipulator as a component of its own, which loads the joints."""
     machine = Component("machine.manipulator", "HdrmManipulator")
     if actuators:  # with their masses and strokes
-        values = start_values(HdrmManipulator, _by_joint(HdrmManipulator, actuators))
+        block = manipulator_blocks().load
+        values = start_values(block, _by_joint(block, actuators))
         machine = replace(machine, parameters=values)
     wanted = load_motion(trajectory)
     return _system(controller, gains, wanted, machine, _LOADED, wires, actuators, bond=bond, **variant)
@@ -131,7 +132,7 @@ def _system(
         connections += [*made.wires, *(wire.format(joint=joint, element=element) for wire in patterns)]
         if bond is not None:
             bonds[joint] = bond.with_names(joint=joint, element=element)
-    block = HdrmPlant if electrical else HdrmManipulator
+    block = manipulator_blocks().plant if electrical else manipulator_blocks().load
     note = partial(describe_other_machine, wanted.problem, machine.name, block) if wanted.problem else ""
     shared = (Component("machine.trajectory", "Trajectory", wanted.parameters, note=note), machine)
     system = System((*components, *shared), ()).with_connections(*connections)
@@ -149,15 +150,18 @@ def _mechanics(wanted: Motion, actuators: Actuators) -> dict[str, Value]:
     """Return the parameters of the actuators in the merged plant, and its start position."""
     start = [load_joint(joint).start.x_L + wanted.ahead[joint] for joint in JOINTS]
     uncertain = [load_joint(joint).plant.get("F_2", 0.0) for joint in JOINTS]
-    return start_values(HdrmPlant, {**_by_joint(HdrmPlant, actuators), "x_L_start": start, "F_2": uncertain})
+    block = manipulator_blocks().plant
+    return start_values(block, {**_by_joint(block, actuators), "x_L_start": start, "F_2": uncertain})
 
 
 def _by_joint(block: type[Block], actuators: Actuators) -> dict[str, Any]:
     """Return a block's parameters of all actuators, by attribute."""
     emlas = [(actuators.get(joint) or load_joint(joint).actuator).emla for joint in JOINTS]
-    known = {x.attribute for x in block.layout().parameters if x.shape}
+    names = {x.attribute: str(x.name).rpartition(".")[2] for x in block.layout().parameters if x.shape}
     return {
-        name: [getattr(emla, name) for emla in emlas] for name in sorted(known) if hasattr(emlas[0], name)
+        attribute: [getattr(emla, name) for emla in emlas]
+        for attribute, name in sorted(names.items())
+        if hasattr(emlas[0], name)
     }
 
 

@@ -1,4 +1,4 @@
-"""Facts about the blocks of hdrm_fmu."""
+"""Facts about the blocks of the paper's manipulator."""
 
 import random
 from itertools import accumulate

@@ -11,12 +11,11 @@ import pytest
 import emla_cosim as ec
 import emla_fmu
 import fmublock
-import hdrm_fmu
 import rsba_fmu
 from tests.support.paths import ROOT
 from tests.support.tiers import mostly_slow
 
-PACKAGES: list[ModuleType] = [ec, fmublock, emla_fmu, rsba_fmu, hdrm_fmu]
+PACKAGES: list[ModuleType] = [ec, fmublock, emla_fmu, rsba_fmu]
 
 
 def examples() -> dict[str, doctest.DocTest]:
@@ -55,6 +54,6 @@ def test_public_names_are_documented() -> None:
     pages = "".join(page.read_text(encoding="utf-8") for page in (ROOT / "docs/api").glob("*.md"))
     listed = {name.rpartition(".")[2] for name in re.findall(r"^::: (\S+)", pages, re.MULTILINE)}
     public = {name for package in PACKAGES for name in package.__all__}
-    assert public - listed == {"BLOCKS", "HDRM"}
+    assert public - listed == {"BLOCKS"}
     assert {"Progress", "Network", "Link", "FmuInstance"} <= public  # for extensions
     assert ec.__version__ == version("emla-cosim")

@@ -10,12 +10,11 @@ from typing import Any
 import pytest
 
 import emla_cosim as ec
-from emla_cosim.fmu.models import fmu_path
+from emla_cosim.fmu.models import MODELS, fmu_path
 from emla_cosim.study.idealisations import list_idealisations
 from emla_cosim.views.idealisations import describe_idealisations
 from emla_fmu import EmlaCompliantPlant, EmlaMotor, EmlaPlant
 from fmublock import Block
-from hdrm_fmu import HdrmPlant
 from tests.support.commands import Emla
 from tests.support.paths import FOREIGN_MAPPING, ROOT
 
@@ -99,7 +98,7 @@ def test_compliant_plant(stiffness: float, backlash: float, expected: set[str]) 
 
 def test_joint_of_a_machine() -> None:
     """Its mechanical half is an element of the machine's plant, which cannot be replaced joint by joint."""
-    usual = values_of(EmlaMotor, "tilt.motor") | values_of(HdrmPlant, "machine.plant", 2)
+    usual = values_of(EmlaMotor, "tilt.motor") | values_of(MODELS["HdrmPlant"], "machine.plant", 2)
     items = {item.name: item.option for item in list_idealisations("tilt", usual)}
     assert items.keys() == {*SWITCHES, *RIGID} - {"losses"}  # this plant has no such switch
     assert items["friction"] == "--set machine.plant.screw.B_BS[2]=VALUE"

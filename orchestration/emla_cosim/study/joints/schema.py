@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from functools import cache
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -11,15 +10,15 @@ import msgspec
 from emla_fmu.observer_gains import ObserverGains
 from emla_fmu.parameters import EmlaParameters
 
-from ...base.errors import CommandError, check_choice, join_names
+from ...base.errors import CommandError, join_names
 from ...base.toml_structs import list_given, read_toml
 from ...base.values import convert_value
 from ..actuator.actuator import Actuator
+from .built_in import list_joint_names as list_joint_names
+from .built_in import read_joint_text
 from .gain_tables import GainSet, GainTable, ObserverSet
 from .joint_table import Cells, JointTable, joint_struct
 from .motions import Compliance, JointExperiment
-
-_FOLDER = "emla_cosim.study.joints"
 
 KIND = "joint"
 """The value of `kind` in a joint file."""
@@ -120,18 +119,6 @@ class JointFile(JointTable, frozen=True, kw_only=True):
             controller=controller,
             gains=gain_set,
         )
-
-
-def list_joint_names() -> list[str]:
-    """Return the names of all joint files, sorted."""
-    found = (file.name for file in files(_FOLDER).iterdir())
-    return sorted(name.removesuffix(".toml") for name in found if name.endswith(".toml"))
-
-
-def read_joint_text(name: str) -> str:
-    """Return the text of a joint file; raise CommandError for an unknown name."""
-    check_choice("joint", name, list_joint_names())
-    return (files(_FOLDER) / f"{name}.toml").read_text(encoding="utf-8")
 
 
 def has_tuning(name: str) -> bool:

@@ -30,7 +30,6 @@ from ...base.table_entries import unknown_entry
 from ...base.toml_structs import describe, dotted, quantity, read_toml
 from ...base.values import convert_value
 from .entries import corner_list, joint_values, number, numbers, point_table
-from .urdf import read_urdf
 
 _FOLDER = "emla_cosim.study.machines"
 
@@ -238,6 +237,8 @@ def build_machine(table: MachineTable, label: str, folder: Path | None = None) -
 
 def _from_urdf(table: MachineTable, file: Path, label: str) -> tuple[dict[str, Body], dict[str, Point]]:
     """Return bodies and points of the ground: those of a URDF file with what the machine file adds."""
+    from .urdf import read_urdf  # loads NumPy
+
     bodies, ground = read_urdf(file)
     for name, more in table.links_of_urdf.items():
         if name not in bodies:

@@ -1,6 +1,6 @@
-"""The two blocks: against three actuators, against each other, and over ten seconds of free motion."""
+"""The blocks of the paper's manipulator: against its equations written by hand, against three actuators, and
+over ten seconds of free motion."""
 
-from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -8,42 +8,47 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from emla_cosim.fmu.models import MODELS
 from emla_fmu import EmlaPlant
 from fmublock import StepDiscardedError
-from hdrm_fmu import HDRM, HdrmManipulator, HdrmPlant
-from hdrm_fmu.parameters import RANGES
+from hdrm_fmu import HDRM, dynamics, kinematics
 from tests.support.in_process import started
 from tests.support.joint_data import LIFT, TELESCOPE, TILT
 from tests.support.machines import MOMENTS, Moment, three
 from tests.support.sessions import Session
 
+HdrmManipulator, HdrmPlant = MODELS["HdrmManipulator"], MODELS["HdrmPlant"]
 EMLAS = (LIFT, TILT, TELESCOPE)
 TORQUES = st.lists(st.floats(-100.0, 100.0), min_size=3, max_size=3)
 
 
 def parameters(block: Any) -> dict[str, Any]:
-    return {p.attribute: p for p in block.layout().parameters}
+    """Parameters by the last part of their name."""
+    return {str(p.name).rpartition(".")[2]: p for p in block.layout().parameters}
 
 
-# ---- the same numbers as elsewhere --------------------------------------------------------------
-
-
-@pytest.mark.parametrize("block", [HdrmManipulator, HdrmPlant])
-def test_defaults_and_ranges_are_those_of_the_parameters(block: Any) -> None:
-    found = parameters(block)
-    for field in fields(HDRM):
-        ours = found[field.name]
-        assert ours.start == getattr(HDRM, field.name), field.name
-        assert ours.range == RANGES.get(field.name, (-np.inf, np.inf)), field.name
+# ---- the same numbers and equations as elsewhere -----------------------------------------------
 
 
 def test_actuators_are_those_of_the_joints() -> None:
     found = parameters(HdrmPlant)
     mechanics = ("J_m", "B_m", "J_c", "rho", "J_GB", "eta_GB", "lead", "M_BS", "B_BS", "C_eq")
     for name in (*mechanics, "q_LB", "q_UB", "v_max"):
-        start = found[name].start
-        starts = start if isinstance(start, tuple) else (start,) * 3
-        assert starts == tuple(getattr(emla, name) for emla in EMLAS), name
+        assert found[name].start == [getattr(emla, name) for emla in EMLAS], name
+
+
+@given(m=MOMENTS)
+@settings(max_examples=25)
+def test_equations_are_those_written_by_hand(m: Moment) -> None:
+    load = started(HdrmManipulator, {"payload.m": m.payload, "x_L": m.q, "v_L": m.v, "a_L": m.a})
+    forces = dynamics.inverse_dynamics(HDRM, m.q, m.v, m.a, m.payload)
+    assert load["F_L"] == pytest.approx(forces, rel=1e-10, abs=1e-10 * max(map(abs, forces)))
+    tip = kinematics.tip(HDRM, m.q)
+    assert (load["tip.x"], load["tip.y"]) == pytest.approx(tip, abs=1e-12)
+    motion = {"start.x_L": m.q, "start.v_L": m.v, "tau_m": [20.0, -5.0, 2.0]}
+    plant = started(HdrmPlant, {"payload.m": m.payload, **motion})
+    given_force = dynamics.inverse_dynamics(HDRM, m.q, m.v, plant["a_L"], m.payload)
+    assert plant["F_L"] == pytest.approx(given_force, rel=1e-10, abs=1e-9 * max(map(abs, given_force)))
 
 
 # ---- the merged plant is three plants and a manipulator -----------------------------------------
