@@ -28,6 +28,7 @@ class CompareOptions(TypedDict, total=False):
     set: Mapping[str, Value | np.generic | Sequence[Value] | NDArray[Any]]
     replace: Mapping[str, Replacement | _Path | Mapping[str, Any]]
     input: Sequence[Input | _Path | Mapping[str, Any]]
+    mode: str | None
     load_control: str | None
     notch: Mapping[str, float | str]
     actuator: Mapping[str, _Path | FileOrObject]

@@ -11,7 +11,7 @@ from ..base.patterns import has_wildcard
 from ..base.progress import Progress
 from ..base.wording import format_count
 from ..fmu.interface import CO_SIMULATION, KINDS, Interface, read_interfaces
-from ..fmu.models import build, check_build_path
+from ..fmu.models import build, check_build_path, find_block
 from ..inputs.loaded_input import LoadedInput, find_data_end
 from ..inputs.wired_inputs import wire_inputs
 from ..system.model import Component, ShortNameError, System, Value
@@ -162,17 +162,22 @@ def limit_to_data_end(options: Options) -> Options:
 
 def _fmu_files(system: System, options: Options, progress: Progress) -> dict[str, Path]:
     """Return the FMU file of every component. Build built-in FMUs that are missing or out of date."""
-    models = list(dict.fromkeys(c.model for c in system.components if c.fmu is None))
+    models = {c.model: _block_of_file(c.model) for c in system.components if c.fmu is None}
     progress.begin("preparing", len(models) + 1)
     built = {}
-    for model in models:
-        check_build_path(model, options.flavour, options.fmus, options.overwrite)
-    for model in models:
+    for block in models.values():
+        check_build_path(block, options.flavour, options.fmus, options.overwrite)
+    for model, block in models.items():
         built[model] = build(
-            model, options.flavour, options.platform, options.fmus, overwrite=options.overwrite
+            block, options.flavour, options.platform, options.fmus, overwrite=options.overwrite
         )
         progress.advance(1)
     return {c.name: c.fmu if c.fmu is not None else built[c.model] for c in system.components}
+
+
+def _block_of_file(model: str | type) -> str | type:
+    """Return the block that FILE.py:BLOCK names; other models as they are."""
+    return find_block(model) if isinstance(model, str) and ".py:" in model else model
 
 
 def apply_parameter_files(

@@ -124,6 +124,7 @@ def build_run_record(
         ],
         "units": {name: str(unit) for name, unit in units if unit is not None},
         **({COLUMN_TYPES: write_types(types)} if types else {}),
+        **system.record,
     }
 
 

@@ -26,6 +26,9 @@ from ..inputs.input import Input
 from ..system.fault import Fault, read_faults
 from ..system.model import Replacement, Value
 
+MODES = ("coupled", "replayed", "merged")
+"""How a machine and its joints are connected."""
+
 LOAD_CONTROLS = ("none", "motor", "sensor")
 """Sensors by which the position of a load can be controlled."""
 
@@ -79,6 +82,13 @@ class SystemOptions:
         commands=(RUN, EXPORT, SWEEP, INFO, LINEARIZE, SIZE),
         makes="gains",
     )
+    mode: str | None = _prepared(
+        help="How a machine and its joints are connected: coupled, both exchange motion and force; replayed, "
+        "the joints move against the forces of the reference motion; merged, mechanics in one FMU. Default: "
+        "coupled.",
+        choices=lambda: MODES,
+        makes="machine",
+    )
     load_control: str | None = _prepared(
         help="How the position of a load that is not rigid is controlled: not at all, with sensors at the "
         "motor, or also with one at the load; see docs/load-control.md. Default: motor for such loads.",
@@ -114,7 +124,7 @@ class SystemOptions:
         parse=read_faults,
     )
     trajectory: Path | None = _prepared(
-        help="Motion of the manipulator: a file written by `emla trajectory`.",
+        help="Motion of the machine: a file written by `emla trajectory`.",
         metavar="FILE.json",
         makes="reference",
     )

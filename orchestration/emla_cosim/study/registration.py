@@ -12,7 +12,7 @@ from ..run.scenarios.scenario_file import KINDS, Kind
 from ..views.animation import ANIMATIONS
 from ..views.plots.by_unit import BY_UNIT
 from ..views.plots.pictures import FIGURES
-from . import machine_systems, systems
+from . import systems
 from .actuator.model_parameters import follow_plant_changes
 from .actuator.remarks import remarks
 from .figures import JOINT_FIGURES, MACHINE_FIGURES
@@ -21,6 +21,9 @@ from .joints.joint_table import KEYS
 from .joints.schema import KIND, list_joint_names, read_joint_text
 from .load_control import complete_order
 from .loads import load_metrics
+from .machines import systems as machines
+from .machines.schema import KIND as MACHINE
+from .machines.schema import MACHINE_KEYS, read_machine_text
 from .metrics import joint_metrics
 from .randomness import find_seeds
 from .roles import find_tracked_joints, find_tracked_loads, machine_roles
@@ -39,9 +42,9 @@ LOADS = "loads"
 
 def register() -> None:
     """Register everything under its name; calling it again changes nothing."""
-    own = systems.SYSTEMS | machine_systems.SYSTEMS
+    own = systems.SYSTEMS | machines.SYSTEMS
     SYSTEMS.update(own)
-    FOLLOWING.update(machine_systems.SYSTEMS)
+    FOLLOWING.update(machines.SYSTEMS)
     CHANGES["actuator"] = change_entries
     if complete_order not in STEPPING:
         STEPPING.append(complete_order)
@@ -56,9 +59,13 @@ def register() -> None:
     if scheduled_times not in SCHEDULES:
         SCHEDULES.append(scheduled_times)
     KINDS[KIND] = Kind(KEYS, joint_scenario)
-    joints = list_joint_names()
+    texts = {
+        **{name: partial(read_joint_text, name) for name in list_joint_names()},
+        **{name: partial(read_machine_text, name) for name in machines.BUILT_IN},
+    }
     for name in own:
-        SCENARIOS[name] = partial(read_joint_text, name) if name in joints else _text("scenarios", name)
+        SCENARIOS[name] = texts.get(name) or _text("scenarios", name)
+    KINDS[MACHINE] = Kind(MACHINE_KEYS, machines.machine_scenario)
     for name in ("study-robustness",):
         PLANS[name] = _text("plans", name)
     TUNINGS.update(list_tuning_plans())

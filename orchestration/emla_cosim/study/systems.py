@@ -283,7 +283,10 @@ SYSTEMS: dict[str, Callable[..., System]] = {
 
 
 def change_entries(
-    system: str, actuators: Mapping[str, Path | Actuator], entries: Mapping[str, Value]
+    system: str,
+    actuators: Mapping[str, Path | Actuator],
+    entries: Mapping[str, Value],
+    sheets: Mapping[str, Any] = MappingProxyType({}),
 ) -> dict[str, Actuator]:
     """Read the actuators of joints, and return them with other entries.
 
@@ -291,6 +294,7 @@ def change_entries(
         system: Name of the system; its own joint may have no other actuator.
         actuators: Actuators, or their files, by joint.
         entries: Values by JOINT.TABLE.ENTRY, as data sheets print them.
+        sheets: Actuators of the joints of a machine.
 
     Raises:
         CommandError: A name is wrong, a joint has no data sheet, or the changed data sheet has errors.
@@ -301,7 +305,7 @@ def change_entries(
         joint, table, key = _split_entry(place)
         changes.setdefault(joint, {}).setdefault(table, {})[key] = value
     for joint, tables in changes.items():
-        base = found.get(joint) or _own_actuator(system, joint)
+        base = found.get(joint) or sheets.get(joint) or _own_actuator(system, joint)
         found[joint] = base.changed(tables, f"{base.label} with changes")
     return found
 

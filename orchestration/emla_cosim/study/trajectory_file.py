@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 from machine_fmu.spline import DEFAULT_FILE, Spline, TrajectoryError, spline_of
-from machine_fmu.trajectory import JOINTS
 
 from ..base.errors import CommandError
 from ..base.files import read_text
@@ -42,7 +41,7 @@ def read_motion(path: str | Path) -> tuple[Spline, Mapping[str, Any]]:
     text = read_text(Path(path), WHAT)
     try:
         document = json.loads(text)
-        spline, problem = spline_of(document).ordered(JOINTS), document.get("problem")
+        spline, problem = spline_of(document), document.get("problem")
         return spline, problem if isinstance(problem, dict) else {}
     except TrajectoryError as error:
         raise CommandError(f"{WHAT} '{path}' cannot be used: {error}") from error

@@ -133,12 +133,14 @@ class System:
         connections: connections between them.
         bonds: power bonds by name.
         main: component whose variables need no component's name. A system of one component needs no `main`.
+        record: further entries of run.json.
     """
 
     components: tuple[Component, ...]
     connections: tuple[Connection, ...]
     bonds: Mapping[str, Bond] = field(default_factory=dict)
     main: str | None = field(default=None, compare=False)
+    record: Mapping[str, Any] = field(default_factory=dict, compare=False)
 
     @classmethod
     def of(

@@ -16,9 +16,15 @@ SYSTEMS: dict[str, Callable[..., System]] = {}
 FOLLOWING: set[str] = set()
 """Systems that can also be made from a trajectory file, with the argument `trajectory`."""
 
-CHANGES: dict[str, Callable[[str, Mapping[str, Any], Mapping[str, Value]], Mapping[str, FileOrObject]]] = {}
+CHANGES: dict[
+    str,
+    Callable[
+        [str, Mapping[str, Any], Mapping[str, Value], Mapping[str, FileOrObject]], Mapping[str, FileOrObject]
+    ],
+] = {}
 """Functions that make objects for the joints of a system, by option, such as `actuator`. They take the name
-of the system, files or objects by joint, and other values by JOINT.TABLE.ENTRY. They raise CommandError.
+of the system, files or objects by joint, other values by JOINT.TABLE.ENTRY, and the objects that the joints
+have without. They raise CommandError.
 """
 
 STEPPING: list[Callable[[System, Mapping[str, Any]], Mapping[str, Any]]] = []

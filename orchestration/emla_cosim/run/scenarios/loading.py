@@ -93,16 +93,27 @@ def _load_scenario_file(
         options = options.merged(with_gains(layer.options))
     values = read_options(given)
     options = options.merged(with_gains(values))
+    if described.defaults is not None:
+        options = Options().merged(described.defaults(options))
+        for layer in layers:
+            options = options.merged(with_gains(layer.options))
+        options = options.merged(with_gains(values))
     made_of: dict[str, Any] = {}
+    if options.mode is not None:
+        if described.defaults is None:
+            raise CommandError(
+                f"'{read.where}' has no modes; --mode is for machine files, and for machines such as crane."
+            )
+        made_of["mode"] = options.mode
     if options.trajectory is not None:
-        if described.system not in FOLLOWING:
+        if described.defaults is None and described.system not in FOLLOWING:
             raise CommandError(
                 f"'{read.where}' does not follow a trajectory; --trajectory is for "
-                f"{join_names(sorted(FOLLOWING))}."
+                f"machines and {join_names(sorted(FOLLOWING))}."
             )
         made_of["trajectory"] = options.trajectory
     if options.actuator or options.sheet:
-        actuators = CHANGES["actuator"](described.system, options.actuator, options.sheet)
+        actuators = CHANGES["actuator"](described.system, options.actuator, options.sheet, described.sheets)
         options = replace(options, actuator=actuators)
         made_of["actuators"] = actuators
     if options.load_control is not None:

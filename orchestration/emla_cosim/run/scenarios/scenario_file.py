@@ -1,17 +1,18 @@
 """Scenario files: TOML with a system and the options to run it."""
 
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 
 import msgspec
 
 from ...base.errors import CommandError, check_choice
-from ...base.option import RUN
+from ...base.option import RUN, FileOrObject
 from ...base.toml_structs import describe, list_given, read_toml
 from ...base.values import convert_value
 from ...system.model import System
+from ..options import Options
 from .option_fields import with_options
 
 
@@ -20,7 +21,9 @@ class ScenarioFile:
     """A scenario file. `system` is the name of a built-in system or the path of an SSP.
 
     `options` are values by name. Paths in the file are relative to `folder`. Messages call the file `where`.
-    If the file itself describes the system, `make` makes it from a controller and a gain set.
+    If the file itself describes the system, `make` makes it from a controller and a gain set. A machine has
+    `defaults`, which returns options for those that are set, with lower priority than `options`, and the data
+    `sheets` of its joints by name.
     """
 
     description: str
@@ -29,6 +32,8 @@ class ScenarioFile:
     where: str
     folder: Path
     make: Callable[..., System] | None = None
+    defaults: Callable[[Options], Mapping[str, Any]] | None = None
+    sheets: Mapping[str, FileOrObject] = field(default_factory=dict)
 
 
 class ScenarioTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

@@ -10,7 +10,7 @@ from ...run.options import Options
 from ...system.model import System
 from ..controllers import COMPLIANT, choose_controller
 from ..joints.motions import OF_ACTUATOR
-from ..machine_motion import load_motion
+from ..machines.motion import motion_of_system
 from .actuator import Actuator
 from .derived import holding_torque
 from .model_parameters import describe_stale_parameters, get_number, is_own
@@ -127,7 +127,7 @@ def _motion(
         return *found, ways
     if any(c.name == _LED for c in system.components) and is_own(_LED, options):
         ways = "use another --trajectory", "use a --trajectory that takes"
-        return *load_motion(options.trajectory).travel(joint, *run_span(options)), ways
+        return *motion_of_system(system).travel(joint, *run_span(options)), ways
     return None
 
 

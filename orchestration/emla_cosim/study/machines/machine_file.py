@@ -1,6 +1,6 @@
 """Machine files with their joints, motion and options: all that a machine needs to run."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
@@ -8,9 +8,9 @@ from typing import Annotated, Any
 
 import msgspec
 
-from machine_fmu import Machine, assemble, find_closure
+from fmublock.noise import MODULUS
+from machine_fmu import Machine, start_strokes
 from machine_fmu.description import Number
-from machine_fmu.exact import plain
 
 from ...base.errors import CommandError
 from ...base.files import read_text
@@ -58,7 +58,7 @@ class MachineFile:
     @property
     def start(self) -> dict[str, float]:
         """The stroke of each actuator at the start in m."""
-        return dict(zip(self.joints, _start_strokes(self.machine), strict=True))
+        return dict(zip(self.joints, start_strokes(self.machine), strict=True))
 
 
 def machine_struct() -> type[MachineTable]:
@@ -100,10 +100,11 @@ def parse_machine_file(content: Mapping[str, Any], label: str, name: str, folder
         )
     table = convert_value(content, machine_struct(), label, folder)
     machine = build_machine(table, label, folder)
-    joints = {
-        actuator: _as_in_machine(require_joint(actuator, entry.joint, label, folder), machine, label)
-        for actuator, entry in table.actuators.items()
-    }
+    joints, seeds = dict[str, JointFile](), set[int | None]()
+    for actuator, entry in table.actuators.items():
+        own = _as_in_machine(require_joint(actuator, entry.joint, label, folder), machine, label)
+        joints[actuator] = own = _with_other_seed(own, seeds)
+        seeds.add(own.seed)
     file = MachineFile(
         name,
         label,
@@ -138,6 +139,14 @@ def _as_in_machine(own: JointFile, machine: Machine, label: str) -> JointFile:
     return msgspec.structs.replace(own, **sheets)
 
 
+def _with_other_seed(own: JointFile, seeds: Collection[int | None]) -> JointFile:
+    """Return a joint whose random sequences are not those of these seeds: joints can share a file."""
+    seed = own.seed
+    while seed is not None and seed in seeds:
+        seed = 16807 * seed % int(MODULUS)
+    return own if seed == own.seed else msgspec.structs.replace(own, seed=seed)
+
+
 def _check_motion(file: MachineFile, motion: Motion) -> None:
     """Raise CommandError if a motion leaves a stroke, or is faster than an actuator."""
     for name, own in file.joints.items():
@@ -154,15 +163,6 @@ def _check_motion(file: MachineFile, motion: Motion) -> None:
                 f"{where} with {peak:.4g} m/s, but its actuator makes {emla.v_max:.4g} m/s at the most; "
                 f"make its times {peak / emla.v_max:.3g} times as long."
             )
-
-
-def _start_strokes(machine: Machine) -> list[float]:
-    lengths, bars = find_closure(machine).lengths, assemble(machine).actuators
-    starts = (machine.actuators[bar.name].start for bar in bars)
-    return [
-        lengths[bar.name] - float(plain(bar.length)) if start is None else start
-        for bar, start in zip(bars, starts, strict=True)
-    ]
 
 
 def _number(machine: Machine, number: Number) -> float:

@@ -1,6 +1,7 @@
 """The motion of a machine's actuators."""
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -14,6 +15,7 @@ from machine_fmu.spline_window import COEFFICIENTS, DEGREE
 from ...base.errors import CommandError, join_names
 from ...system.model import System, Value
 from ..trajectory_file import read_motion
+from .former_names import FORMER_NAMES
 from .schema import MotionTable
 
 _SHOWN = 3
@@ -23,6 +25,9 @@ _AT_REST = (DEGREE + 1) // 2
 """Equal coefficients of a way-point: position, speed and acceleration are given there."""
 
 _SAMPLES = 5000
+"""Number of moments at which a motion is examined."""
+
+_FIRST_COEFFICIENT = re.compile(r"coefficient\.(.*)\[1\]")
 
 COMPONENT = "machine.trajectory"
 """The component with the motion."""
@@ -118,8 +123,8 @@ def read_motion_table(
 
 
 def hold(start: Mapping[str, float]) -> Motion:
-    """Return the motion that stays at strokes in m."""
-    return Motion(_rest_to_rest((0.0, 1.0), {}, start))
+    """Return the motion that stays at strokes in m, without speed to the last bit."""
+    return Motion(Spline(1, [0.0, 0.0, 1.0, 1.0], {joint: [x, x] for joint, x in start.items()}))
 
 
 def _rest_to_rest(
@@ -139,9 +144,13 @@ def _rest_to_rest(
     return Spline(DEGREE, knots, coefficients)
 
 
-def motion_of_system(system: System, joints: Sequence[str]) -> Motion:
+def motion_of_system(system: System) -> Motion:
     """Return the motion of a system from the parameters of its component."""
     values = system.component(COMPONENT).parameters
+    start, end = "coefficient.", "[1]"
+    joints = [
+        name[len(start) : -len(end)] for name in values if name.startswith(start) and name.endswith(end)
+    ]
     degree = int(values["degree"])
     knots = _array(values, "knot")
     count = knots.index(knots[-1]) + degree + 1  # the rest repeats the last one
@@ -167,11 +176,12 @@ def describe_other_machine(problem: Mapping[str, Any], name: str, block: type[Bl
         system: The system with all start values.
     """
     values, driven = system.component(name).parameters, {x.input for x in system.into(name)}
-    given_values = {"payload": problem.get("payload"), **_table(problem.get("machine"))}
+    given = _table(problem.get("machine"))
+    known = {"payload.m": problem.get("payload"), **{FORMER_NAMES.get(k, k): x for k, x in given.items()}}
     layout = block.layout()
     shown = []
     for variable in (*layout.inputs, *layout.parameters):
-        given = given_values.get(variable.attribute, given_values.get(str(variable.name)))
+        given = known.get(str(variable.name))
         if given is None:
             continue
         elements = given if isinstance(given, list) else [given]

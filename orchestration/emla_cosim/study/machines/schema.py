@@ -180,6 +180,10 @@ class MachineTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     run: Any = None  # `machine_struct` has its type
 
 
+MACHINE_KEYS = frozenset({"bodies", "dimensions", "ground", "actuators", "links", "loops", "urdf"})
+"""Entries that a scenario file does not support."""
+
+
 def list_machine_names() -> list[str]:
     """Return the names of all machines that come with the study, sorted."""
     names = (file.name for file in files(_FOLDER).iterdir())

@@ -1,0 +1,324 @@
+"""Systems of a machine: its joints with one trajectory, and the machine as a load or merged with them."""
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from emla_fmu import EmlaPlant, ScrewCommand
+from fmublock import Block
+from machine_fmu import write_definition
+from machine_fmu.spline import default_spline
+
+from ...base.errors import CommandError, check_choice, join_names
+from ...run.options import Options
+from ...run.scenarios.scenario_file import ScenarioFile
+from ...run.system_options import MODES
+from ...system.bond import Bond
+from ...system.model import Component, System, Value
+from ..actuator.joint_actuators import NONE, Actuators, check_joints
+from ..joint import start_values
+from ..load_control import check_notch_joints
+from ..systems import Choice, study_joint
+from .blocks import MANIPULATOR, MachineBlocks, machine_blocks
+from .machine_file import MachineFile, load_machine_file, parse_machine_file
+from .motion import COMPONENT, Motion, describe_other_machine, hold, load_motion
+from .schema import list_machine_names, machines_folder
+from .start import find_start
+
+COUPLED, REPLAYED, MERGED = MODES
+
+_FROM_TRAJECTORY: dict[str, str | None] = {
+    f"reference.{name}": f"machine.trajectory.{name}[{{element}}]" for name in ("x_d", "v_d", "a_d")
+}
+_AS_LOAD = {**_FROM_TRAJECTORY, "disturbance.F_L": "machine.manipulator.F_L[{element}]"}
+_NOT_MERGED = ("friction", "stop")
+"""Tables of an actuator that the merged plant does not support."""
+
+_SAMPLED = ("disturbance", "observer", "controller")
+"""Components of a joint that are sampled like a digital controller, so that all loops of connections are in
+the machine."""
+
+_GAINS = "compensated"
+"""The set of gains of machines whose file names none: it adapts to the actuator."""
+
+_HOLD_TIME = 10.0
+"""Stop time in s of a machine without motion."""
+
+_OTHER_LOAD = 2.0
+"""Factor between the inertia of a machine and that of its gains from which on a remark says so."""
+
+
+@dataclass(frozen=True)
+class _Mode:
+    """How joints and machine are connected.
+
+    Attributes:
+        machine: The component of the machine.
+        elsewhere: Variables that replace ends of a joint's connections.
+        wires: Further connections of a joint.
+        bond: The power bond of a joint; None without.
+    """
+
+    machine: str
+    elsewhere: Mapping[str, str | None]
+    wires: Sequence[str]
+    bond: Bond | None = None
+
+
+_MODES: Mapping[str, _Mode] = {
+    # load forces of the actual motion: both sides exchange motion and force
+    COUPLED: _Mode(
+        "machine.manipulator",
+        _AS_LOAD,
+        (
+            "{joint}.plant.x_L -> machine.manipulator.x_L[{element}]",
+            "{joint}.plant.v_L -> machine.manipulator.v_L[{element}]",
+            "{joint}.plant.a_L -> machine.manipulator.a_L[{element}]",
+        ),
+        Bond("machine.manipulator.F_L[{element}]", "{joint}.plant.v_L"),
+    ),
+    # load forces of the reference motion; no joint affects them
+    REPLAYED: _Mode(
+        "machine.manipulator",
+        _AS_LOAD,
+        (
+            "machine.trajectory.x_d[{element}] -> machine.manipulator.x_L[{element}]",
+            "machine.trajectory.v_d[{element}] -> machine.manipulator.v_L[{element}]",
+            "machine.trajectory.a_d[{element}] -> machine.manipulator.a_L[{element}]",
+        ),
+    ),
+    MERGED: _Mode(
+        "machine.plant",
+        {
+            **_FROM_TRAJECTORY,
+            "plant.x_L": "machine.plant.x_L[{element}]",
+            "plant.v_L": "machine.plant.v_L[{element}]",
+            "plant.d_2": "machine.plant.d_2[{element}]",
+            "plant.F_L": None,
+        },
+        (
+            "{joint}.motor.tau_m -> machine.plant.tau_m[{element}]",
+            "machine.plant.x_L[{element}] -> {joint}.motor.x_L",
+            "machine.plant.v_L[{element}] -> {joint}.motor.v_L",
+        ),
+    ),
+}
+
+
+def machine_system(
+    file: MachineFile,
+    controller: Choice,
+    gains: Choice,
+    *,
+    mode: str | None = None,
+    trajectory: Path | None = None,
+    actuators: Actuators = NONE,
+    **variant: Any,
+) -> System:
+    """Return the system of a machine.
+
+    Args:
+        file: The machine.
+        controller: The controller of all joints.
+        gains: The set of its gains.
+        mode: One of `MODES`. Default: coupled.
+        trajectory: A trajectory file, which replaces the motion of the machine file.
+        actuators: Actuators by joint, which replace those of the machine.
+        **variant: Further arguments of `study_joint`.
+
+    Raises:
+        CommandError: An argument does not fit the machine.
+    """
+    check_joints(actuators, file.joints)
+    check_notch_joints(variant.get("notch", {}), list(file.joints))
+    mode = mode or COUPLED
+    check_choice("mode", mode, MODES)
+    if mode == MERGED:
+        _check_merged(file, actuators)
+    way = _MODES[mode]
+    motion = load_motion(trajectory, list(file.joints)) if trajectory is not None else file.motion
+    first = file.start if motion is None else motion.first
+    starts = {joint: first[joint] + file.start_errors.get(joint, 0.0) for joint in file.joints}
+    components, connections, bonds = list[Component](), list[str](), dict[str, Bond]()
+    for element, (joint, own) in enumerate(file.joints.items(), 1):
+        made = study_joint(
+            own,
+            controller,
+            gains,
+            reference=None,
+            load={},
+            ahead=starts[joint] - own.start.x_L,
+            actuators=actuators,
+            on_machine=True,
+            electrical=mode == MERGED,
+            elsewhere={
+                end: None if name is None else name.format(joint=joint, element=element)
+                for end, name in way.elsewhere.items()
+            },
+            **variant,
+        )
+        components += made.components
+        patterns = way.wires
+        if any(c.model == ScrewCommand.__name__ for c in made.components):
+            patterns = [_follow_command(wire) for wire in patterns]
+        connections += [*made.wires, *(wire.format(joint=joint, element=element) for wire in patterns)]
+        if way.bond is not None:
+            bonds[joint] = way.bond.with_names(joint=joint, element=element)
+    machine = _machine_component(file, mode, first if mode == REPLAYED else starts, actuators)
+    components += [_trajectory_component(file, motion, machine), machine]
+    system = System(tuple(components), ()).with_connections(*connections)
+    record = {"name": file.name, "definition": json.loads(write_definition(file.machine))}
+    return replace(system, bonds=bonds, record={"machine": record})
+
+
+def _follow_command(wire: str) -> str:
+    """Return a pattern of a connection to the machine, which makes the motion after the notches."""
+    for name in ("x", "v", "a"):
+        wire = wire.replace(f"machine.trajectory.{name}_d[{{element}}]", f"{{joint}}.command.{name}_s")
+    return wire
+
+
+def _check_merged(file: MachineFile, actuators: Actuators) -> None:
+    for joint, own in file.joints.items():
+        values = (actuators.get(joint) or own.sheet).values
+        if lost := [entry for entry in values if entry.partition(".")[0] in _NOT_MERGED]:
+            raise CommandError(
+                f"the merged machine does not support friction and end stops of single actuators; for "
+                f"{joint}, remove {join_names(lost)}, or run the machine coupled."
+            )
+
+
+def _machine_component(
+    file: MachineFile, mode: str, starts: Mapping[str, float], actuators: Actuators
+) -> Component:
+    """Return the component of the machine."""
+    blocks, way = _blocks(file), _MODES[mode]
+    block = blocks.plant if mode == MERGED else blocks.load
+    start = find_start(file.machine, list(starts.values()), file.label)
+    values: dict[str, Value] = {}
+    if mode == MERGED:
+        own = _by_joint(block, file, actuators)
+        uncertain = [joint.plant.get("F_2", 0.0) for joint in file.joints.values()]
+        values |= start_values(block, {**own, "x_L_start": list(starts.values()), "F_2": uncertain})
+    elif actuators:  # with their masses and strokes
+        values |= start_values(block, _by_joint(block, file, actuators))
+    remark = _describe_other_loads(file, start.masses)
+    return Component(way.machine, blocks.model(block), values | start.values, note=remark)
+
+
+def _blocks(file: MachineFile) -> MachineBlocks:
+    return machine_blocks(file.machine, file.name, [joint.emla for joint in file.joints.values()])
+
+
+def _by_joint(block: type[Block], file: MachineFile, actuators: Actuators) -> dict[str, Any]:
+    """Return a block's parameters of all actuators, by attribute."""
+    emlas = [(actuators.get(name) or joint.actuator).emla for name, joint in file.joints.items()]
+    of_plant = {p.name: p.attribute for p in EmlaPlant.layout().parameters if hasattr(emlas[0], p.attribute)}
+    return {
+        p.attribute: [getattr(emla, of_plant[p.name]) for emla in emlas]
+        for p in block.layout().parameters
+        if p.shape and p.name in of_plant
+    }
+
+
+def _trajectory_component(file: MachineFile, motion: Motion | None, machine: Component) -> Component:
+    """Return the component of the motion, with a note on what is not as expected."""
+    blocks = _blocks(file)
+    note: Any = ""
+    if motion is None:
+        note = f"{file.label} has no [motion]; its actuators hold their start."
+    elif motion.problem:
+        block = blocks.plant if machine.name == _MODES[MERGED].machine else blocks.load
+        note = partial(describe_other_machine, motion.problem, machine.name, block)
+    parameters = (motion or hold(file.start)).parameters
+    return Component(COMPONENT, blocks.model(blocks.trajectory), parameters, note=note)
+
+
+def machine_scenario(content: Mapping[str, Any], where: str, folder: Path) -> ScenarioFile:
+    """Return the scenario of a machine file's content; see `parse_machine_file`.
+
+    Args:
+        content: The content of the file.
+        where: The name of a machine that comes with the study, or the path of a file.
+        folder: The folder to which paths in it are relative.
+    """
+    path = Path(where)
+    is_file = bool(path.suffix)
+    label = f"the machine file '{where}'" if is_file else f"the machine '{where}'"
+    file = parse_machine_file(content, label, path.stem, folder if is_file else machines_folder())
+    return ScenarioFile(
+        file.description,
+        path.name if is_file else where,
+        file.run,
+        where,
+        folder,
+        partial(machine_system, file),
+        partial(_defaults, file),
+        {name: joint.sheet for name, joint in file.joints.items()},
+    )
+
+
+def _defaults(file: MachineFile, options: Options) -> dict[str, Any]:
+    """Return options of a machine's scenario that its file and the user can override."""
+    times = {name: joint.sample_time for name, joint in file.joints.items()}
+    step = min(times.values())
+    multiples = {joint: max(1, round(time / step)) for joint, time in times.items()}
+    motion = file.motion
+    if options.trajectory is not None:
+        motion = load_motion(options.trajectory, list(file.joints))
+    stop = _HOLD_TIME if motion is None else motion.spline.end
+    found: dict[str, Any] = {"gains": _GAINS, "step_size": step, "stop_time": stop}
+    if options.mode == REPLAYED:
+        multiples = {joint: multiple for joint, multiple in multiples.items() if multiple > 1}
+    else:
+        found["algorithm"] = "strong"
+    steps = {f"{joint}.{role}": multiple for joint, multiple in multiples.items() for role in _SAMPLED}
+    return {**found, **({"step_multiples": steps} if steps else {})}
+
+
+def _paper_system(mode: str, *arguments: Any, **options: Any) -> System:
+    """Return the system of the paper's manipulator with its optimised motion."""
+    file = replace(load_machine_file(MANIPULATOR), motion=Motion(default_spline()))
+    return machine_system(file, *arguments, mode=mode, **options)
+
+
+def _built_in(name: str, *arguments: Any, **options: Any) -> System:
+    """Return the system of a machine that comes with the study."""
+    return machine_system(load_machine_file(name), *arguments, **options)
+
+
+BUILT_IN = tuple(name for name in list_machine_names() if name != MANIPULATOR)
+"""The machines that are scenarios by their name: all but the paper's, which has one for each mode."""
+
+SYSTEMS: dict[str, Callable[..., System]] = {
+    "hdrm-replay": partial(_paper_system, REPLAYED),
+    "hdrm-coupled": partial(_paper_system, COUPLED),
+    "hdrm-merged": partial(_paper_system, MERGED),
+    **{name: partial(_built_in, name) for name in BUILT_IN},
+}
+"""Systems of machines by name, made for a controller and its gains."""
+
+
+def _describe_other_loads(file: MachineFile, masses: Sequence[float]) -> str:
+    """Return a remark on gains that were tuned for other inertias; empty if none were."""
+    remarks = []
+    for (name, joint), mass in zip(file.joints.items(), masses, strict=True):
+        emla = joint.emla
+        drive = emla.alpha_RL * emla.A_eq
+        tuned = joint.compliance.mass if joint.compliance is not None else 0.0
+        ratio = (drive + mass) / (drive + tuned)
+        if not 1.0 / _OTHER_LOAD <= ratio <= _OTHER_LOAD:
+            remarks.append(f"{name} moves {_tons(mass)} instead of {_tons(tuned)}, with {_tons(drive)} of its drive")
+    if not remarks:
+        return ""
+    return (
+        f"the gains of joint files were tuned with other masses; reflected to the screw at the start, "
+        f"{'; '.join(remarks)}."
+    )
+
+
+def _tons(mass: float) -> str:
+    return f"{mass:.3g} kg" if mass < 1e3 else f"{mass / 1e3:.3g} t"
