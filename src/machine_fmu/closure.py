@@ -234,7 +234,8 @@ def _iterate_numbers(
 ) -> tuple[float, ...]:
     """Return the coordinates for lengths near a guess; raise MachineError if there are none."""
     x = dict(enumerate(guess))
-    pose = Pose(mechanism).with_numbers({i: x[i] for i in mechanism.passive})
+    # also coordinates of later steps: a slide's length is computed in world axes, whatever turns the slide
+    pose = Pose(mechanism).with_numbers(x)
     for step in closure.steps:
         rows = [closure.rows[e] for e in step.equations]
         names = _names(mechanism, step.unknowns)

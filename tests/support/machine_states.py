@@ -74,7 +74,7 @@ class Case:
         if self.name != "stewart":
             ends = ([self.number(x) for x in a.stroke] for a in self.machine.actuators.values())
             return [draw.uniform(low, high) for low, high in ends]
-        shift = [draw.uniform(-0.3, 0.3), draw.uniform(-0.3, 0.3), 1.4 + draw.uniform(-0.25, 0.25)]
-        turn = [draw.uniform(-0.35, 0.35) for _ in range(3)]
+        shift = [draw.uniform(-0.12, 0.12), draw.uniform(-0.12, 0.12), 2.0 + draw.uniform(-0.2, 0.2)]
+        turn = [draw.uniform(-0.1, 0.1) for _ in range(3)]
         pose = Pose(self.mechanism).with_numbers(dict(enumerate([*shift, *turn])))
         return [direction(pose, bar).length - bar.length for bar in self.mechanism.bars]

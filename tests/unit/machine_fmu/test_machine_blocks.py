@@ -64,7 +64,7 @@ def test_pose_follows_the_strokes() -> None:
 def test_swinging_load_comes_to_rest() -> None:
     """By the damping of its joint; without, it would swing on."""
     swings = {}
-    for damping in (0.0, 2000.0):
+    for damping in (0.0, 500.0):
         instance = Instance(made("crane", "load")())
         instance["hook.damping"] = damping
         instance["solver.internal_step"] = 0.03
@@ -77,7 +77,7 @@ def test_swinging_load_comes_to_rest() -> None:
             speeds.append(abs(instance["passive.v"][0]))
         swings[damping] = max(speeds[45:]), max(speeds[:25])
     assert swings[0.0][0] == pytest.approx(swings[0.0][1], rel=0.02)
-    assert swings[2000.0][0] < 0.3 * swings[2000.0][1]
+    assert swings[500.0][0] < 0.3 * swings[500.0][1]
 
 
 def test_pins_that_leave_their_slide() -> None:
