@@ -21,7 +21,7 @@ DARK, EDGE, _STEEL, _LIGHT = "#3a424d", "#8b939e", "#dde2e8", "#f3f5f8"
 _ACTUATOR_COLORS = (BLUE, ORANGE, GREEN, PURPLE, "#2b9aa0", "#8a6a3f")
 """Without red, which is the path of the tip."""
 
-_MOVING = ("inner", "body", "link", "rod", "housing", "payload")
+_MOVING = ("standing payload", "inner", "body", "link", "rod", "housing", "payload")
 """Looks of the parts that a faint picture has."""
 
 _CIRCLE = np.linspace(0.0, 2.0 * math.pi, 24, endpoint=False)
@@ -133,6 +133,7 @@ def _look(part: Part, color: str) -> tuple[str, str, float]:
         "housing": (color, "none", 0.0),
         "rod": (_LIGHT, color, 1.0),
         "payload": ("#b4bcc7", DARK, 1.0),
+        "standing payload": ("#b4bcc7", DARK, 1.0),
         "base": ("#c6ccd5", EDGE, 1.0),
         "pin": ("white", DARK, 0.9),
     }.get(part.look, (_STEEL, EDGE, 1.0))

@@ -23,7 +23,10 @@ _HOUSING, _ROD, _LINK, _INSIDE = 0.12, 0.06, 0.09, 0.5
 _BRACKET, _PLATE, _OVERHANG = 0.22, 0.12, 0.3
 """Half of a bracket's foot, margin of a plate around its pins, and of the base around its own, in units."""
 
-_LAYERS = ("base", "inner", "bracket", "body", "link", "rod", "housing", "payload", "pin")
+_LAYERS = (
+    *("base", "standing payload", "inner", "bracket", "body"),
+    *("link", "rod", "housing", "payload", "pin"),
+)
 """Looks of parts in the plane, the rear ones first."""
 
 
@@ -138,30 +141,32 @@ class MachineParts:
         at = layout.at(model.mechanism.payload)
         growth = math.cbrt(max(payload, 0.0) / (model.payload or 1.0))
         n = model.dimensions
-        axes, half = np.eye(n), np.full(n, 0.5 * growth * _BOX * self.unit)
+        look, axes, half = "payload", np.eye(n), np.full(n, 0.5 * growth * _BOX * self.unit)
         if body != GROUND:
-            foot, along, thickness = self._foot(body, at)
+            foot, along, thickness, span = self._foot(body, at)
             height = float(np.linalg.norm(at - foot)) - 0.5 * thickness
             if height > 0.5 * _BOX * self.unit:
-                along = at - foot
-                half = growth * np.array([height, *[1.3 * height] * (n - 1)])
+                look, along = "standing payload", at - foot
+                half = growth * np.array([height, *[min(1.3 * height, 0.35 * span)] * (n - 1)])
                 at = foot + (0.5 * thickness + half[0]) * along / np.linalg.norm(along)
             if np.linalg.norm(along) > 0.0:
                 axes = _directions(along)
         corners = np.array(np.meshgrid(*[(-1.0, 1.0)] * n, indexing="ij")).reshape(n, -1).T
         points = at + (corners * half) @ axes
         if n == 2:
-            yield body, Part("payload", "payload", points[[0, 1, 3, 2]], np.zeros(4))
+            yield body, Part("payload", look, points[[0, 1, 3, 2]], np.zeros(4))
         else:
-            yield body, replace(_solid("payload", points), look="payload")
+            yield body, replace(_solid("payload", points), look=look)
 
-    def _foot(self, body: str, at: Vector) -> tuple[Vector, Vector, float]:
-        """Return where a point is above a body, the body's direction there, and its thickness in m."""
+    def _foot(self, body: str, at: Vector) -> tuple[Vector, Vector, float, float]:
+        """Return where a point is above a body, the body's direction there, its thickness and size in m."""
         beam = self._layout.beam(body)
         if beam is not None:
-            return distance(at, *beam)[1], beam[1] - beam[0], self._layout.width(body)
-        middle = np.array(self._layout.pins(body) or [at]).mean(axis=0)
-        return middle, at - middle, _PLATE * self.unit
+            way = beam[1] - beam[0]
+            return distance(at, *beam)[1], way, self._layout.width(body), float(np.linalg.norm(way))
+        pins = np.array(self._layout.pins(body) or [at])
+        middle = pins.mean(axis=0)
+        return middle, at - middle, _PLATE * self.unit, float(np.ptp(pins, axis=0).max())
 
     def _bar(self, bar: Bar, start: Vector, end: Vector) -> Iterator[Part]:
         """Yield housing and rod of an actuator, or a link."""
