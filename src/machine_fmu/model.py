@@ -216,14 +216,11 @@ class MachineModel:
         return self._evaluate("unrest", equation, q, payload, passive=passive)
 
     def tip(self, q: np.ndarray, passive: np.ndarray | None = None) -> np.ndarray:
-        """Return the position of the payload in m for each row of strokes: x and y, in space also z.
+        """Return the position of the tip in m for each row of strokes: x and y, in space also z.
 
-        Raises:
-            MachineError: The machine has no payload.
+        It is the point of the payload; without a payload, the last point of the last body.
         """
-        if self.mechanism.payload is None:
-            raise MachineError("the machine has no [payload], so it has no tip")
-        end = self.mechanism.payload
+        end = self.mechanism.payload or list(self.ends.values())[-1]
         return self._evaluate(
             "tip", lambda dynamics: self._place(dynamics.pose, end), q, None, passive=passive
         )

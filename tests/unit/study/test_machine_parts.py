@@ -9,7 +9,6 @@ import pytest
 from matplotlib.path import Path
 
 from emla_cosim.study.machines.schema import list_machine_names, load_machine
-from emla_cosim.study.sketch.movement import tip_path
 from emla_cosim.study.sketch.painting import actuator_colors, paint
 from emla_cosim.study.sketch.parts import MachineParts, Posture
 from emla_cosim.study.sketch.views import OBLIQUE, PLANE, THREE_SIDES, main_view
@@ -180,10 +179,10 @@ def test_tip_without_a_payload_is_the_last_point() -> None:
     )
     assert machine.payload is None
     model = MachineModel(machine)
-    here = tip_path(model, start := np.array([model.start]), model.hanging(start))[0]
+    here = model.tip(np.array([model.start]))[0]
     assert here == pytest.approx([2.0 * math.cos(0.3), 2.0 * math.sin(0.3)])
     loaded = MachineModel(replace(machine, payload=Payload("boom.end", 5.0)))
-    assert tip_path(loaded, start, model.hanging(start))[0] == pytest.approx(here)
+    assert loaded.tip(np.array([model.start]))[0] == pytest.approx(here)
 
 
 def test_what_swings_freely_hangs_at_rest() -> None:

@@ -311,7 +311,9 @@ def _describe_other_loads(file: MachineFile, masses: Sequence[float]) -> str:
         tuned = joint.compliance.mass if joint.compliance is not None else 0.0
         ratio = (drive + mass) / (drive + tuned)
         if not 1.0 / _OTHER_LOAD <= ratio <= _OTHER_LOAD:
-            remarks.append(f"{name} moves {_tons(mass)} instead of {_tons(tuned)}, with {_tons(drive)} of its drive")
+            remarks.append(
+                f"{name} moves {_tons(mass)} instead of {_tons(tuned)}, with {_tons(drive)} of its drive"
+            )
     if not remarks:
         return ""
     return (

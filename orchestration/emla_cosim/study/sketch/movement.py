@@ -38,14 +38,14 @@ class Movement:
     @cached_property
     def path(self) -> Vector:
         """The position of the tip, in m."""
-        return tip_path(self.machine, self.strokes, self.passive)
+        return self.machine.tip(self.strokes, self.passive)
 
     @cached_property
     def wanted_path(self) -> Vector | None:
         """The reference position of the tip in m, with what swings freely at rest."""
         if self.wanted is None:
             return None
-        return tip_path(self.machine, self.wanted, self.machine.hanging(self.wanted, self.payload))
+        return self.machine.tip(self.wanted, self.machine.hanging(self.wanted, self.payload))
 
     @property
     def errors(self) -> Vector | None:
@@ -60,17 +60,6 @@ class Movement:
             x[:row] for x in (self.time, self.strokes, self.payload, self.passive)
         )
         return Movement(self.machine, time, strokes, payload, passive, wanted, forces)
-
-
-def tip_path(machine: MachineModel, strokes: Vector, passive: Vector) -> Vector:
-    """Return the positions of the tip in m at strokes, one row each; NaN where the machine does not close.
-
-    The tip is the point of the payload; without a payload, the last point of the last body.
-    """
-    if machine.machine.payload is not None:
-        return machine.tip(strokes, passive)
-    last = list(machine.ends)[-1]
-    return machine.points(strokes, [last], passive)[last]
 
 
 def animated_signals(names: Collection[str], roles: Mapping[str, str]) -> list[str] | None:

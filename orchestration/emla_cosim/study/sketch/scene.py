@@ -113,8 +113,9 @@ class Scene:
         if self.reach:
             outline = Path.make_compound_path(*(Path(line, closed=True) for line in self.reach))
             axes.add_patch(PathPatch(outline, facecolor=BLUE, alpha=0.06, linewidth=0))
+        zorder = 2.0 if self.view.toward is None else 4.0  # in space it is around the machine
         for line in self.reach:
-            axes.plot(*line.T, color=BLUE, alpha=0.45, linewidth=0.8)
+            axes.plot(*line.T, color=BLUE, alpha=0.45, linewidth=0.8, zorder=zorder)
 
     @property
     def _has_floor(self) -> bool:

@@ -9,7 +9,6 @@ import numpy as np
 from machine_fmu.model import MachineModel
 
 from ...base.arrays import Vector
-from .movement import tip_path
 from .views import View
 
 _COUNTS = {1: 401, 2: 121, 3: 33, 4: 12, 5: 7}
@@ -73,7 +72,7 @@ def find_workspace(machine: MachineModel) -> Workspace:
     ]
     strokes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
     rows = strokes.reshape(-1, len(axes))
-    tips = tip_path(machine, rows, machine.hanging(rows))
+    tips = machine.tip(rows, machine.hanging(rows))
     return Workspace(strokes, tips.reshape(*strokes.shape[:-1], -1))
 
 
