@@ -86,6 +86,10 @@ from .study.controllers import Gains as Gains
 from .study.loading import load as load
 from .study.machines.blocks import MachineBlocks as MachineBlocks
 from .study.machines.blocks import read_machine_blocks as read_machine_blocks
+from .study.machines.machine_info import ActuatorInfo as ActuatorInfo
+from .study.machines.machine_info import BodyInfo as BodyInfo
+from .study.machines.machine_info import ClosureInfo as ClosureInfo
+from .study.machines.machine_info import MachineInfo as MachineInfo
 from .study.trajectory_file import read_trajectory as read_trajectory
 from .system.bond import Bond as Bond
 from .system.fault import Fault as Fault

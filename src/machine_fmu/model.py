@@ -82,12 +82,12 @@ class MachineModel:
     @cached_property
     def q_LB(self) -> tuple[float, ...]:
         """Lower ends of the strokes, m."""
-        return tuple(self._number(actuator.stroke[0]) for actuator in self.machine.actuators.values())
+        return tuple(self.number(actuator.stroke[0]) for actuator in self.machine.actuators.values())
 
     @cached_property
     def q_UB(self) -> tuple[float, ...]:
         """Upper ends of the strokes, m."""
-        return tuple(self._number(actuator.stroke[1]) for actuator in self.machine.actuators.values())
+        return tuple(self.number(actuator.stroke[1]) for actuator in self.machine.actuators.values())
 
     @cached_property
     def start(self) -> tuple[float, ...]:
@@ -277,7 +277,8 @@ class MachineModel:
         """All points of bodies and of the ground, by BODY or BODY.POINT."""
         return locate_points(self.machine)
 
-    def _number(self, number: float | str) -> float:
+    def number(self, number: float | str) -> float:
+        """Return the value of a number of the description."""
         if not isinstance(number, str):
             return float(number)
         value = self.machine.parameters[number.removeprefix("-")].value

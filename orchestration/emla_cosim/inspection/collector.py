@@ -10,9 +10,10 @@ from fmpy.model_description import ModelVariable, ValidationError
 
 from ..base.errors import CommandError, join_names, show_paths_relative_to
 from ..base.faults import LENIENT, accept_faults
-from ..base.files import hash_file
+from ..base.files import hash_file, read_text
 from ..base.option import BUILDING
 from ..base.progress import Progress
+from ..base.toml_structs import read_toml
 from ..base.units import IDENTITY
 from ..fmu.document import FmuDocument
 from ..fmu.interface import KINDS, MODEL_EXCHANGE, Interface, explain_unsupported, read_description
@@ -25,6 +26,7 @@ from ..run.remarks import describe_disabled_event_mode
 from ..run.scenarios.loading import is_fmu, make_component_name
 from ..run.scenarios.scenario import Scenario
 from ..study.loading import load
+from ..study.machines.schema import KIND, parse_machine
 from ..system.model import Alias, Component, System
 from ..system.resolution import convert_to_fmu_terms, resolve_system
 from .system_info import ComponentInfo, ConnectionInfo, FmuInfo, Info, VariableInfo
@@ -63,11 +65,10 @@ def info(
         scenario = load(source, **options)
     except CommandError as error:
         others = {name for name, o in list_options().items() if o.stage == BUILDING or not o.repeated}
-        if not isinstance(source, (str, Path)) or not is_fmu(Path(source)):
+        if not isinstance(source, (str, Path)) or not set(options) <= others | {LENIENT}:
             raise
-        if not set(options) <= others | {LENIENT}:
-            raise
-        return _collect_unsupported_fmu(Path(source), error)
+        collect = _collect_unsupported_fmu if is_fmu(Path(source)) else _collect_mechanics
+        return collect(Path(source), error)
     with (
         show_paths_relative_to(scenario.unpacked),
         accept_faults(scenario.options.lenient) as faults,
@@ -78,7 +79,44 @@ def info(
         found = _collect_system(scenario, prepared.system, prepared.fmus, prepared.interfaces)
     told.advance(1)
     remarks = (remark.rstrip(".") for remark in faults.remarks(scenario.unpacked))
-    return replace(found, notes=(*found.notes, *remarks))
+    return replace(_with_machine(found, scenario.system), notes=(*found.notes, *remarks))
+
+
+def _with_machine(found: Info, system: System) -> Info:
+    """Return the information with that on the machine of the system, if it has one."""
+    if "machine" not in system.record:
+        return found
+    from ..study.machines.machine_info import find_machine_info  # loads CasADi
+
+    starts = {variable.name: variable.start for variable in found.variables}
+    return replace(found, machine=find_machine_info(system, starts))
+
+
+def _collect_mechanics(path: Path, reason: CommandError) -> Info:
+    """Return the mechanics of a machine file that cannot run; raise the reason for other files."""
+    from ..study.machines.machine_info import collect_machine  # loads CasADi
+
+    try:
+        label = f"the machine file '{path}'"
+        content = read_toml(read_text(path, label), label)
+        if content.get("kind") != KIND:
+            raise reason
+        machine = parse_machine(content, label, path.parent)
+    except CommandError:
+        raise reason from None
+    return Info(
+        name=path.name,
+        description=str(content.get("description", "")),
+        start_time=None,
+        stop_time=None,
+        step_size=None,
+        notes=(f"only the mechanics are shown, since the machine cannot run: {str(reason).rstrip('.')}",),
+        fmus=(),
+        components=(),
+        connections=(),
+        variables=(),
+        machine=collect_machine(machine),
+    )
 
 
 def _collect_system(

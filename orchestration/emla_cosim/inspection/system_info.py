@@ -14,6 +14,8 @@ from ..views.pages.plain import to_plain
 if TYPE_CHECKING:
     import polars
 
+    from ..study.machines.machine_info import MachineInfo
+
 FORMAT = "emla-info"
 VERSION = 1
 """Version of the JSON format."""
@@ -171,6 +173,7 @@ class Info:
         components: components of the system.
         connections: connections between them.
         variables: variables of all components.
+        machine: the machine that joints move together; None without one.
     """
 
     name: str
@@ -183,6 +186,7 @@ class Info:
     components: tuple[ComponentInfo, ...]
     connections: tuple[ConnectionInfo, ...]
     variables: tuple[VariableInfo, ...]
+    machine: "MachineInfo | None" = None
 
     def __getitem__(self, name: str) -> VariableInfo:
         """Return the variable of this full name; raise CommandError if it does not exist."""
@@ -238,7 +242,8 @@ class Info:
 
     def as_dict(self) -> dict[str, Any]:
         """Return everything as plain data; numbers that are not finite become None."""
-        content = {"format": FORMAT, "version": VERSION, **asdict(replace(self, variables=()))}
+        content = {"format": FORMAT, "version": VERSION, **asdict(replace(self, variables=(), machine=None))}
+        content["machine"] = None if self.machine is None else self.machine.as_dict()
         return {**to_plain(content), "variables": [_plain_row(variable) for variable in self.variables]}
 
     def as_json(self) -> str:

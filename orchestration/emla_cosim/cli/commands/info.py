@@ -12,7 +12,7 @@ from rich.table import Column, Table
 from rich.text import Text
 
 from ...base.errors import CommandError
-from ...base.files import check_output_files
+from ...base.files import check_output_files, report_write_errors
 from ...base.option import INFO, OTHERS, option
 from ...base.output_files import OutputFile
 from ...inspection.collector import info
@@ -20,11 +20,16 @@ from ...inspection.display_rows import DisplayRow, build_display_rows, format_li
 from ...inspection.system_info import JSON_FILE, FmuInfo, Info, format_start, is_info
 from ...study.loading import load
 from ...views.pages.text import shorten_text
+from ...views.plots.style import is_picture, to_png
 from ...views.progress_bars import BarProgress
 from ...views.terminal import OUT, print_exactly, print_line, show, show_table
+from ..machine_tables import show_machine
 from .options import scenario
 
 OPTIONS = INFO
+
+PICTURES = ("machine", "forces", "levers")
+"""Names of the pictures of a machine."""
 
 _SCREEN = "-"
 """Value of `--json` that shows JSON."""
@@ -54,6 +59,12 @@ class Parameters:
         alone=_SCREEN,
         group=OTHERS,
     )
+    pictures: Path | None = option(
+        help="Write pictures of the machine to a folder: machine.png with the reach of its tip, and "
+        "forces.png and levers.png over the strokes.",
+        metavar="FOLDER",
+        group=OTHERS,
+    )
 
 
 def command(chosen: Parameters, given: dict[str, Any]) -> None:
@@ -67,8 +78,13 @@ def command(chosen: Parameters, given: dict[str, Any]) -> None:
             used |= load(source, **given).options.files_read()
         check_output_files({json: JSON_FILE}, used)
         OutputFile(json, JSON_FILE, is_info, overwrite)
+    folder = chosen.pictures
+    names = () if folder is None else tuple(folder / f"{name}.png" for name in PICTURES)
+    files = [OutputFile(path, "the picture", is_picture, overwrite, creates_folder=True) for path in names]
     with BarProgress() as progress:
         found = info(source, progress, **given)
+    if folder is not None:
+        _write_pictures(found, folder, files)
     if chosen.match:
         found = found.matching(*chosen.match)
     if json is None:
@@ -79,11 +95,25 @@ def command(chosen: Parameters, given: dict[str, Any]) -> None:
         print_exactly(found.as_json())
 
 
+def _write_pictures(found: Info, folder: Path, files: Sequence[OutputFile]) -> None:
+    """Write the pictures of a machine; raise CommandError without a machine."""
+    if found.machine is None:
+        raise CommandError(
+            f"'{found.name}' has no machine to draw; --pictures needs a machine, such as hdrm-coupled."
+        )
+    with report_write_errors(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+    for file, figure in zip(files, found.machine.draw().values(), strict=True):
+        file.write(to_png(figure))
+
+
 def _show(found: Info, header: bool) -> None:
     title = f"{found.name}: {found.description}" if found.description else found.name
     show(Text(format_line(title), style="bold"), soft_wrap=True)
     if header:
         _show_header(found)
+        if found.machine is not None:
+            show_machine(found.machine, has_parameters=not found.variables)
     for note in found.notes:
         print_line(f"Note: {format_line(note)}.")
     rows = list(islice(build_display_rows(found.variables), _MOST_ROWS + 1))
@@ -103,6 +133,8 @@ def _show_header(found: Info) -> None:
     start, stop, step = found.start_time or 0.0, found.stop_time, found.step_size
     if stop is not None and step is not None:
         print_line(f"Runs from {start:g} to {stop:g} s in steps of {step:g} s.")
+    if not found.components:
+        return
     if len(found.components) == 1:
         for what, text in _about(found.fmus[0]):
             print_line(f"{what:<12} {text}")

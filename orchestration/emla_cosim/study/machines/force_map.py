@@ -1,6 +1,7 @@
 """Forces that hold a machine at rest, and how far its tip moves per stroke, over strokes of its actuators."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,6 +9,7 @@ import numpy as np
 from machine_fmu.model import MachineModel
 
 from ...base.arrays import Vector
+from ..roles import find_variable
 
 _SIDES, _FEWER_SIDES = 41, 21
 """Strokes along each side of a map, and where Newton's method finds poses."""
@@ -59,6 +61,28 @@ class Map:
     strokes: tuple[Vector, ...]
     forces: Vector
     levers: Vector
+
+
+def read_limits(joint: str, values: Mapping[str, float], roles: Mapping[str, str]) -> ForceLimits:
+    """Return the limits of the force of a joint's actuator at rest, from its motor and its controller.
+
+    Args:
+        joint: The joint.
+        values: Values of parameters by full name.
+        roles: Names by JOINT.ROLE.
+    """
+
+    def find(*names: str) -> list[float] | None:
+        found = [values.get(find_variable(joint, name, values, roles) or "") for name in names]
+        return None if None in found else [float(x) for x in found if x is not None]
+
+    drive = find("N_p", "Phi_PM", "rho", "lead", "eta_GB")
+    if drive is None:
+        return ForceLimits()
+    N_p, Phi_PM, rho, lead, eta = drive
+    force_per_current = 1.5 * N_p * Phi_PM * eta * 2.0 * math.pi / (rho * lead)
+    limits = [None if not (x := find(name)) or not x[0] else x[0] for name in ("i_N", "i_limit")]
+    return ForceLimits(*(None if current is None else current * force_per_current for current in limits))
 
 
 def find_extremes(machine: MachineModel, strokes: Vector) -> list[Extreme]:

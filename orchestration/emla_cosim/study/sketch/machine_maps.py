@@ -25,7 +25,8 @@ _MOST_COLUMNS = 3
 _LEVELS = 12
 """Number of levels of a map, about."""
 
-_LIMIT = "black"
+_LIMIT, _BOTH_SIGNS = "black", "RdBu_r"
+"""Colour of limits, and colours of values of both signs, with zero in the middle."""
 
 _TITLE_LETTERS = 55
 """Letters of a line of the title for each column of panels."""
@@ -107,7 +108,7 @@ def _draw_forces(machine: MachineModel, maps: Sequence[Map], limits: Mapping[str
     title = "holding force / kN; black: what the actuator holds continuously (dashed) and at the most"
     has_limits = any(x.continuous or x.largest for x in limits.values())
     values = [1e-3 * m.forces for m in maps]
-    return _draw_maps(machine, maps, values, title if has_limits else "holding force / kN", "RdBu_r", draw)
+    return _draw_maps(machine, maps, values, title if has_limits else "holding force / kN", _BOTH_SIGNS, draw)
 
 
 def _draw_levers(machine: MachineModel, maps: Sequence[Map]) -> "Figure":
@@ -158,8 +159,11 @@ def _fill(figure: "Figure", axes: "Axes", shown: Map, values: Vector, colors: st
     if not high - low > 1e-6 * max(abs(low), abs(high), 1e-6):  # contours need a range
         low, high = low - 0.5 * max(abs(low), 1e-3), high + 0.5 * max(abs(high), 1e-3)
     levels = MaxNLocator(_LEVELS).tick_values(low, high)
-    ends = {"vmin": -max(abs(low), abs(high)), "vmax": max(abs(low), abs(high))} if colors == "RdBu_r" else {}
-    image = axes.contourf(*shown.strokes, values.T, levels=levels, cmap=colors, alpha=0.7, **ends)
+    size = max(abs(low), abs(high))
+    vmin, vmax = (-size, size) if colors == _BOTH_SIGNS else (None, None)
+    image = axes.contourf(
+        *shown.strokes, values.T, levels=levels, cmap=colors, alpha=0.7, vmin=vmin, vmax=vmax
+    )
     lines = axes.contour(*shown.strokes, values.T, levels=levels, colors=DARK, linewidths=0.4)
     axes.clabel(lines, fontsize=6, fmt="%g")
     bar = figure.colorbar(image, ax=axes)
