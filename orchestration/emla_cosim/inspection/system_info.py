@@ -241,9 +241,13 @@ class Info:
         return polars.DataFrame(columns, schema_overrides={**texts, **numbers, **lists})
 
     def as_dict(self) -> dict[str, Any]:
-        """Return everything as plain data; numbers that are not finite become None."""
+        """Return everything as plain data; numbers that are not finite become None.
+
+        `machine` is missing without a machine.
+        """
         content = {"format": FORMAT, "version": VERSION, **asdict(replace(self, variables=(), machine=None))}
-        content["machine"] = None if self.machine is None else self.machine.as_dict()
+        del content["machine"]
+        content |= {} if self.machine is None else {"machine": self.machine.as_dict()}
         return {**to_plain(content), "variables": [_plain_row(variable) for variable in self.variables]}
 
     def as_json(self) -> str:

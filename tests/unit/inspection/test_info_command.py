@@ -206,3 +206,55 @@ def test_fmi_3_types_sizes_clocks_and_terminals(kind: str, emla: Emla, tmp_path:
     rows = {v["fmu_name"]: v for v in told["variables"]}
     assert (rows["count"]["clocks"], rows["count"]["data_type"]) == (["tick"], "Int8")
     assert (rows["tick"]["interval_variability"], rows["tick"]["settable"]) == ("triggered", False)
+
+
+MACHINE = """
+kind = "machine"
+description = "A boom"
+dimensions = 2
+ground.points.foot = [0.0, -0.6]
+[bodies.boom]
+joint = "revolute"
+points = { pin = [0.5, 0.0], end = [2.0, 0.0] }
+[actuators.ram]
+from = "ground.foot"
+to = "boom.pin"
+length = 0.5
+stroke = [0.0, 0.35]
+[payload]
+at = "boom.end"
+m = 300.0
+"""
+
+
+def test_mechanics_of_a_machine_without_joints_are_shown(emla: Emla) -> None:
+    Path("boom.toml").write_text(MACHINE)
+    shown = " ".join(emla("info", "boom.toml", "--pictures", "drawn").stdout.split())
+    assert "Machine in the plane with 1 degree of freedom Payload 300 kg at boom.end" in shown
+    assert "boom ram triangle" in shown
+    assert "boom.end.x 2" in shown
+    assert "only the mechanics are shown" in shown
+    assert {path.name for path in Path("drawn").iterdir()} == {"machine.png", "forces.png", "levers.png"}
+    content = json.loads(emla("info", "boom.toml", "--json").stdout)
+    assert content["machine"]["actuators"][0]["stroke"] == [0.0, 0.35]
+
+
+def test_machine_of_a_scenario_has_changes_and_limits(emla: Emla) -> None:
+    usual, heavy = (
+        json.loads(
+            emla("info", "hdrm-replay", "--set", f"machine.manipulator.payload.m={m}", "--json").stdout
+        )
+        for m in (470, 600)
+    )
+    forces = [content["machine"]["actuators"][0]["start_force"] for content in (usual, heavy)]
+    assert forces[1] > 1.1 * forces[0]
+    assert usual["machine"]["actuators"][0]["largest_force"] > 100e3
+    assert usual["variables"]
+
+
+def test_pictures_need_a_machine(emla: Emla) -> None:
+    text = sentence(emla("info", "lift", "--pictures", "drawn"), 2)
+    assert text == "Error: 'lift' has no machine to draw; --pictures needs a machine, such as hdrm-coupled."
+    assert not Path("drawn").exists()
+    Path("broken.toml").write_text(MACHINE.replace("ground.foot", "ground.feet"))
+    assert "there is no point 'feet' of 'ground'" in sentence(emla("info", "broken.toml"), 2)

@@ -216,9 +216,10 @@ def find_machine_info(system: System, starts: Mapping[str, Any]) -> MachineInfo 
     if stored is None or component is None:
         return None
     machine = read_definition(json.dumps(stored["definition"]))
-    values = {name: starts.get(f"{component}.{name}") for name in name_numbers(machine).parameters}
-    if None in values.values():
+    names = name_numbers(machine).parameters
+    if not all(f"{component}.{name}" in starts for name in names):
         return None
+    values = {name: starts[f"{component}.{name}"] for name in names}
     roles = machine_roles(map(str, system.connections))
     limits = {joint: read_limits(joint, starts, roles) for joint in machine.actuators}
     try:
