@@ -199,6 +199,19 @@ def solve_pose(
     return pose
 
 
+def closure_errors(pose: Pose, closure: Closure, lengths: Mapping[str, Any]) -> list[Any]:
+    """Return how far a pose is from its lengths in m, by equation that Newton's method solves."""
+    errors = list[Any]()
+    for step in closure.steps:
+        if step.unknowns[0] in closure.sides:
+            continue
+        for row in (closure.rows[e] for e in step.equations):
+            distance, _ = row_direction(pose, row)
+            length = lengths[pose.mechanism.bars[row.bar].name] if row.bar >= 0 else 0.0
+            errors.append(plain(distance - length))
+    return errors
+
+
 def reach_pose(mechanism: Mechanism, closure: Closure, lengths: Mapping[str, float]) -> list[float]:
     """Return the coordinates for lengths, found from the assembly pose in small parts, on floats.
 

@@ -11,8 +11,8 @@ from typing import Any
 import casadi
 import numpy as np
 
-from .assembly import assemble, locate_points
-from .closure import ITERATIONS, find_closure
+from .assembly import assemble, locate_outlines, locate_points
+from .closure import ITERATIONS, closure_errors, find_closure
 from .description import GROUND, Machine, MachineError
 from .dynamics import Dynamics
 from .exact import plain
@@ -70,6 +70,11 @@ class MachineModel:
         return tuple(self.machine.actuators)
 
     @property
+    def passive_names(self) -> tuple[str, ...]:
+        """Names of the passive coordinates."""
+        return tuple(self.mechanism.frames[self.mechanism.frame_of(i)].name for i in self.mechanism.passive)
+
+    @property
     def dimensions(self) -> int:
         """Number of coordinates of a point: 2 in the plane, 3 in space."""
         return self.machine.dimensions
@@ -113,6 +118,30 @@ class MachineModel:
         mechanism = self.mechanism if payload is None else self._loaded(payload)
         held = [self.closure.assembly[i] for i in mechanism.passive]
         return Dynamics(mechanism, self.closure, q, held, guess)
+
+    def at(self, q: casadi.SX, x: casadi.SX, payload: float | None = None) -> Dynamics:
+        """Return the dynamics at symbols of strokes, and of the coordinates that Newton's method finds.
+
+        They are those of the pose only where `errors` are zero.
+        """
+        mechanism = self.mechanism if payload is None else self._loaded(payload)
+        guess = dict(zip(self.closure.iterated, casadi.vertsplit(x), strict=True)) or None
+        held = [self.closure.assembly[i] for i in mechanism.passive]
+        return Dynamics(mechanism, self.closure, casadi.vertsplit(q), held, guess, 0)
+
+    def inverse(self, dynamics: Dynamics, v: casadi.SX, a: casadi.SX) -> casadi.SX:
+        """Return the forces of the actuators in N for speeds and accelerations of the strokes."""
+        none = [0.0] * len(dynamics.mechanism.passive)
+        rows = dynamics.inverse([*casadi.vertsplit(v), *none], [*casadi.vertsplit(a), *none])
+        return casadi.vertcat(*rows[: len(self.names)])
+
+    def errors(self, dynamics: Dynamics) -> casadi.SX:
+        """Return how far a pose is from its lengths in m; empty if no coordinate needs Newton's method."""
+        return casadi.vertcat(*closure_errors(dynamics.pose, self.closure, dynamics.lengths))
+
+    def place(self, dynamics: Dynamics, names: Sequence[str]) -> casadi.SX:
+        """Return the coordinates in m of points of `ends`, one after the other."""
+        return casadi.vertcat(*(self._place(dynamics.pose, self.ends[name]) for name in names))
 
     def poses(self, strokes: np.ndarray) -> np.ndarray:
         """Return the coordinates that Newton's method finds; one row per pose, NaN where there is none.
@@ -160,13 +189,7 @@ class MachineModel:
             payload: Mass in kg, also one for each row; that of the description without.
             passive: Passive coordinates.
         """
-
-        def equation(dynamics: Dynamics, v: Any, a: Any) -> Any:
-            none = [0.0] * len(dynamics.mechanism.passive)
-            rows = dynamics.inverse([*casadi.vertsplit(v), *none], [*casadi.vertsplit(a), *none])
-            return casadi.vertcat(*rows[: len(self.names)])
-
-        return self._evaluate("forces", equation, q, payload, v, a, passive=passive)
+        return self._evaluate("forces", self.inverse, q, payload, v, a, passive=passive)
 
     def energy(self, q: np.ndarray, v: np.ndarray, payload: float | np.ndarray | None = None) -> np.ndarray:
         """Return the energy in J for each row; arguments as in `forces`."""
@@ -237,12 +260,10 @@ class MachineModel:
             names: The points; all by default.
             passive: Passive coordinates.
         """
-        ends = self.ends if names is None else {name: self.ends[name] for name in names}
-
-        def equation(dynamics: Dynamics) -> Any:
-            return casadi.vertcat(*(self._place(dynamics.pose, end) for end in ends.values()))
-
-        found = self._evaluate(" ".join(["points", *ends]), equation, q, None, passive=passive)
+        ends = list(self.ends if names is None else names)
+        found = self._evaluate(
+            " ".join(["points", *ends]), lambda dynamics: self.place(dynamics, ends), q, None, passive=passive
+        )
         n = self.dimensions
         return {name: found[:, n * i : n * (i + 1)] for i, name in enumerate(ends)}
 
@@ -271,6 +292,13 @@ class MachineModel:
 
         values = self._evaluate("frames", equation, q, None, passive=passive).reshape(-1, len(bodies), size)
         return {body: (values[:, i, :n], values[:, i, n:].reshape(-1, n, n)) for i, body in enumerate(bodies)}
+
+    @cached_property
+    def outline(self) -> np.ndarray:
+        """Corners of the outline of the base in m, one row each."""
+        corners = locate_outlines(self.machine).get(GROUND, ())
+        rows = [[float(plain(x)) for x in corner.at[: self.dimensions]] for corner in corners]
+        return np.array(rows).reshape(len(rows), self.dimensions)
 
     @cached_property
     def ends(self) -> dict[str, End]:

@@ -27,7 +27,7 @@ COMMANDS = {
     "identify": "Estimate parameters from measured data, with the certainty of each.",
     "size": "Size actuators: torque, temperature, energy and life over a cycle, and a verdict per limit.",
     "linearize": "Compute frequency responses and stability margins at a time of a run.",
-    "trajectory": "Optimise the manipulator's motion for actuator power, within all bounds.",
+    "trajectory": "Optimise a machine's motion for actuator power, within all bounds.",
     "verify": "Verify FMUs of any tool: conformance to the standard, and agreement with references.",
     "export": "Export a scenario as an SSP package for other tools.",
 }

@@ -1,19 +1,15 @@
 """Assess a motion on a dense grid: cost, work, and peaks against their limits."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
 
-from hdrm_fmu.parameters import Three
-
 from ..spline import Spline
-from ..trajectory import JOINTS
 from .grid import lobatto
-from .problem import MotionProblem
-from .surroundings import Approach, body_approach, ground_approach
-from .transcription import bound_width, least_cost, stage
+from .problem import MotionProblem, Numbers
+from .surroundings import Approach, Axis, base_approach, ground_approach
+from .transcription import bound_width, least_cost
 
 Bound = TypeVar("Bound", bound=float | None)
 
@@ -21,7 +17,7 @@ _POINTS = 101
 """Number of grid points in each span between knots."""
 
 GROUND, BODY = "ground", "body"
-"""Names of the obstacles."""
+"""Names of ground and base as obstacles."""
 
 _ROUNDING = 1e-6
 """Fraction of a bound that counts as rounding."""
@@ -67,7 +63,10 @@ class Peak:
 
 @dataclass(frozen=True)
 class Clearance:
-    """The smallest distance from an obstacle, GROUND or BODY, and the one that is required in m."""
+    """The smallest distance from an obstacle, and the one that is required in m.
+
+    `obstacle` is GROUND, BODY, or what messages call another one.
+    """
 
     obstacle: str
     required: float
@@ -123,10 +122,7 @@ def _course(spline: Spline, problem: MotionProblem, times: np.ndarray, which: np
     for i, load in enumerate(problem.loads):
         rows = which == i
         if np.any(rows):
-            forces, _ = stage(problem, 0.0, load.payload).map(int(rows.sum()))(
-                q[rows].T, v[rows].T, a[rows].T
-            )
-            force[rows] = forces.full().T
+            force[rows] = problem.machine.forces(q[rows], v[rows], a[rows], load.payload)
     return Course(times, q, v, a, force, j)
 
 
@@ -144,15 +140,34 @@ def _grid(spline: Spline, problem: MotionProblem) -> tuple[np.ndarray, np.ndarra
 
 
 def measure_clearances(spline: Spline, problem: MotionProblem) -> tuple[Clearance, ...]:
-    """Return the smallest distances of a motion from ground and body, if they limit it."""
+    """Return the smallest distances of a motion from all that limits it: ground, base and obstacles."""
     times, _ = lobatto(np.unique(spline.knots), _POINTS)
-    machine, q, found = problem.machine, spline.evaluated(times), list[Clearance]()
+    machine, found = problem.machine, list[Clearance]()
+    if problem.ground_clearance is None and problem.body_clearance is None and not problem.obstacles:
+        return ()
+    at = machine.points(spline.evaluated(times))
     if problem.ground_clearance is not None:
-        nearest = ground_approach(machine, problem.ground_height, times, q)
-        found.append(Clearance(GROUND, problem.ground_clearance, nearest))
+        near = ground_approach(machine, problem.ground_height, times, at)
+        found.append(Clearance(GROUND, problem.ground_clearance, near))
     if problem.body_clearance is not None:
-        found.append(Clearance(BODY, problem.body_clearance, body_approach(machine, times, q)))
+        base = base_approach(machine, times, at)
+        found += [] if base is None else [Clearance(BODY, problem.body_clearance, base)]
+    for obstacle in problem.obstacles:
+        near = obstacle.approach(machine, times, at)
+        found.append(Clearance(obstacle.label, obstacle.clearance, near))
     return tuple(found)
+
+
+def nearest_lines(spline: Spline, problem: MotionProblem) -> list[tuple[int, Axis]]:
+    """Return all lines of the machine that come too close to an obstacle, with the obstacle's number."""
+    times, _ = lobatto(np.unique(spline.knots), _POINTS)
+    at = problem.machine.points(spline.evaluated(times)) if problem.obstacles else {}
+    return [
+        (i, line)
+        for i, obstacle in enumerate(problem.obstacles)
+        for line, approach in obstacle.approaches(problem.machine, times, at)
+        if approach.distance < obstacle.clearance - _ROUNDING
+    ]
 
 
 def assessed(spline: Spline, problem: MotionProblem, tie_break: float) -> Assessment:
@@ -168,15 +183,16 @@ def assessed(spline: Spline, problem: MotionProblem, tie_break: float) -> Assess
         0.5 * tie_break * float(weights @ (power**2).sum(axis=1)),
         float(weights @ np.abs(power).sum(axis=1)),
         float(weights @ power.sum(axis=1)),
-        tuple(_peak(seen, problem, i, spline.knots[-spline.degree - 2]) for i in range(3)),
+        tuple(_peak(seen, problem, i, spline.knots[-spline.degree - 2]) for i in range(len(problem.names))),
         measure_clearances(spline, problem),
     )
 
 
-def _strokes_at_aims(spline: Spline, problem: MotionProblem) -> list[Sequence[float]]:
+def _strokes_at_aims(spline: Spline, problem: MotionProblem) -> list[Numbers]:
     """Return the strokes in m at way-points and at the end."""
     duration = spline.end - spline.start
-    found = spline.evaluated([spline.start + x * duration for x in (*problem.moments, 1.0)]).tolist()
+    times = [spline.start + x * duration for x in (*problem.moments, 1.0)]
+    found = [tuple(row) for row in spline.evaluated(times).tolist()]
     return found if problem.tip_E is not None else [*found[:-1], problem.q_E]
 
 
@@ -199,10 +215,11 @@ def _peak(seen: Course, problem: MotionProblem, i: int, last: float) -> Peak:
     )
     lowest, highest = float(seen.q[:, i].min()), float(seen.q[:, i].max())
     higher = (*_largest(seen.a[:, i], a_LB, a_UB), *_largest(seen.j[:, i], j_LB, j_UB))
-    return Peak(JOINTS[i], force, force_bound, speed, speed_bound, *higher, lowest, highest, excess)
+    joint = problem.names[i]
+    return Peak(joint, force, force_bound, speed, speed_bound, *higher, lowest, highest, excess)
 
 
-def _of(bounds: Three | None, i: int) -> float | None:
+def _of(bounds: Numbers | None, i: int) -> float | None:
     return None if bounds is None else bounds[i]
 
 

@@ -1,4 +1,4 @@
-"""Make forces and the height above the ground keep their bounds between the collocation points, too."""
+"""Make forces and distances from ground and obstacles keep their bounds between the collocation points, too."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -15,7 +15,7 @@ _MORE = 1.5
 """Factor by which bounds are narrowed more than forces exceeded them."""
 
 _LEAST_RISE = 1e-4
-"""Smallest height in m by which the clearance from the ground is raised."""
+"""Smallest height in m by which a clearance is raised."""
 
 
 def narrowed(
@@ -23,8 +23,7 @@ def narrowed(
 ) -> tuple[Solution, Assessment]:
     """Find a motion near a given one that keeps its bounds on the dense grid, and return it with its figures.
 
-    Strokes and their derivatives keep their bounds everywhere, forces and the height above the ground only
-    at the collocation points. If these exceed them between, the optimisation is repeated with bounds that are
+    Strokes and their derivatives keep their bounds everywhere, forces and distances only at the collocation points. If these exceed them between, the optimisation is repeated with bounds that are
     narrower by the excess.
     """
     figures, within = assessed(found.spline(how), problem, how.tie_break), problem
@@ -36,12 +35,7 @@ def narrowed(
             again = solved(within, how, found.coefficients, heard)
         except NoMotionError:
             break
-        found = replace(
-            again,
-            iterations=found.iterations + again.iterations,
-            wall_s=found.wall_s + again.wall_s,
-            cpu_s=found.cpu_s + again.cpu_s,
-        )
+        found = found.then(again)
         figures = assessed(found.spline(how), problem, how.tie_break)
     return found, figures
 
@@ -53,8 +47,16 @@ def _narrower(problem: MotionProblem, figures: Assessment) -> MotionProblem:
         tuple(x + sign * d for x, d in zip(values, by, strict=True))
         for sign, values in ((1.0, problem.f_LB), (-1.0, problem.f_UB))
     )
+    rises = {
+        clearance.obstacle: _MORE * clearance.shortfall + _LEAST_RISE
+        for clearance in figures.clearances
+        if not clearance.is_kept
+    }
     height = problem.ground_clearance
-    for clearance in figures.clearances:
-        if height is not None and clearance.obstacle == GROUND and not clearance.is_kept:
-            height += _MORE * clearance.shortfall + _LEAST_RISE
-    return replace(problem, f_LB=low, f_UB=high, ground_clearance=height)
+    if height is not None:
+        height += rises.get(GROUND, 0.0)
+    obstacles = tuple(
+        replace(obstacle, clearance=obstacle.clearance + rises.get(obstacle.label, 0.0))
+        for obstacle in problem.obstacles
+    )
+    return replace(problem, f_LB=low, f_UB=high, ground_clearance=height, obstacles=obstacles)

@@ -1,27 +1,26 @@
-"""The data of the optimisation as printed in the paper, their contradictions, and ways to read them."""
+"""The problem of a motion between two postures: ends, bounds, payloads and obstacles."""
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property
-from itertools import pairwise
-from typing import NamedTuple, get_args
+from typing import NamedTuple
 
 import numpy as np
 
-from hdrm_fmu.base import lowest_ground
-from hdrm_fmu.dynamics import bias
-from hdrm_fmu.parameters import HDRM, PAYLOAD, HdrmParameters, Three
-
+from ..model import MachineModel
 from ..spline import TrajectoryError
-from ..trajectory import JOINTS
-from .reaching import nearest_position, nearest_posture
-from .surroundings import GROUND_POINTS, body_approach, ground_approach, postures
+from .checks import check_numbers, is_number, is_position
+from .obstacles import Obstacle
+from .reaching import nearest_posture
+from .surroundings import moving_points
+
+Numbers = tuple[float, ...]
+"""One number for each actuator, or the coordinates of a position."""
 
 
 class EndSpeed(StrEnum):
-    """How to read a speed v_E beyond its own bound, such as the printed one of the telescope."""
+    """How to read a speed v_E beyond its own bound, such as the printed one of the paper's telescope."""
 
     CLIP = "clip"
     """As the bound, which is our substitution."""
@@ -30,11 +29,7 @@ class EndSpeed(StrEnum):
     DECIMAL = "decimal"
     """As a tenth, for a misprinted decimal point."""
     REST = "rest"
-    """All three joints end at rest."""
-
-
-Two = tuple[float, float]
-"""A position in the plane: x horizontal, y up, in m from O1."""
+    """All joints end at rest."""
 
 
 class Load(NamedTuple):
@@ -53,88 +48,124 @@ class Via:
         TrajectoryError: A value is not as described.
     """
 
-    tip: Two
-    """Position of the tip from O1, m."""
+    tip: Numbers
+    """Position of the tip, m."""
     at: float | None = None
     """When it is there, as a fraction of the duration; None spreads all way-points evenly."""
     payload: float | None = None
     """Mass at the tip from here on, kg: the machine stops here. None is the mass before."""
 
     def __post_init__(self) -> None:
-        _check("tip of a way-point", self.tip, Two)
-        if self.at is not None and (not _is_number(self.at) or not 0.0 < self.at < 1.0):
+        if not is_position(self.tip):
+            raise TrajectoryError(f"tip of a way-point is {self.tip!r}; it must be a position.")
+        if self.at is not None and (not is_number(self.at) or not 0.0 < self.at < 1.0):
             raise TrajectoryError(f"at of a way-point is {self.at!r}; it must be between 0 and 1.")
-        if self.payload is not None and (not _is_number(self.payload) or self.payload < 0.0):
+        if self.payload is not None and (not is_number(self.payload) or self.payload < 0.0):
             raise TrajectoryError(f"payload of a way-point is {self.payload!r}; it must be 0 kg or more.")
 
 
-@dataclass(frozen=True)
+STROKES = ("q_S", "q_E", "v_S", "v_E", "v_LB", "v_UB", "f_LB", "f_UB", "a_LB", "a_UB", "j_LB", "j_UB")
+"""Fields with a number for each actuator."""
+
+CAN_BE_OFF = ("tip_E", "a_LB", "a_UB", "j_LB", "j_UB", "ground_clearance", "body_clearance")
+"""Fields that are None for what does not limit the motion."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class MotionProblem:
-    """Conditions on the motion by joint: lift, tilt, telescope; the defaults are Table II.
+    """Conditions on the motion of a machine, by actuator.
 
     Raises:
-        TrajectoryError: A value is not three finite numbers, or not positive if it must be.
+        TrajectoryError: A value has another form than its field, or is not positive if it must be.
     """
 
-    q_S: Three = (0.244, 0.389, 0.499)
+    machine: MachineModel
+    """The machine; its strokes q_LB and q_UB bound the positions."""
+    machine_name: str = "machine"
+    """Its name, or its file."""
+    q_S: Numbers
     """Strokes at the start, m."""
-    q_E: Three = (0.270, 0.442, 0.348)
-    """Strokes at the end, m."""
-    tip_E: Two | None = None
-    """Position of the tip at the end from O1, m, instead of q_E; the optimiser chooses the strokes."""
+    q_E: Numbers
+    """Strokes at the end, m; without meaning if `tip_E` is there."""
+    tip_E: Numbers | None = None
+    """Position of the tip at the end, m, instead of q_E; the optimiser chooses the strokes."""
     via: tuple[Via, ...] = ()
     """Positions that the tip passes, in order."""
-    v_S: Three = (0.0016, 0.0, -0.0024)
+    v_S: Numbers
     """Speeds at the start, m/s."""
-    v_E: Three = (0.0607, -0.0808, -0.5477)
+    v_E: Numbers
     """Speeds at the end, m/s."""
-    v_LB: Three = (-0.136, -0.100, -0.210)
+    v_LB: Numbers
     """Lower bounds of the speeds, m/s."""
-    v_UB: Three = (0.136, 0.100, 0.210)
+    v_UB: Numbers
     """Upper bounds of the speeds, m/s."""
-    f_LB: Three = (-89.8e3, -68.6e3, -6.1e3)
+    f_LB: Numbers
     """Lower bounds of the actuators' forces, N."""
-    f_UB: Three = (89.8e3, 68.6e3, 6.1e3)
+    f_UB: Numbers
     """Upper bounds of the actuators' forces, N."""
-    a_LB: Three | None = None
+    a_LB: Numbers | None = None
     """Lower bounds of the accelerations, m/s2; None is no bound."""
-    a_UB: Three | None = None
+    a_UB: Numbers | None = None
     """Upper bounds of the accelerations, m/s2; None is no bound."""
-    j_LB: Three | None = None
+    j_LB: Numbers | None = None
     """Lower bounds of the jerks, m/s3; None is no bound."""
-    j_UB: Three | None = None
+    j_UB: Numbers | None = None
     """Upper bounds of the jerks, m/s3; None is no bound."""
     ground: float | None = None
-    """Height of the ground above O1, m; None is the foot of the base, where pictures draw it."""
-    ground_clearance: float | None = 0.2
-    """Smallest height of tip, elbow and pins above the ground, m; None is no ground."""
-    body_clearance: float | None = 0.2
-    """Smallest distance of the outer and inner boom from base and lift actuator, m; None is no limit."""
-    t_M: float = 37.7
+    """Height of the ground, m; None is the lowest corner of the machine's outline."""
+    ground_clearance: float | None = None
+    """Smallest height of moving points above the ground, m; None is no ground."""
+    body_clearance: float | None = None
+    """Smallest distance of moving bodies from the base and actuators on it, m; None is no limit."""
+    obstacles: tuple[Obstacle, ...] = ()
+    """What the machine keeps clear of."""
+    t_M: float
     """The longest time that the motion may take, s."""
-    payload: float = PAYLOAD
+    payload: float
     """Mass at the tip, kg; way-points can change it."""
-    machine: HdrmParameters = HDRM
-    """The manipulator; its strokes q_LB and q_UB bound the positions."""
 
     def __post_init__(self) -> None:
-        for part in fields(self):
-            if part.name not in ("machine", "via"):
-                _check(part.name, getattr(self, part.name), part.type)
+        for name in (*STROKES, "tip_E", "ground", "ground_clearance", "body_clearance", "t_M", "payload"):
+            labels = self.names if name in STROKES else self.axes if name == "tip_E" else ()
+            value = getattr(self, name)
+            if value is not None or name != "ground":
+                check_numbers(name, value, labels, name in CAN_BE_OFF)
+        self._check_positions()
         for name in ("ground_clearance", "body_clearance"):
             if (getattr(self, name) or 0.0) < 0.0:
                 raise TrajectoryError(f"{name} is {getattr(self, name):g}; it must be 0 m or more, or off.")
         for name, least in (("t_M", "more than 0 s"), ("payload", "0 kg or more")):
             if getattr(self, name) < 0.0 or (name == "t_M" and self.t_M == 0.0):
                 raise TrajectoryError(f"{name} is {getattr(self, name):g}; it must be {least}.")
+        if self.ground_clearance is not None and self.ground is None and not len(self.machine.outline):
+            raise TrajectoryError(
+                "ground_clearance needs the height of the ground; write ground = 0.0, in m."
+            )
+        if self.body_clearance is not None and (len(self.axes) == 3 or not len(self.machine.outline)):
+            raise TrajectoryError(
+                "body_clearance needs a machine in the plane with [ground] outline, the corners of its base."
+            )
 
-    def contradictions(self) -> list[str]:
-        """Return a message for each contradiction found in the data."""
-        empty = self._empty_bounds()
-        gentle = [] if empty else self._too_gentle()
-        others = (self._broken_bounds(), self._too_late(), gentle, self._too_heavy(), self._too_near())
-        aims = self._out_of_order() or self._out_of_reach()
-        return [*empty, *(message for found in others for message in found), *aims]
+    def _check_positions(self) -> None:
+        """Raise TrajectoryError for positions of another dimension, and for those of a tip without payload."""
+        if (self.via or self.tip_E is not None) and self.machine.mechanism.payload is None:
+            raise TrajectoryError("the machine has no [payload], so it has no tip; write q_E without via.")
+        for i, via in enumerate(self.via, 1):
+            check_numbers(f"tip of via[{i}]", via.tip, self.axes, False)
+        for obstacle in self.obstacles:
+            if obstacle.dimensions != len(self.axes):
+                wanted = ", ".join(self.axes)
+                raise TrajectoryError(f"positions of {obstacle.label} must have the coordinates {wanted}.")
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The actuators in their order."""
+        return self.machine.names
+
+    @property
+    def axes(self) -> str:
+        """Names of the coordinates of a position."""
+        return "xyz"[: self.machine.dimensions]
 
     @property
     def moments(self) -> list[float]:
@@ -152,78 +183,48 @@ class MotionProblem:
         return found
 
     @property
-    def guesses(self) -> list[Three]:
+    def aims(self) -> list[tuple[str, float, Numbers]]:
+        """Positions that the tip must reach, with their names and moments."""
+        ends = [] if self.tip_E is None else [("tip_E", 1.0, self.tip_E)]
+        pairs = enumerate(zip(self.moments, self.via, strict=True), 1)
+        return [(f"via[{i}].tip", moment, via.tip) for i, (moment, via) in pairs] + ends
+
+    @property
+    def guesses(self) -> list[Numbers]:
         """Strokes at way-points and at the end from which a solution is sought.
 
         Each one is the posture nearest to the one before that is above the ground.
         """
-        return [found or self.q_S for found in self._guesses]
+        return [found or self.q_S for found in self.postures]
 
     @cached_property
-    def _guesses(self) -> list[Three | None]:
+    def postures(self) -> list[Numbers | None]:
         """Guesses, None for a position that is out of reach."""
-        found, last = list[Three | None](), self.q_S
-        for _, position in self._aims():
-            found.append(nearest_posture(self.machine, position, last, self._is_high))
+        found, last = list[Numbers | None](), self.q_S
+        for _, _, position in self.aims:
+            found.append(nearest_posture(self.machine, position, last, self._heights))
             last = found[-1] or last
         return found if self.tip_E is not None else [*found, self.q_E]
 
-    def _aims(self) -> list[tuple[str, Two]]:
-        """Return positions that the tip must reach, with their names."""
-        ends = [] if self.tip_E is None else [("tip_E", self.tip_E)]
-        return [(f"via[{i + 1}].tip", via.tip) for i, via in enumerate(self.via)] + ends
-
-    def _is_high(self, strokes: np.ndarray) -> np.ndarray:
-        """Return for each row of strokes whether it keeps the clearance from the ground."""
+    def _heights(self, strokes: np.ndarray) -> np.ndarray:
+        """Return for each row of strokes the heights in m of all points above those that are required."""
         if self.ground_clearance is None:
-            return np.full(len(strokes), True)
-        at = postures(self.machine, strokes)
-        lowest = np.min([at[name][:, 1] for name in GROUND_POINTS], axis=0)
-        return lowest >= self.ground_height + self.ground_clearance
-
-    def _out_of_order(self) -> list[str]:
-        return [
-            f"via[{i + 2}].at = {b:g} is not after via[{i + 1}].at = {a:g}"
-            for i, (a, b) in enumerate(pairwise(self.moments))
-            if a >= b
-        ]
-
-    def _out_of_reach(self) -> list[str]:
-        """Return messages for positions that no posture reaches above the ground."""
-        found = []
-        for (name, position), guess in zip(self._aims(), self._guesses, strict=False):
-            here, above = f"{name} = {position[0]:g},{position[1]:g} m", position[1] - self.ground_height
-            if self.ground_clearance is not None and above < self.ground_clearance:
-                side = "above" if above >= 0.0 else "below"
-                found.append(f"{here} is {abs(above):.3g} m {side} {self._ground()}")
-            elif guess is None:
-                near = nearest_position(self.machine, position)
-                distance = math.dist(near, position)
-                found.append(
-                    f"{here} is out of the tip's reach by {distance:.3g} m; the nearest position in reach is "
-                    f"{near[0]:.4g},{near[1]:.4g} m"
-                )
-        return found
-
-    def _ground(self) -> str:
-        return (
-            f"the ground, which is at y = {self.ground_height:.4g} m; "
-            f"ground_clearance = {self.ground_clearance:g} m is required"
-        )
-
-    @property
-    def _fixed(self) -> list[str]:
-        """Names of the ends whose strokes are fixed."""
-        return ["q_S"] if self.tip_E is not None else ["q_S", "q_E"]
+            return np.zeros((len(strokes), 1))
+        at = self.machine.points(strokes)
+        heights = np.column_stack([at[name][:, -1] for name in moving_points(self.machine)])
+        return heights - self.ground_height - self.ground_clearance
 
     @property
     def ground_height(self) -> float:
-        """Height of the ground in m from O1."""
-        return lowest_ground(self.machine) if self.ground is None else self.ground
+        """Height of the ground in m."""
+        if self.ground is not None:
+            return self.ground
+        return float(self.machine.outline[:, -1].min()) if len(self.machine.outline) else 0.0
 
     def beyond_bounds(self) -> list[int]:
         """Return the joints, counted from 0, whose v_E is beyond its own bound."""
-        return [i for i in range(3) if not self.v_LB[i] <= self.v_E[i] <= self.v_UB[i]]
+        bounds = zip(self.v_LB, self.v_E, self.v_UB, strict=True)
+        return [i for i, (low, v, high) in enumerate(bounds) if not low <= v <= high]
 
     def read_as(self, reading: EndSpeed) -> "MotionProblem":
         """Return the problem with the end speeds of a reading."""
@@ -234,145 +235,9 @@ class MotionProblem:
             elif reading == EndSpeed.DECIMAL:
                 v_E[i] /= 10.0
         if reading == EndSpeed.REST:
-            v_E = [0.0] * 3
-        return replace(self, v_E=(v_E[0], v_E[1], v_E[2]))
+            v_E = [0.0] * len(v_E)
+        return replace(self, v_E=tuple(v_E))
 
-    def _empty_bounds(self) -> list[str]:
-        bounds = [(f"{x}_LB", f"{x}_UB") for x in "vfaj"]
-        bounds = [names for names in bounds if None not in (getattr(self, names[0]), getattr(self, names[1]))]
-        pairs = [(low, high, i) for low, high in bounds for i in range(3)]
-        values = [(getattr(self, low)[i], getattr(self, high)[i]) for low, high, i in pairs]
-        return [
-            f"{low}[{i + 1}] = {below:g} is above {high}[{i + 1}] = {above:g}"
-            for (low, high, i), (below, above) in zip(pairs, values, strict=True)
-            if below > above
-        ]
-
-    def _broken_bounds(self) -> list[str]:
-        """Return messages for end points that are beyond the bounds of the motion between them."""
-        found = []
-        for name, unit in (*((name, "m") for name in self._fixed), ("v_S", "m/s"), ("v_E", "m/s")):
-            of = self.machine if name.startswith("q") else self
-            lows, highs = (getattr(of, f"{name[0]}_{end}") for end in ("LB", "UB"))
-            for i, (x, low, high) in enumerate(zip(getattr(self, name), lows, highs, strict=True)):
-                if not low <= x <= high:
-                    found.append(
-                        f"{name}[{i + 1}] = {x:g} {unit} of the {JOINTS[i]} is beyond its own bounds, "
-                        f"{low:g} to {high:g} {unit}{_times(x, low, high)}"
-                    )
-        return found
-
-    def _too_late(self) -> list[str]:
-        if self.tip_E is not None:
-            return []  # its strokes are not known yet
-        found = []
-        for i, joint in enumerate(JOINTS):
-            way = self.q_E[i] - self.q_S[i]
-            speed = self.v_UB[i] if way > 0.0 else self.v_LB[i]
-            least = math.inf if way and way * speed <= 0.0 else way / speed if way else 0.0
-            if least > self.t_M:
-                found.append(
-                    f"the {joint}'s {abs(way):g} m take {least:.3g} s at its bound of {abs(speed):g} m/s, "
-                    f"more than t_M = {self.t_M:g} s"
-                )
-        return found
-
-    def _too_gentle(self) -> list[str]:
-        """Return messages for ends that the bounds of the accelerations do not join within t_M.
-
-        The farthest motion in t_M has its highest acceleration first, and then its lowest, and the nearest
-        one the reverse.
-        """
-        if self.a_LB is None or self.a_UB is None:
-            return []
-        found, t_M = [], self.t_M
-        for i, joint in enumerate(JOINTS):
-            low, high, gain = self.a_LB[i], self.a_UB[i], self.v_E[i] - self.v_S[i]
-            bounds = f"a_LB[{i + 1}] = {low:g} and a_UB[{i + 1}] = {high:g} m/s2"
-            if not low * t_M <= gain <= high * t_M:
-                found.append(
-                    f"the {joint}'s change from v_S[{i + 1}] = {self.v_S[i]:g} to v_E[{i + 1}] = "
-                    f"{self.v_E[i]:g} m/s is not possible in t_M = {t_M:g} s with {bounds}"
-                )
-                continue
-            ends = [self.v_S[i] * t_M + _way(a, b, gain, t_M) for a, b in ((low, high), (high, low))]
-            way = self.q_E[i] - self.q_S[i]
-            if self.tip_E is None and not ends[0] - 1e-9 <= way <= ends[1] + 1e-9:
-                found.append(
-                    f"the {joint}'s way of {way:.4g} m is not possible in t_M = {t_M:g} s with {bounds}: "
-                    f"they allow {ends[0]:.4g} to {ends[1]:.4g} m"
-                )
-        return found
-
-    def _too_heavy(self) -> list[str]:
-        """Return messages for postures that the forces cannot hold at rest."""
-        found, at_rest = [], (0.0, 0.0, 0.0)
-        for name in self._fixed:
-            q = getattr(self, name)
-            if not self._within_strokes(q):
-                continue  # reported before, and triangles may not close there
-            payload = self.loads[0 if name == "q_S" else -1].payload
-            for i, force in enumerate(bias(self.machine, q, at_rest, payload)):
-                if not self.f_LB[i] <= force <= self.f_UB[i]:
-                    found.append(
-                        f"holding {name} takes {force / 1e3:.4g} kN of the {JOINTS[i]}, beyond its bounds, "
-                        f"{self.f_LB[i] / 1e3:g} to {self.f_UB[i] / 1e3:g} kN"
-                    )
-        return found
-
-    def _too_near(self) -> list[str]:
-        """Return messages for postures at the start or end that are too close to the ground or the body."""
-        found, machine = [], self.machine
-        for name in self._fixed:
-            q, time = np.array([getattr(self, name)]), np.zeros(1)
-            if not self._within_strokes(q[0]):
-                continue
-            ground = ground_approach(machine, self.ground_height, time, q)
-            if self.ground_clearance is not None and ground.distance < self.ground_clearance:
-                side = "above" if ground.distance >= 0.0 else "below"
-                height = f"{abs(ground.distance):.3g} m {side}"
-                found.append(f"{name} puts {ground.part} {height} {self._ground()}")
-            body = body_approach(machine, time, q)
-            if self.body_clearance is not None and body.distance < self.body_clearance:
-                found.append(
-                    f"{name} puts {body.part} {body.distance:.3g} m from the base or the lift actuator; "
-                    f"body_clearance = {self.body_clearance:g} m is required"
-                )
-        return found
-
-    def _within_strokes(self, q: Sequence[float] | np.ndarray) -> bool:
+    def within_strokes(self, q: Sequence[float] | np.ndarray) -> bool:
+        """Return whether strokes are within their bounds."""
         return all(a <= x <= b for a, x, b in zip(self.machine.q_LB, q, self.machine.q_UB, strict=True))
-
-
-def _way(first: float, last: float, gain: float, duration: float) -> float:
-    """Return the way in m from rest with two accelerations in turn, which change the speed by gain."""
-    until = (gain - last * duration) / (first - last) if first != last else duration
-    rest = duration - until
-    return 0.5 * first * until**2 + first * until * rest + 0.5 * last * rest**2
-
-
-def _times(x: float, low: float, high: float) -> str:
-    bound = high if x > high else low
-    return f": {x / bound:.2g} times as much" if bound * x > 0.0 else ""
-
-
-_FORMS = {
-    1: "a finite number",
-    2: "two finite numbers: x and y from O1",
-    3: "three finite numbers: lift, tilt, telescope",
-}
-"""Forms of values by their number of numbers."""
-
-
-def _check(name: str, value: object, kind: object) -> None:
-    if value is None and kind in (Three | None, Two | None, float | None):
-        return
-    count = 3 if kind in (Three, Three | None) else 2 if kind in (Two, Two | None) else 1
-    values: Sequence[object] = value if count > 1 and isinstance(value, (tuple, list)) else [value]
-    if len(values) != count or not all(_is_number(x) for x in values):
-        wanted = _FORMS[count] + (", or off" if type(None) in get_args(kind) and name != "ground" else "")
-        raise TrajectoryError(f"{name} is {value!r}; it must be {wanted}.")
-
-
-def _is_number(x: object) -> bool:
-    return isinstance(x, (int, float)) and not isinstance(x, bool) and math.isfinite(x) and abs(x) < 1e9

@@ -8,13 +8,16 @@ import casadi
 import numpy as np
 
 from ..spline import Spline, TrajectoryError
-from ..trajectory import JOINTS
-from .assessment import GROUND, measure_clearances
+from .assessment import GROUND, measure_clearances, nearest_lines
+from .obstacles import Separation
 from .problem import MotionProblem
-from .transcription import SLACKS, Discretisation, Programme
+from .transcription import LONGEST, Discretisation, Programme, slack_names
 
 MOST_ITERATIONS = 300
 """Most iterations of IPOPT; problems with a solution need 20 to 60."""
+
+_ROUNDS = 8
+"""Most times that a motion is sought with further obstacles."""
 
 _NEGLIGIBLE = 1e-6
 """Fraction of a bound that is negligible."""
@@ -36,8 +39,11 @@ class NoMotionError(TrajectoryError):
 class Solution:
     """A motion that IPOPT found.
 
-    `coefficients` has a column for each joint, in m; `duration` is in s, `cost` in W2 s with the tie-break.
+    `coefficients` has a column for each of the `joints`, in m; `duration` is in s, `cost` in W2 s with the
+    tie-break.
     """
+
+    joints: tuple[str, ...]
 
     coefficients: np.ndarray
     duration: float
@@ -46,10 +52,19 @@ class Solution:
     wall_s: float
     cpu_s: float
 
+    def then(self, later: "Solution") -> "Solution":
+        """Return a later motion with the effort of both."""
+        return replace(
+            later,
+            iterations=self.iterations + later.iterations,
+            wall_s=self.wall_s + later.wall_s,
+            cpu_s=self.cpu_s + later.cpu_s,
+        )
+
     def spline(self, how: Discretisation) -> Spline:
         """Return the motion over time."""
         knots = (how.basis.knots * self.duration).tolist()
-        columns = zip(JOINTS, self.coefficients.T.tolist(), strict=True)
+        columns = zip(self.joints, self.coefficients.T.tolist(), strict=True)
         return Spline(how.degree, knots, dict(columns))
 
 
@@ -62,24 +77,34 @@ def solved(
     """Return the motion of least cost near a start.
 
     The start is a straight line, or has the form of `Solution.coefficients`. `heard` is called after every
-    iteration; an exception there ends the search. The ground becomes a constraint only if the motion without
-    it comes too close; otherwise that motion is the best one with the ground, too.
+    iteration; an exception there ends the search. Ground and obstacles become constraints only if the motion
+    without them comes too close; otherwise that motion is the best one with them, too.
 
     Raises:
         NoMotionError: No motion is found.
     """
     begin = straight(problem, how) if start is None else start
-    free = _solved(Programme(problem, how), begin, heard)
-    clearances = measure_clearances(free.spline(how), problem)
-    if all(clearance.is_kept for clearance in clearances if clearance.obstacle == GROUND):
-        return free
-    clear = _solved(Programme(problem, how, grounded=True), begin, heard)
-    return replace(
-        clear,
-        iterations=free.iterations + clear.iterations,
-        wall_s=free.wall_s + clear.wall_s,
-        cpu_s=free.cpu_s + clear.cpu_s,
-    )
+    programme = Programme(problem, how)
+    solution = _solved(programme, begin, heard)
+    for _ in range(_ROUNDS):
+        closer = _with_obstacles(programme, solution)
+        if closer == programme:
+            break
+        programme = closer
+        solution = solution.then(_solved(programme, begin, heard))
+    return solution
+
+
+def _with_obstacles(programme: Programme, solution: Solution) -> Programme:
+    """Return the programme with constraints for the ground and for obstacles that a motion comes too close to."""
+    problem, spline = programme.problem, solution.spline(programme.how)
+    if problem.ground_clearance is None and not problem.obstacles:
+        return programme
+    clearances = measure_clearances(spline, problem)
+    is_low = any(not clearance.is_kept for clearance in clearances if clearance.obstacle == GROUND)
+    separations = [Separation(line, i) for i, line in nearest_lines(spline, problem)]
+    more = dict.fromkeys((*programme.separations, *separations))
+    return replace(programme, grounded=programme.grounded or is_low, separations=tuple(more))
 
 
 def _solved(programme: Programme, begin: np.ndarray, heard: Callable[[], None]) -> Solution:
@@ -91,7 +116,8 @@ def _solved(programme: Programme, begin: np.ndarray, heard: Callable[[], None]) 
     if duration > (1.0 - _NEGLIGIBLE) * programme.problem.t_M:
         duration = programme.problem.t_M  # an interior-point method only approaches it
     wall, cpu = time.perf_counter() - before[0], time.process_time() - before[1]
-    return Solution(coefficients, duration, ended.cost * programme.cost_scale, ended.iterations, wall, cpu)
+    cost = ended.cost * programme.cost_scale
+    return Solution(programme.problem.names, coefficients, duration, cost, ended.iterations, wall, cpu)
 
 
 def straight(problem: MotionProblem, how: Discretisation) -> np.ndarray:
@@ -181,7 +207,8 @@ def _blame(tried: Programme, start: np.ndarray, heard: Callable[[], None], statu
     ended = _run(replace(tried, elastic=True), start, heard)
     if not ended.well:
         return f"no motion was found: IPOPT ended with {status}, and with {ended.status} for relaxed bounds."
-    slacks = dict(zip(SLACKS, ended.unknowns[-len(SLACKS) :], strict=True))
+    names = slack_names(tried.problem)
+    slacks = dict(zip(names, ended.unknowns[-len(names) :], strict=True))
     guilty = sorted((x, name) for name, x in slacks.items() if x > _NEGLIGIBLE)
     if not guilty:
         return f"no motion was found: IPOPT ended with {status}, although no bound prevents a motion."
@@ -190,9 +217,7 @@ def _blame(tried: Programme, start: np.ndarray, heard: Callable[[], None], statu
 
 
 def _amount(x: float, name: str) -> str:
-    return f"{x:.2g} m" if "clearance" in name else f"{100.0 * x:.2g} % of {_WIDTHS[name]}"
-
-
-_WIDTHS = {name: "their width" if "bounds" in name else "the speed bounds' width" for name in SLACKS} | {
-    "the longest time t_M": "it"
-}
+    if "clearance" in name:
+        return f"{x:.2g} m"
+    width = "their width" if "bounds" in name else "it" if name == LONGEST else "the speed bounds' width"
+    return f"{100.0 * x:.2g} % of {width}"

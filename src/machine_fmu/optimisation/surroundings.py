@@ -1,107 +1,144 @@
-"""The ground and the machine's own body, as obstacles of a motion.
+"""Points and axes of a machine, and their distances from the ground and from the machine's own base.
 
-All bodies are lines and convex polygons in the plane, in m from O1. Clearances are distances of the axes of
-booms and actuators, so they must cover half of their widths.
+Distances are those of axes and pins, so clearances must cover half of the widths of bodies.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
-from typing import Any
+from itertools import combinations
 
-import casadi
 import numpy as np
 
-from hdrm_fmu.base import base_corners
-from hdrm_fmu.kinematics import posture
-from hdrm_fmu.parameters import HdrmParameters
+from ..description import GROUND, Body
+from ..model import MachineModel
 
-GROUND_POINTS = {
-    "O_2": "the elbow",
-    "B_1": "the lift actuator's boom pin",
-    "A_2": "the tilt actuator's fixed pin",
-    "B_2": "the tilt actuator's boom pin",
-    "tip": "the tip",
-}
-"""Points of `Posture` that stay above the ground, with their names. All lines of the machine end in them."""
-
-BOOM = "the boom"
-"""Name of outer and inner boom together."""
+Points = Mapping[str, np.ndarray]
+"""Positions in m by name of the point, one row per pose."""
 
 
 @dataclass(frozen=True)
 class Approach:
     """The smallest distance of a motion from an obstacle.
 
-    `distance` and the place `x`, `y` from O1 are in m, `time` in s. `part` is the part of the machine that
-    is there.
+    `distance` and the place `x`, `y`, in space also `z`, are in m, `time` in s. `part` is the part of the
+    machine that is there.
     """
 
     distance: float
     part: str
     x: float
     y: float
+    z: float | None
     time: float
 
 
-def heights(p: HdrmParameters) -> casadi.Function:
-    """Return a function from strokes to the heights of GROUND_POINTS in m from O1."""
-    q = casadi.SX.sym("q", 3)
-    return casadi.Function("heights", [q], [_points(p)(q)[1::2]])
+@dataclass(frozen=True)
+class Axis:
+    """A straight line of a part of the machine between two of its points, by their names."""
+
+    part: str
+    start: str
+    end: str
 
 
-def postures(p: HdrmParameters, strokes: np.ndarray) -> dict[str, np.ndarray]:
-    """Return the points of GROUND_POINTS by name, one row (x, y) in m for each row of strokes."""
-    found = _points(p).map(len(strokes))(strokes.T).full()
-    return {name: found[2 * i : 2 * i + 2].T for i, name in enumerate(GROUND_POINTS)}
+def moving_points(machine: MachineModel) -> dict[str, str]:
+    """Return the points that move, each with what messages call it.
+
+    A body's origin is left out where it is another point, as at a pin.
+    """
+    found = dict[str, str]()
+    fixed = _fixed(machine)
+    for name, body in machine.machine.bodies.items():
+        if name in fixed:
+            continue
+        if _slides(body):
+            found[name] = f"the origin of '{name}'"
+        for point in machine.machine.points(name):
+            found[f"{name}.{point}"] = f"the point {name}.{point}"
+    if machine.machine.payload is not None:
+        at = machine.machine.payload.at
+        found.pop(at, None)
+        found[at] = "the tip"
+    return found
 
 
-@cache
-def _points(p: HdrmParameters) -> casadi.Function:
-    q = casadi.SX.sym("q", 3)
-    at = posture(p, casadi.vertsplit(q))
-    return casadi.Function(
-        "points", [q], [casadi.vertcat(*(casadi.vertcat(*getattr(at, n)) for n in GROUND_POINTS))]
-    )
+def axes(machine: MachineModel) -> list[Axis]:
+    """Return the axes of all bodies that carry something, from their origin to what they carry.
+
+    These are joints of other bodies and the payload; of a body without any, they are all its points. Bodies
+    that turn about a point of the ground touch it, and are left out.
+    """
+    fixed = _fixed(machine)
+    return [
+        axis
+        for name, body in machine.machine.bodies.items()
+        if name not in fixed and (body.joint.parent not in fixed or _slides(body))
+        for axis in _body_axes(machine, name, _carried(machine, name))
+    ]
 
 
-def ground_approach(p: HdrmParameters, ground: float, times: np.ndarray, strokes: np.ndarray) -> Approach:
+def all_lines(machine: MachineModel) -> list[Axis]:
+    """Return lines from the origin of each moving body to all its points, and those of actuators and links."""
+    found, fixed = list[Axis](), _fixed(machine)
+    for name in machine.machine.bodies:
+        if name not in fixed:
+            points = [f"{name}.{point}" for point in machine.machine.points(name)]
+            found += _body_axes(machine, name, [*dict.fromkeys([*points, *_carried(machine, name)])])
+    for name, strut in machine.machine.struts():
+        if not all(place.partition(".")[0] in fixed for place in strut.ends):
+            found.append(Axis(f"'{name}'", *strut.ends))
+    return found
+
+
+def ground_approach(machine: MachineModel, ground: float, times: np.ndarray, at: Points) -> Approach:
     """Return the smallest height above the ground of all points of the machine that move."""
-    at, found = postures(p, strokes), list[Approach]()
-    for name, part in GROUND_POINTS.items():
-        i = int(np.argmin(at[name][:, 1]))
-        x, y = at[name][i].tolist()
-        found.append(Approach(y - ground, part, x, y, float(times[i])))
+    found = list[Approach]()
+    for name, part in moving_points(machine).items():
+        heights = at[name][:, -1]
+        i = int(np.nanargmin(heights))
+        found.append(_approach(float(heights[i]) - ground, part, at[name][i], times[i]))
     return min(found, key=lambda approach: approach.distance)
 
 
-def body_approach(p: HdrmParameters, times: np.ndarray, strokes: np.ndarray) -> Approach:
-    """Return the smallest distance of the boom from the machine's body; 0 if they touch.
+def base_approach(machine: MachineModel, times: np.ndarray, at: Points) -> Approach | None:
+    """Return the smallest distance of all axes from the machine's base; 0 if they touch, None without a base.
 
-    It is measured between the boom and all lines that join two corners of the body.
+    The base is the convex hull of the ground's outline and of the moving pins of the actuators on the ground,
+    in the plane. The distance is that from all lines that join two of its corners.
     """
-    at = postures(p, strokes)
-    corners = _body(p, at)
-    pairs = [(a, b) for i, a in enumerate(corners) for b in corners[i + 1 :]]
-    distances = np.array([_between_segments(at["O_2"], at["tip"], a, b)[0] for a, b in pairs])
-    pair, row = np.unravel_index(int(np.argmin(distances)), distances.shape)
-    a, b = pairs[pair]
-    x, y = _between_segments(at["O_2"], at["tip"], a, b)[1][row].tolist()
-    return Approach(float(distances[pair, row]), BOOM, x, y, float(times[row]))
+    if not len(machine.outline) or machine.dimensions == 3:
+        return None
+    rows, fixed = len(times), _fixed(machine)
+    corners = [np.broadcast_to(corner, (rows, 2)) for corner in machine.outline]
+    for actuator in machine.machine.actuators.values():
+        on_ground = [end.partition(".")[0] in fixed for end in actuator.ends]
+        corners += [
+            at[end]
+            for end, is_fixed in zip(actuator.ends, on_ground, strict=True)
+            if any(on_ground) and not is_fixed
+        ]
+    found = [
+        nearest(segment_distances(at[axis.start], at[axis.end], a, b), axis.part, times)
+        for axis in axes(machine)
+        for a, b in combinations(corners, 2)
+    ]
+    return min(found, key=lambda approach: approach.distance, default=None)
 
 
-def _body(p: HdrmParameters, at: dict[str, np.ndarray]) -> list[np.ndarray]:
-    fixed = [np.broadcast_to(np.array(corner), at["tip"].shape) for corner in base_corners(p)]
-    return [*fixed, at["B_1"]]
+def nearest(seen: tuple[np.ndarray, np.ndarray], part: str, times: np.ndarray) -> Approach:
+    """Return the approach of a part with these distances and nearest points, one row for each time in s."""
+    distances, places = seen
+    i = int(np.nanargmin(distances))
+    return _approach(float(distances[i]), part, places[i], times[i])
 
 
-def _between_segments(
+def segment_distances(
     a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the distances of the segments ab and cd in each row, and the nearest points on ab."""
+    """Return the distances of the segments ab and cd in the plane in each row, and nearest points on ab."""
     found: Sequence[tuple[np.ndarray, np.ndarray]] = [
-        *(_to_segment(point, a, b) for point in (c, d)),
-        *((_to_segment(point, c, d)[0], point) for point in (a, b)),
+        *(point_distances(point, a, b) for point in (c, d)),
+        *((point_distances(point, c, d)[0], point) for point in (a, b)),
     ]
     distances, places = np.array([x for x, _ in found]), np.array([x for _, x in found])
     nearest, rows = np.argmin(distances, axis=0), np.arange(len(a))
@@ -109,12 +146,49 @@ def _between_segments(
     return np.where(crossing, 0.0, distances[nearest, rows]), places[nearest, rows]
 
 
-def _to_segment(point: np.ndarray, a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def point_distances(point: np.ndarray, a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the distances of a point from the segment ab in each row, and the nearest points on ab."""
     along = b - a
     part = np.sum((point - a) * along, axis=1) / np.maximum(np.sum(along * along, axis=1), 1e-300)
     foot = a + np.clip(part, 0.0, 1.0)[:, None] * along
     return np.linalg.norm(point - foot, axis=1), foot
 
 
-def _side(a: np.ndarray, b: np.ndarray, point: np.ndarray) -> Any:
+def _body_axes(machine: MachineModel, name: str, ends: Sequence[str]) -> list[Axis]:
+    joint, part = machine.machine.bodies[name].joint, f"'{name}'"
+    found = [Axis(part, name, end) for end in ends if end != name]
+    if joint.kind == "prismatic":
+        found.append(Axis(part, f"{joint.parent}.{joint.at}" if joint.at else joint.parent, name))
+    return found
+
+
+def _carried(machine: MachineModel, name: str) -> list[str]:
+    """Return the points of a body that carry bodies or the payload; all its points if there are none."""
+    joints = [body.joint for body in machine.machine.bodies.values() if body.joint.parent == name]
+    found = [f"{name}.{joint.at}" for joint in joints if joint.at]
+    payload = machine.machine.payload
+    if payload is not None and payload.at.partition(".")[0] == name:
+        found.append(payload.at)
+    return found or [f"{name}.{point}" for point in machine.machine.points(name)]
+
+
+def _slides(body: Body) -> bool:
+    return body.joint.kind in ("prismatic", "free")
+
+
+def _fixed(machine: MachineModel) -> set[str]:
+    """Return the ground and the bodies that do not move."""
+    fixed = {GROUND}
+    for name, body in machine.machine.bodies.items():
+        if body.joint.kind == "fixed" and body.joint.parent in fixed:
+            fixed.add(name)
+    return fixed
+
+
+def _approach(distance: float, part: str, place: np.ndarray, time: float) -> Approach:
+    x, y, *rest = place.tolist()
+    return Approach(distance, part, x, y, rest[0] if rest else None, float(time))
+
+
+def _side(a: np.ndarray, b: np.ndarray, point: np.ndarray) -> np.ndarray:
     return (b - a)[:, 0] * (point - a)[:, 1] - (b - a)[:, 1] * (point - a)[:, 0]

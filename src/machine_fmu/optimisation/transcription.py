@@ -13,15 +13,12 @@ from itertools import pairwise
 import casadi
 import numpy as np
 
-from hdrm_fmu.dynamics import energy, inverse_dynamics
-from hdrm_fmu.kinematics import tip
-from hdrm_fmu.parameters import Three
-
-from ..trajectory import JOINTS
+from ..model import MachineModel
 from .constraints import Constraints
 from .grid import SplineBasis, lobatto
-from .problem import Load, MotionProblem
-from .surroundings import heights
+from .obstacles import Separation
+from .problem import Load, MotionProblem, Numbers
+from .surroundings import moving_points
 
 
 @dataclass(frozen=True)
@@ -49,31 +46,46 @@ class Discretisation:
 _APART = 1e-9
 """Smallest distance of two places, as a fraction of the duration."""
 
-SLACKS = (
-    *(f"the force bounds of the {joint}" for joint in JOINTS),
-    *(f"the speed bounds of the {joint}" for joint in JOINTS),
-    "the longest time t_M",
-    "the start speeds v_S",
-    "the end speeds v_E",
-    *(f"the acceleration bounds of the {joint}" for joint in JOINTS),
-    *(f"the jerk bounds of the {joint}" for joint in JOINTS),
-    "the clearance from the ground",
-)
-"""Bounds that an elastic programme relaxes: not those of strokes, as triangles may not close beyond them."""
 
-_FORCE, _SPEED, _TIME, _START, _END, _ACCELERATION, _JERK, _GROUND = 0, 3, 6, 7, 8, 9, 12, 15
+LONGEST = "the longest time t_M"
+"""Name of the bound of the duration."""
+
+
+def slack_names(problem: MotionProblem) -> tuple[str, ...]:
+    """Return the bounds that an elastic programme relaxes.
+
+    Those of strokes are not among them, as triangles may not close beyond them.
+    """
+    joints = problem.names
+    return (
+        *(f"the force bounds of the {joint}" for joint in joints),
+        *(f"the speed bounds of the {joint}" for joint in joints),
+        LONGEST,
+        "the start speeds v_S",
+        "the end speeds v_E",
+        *(f"the acceleration bounds of the {joint}" for joint in joints),
+        *(f"the jerk bounds of the {joint}" for joint in joints),
+        "the clearance from the ground",
+        *(f"the clearance from {obstacle.label}" for obstacle in problem.obstacles),
+    )
 
 
 @dataclass(frozen=True)
 class Programme:
-    """A nonlinear programme, its unknowns in this order: coefficients by joint, t_M, q, q', q'', slacks."""
+    """A nonlinear programme.
+
+    Its unknowns are in this order: coefficients by joint, t_M, q, q', q'', coordinates that Newton's method
+    would find, directions that separate lines of the machine from obstacles, slacks.
+    """
 
     problem: MotionProblem
     how: Discretisation
     elastic: bool = False
-    """Whether the groups of SLACKS are relaxed; their slacks are minimised then."""
+    """Whether the groups of `slack_names` are relaxed; their slacks are minimised then."""
     grounded: bool = False
     """Whether the collocation points keep the clearance from the ground."""
+    separations: tuple[Separation, ...] = ()
+    """Lines of the machine that keep clear of obstacles at the collocation points."""
 
     @cached_property
     def basis(self) -> SplineBasis:
@@ -92,23 +104,35 @@ class Programme:
         points, weights = zip(*self.parts, strict=True)
         return np.concatenate(points), np.concatenate(weights)
 
+    @cached_property
+    def slack_names(self) -> tuple[str, ...]:
+        """Names of the slacks."""
+        return slack_names(self.problem) if self.elastic else ()
+
     @property
-    def slacks(self) -> int:
-        """Number of slacks."""
-        return len(SLACKS) if self.elastic else 0
+    def joints(self) -> int:
+        """Number of actuators."""
+        return len(self.problem.names)
+
+    @cached_property
+    def moments(self) -> np.ndarray:
+        """Where the tip is at its aims, on [0, 1]."""
+        return np.array([moment for _, moment, _ in self.problem.aims])
 
     @cached_property
     def symbols(self) -> tuple[casadi.MX, ...]:
-        """Coefficients, t_M, q, q', q'' and slacks."""
-        count = len(self.points[0])
-        lifted = [casadi.MX.sym(name, 3, count) for name in ("q", "v", "a")]
-        c, t_M = casadi.MX.sym("c", self.basis.size, 3), casadi.MX.sym("t_M")
-        return c, t_M, *lifted, casadi.MX.sym("slack", self.slacks)
+        """Coefficients, t_M, q, q', q'', coordinates, directions and slacks."""
+        count, n = len(self.points[0]), self.joints
+        lifted = [casadi.MX.sym(name, n, count) for name in ("q", "v", "a")]
+        c, t_M = casadi.MX.sym("c", self.basis.size, n), casadi.MX.sym("t_M")
+        x = casadi.MX.sym("x", len(self.problem.machine.closure.iterated), count + len(self.moments))
+        directions = casadi.MX.sym("d", len(self.separations) * self.problem.machine.dimensions, count)
+        return c, t_M, *lifted, x, directions, casadi.MX.sym("slack", len(self.slack_names))
 
     def built(self) -> tuple[dict[str, casadi.MX], tuple[np.ndarray, np.ndarray]]:
         """Return the programme for CasADi, and the bounds of its constraints."""
-        _, t_M, q, v, a, slack = self.symbols
-        forces, cost = self._forces(q, v, a)
+        _, t_M, q, v, a, x, _, slack = self.symbols
+        forces, cost, errors = self._forces(q, v, a, x)
         constraints = Constraints()
         self._on_spline(constraints)
         self._strokes(constraints)
@@ -117,26 +141,33 @@ class Programme:
         self._positions(constraints)
         if self.grounded:
             self._heights(constraints)
-        for i, (low, high) in enumerate(zip(self.problem.f_LB, self.problem.f_UB, strict=True)):
-            scale = max(high - low, 1.0)
-            constraints.giving_way(forces[i, :] / scale, low / scale, high / scale, self._slack(_FORCE + i))
+        self._separate(constraints)
+        if x.shape[0]:
+            constraints.equal(errors)
+        bounds = zip(self.problem.names, self.problem.f_LB, self.problem.f_UB, strict=True)
+        for i, (joint, low, high) in enumerate(bounds):
+            scale, slack_of = max(high - low, 1.0), self._slack(f"the force bounds of the {joint}")
+            constraints.giving_way(forces[i, :] / scale, low / scale, high / scale, slack_of)
         total = 0.5 * t_M * casadi.mtimes(cost, casadi.DM(self.points[1])) / self.cost_scale
         if self.elastic:
             total = casadi.sum1(slack) + 1e-4 * total
-            constraints.between(t_M / self.problem.t_M - slack[_TIME], -np.inf, 1.0)
+            longest = t_M / self.problem.t_M - self._slack(LONGEST)
+            constraints.between(longest, -np.inf, 1.0)
         unknowns = casadi.vertcat(*(casadi.vec(x) for x in self.symbols))
         return {"x": unknowns, "f": total, "g": constraints.expression}, constraints.bounds
 
-    def _forces(self, q: casadi.MX, v: casadi.MX, a: casadi.MX) -> tuple[casadi.MX, casadi.MX]:
-        """Return forces in N and the cost's integrand in W2 at all points, each with its payload."""
+    def _forces(
+        self, q: casadi.MX, v: casadi.MX, a: casadi.MX, x: casadi.MX
+    ) -> tuple[casadi.MX, casadi.MX, casadi.MX]:
+        """Return forces in N, the cost's integrand in W2 and closing errors in m, each with its payload."""
         found, first = [], 0
         for load, (points, _) in zip(self.problem.loads, self.parts, strict=True):
             rows = slice(first, first + len(points))
             at_once = stage(self.problem, self.how.tie_break, load.payload).map(len(points))
-            found.append(at_once(q[:, rows], v[:, rows], a[:, rows]))
+            found.append(at_once(q[:, rows], v[:, rows], a[:, rows], x[:, rows]))
             first = rows.stop
-        forces, costs = zip(*found, strict=True)
-        return casadi.horzcat(*forces), casadi.horzcat(*costs)
+        forces, costs, errors = zip(*found, strict=True)
+        return casadi.horzcat(*forces), casadi.horzcat(*costs), casadi.horzcat(*errors)
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the bounds of the unknowns. Coefficients are within strokes unless subdivided ones are."""
@@ -144,13 +175,14 @@ class Programme:
         q_LB, q_UB = problem.machine.q_LB, problem.machine.q_UB
         lasts = (q_LB, q_UB) if problem.tip_E is not None else (problem.q_E, problem.q_E)
         free = self.how.subdivisions > 1
-        low = self._in_columns(problem.q_S, [-np.inf] * 3 if free else q_LB, lasts[0])
-        high = self._in_columns(problem.q_S, [np.inf] * 3 if free else q_UB, lasts[1])
-        anywhere = np.full(9 * len(self.points[0]), np.inf)
+        low = self._in_columns(problem.q_S, [-np.inf] * self.joints if free else q_LB, lasts[0])
+        high = self._in_columns(problem.q_S, [np.inf] * self.joints if free else q_UB, lasts[1])
+        anywhere = np.full(sum(x.numel() for x in self.symbols[2:7]), np.inf)
         longest = np.inf if self.elastic else problem.t_M
+        slacks = len(self.slack_names)
         return (
-            np.concatenate([low, [1e-3 * problem.t_M], -anywhere, np.zeros(self.slacks)]),
-            np.concatenate([high, [longest], anywhere, np.full(self.slacks, np.inf)]),
+            np.concatenate([low, [1e-3 * problem.t_M], -anywhere, np.zeros(slacks)]),
+            np.concatenate([high, [longest], anywhere, np.full(slacks, np.inf)]),
         )
 
     def _in_columns(
@@ -164,13 +196,27 @@ class Programme:
         """Return initial unknowns: a curve with these coefficients, one column per joint, of duration t_M."""
         duration, places = self.problem.t_M, self.points[0]
         curve = [self.basis.at(places, d) @ coefficients / duration**d for d in range(3)]
-        slacks = np.ones(self.slacks)
-        return np.concatenate([coefficients.T.ravel(), [duration], *(x.ravel() for x in curve), slacks])
+        aims = self.basis.at(self.moments) @ coefficients if len(self.moments) else curve[0][:0]
+        poses = _filled(self.problem.machine, np.concatenate([curve[0], aims]))
+        directions = self._directions(curve[0])
+        values = (coefficients.T, [duration], *curve, poses, directions, np.ones(len(self.slack_names)))
+        return np.concatenate([np.ravel(x) for x in values])
+
+    def _directions(self, strokes: np.ndarray) -> np.ndarray:
+        """Return directions from obstacles to lines of the machine, one row for each row of strokes."""
+        if not self.separations:
+            return np.zeros((len(strokes), 0))
+        at = self.problem.machine.points(strokes)
+        found = []
+        for separation in self.separations:
+            obstacle, line = self.problem.obstacles[separation.obstacle], separation.line
+            found.append(obstacle.separating(at[line.start], at[line.end]))
+        return np.concatenate(found, axis=1)
 
     def found(self, unknowns: np.ndarray) -> tuple[np.ndarray, float]:
         """Return coefficients, one column per joint, and duration in s of a solution."""
-        count = 3 * self.basis.size
-        return unknowns[:count].reshape(3, -1).T, float(unknowns[count])
+        count = self.joints * self.basis.size
+        return unknowns[:count].reshape(self.joints, -1).T, float(unknowns[count])
 
     @cached_property
     def cost_scale(self) -> float:
@@ -181,7 +227,7 @@ class Programme:
 
     def _on_spline(self, constraints: Constraints) -> None:
         """Require that lifted unknowns equal the spline's values, in the scale of positions."""
-        c, t_M, *lifted, _ = self.symbols
+        c, t_M, *lifted = self.symbols[:5]
         relative = t_M / self.problem.t_M
         for order, x in enumerate(lifted):
             rows = casadi.DM(casadi.sparsify(casadi.DM(self.basis.at(self.points[0], order)), 1e-14))
@@ -189,13 +235,22 @@ class Programme:
             constraints.equal(x.T * relative**order - casadi.mtimes(rows, c) / scale)
 
     def _positions(self, constraints: Constraints) -> None:
-        """Require positions of the tip at way-points and at the end, and rest where the payload changes."""
-        problem, q = self.problem, casadi.SX.sym("q", 3)
-        place = casadi.Function("tip", [q], [casadi.vertcat(*tip(problem.machine, casadi.vertsplit(q)))])
-        aims = [(moment, via.tip) for moment, via in zip(problem.moments, problem.via, strict=True)]
-        for moment, position in aims if problem.tip_E is None else [*aims, (1.0, problem.tip_E)]:
+        """Require positions of the tip at way-points and at the end, and rest where the payload changes.
+
+        A machine with fewer actuators than coordinates gets the strokes that reach the position.
+        """
+        problem, count = self.problem, len(self.points[0])
+        tip, x = tip_function(problem.machine) if problem.aims else None, self.symbols[5]
+        for i, (_, moment, position) in enumerate(problem.aims):
             row = casadi.DM(casadi.sparsify(casadi.DM(self.basis.at(np.array([moment]))), 1e-14))
-            constraints.equal(place(casadi.mtimes(row, self.symbols[0]).T) - casadi.DM(position))
+            q = casadi.mtimes(row, self.symbols[0]).T
+            place, errors = tip(q, x[:, count + i])
+            if self.joints < len(position):
+                constraints.equal(q - casadi.DM(problem.guesses[i]))
+            else:
+                constraints.equal(place - casadi.DM(position))
+            if x.shape[0]:
+                constraints.equal(errors)
         for load in problem.loads[1:]:
             row = casadi.DM(casadi.sparsify(casadi.DM(self.basis.at(np.array([load.first]), 1)), 1e-14))
             constraints.equal(casadi.mtimes(row, self.symbols[0]) / problem.t_M)
@@ -204,7 +259,7 @@ class Programme:
         """Require bounds of the strokes' subdivided control points."""
         if self.how.subdivisions > 1:
             fine = casadi.mtimes(casadi.DM(self.basis.subdivided(self.how.subdivisions)), self.symbols[0])
-            for i in range(3):
+            for i in range(self.joints):
                 low, high = self.problem.machine.q_LB[i], self.problem.machine.q_UB[i]
                 constraints.between((fine[1:-1, i] - low) / (high - low), 0.0, 1.0)
 
@@ -214,16 +269,19 @@ class Programme:
         A speed at an end may be beyond its bound only there, and up to the next control point.
         """
         c, t_M, *_ = self.symbols
-        steps = (c[1:, :] - c[:-1, :]) / casadi.repmat(casadi.DM(self.basis.speed_spans), 1, 3)
+        steps = (c[1:, :] - c[:-1, :]) / casadi.repmat(casadi.DM(self.basis.speed_spans), 1, self.joints)
         speeds = steps / self.problem.t_M  # speeds of a motion with the longest duration
         relative = t_M / self.problem.t_M
-        for i in range(3):
+        for i, joint in enumerate(self.problem.names):
             low, high = self.problem.v_LB[i], self.problem.v_UB[i]
             scale = max(high - low, 1e-3)
-            for row, ends, group in ((0, self.problem.v_S, _START), (-1, self.problem.v_E, _END)):
+            for row, ends, name in (
+                (0, self.problem.v_S, "the start speeds v_S"),
+                (-1, self.problem.v_E, "the end speeds v_E"),
+            ):
                 off = (speeds[row, i] - ends[i] * relative) / scale
-                constraints.giving_way(off, 0.0, 0.0, self._slack(group))
-            slack = self._slack(_SPEED + i)
+                constraints.giving_way(off, 0.0, 0.0, self._slack(name))
+            slack = self._slack(f"the speed bounds of the {joint}")
             inner = speeds[1:-1, i]
             if self.how.subdivisions > 1 and i not in self.problem.beyond_bounds():
                 fine = self.basis.derivative.subdivided(self.how.subdivisions)
@@ -237,48 +295,67 @@ class Programme:
         c, t_M, *_ = self.symbols
         relative = t_M / self.problem.t_M
         basis, values = self.basis, c
-        for order, (low, high), group in (
-            (1, (None, None), 0),
-            (2, (self.problem.a_LB, self.problem.a_UB), _ACCELERATION),
-            (3, (self.problem.j_LB, self.problem.j_UB), _JERK),
+        for order, (low, high), quantity in (
+            (1, (None, None), ""),
+            (2, (self.problem.a_LB, self.problem.a_UB), "acceleration"),
+            (3, (self.problem.j_LB, self.problem.j_UB), "jerk"),
         ):
-            spans = casadi.repmat(casadi.DM(basis.speed_spans * self.problem.t_M), 1, 3)
+            spans = casadi.repmat(casadi.DM(basis.speed_spans * self.problem.t_M), 1, self.joints)
             values, basis = (values[1:, :] - values[:-1, :]) / spans, basis.derivative
             if low is None and high is None:
                 continue
             fine = casadi.DM(casadi.sparsify(casadi.DM(basis.subdivided(self.how.subdivisions))))
             points = casadi.mtimes(fine, values)
-            for i in range(3):
-                self._bounded(constraints, points[:, i], relative**order, (low, high), i, group)
-
-    def _bounded(
-        self,
-        constraints: Constraints,
-        points: casadi.MX,
-        relative: casadi.MX,
-        bounds: tuple[Three | None, Three | None],
-        i: int,
-        group: int,
-    ) -> None:
-        """Require the bounds that exist of control points of joint i, which are in the scale of t_M."""
-        low, high = (None if bound is None else bound[i] for bound in bounds)
-        scale = bound_width(low, high)
-        slack = self._slack(group + i)
-        extra = 0.0 if slack is None else slack
-        if high is not None:
-            constraints.between((points - high * relative) / scale - extra, -np.inf, 0.0)
-        if low is not None:
-            constraints.between((points - low * relative) / scale + extra, 0.0, np.inf)
+            for i, joint in enumerate(self.problem.names):
+                slack = self._slack(f"the {quantity} bounds of the {joint}")
+                bounds = (None if bound is None else bound[i] for bound in (low, high))
+                _bounded(constraints, points[:, i], relative**order, *bounds, slack)
 
     def _heights(self, constraints: Constraints) -> None:
         """Require the clearance from the ground at the collocation points."""
-        problem, slack = self.problem, self._slack(_GROUND)
-        above = heights(problem.machine).map(len(self.points[0]))(self.symbols[2]) - problem.ground_height
+        problem, slack, count = (
+            self.problem,
+            self._slack("the clearance from the ground"),
+            len(self.points[0]),
+        )
+        points, n = list(moving_points(problem.machine)), problem.machine.dimensions
+        at = point_function(problem.machine, points).map(count)(self.symbols[2], self.symbols[5][:, :count])
+        above = at[n - 1 :: n, :] - problem.ground_height
         extra = 0.0 if slack is None else slack
         constraints.between(casadi.vec(above) + extra, problem.ground_clearance, np.inf)
 
-    def _slack(self, group: int) -> casadi.MX | None:
-        return self.symbols[-1][group] if self.elastic else None
+    def _separate(self, constraints: Constraints) -> None:
+        """Require the clearances from obstacles at the collocation points."""
+        machine, count, n = self.problem.machine, len(self.points[0]), self.problem.machine.dimensions
+        for i, separation in enumerate(self.separations):
+            obstacle, line = self.problem.obstacles[separation.obstacle], separation.line
+            ends = point_function(machine, [line.start, line.end]).map(count)
+            at = ends(self.symbols[2], self.symbols[5][:, :count])
+            directions = self.symbols[6][n * i : n * (i + 1), :]
+            apart, size = separation.function(obstacle).map(count)(at[:n, :], at[n:, :], directions)
+            slack = self._slack(f"the clearance from {obstacle.label}")
+            constraints.between(casadi.vec(apart) + (slack or 0.0), obstacle.clearance, np.inf)
+            constraints.between(size, 1.0, 1.0)
+
+    def _slack(self, name: str) -> casadi.MX | None:
+        return self.symbols[-1][self.slack_names.index(name)] if self.elastic else None
+
+
+def _bounded(
+    constraints: Constraints,
+    points: casadi.MX,
+    relative: casadi.MX,
+    low: float | None,
+    high: float | None,
+    slack: casadi.MX | None,
+) -> None:
+    """Require the bounds that exist of control points of a joint, which are in the scale of t_M."""
+    scale = bound_width(low, high)
+    extra = 0.0 if slack is None else slack
+    if high is not None:
+        constraints.between((points - high * relative) / scale - extra, -np.inf, 0.0)
+    if low is not None:
+        constraints.between((points - low * relative) / scale + extra, 0.0, np.inf)
 
 
 def bound_width(low: float | None, high: float | None) -> float:
@@ -293,31 +370,62 @@ def _between(places: np.ndarray, load: Load) -> np.ndarray:
     return np.concatenate([[load.first], inside, [load.last]])
 
 
+def _filled(machine: MachineModel, strokes: np.ndarray) -> np.ndarray:
+    """Return the coordinates that Newton's method finds; where it finds none, those of the row before."""
+    poses = machine.poses(strokes)
+    last = np.array([machine.closure.assembly[i] for i in machine.closure.iterated])
+    for row in poses:
+        if not np.isfinite(row).all():
+            row[:] = last
+        last = row
+    return poses
+
+
 def stage(problem: MotionProblem, tie_break: float, payload: float) -> casadi.Function:
-    """Return a function from q, q', q'' at one point to the forces in N and the cost's integrand in W2."""
-    q, v, a = (casadi.SX.sym(name, 3) for name in "qva")
-    parts = casadi.vertsplit(q), casadi.vertsplit(v), casadi.vertsplit(a)
-    force = casadi.vertcat(*inverse_dynamics(problem.machine, *parts, payload))
+    """Return a function of a point to the forces in N, the cost's integrand in W2, and closing errors in m.
+
+    Its arguments are q, q', q'', and the coordinates that Newton's method would find.
+    """
+    machine = problem.machine
+    q, v, a = (casadi.SX.sym(name, len(problem.names)) for name in "qva")
+    x = casadi.SX.sym("x", len(machine.closure.iterated))
+    dynamics = machine.at(q, x, payload)
+    force = machine.inverse(dynamics, v, a)
     power = casadi.dot(v, force) ** 2 + tie_break * casadi.sumsqr(v * force)
-    return casadi.Function("stage", [q, v, a], [force, power])
+    return casadi.Function("stage", [q, v, a, x], [force, power, machine.errors(dynamics)])
 
 
-def least_cost(problem: MotionProblem, duration: float, strokes: Sequence[Sequence[float]] = ()) -> float:
+def point_function(machine: MachineModel, names: Sequence[str]) -> casadi.Function:
+    """Return a function of strokes, and of coordinates as in `stage`, to points in m one after the other."""
+    q, x = casadi.SX.sym("q", len(machine.names)), casadi.SX.sym("x", len(machine.closure.iterated))
+    return casadi.Function("points", [q, x], [machine.place(machine.at(q, x), names)])
+
+
+def tip_function(machine: MachineModel) -> casadi.Function:
+    """Return a function of strokes and coordinates to the tip in m and closing errors in m."""
+    assert machine.machine.payload is not None
+    q, x = casadi.SX.sym("q", len(machine.names)), casadi.SX.sym("x", len(machine.closure.iterated))
+    dynamics = machine.at(q, x)
+    tip = machine.place(dynamics, [machine.machine.payload.at])
+    return casadi.Function("tip", [q, x], [tip, machine.errors(dynamics)])
+
+
+def least_cost(problem: MotionProblem, duration: float, strokes: Sequence[Numbers] = ()) -> float:
     """Return the lower bound of the cost of motions of this duration in s, in W2 s: dE^2 / (2 t_M).
 
     All power goes into energy, and constant power has the least square. `strokes` are those at the way-points
     and at the end; by default, the guesses. A payload that changes brings or takes its own energy.
     """
-    strokes, machine, loads, rest = (
-        strokes or problem.guesses,
-        problem.machine,
-        problem.loads,
-        (0.0, 0.0, 0.0),
+    strokes, loads, rest = strokes or problem.guesses, problem.loads, (0.0,) * len(problem.names)
+
+    def energy(q: Numbers, v: Numbers, payload: float) -> float:
+        return float(problem.machine.energy(np.array([q]), np.array([v]), payload)[0])
+
+    gained = energy(strokes[-1], problem.v_E, loads[-1].payload) - energy(
+        problem.q_S, problem.v_S, problem.payload
     )
-    start = energy(machine, problem.q_S, problem.v_S, problem.payload)
-    gained = energy(machine, strokes[-1], problem.v_E, loads[-1].payload) - start
     here = dict(zip(problem.moments, strokes, strict=False))
     for before, load in pairwise(loads):
         q = here[load.first]
-        gained -= energy(machine, q, rest, load.payload) - energy(machine, q, rest, before.payload)
+        gained -= energy(q, rest, load.payload) - energy(q, rest, before.payload)
     return gained**2 / (2.0 * duration)

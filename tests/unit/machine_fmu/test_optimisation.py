@@ -8,8 +8,11 @@ import numpy as np
 import pytest
 from scipy.interpolate import BSpline
 
+from emla_cosim.analyses.trajectory.problem import paper_problem
 from hdrm_fmu.dynamics import inverse_dynamics
+from hdrm_fmu.parameters import HDRM
 from machine_fmu.optimisation.assessment import Assessment, assessed
+from machine_fmu.optimisation.contradictions import find_contradictions
 from machine_fmu.optimisation.grid import SplineBasis, lobatto
 from machine_fmu.optimisation.narrowing import narrowed
 from machine_fmu.optimisation.problem import EndSpeed, MotionProblem
@@ -18,7 +21,7 @@ from machine_fmu.optimisation.transcription import Discretisation
 from machine_fmu.spline import Spline, default_spline
 from tests.support.tiers import mostly_slow
 
-PRINTED = MotionProblem()
+PRINTED = paper_problem()
 CLIPPED = PRINTED.read_as(EndSpeed.CLIP)
 USUAL = Discretisation()
 COARSE = Discretisation(knots=12, points=6)
@@ -44,7 +47,7 @@ def in_floats(spline: Spline, problem: MotionProblem, count: int = 4001) -> tupl
     times = np.linspace(spline.start, spline.end, count)
     q, v, a = (spline.evaluated(times, order) for order in range(3))
     rows = zip(q.tolist(), v.tolist(), a.tolist(), strict=True)
-    force = np.array([inverse_dynamics(problem.machine, *row, problem.payload) for row in rows])
+    force = np.array([inverse_dynamics(HDRM, *row, problem.payload) for row in rows])
     return times, q, v, force
 
 
@@ -184,8 +187,8 @@ def test_the_least_time_with_bounded_acceleration_is_that_of_the_closed_form() -
         a_LB=(-1.0, -1.0, -b),
         a_UB=(1.0, 1.0, a),
     )
-    assert replace(rest, t_M=1.001 * least).contradictions() == []
-    (message,) = replace(rest, t_M=0.999 * least).contradictions()
+    assert find_contradictions(replace(rest, t_M=1.001 * least)) == []
+    (message,) = find_contradictions(replace(rest, t_M=0.999 * least))
     assert message.startswith("the telescope's way of 0.2 m is not possible in t_M = ")
     assert "a_LB[3] = -0.05 and a_UB[3] = 0.02 m/s2" in message
 
@@ -202,12 +205,12 @@ READINGS = [
 
 
 def test_the_table_contradicts_itself_in_one_place() -> None:
-    (sentence,) = PRINTED.contradictions()
+    (sentence,) = find_contradictions(PRINTED)
     assert sentence.startswith(
         "v_E[3] = -0.5477 m/s of the telescope is beyond its own bounds, -0.21 to 0.21"
     )
     assert "2.6 times" in sentence
-    assert CLIPPED.contradictions() == []
+    assert find_contradictions(CLIPPED) == []
     for reading, v_E in READINGS:
         assert PRINTED.read_as(reading).v_E == pytest.approx(v_E)
 
@@ -241,7 +244,7 @@ def test_every_reading_ends_as_it_says(reading: EndSpeed, v_E: tuple[float, ...]
     ],
 )
 def test_contradictory_problems(changes: dict[str, Any], words: str) -> None:
-    assert any(words in sentence for sentence in replace(CLIPPED, **changes).contradictions())
+    assert any(words in sentence for sentence in find_contradictions(replace(CLIPPED, **changes)))
 
 
 # ---- bounds that cannot be kept ----------------------------------------------------------------

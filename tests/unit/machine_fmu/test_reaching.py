@@ -5,12 +5,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
+from emla_cosim.analyses.trajectory.problem import paper_problem
 from hdrm_fmu.parameters import HDRM
 from machine_fmu.optimisation.assessment import assessed
-from machine_fmu.optimisation.problem import MotionProblem, Via
+from machine_fmu.optimisation.contradictions import find_contradictions
+from machine_fmu.optimisation.problem import Via
 from machine_fmu.optimisation.reaching import nearest_position, nearest_posture
 from machine_fmu.optimisation.solving import solved
 from machine_fmu.optimisation.transcription import Discretisation
@@ -19,6 +21,7 @@ from tests.support.manipulator_geometry import points
 
 COARSE = Discretisation(knots=12, points=6)
 REST = (0.0, 0.0, 0.0)
+MACHINE = paper_problem().machine
 
 
 def tip(q: Any) -> complex:
@@ -30,7 +33,7 @@ def anywhere() -> Any:
 
 
 def everything(strokes: np.ndarray) -> np.ndarray:
-    return np.full(len(strokes), True)
+    return np.zeros((len(strokes), 1))
 
 
 def way(q: Any, start: Any) -> float:
@@ -38,24 +41,24 @@ def way(q: Any, start: Any) -> float:
 
 
 @given(start=anywhere(), q=anywhere())
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=20, phases=[Phase.explicit, Phase.generate])
 def test_the_posture_of_a_position_is_the_nearest_to_the_start(start: Any, q: Any) -> None:
     at = tip(q)
-    found = nearest_posture(HDRM, (at.real, at.imag), start, everything)
+    found = nearest_posture(MACHINE, (at.real, at.imag), start, everything)
     if found is None:  # only at the border, where one rounded stroke of the telescope reaches it
         assert min(*q, *np.subtract(HDRM.q_UB, q)) < 2e-3
         return
     assert all(0.0 <= x <= high for x, high in zip(found, HDRM.q_UB, strict=True))
-    assert abs(tip(found) - at) < 1e-12
+    assert abs(tip(found) - at) < 2e-9
     assert way(found, start) <= way(q, start) + 1e-3
 
 
 def test_only_allowed_postures_are_chosen() -> None:
-    free = nearest_posture(HDRM, (3.2, 0.5), (0.244, 0.389, 0.499), everything)
-    long = nearest_posture(HDRM, (3.2, 0.5), (0.244, 0.389, 0.499), lambda q: q[:, 2] > 0.6)
+    free = nearest_posture(MACHINE, (3.2, 0.5), (0.244, 0.389, 0.499), everything)
+    long = nearest_posture(MACHINE, (3.2, 0.5), (0.244, 0.389, 0.499), lambda q: q[:, 2:] - 0.6)
     assert free is not None and free[2] < 0.6
     assert long is not None and long[2] == pytest.approx(0.6, abs=1e-3)
-    assert abs(tip(long) - (3.2 + 0.5j)) < 1e-12
+    assert abs(tip(long) - (3.2 + 0.5j)) < 1e-9
 
 
 @pytest.mark.parametrize("position", [(5.0, 1.0), (0.3, 0.3), (-2.0, 0.0), (1.0, 4.5)])
@@ -63,21 +66,21 @@ def test_the_nearest_position_in_reach_is_nearer_than_any_random_one(position: t
     draw = np.random.default_rng(4)
     aim = complex(*position)
     nearest = min(abs(tip(q) - aim) for q in draw.uniform(size=(4000, 3)) * HDRM.q_UB)
-    x, y = nearest_position(HDRM, position)
+    x, y = nearest_position(MACHINE, position)
     assert abs(complex(x, y) - aim) <= nearest
     assert abs(complex(x, y) - aim) == pytest.approx(nearest, abs=0.2)
     assert (
-        nearest_posture(HDRM, (x, y), REST, everything) is not None
+        nearest_posture(MACHINE, (x, y), REST, everything) is not None
         or min(abs(aim - complex(x, y)), 1.0) > 0.0
     )
-    (message,) = MotionProblem(tip_E=position, ground_clearance=None).contradictions()[1:]
+    (message,) = find_contradictions(paper_problem(tip_E=position, ground_clearance="off"))[1:]
     assert f"out of the tip's reach by {abs(complex(x, y) - aim):.3g} m" in message
 
 
 def test_a_motion_passes_its_way_points() -> None:
     vias = (Via((2.6, -0.4), at=0.3), Via((3.0, 0.2)))
-    problem = MotionProblem(tip_E=(3.2, 0.5), via=vias, v_S=REST, v_E=REST)
-    assert problem.contradictions() == []
+    problem = paper_problem(tip_E=(3.2, 0.5), via=vias, v_S=REST, v_E=REST)
+    assert find_contradictions(problem) == []
     assert problem.moments == [0.3, pytest.approx(2.0 / 3.0)]
     found = solved(problem, COARSE)
     spline, figures = found.spline(COARSE), assessed(found.spline(COARSE), problem, COARSE.tie_break)
@@ -89,7 +92,7 @@ def test_a_motion_passes_its_way_points() -> None:
 
 
 def test_the_optimiser_uses_the_free_stroke() -> None:
-    free = MotionProblem(tip_E=(3.2, 0.5), v_S=REST, v_E=REST)
+    free = paper_problem(tip_E=(3.2, 0.5), v_S=REST, v_E=REST)
     (guess,) = free.guesses
     assert guess is not None
     fixed = replace(free, tip_E=None, q_E=guess)
@@ -111,12 +114,12 @@ def test_the_optimiser_uses_the_free_stroke() -> None:
     ],
 )
 def test_impossible_positions_of_the_tip_are_refused(changes: dict[str, Any], words: str) -> None:
-    messages = MotionProblem(v_E=REST, **changes).contradictions()
+    messages = find_contradictions(paper_problem(v_E=REST, **changes))
     assert len(messages) == 1 and words in messages[0]
 
 
 def test_positions_have_two_numbers_and_moments_are_between_the_ends() -> None:
-    with pytest.raises(TrajectoryError, match=r"tip_E is \(1.0,\); it must be two finite numbers"):
-        MotionProblem(tip_E=(1.0,))  # pyright: ignore[reportArgumentType]
+    with pytest.raises(TrajectoryError, match=r"tip_E is \(1.0,\); it must be two finite numbers: x, y"):
+        replace(paper_problem(), tip_E=(1.0,))
     with pytest.raises(TrajectoryError, match=r"at of a way-point is 1\.0; it must be"):
         Via((1.0, 1.0), 1.0)

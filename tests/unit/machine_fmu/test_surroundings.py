@@ -9,13 +9,15 @@ import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
+from emla_cosim.analyses.trajectory.problem import paper_problem
 from hdrm_fmu.base import base_corners
 from hdrm_fmu.parameters import HDRM
 from machine_fmu.optimisation.assessment import BODY, GROUND, assessed, measure_clearances
+from machine_fmu.optimisation.contradictions import find_contradictions
 from machine_fmu.optimisation.narrowing import narrowed
 from machine_fmu.optimisation.problem import MotionProblem
 from machine_fmu.optimisation.solving import NoMotionError, solved
-from machine_fmu.optimisation.surroundings import body_approach, ground_approach
+from machine_fmu.optimisation.surroundings import base_approach, ground_approach
 from machine_fmu.optimisation.transcription import Discretisation
 from machine_fmu.spline import Spline
 from tests.support.manipulator_geometry import points
@@ -23,7 +25,8 @@ from tests.support.tiers import examples
 
 COARSE = Discretisation(knots=12, points=6)
 REST = (0.0, 0.0, 0.0)
-LOW_AND_SINKING = MotionProblem(
+FOLDING = {"tilt.delta": math.radians(-230.0)}
+LOW_AND_SINKING = paper_problem(
     q_S=(0.302, 0.001, 0.101),
     q_E=(0.12, 0.593, 0.658),
     v_S=(-0.06, 0.0, 0.0),
@@ -36,7 +39,7 @@ LOW_AND_SINKING = MotionProblem(
 
 def height(problem: MotionProblem, q: Any) -> float:
     """The lowest moving point above the ground, m."""
-    moving = {name: at for name, at in points(problem.machine, q).items() if name != "A_1"}
+    moving = {name: at for name, at in points(HDRM, q).items() if name != "A_1"}
     ground = HDRM.lift_a * math.sin(HDRM.lift_delta) - 0.3 if problem.ground is None else problem.ground
     return min(at.imag for at in moving.values()) - ground
 
@@ -66,8 +69,8 @@ def test_the_ground_bends_a_motion_that_would_come_too_close() -> None:
 
 def test_obstacles_far_away_change_no_motion() -> None:
     with_obstacles, without = (
-        MotionProblem(v_E=REST),
-        MotionProblem(v_E=REST, ground_clearance=None, body_clearance=None),
+        paper_problem(v_E=REST),
+        paper_problem(v_E=REST, ground_clearance="off", body_clearance="off"),
     )
     assert (
         solved(with_obstacles, COARSE).coefficients.tolist() == solved(without, COARSE).coefficients.tolist()
@@ -90,11 +93,11 @@ def test_no_motion_between_random_postures_touches_the_ground(seed: int) -> None
     draw = np.random.default_rng(seed)
     start, end = (tuple((draw.uniform(0.02, 0.98, 3) * HDRM.q_UB).tolist()) for _ in range(2))
     sinking, spare = draw.uniform(-0.03, 0.0), draw.uniform(0.0, 0.1)
-    problem = MotionProblem(q_S=start, q_E=end, v_S=(sinking, 0.0, 0.0), v_E=REST, ground=0.0)
+    problem = paper_problem(q_S=start, q_E=end, v_S=(sinking, 0.0, 0.0), v_E=REST, ground=0.0)
     lower = min(height(problem, q) for q in (start, end))
     problem = replace(problem, ground=lower - 0.2 - spare)
-    assert not [message for message in problem.contradictions() if "the ground" in message]
-    if problem.contradictions():
+    assert not [message for message in find_contradictions(problem) if "the ground" in message]
+    if find_contradictions(problem):
         return
     try:
         seen, is_kept = strokes(problem, COARSE)
@@ -107,48 +110,48 @@ def test_no_motion_between_random_postures_touches_the_ground(seed: int) -> None
 @given(q=anywhere())
 @settings(deadline=None, max_examples=20)
 def test_a_posture_below_the_ground_is_refused_with_the_distance(q: Any) -> None:
-    at = height(MotionProblem(), q)
-    messages = [m for m in MotionProblem(q_E=q).contradictions() if "the ground" in m]
+    at = height(paper_problem(), q)
+    messages = [m for m in find_contradictions(paper_problem(q_E=q)) if "the ground" in m]
     assert len(messages) == (at < 0.2)
     if at < 0.2:
         side = "above" if at >= 0.0 else "below"
         assert messages[0].startswith("q_E puts the ") and f"{abs(at):.3g} m {side} the ground" in messages[0]
-    off = MotionProblem(q_E=q, ground_clearance=None)
-    assert not [m for m in off.contradictions() if "the ground" in m]
+    off = paper_problem(q_E=q, ground_clearance="off")
+    assert not [m for m in find_contradictions(off) if "the ground" in m]
 
 
 @given(q=anywhere())
 @settings(deadline=None, max_examples=8)
 def test_distances_are_those_of_the_geometry(q: Any) -> None:
     at, row = points(HDRM, q), np.array([q])
-    ground = ground_approach(HDRM, -1.0, np.zeros(1), row)
-    assert ground.distance == pytest.approx(height(MotionProblem(ground=-1.0), q), abs=1e-9)
+    machine = paper_problem().machine
+    ground = ground_approach(machine, -1.0, np.zeros(1), machine.points(row))
+    assert ground.distance == pytest.approx(height(paper_problem(ground=-1.0), q), abs=1e-9)
     corners = [complex(*corner) for corner in base_corners(HDRM)] + [at["B_1"]]
     parts = np.linspace(0.0, 1.0, 101)
     boom = at["O_2"] + parts * (at["tip"] - at["O_2"])
     body = np.concatenate([a + parts * (b - a) for a in corners for b in corners])
     nearest = np.abs(boom[:, None] - body[None, :]).min()
-    found = body_approach(HDRM, np.zeros(1), row)
+    found = base_approach(machine, np.zeros(1), machine.points(row))
+    assert found is not None
     assert found.distance == pytest.approx(nearest, abs=0.02) and found.distance <= nearest + 1e-9
     assert found.distance > 0.378  # so no stroke of this machine brings the boom to its body
 
 
 def test_a_boom_at_the_body_is_refused() -> None:
     """The tilt of this machine can fold the boom back to the base."""
-    machine = replace(HDRM, tilt_delta=math.radians(-230.0))
-    problem = MotionProblem(machine=machine, q_E=(0.4, 0.02, 0.2), ground_clearance=None)
-    distance = body_approach(machine, np.zeros(1), np.array([problem.q_E])).distance
-    assert distance < 0.2
-    message = f"q_E puts the boom {distance:.3g} m from the base or the lift actuator"
-    assert any(message in found for found in problem.contradictions())
+    problem = paper_problem(machine=FOLDING, q_E=(0.4, 0.02, 0.2), ground_clearance="off")
+    near = base_approach(problem.machine, np.zeros(1), problem.machine.points(np.array([problem.q_E])))
+    assert near is not None and near.distance < 0.2
+    message = f"q_E puts 'inner_boom' {near.distance:.3g} m from the base or an actuator on it"
+    assert any(message in found for found in find_contradictions(problem))
     off = replace(problem, body_clearance=None)
-    assert not any("the base" in found for found in off.contradictions())
+    assert not any("the base" in found for found in find_contradictions(off))
 
 
 def test_a_motion_along_the_body_is_reported() -> None:
     """From above the base to below it, as no solver would do it: the boom passes the base on its way."""
-    machine = replace(HDRM, tilt_delta=math.radians(-230.0))
     line = Spline(1, [0.0, 0.0, 1.0, 1.0], {"lift": [0.5, 0.5], "tilt": [0.6, 0.02], "telescope": [0.2, 0.2]})
-    problem = MotionProblem(machine=machine, ground_clearance=None)
+    problem = paper_problem(machine=FOLDING, ground_clearance="off")
     (found,) = measure_clearances(line, problem)
-    assert found.obstacle == BODY and not found.is_kept and found.smallest.part == "the boom"
+    assert found.obstacle == BODY and not found.is_kept and found.smallest.part == "'inner_boom'"

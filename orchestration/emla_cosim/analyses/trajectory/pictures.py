@@ -1,16 +1,14 @@
 """Pictures of a motion: those of the paper, jerks, and the path of the tip with ground and machine."""
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from hdrm_fmu.base import base_corners
-from hdrm_fmu.kinematics import outline, tip
-from hdrm_fmu.parameters import HdrmParameters
 from machine_fmu.optimisation.assessment import Course
+from machine_fmu.optimisation.obstacles import Obstacle
 from machine_fmu.optimisation.problem import MotionProblem
-from machine_fmu.trajectory import JOINTS
+from machine_fmu.optimisation.surroundings import all_lines
 
 from ...base.arrays import Vector
 from ...views.plots.style import BLUE, GREY, ORANGE, RED, new_figure, tidy_axes
@@ -25,9 +23,7 @@ PICTURES = ("forces-and-speeds", "positions-and-accelerations", "path")
 
 _POINTS = 1501
 
-_GROUND, _BODY = "#d9cbb3", "#c9ced6"
-_BOOMS = ("lift_boom", "outer_boom", "inner_boom")
-_TRIANGLES = ("lift_triangle", "tilt_triangle")
+_GROUND, _BODY, _OBSTACLE = "#d9cbb3", "#c9ced6", "#e3b5a4"
 _MARGIN = 0.4
 """Space around everything that is drawn, m."""
 
@@ -46,7 +42,7 @@ def draw_pictures(result: TrajectoryResult) -> "dict[str, Figure]":
     seen, problem = result.course(times), result.problem
     rows = (_forces_and_speeds(seen, problem), _positions_and_accelerations(seen, problem))
     *by_joint, path = PICTURES
-    figures = {name: _picture(times, some) for name, some in zip(by_joint, rows, strict=True)}
+    figures = {name: _picture(problem.names, times, some) for name, some in zip(by_joint, rows, strict=True)}
     return {**figures, path: _draw_path(result, times)}
 
 
@@ -72,10 +68,10 @@ def _positions_and_accelerations(seen: Course, problem: MotionProblem) -> tuple[
     )
 
 
-def _picture(times: Vector, rows: Sequence[_PanelRow]) -> "Figure":
-    figure, axes = new_figure(len(rows), len(JOINTS), 3.2)
+def _picture(joints: Sequence[str], times: Vector, rows: Sequence[_PanelRow]) -> "Figure":
+    figure, axes = new_figure(len(rows), len(joints), 3.2)
     for i, row in enumerate(rows):
-        for j, joint in enumerate(JOINTS):
+        for j, joint in enumerate(joints):
             _panel(axes[i, j], times, row, j)
             if i == 0:
                 axes[i, j].set_title(joint, fontsize=10)
@@ -94,42 +90,58 @@ def _panel(axes: "Axes", times: Vector, row: _PanelRow, joint: int) -> None:
 
 
 def _draw_path(result: TrajectoryResult, times: Vector) -> "Figure":
-    """Return a figure of the tip's path in the plane, and the machine at start and end."""
+    """Return a figure of the tip's path, and the machine at start and end: in space from the front and a side.
+
+    Lines are those from the origins of bodies to their points, and those of actuators and links.
+    """
     problem, machine = result.problem, result.problem.machine
-    strokes = result.spline.evaluated(times)
-    path = np.array([tip(machine, q) for q in strokes.tolist()])
-    figure, grid = new_figure(1, 1, 7.0, 5.2)
-    axes = grid[0, 0]
-    _draw_base(axes, machine)
-    for row, color, name in ((0, GREY, "start"), (-1, BLUE, "end")):
-        _draw_machine(axes, outline(machine, strokes[row].tolist()), color, name)
-    axes.plot(*path.T, color=ORANGE, linewidth=1.8, label="path of the tip")
-    for i, via in enumerate(problem.via):
-        axes.plot(*via.tip, "o", color=ORANGE, markersize=5)
-        axes.annotate(f"{i + 1}", via.tip, (6, 5), textcoords="offset points", fontsize=9)
-    axes.set_aspect("equal")
-    axes.margins(0.05)
-    if problem.ground_clearance is not None:
-        _draw_ground(axes, problem.ground_height, problem.ground_clearance)
-    axes.set_xlabel("x / m", fontsize=9)
-    axes.set_ylabel("y / m", fontsize=9)
-    axes.tick_params(labelsize=8)
-    figure.legend(fontsize=8, loc="outside upper center", ncols=5, edgecolor="none")
+    at = machine.points(result.spline.evaluated(times))
+    views = ((0, 1),) if machine.dimensions == 2 else ((0, 2), (1, 2))
+    figure, grid = new_figure(1, len(views), 7.0 / len(views), 5.2)
+    for axes, view in zip(grid[0], views, strict=True):
+        columns = list(view)
+        if len(machine.outline) and machine.dimensions == 2:
+            _draw_hull(axes, machine.outline, _BODY)
+        for obstacle in problem.obstacles:
+            _draw_obstacle(axes, obstacle, columns)
+        for row, color, name in ((0, GREY, "start"), (-1, BLUE, "end")):
+            for i, line in enumerate(all_lines(machine)):
+                ends = np.array([at[line.start][row], at[line.end][row]])[:, columns]
+                axes.plot(*ends.T, color=color, linewidth=1.8, label=None if i else name)
+        if machine.machine.payload is not None:
+            path = at[machine.machine.payload.at][:, columns]
+            axes.plot(*path.T, color=ORANGE, linewidth=1.8, label="path of the tip")
+        for i, via in enumerate(problem.via):
+            place = [via.tip[k] for k in columns]
+            axes.plot(*place, "o", color=ORANGE, markersize=5)
+            axes.annotate(f"{i + 1}", place, (6, 5), textcoords="offset points", fontsize=9)
+        axes.set_aspect("equal")
+        axes.margins(0.05)
+        if problem.ground_clearance is not None:
+            _draw_ground(axes, problem.ground_height, problem.ground_clearance)
+        axes.set_xlabel(f"{problem.axes[view[0]]} / m", fontsize=9)
+        axes.set_ylabel(f"{problem.axes[view[1]]} / m", fontsize=9)
+        axes.tick_params(labelsize=8)
+    handles, labels = grid[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, fontsize=8, loc="outside upper center", ncols=6, edgecolor="none")
     return figure
 
 
-def _draw_base(axes: "Axes", machine: HdrmParameters) -> None:
+def _draw_hull(axes: "Axes", corners: np.ndarray, color: str, label: str | None = None) -> None:
     from scipy.spatial import ConvexHull
 
-    corners = np.array(base_corners(machine))
-    axes.fill(*corners[ConvexHull(corners).vertices].T, color=_BODY)
+    axes.fill(*corners[ConvexHull(corners).vertices].T, color=color, label=label)
 
 
-def _draw_machine(axes: "Axes", lines: Mapping[str, Sequence[Any]], color: str, name: str) -> None:
-    for part in _TRIANGLES:
-        axes.plot(*np.array(lines[part]).T, color=color, linewidth=1.0)
-    for i, part in enumerate(_BOOMS):
-        axes.plot(*np.array(lines[part]).T, color=color, linewidth=2.4, label=name if i == 0 else None)
+def _draw_obstacle(axes: "Axes", obstacle: Obstacle, columns: list[int]) -> None:
+    from matplotlib.patches import Circle
+
+    corners = obstacle.hull[:, columns]
+    if len(corners) > 1:
+        _draw_hull(axes, corners, _OBSTACLE, obstacle.name or "obstacle")
+    else:
+        name = obstacle.name or "obstacle"
+        axes.add_patch(Circle(tuple(corners[0]), obstacle.growth, color=_OBSTACLE, label=name))
 
 
 def _draw_ground(axes: "Axes", height: float, clearance: float) -> None:

@@ -2,99 +2,165 @@
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_type_hints
 
 import msgspec
 
-from hdrm_fmu.parameters import HdrmParameters
-from machine_fmu.optimisation.problem import MotionProblem, Via
+from machine_fmu.optimisation.obstacles import Obstacle
+from machine_fmu.optimisation.problem import CAN_BE_OFF, STROKES, MotionProblem, Via
 from machine_fmu.spline import TrajectoryError
 
-from ...base.errors import CommandError, suggest_names
+from ...base.errors import CommandError, join_names, suggest_names
 from ...base.files import read_text
 from ...base.table_entries import Location
 from ...base.toml_structs import describe, extend_struct, list_given, read_toml
-from ...base.values import convert_at, convert_value
+from ...base.values import convert_value
+from ...study.machines.schema import KIND
+from .machine_entry import FILE, PAPER, ProblemMachine, is_machine, read_machine
 
 _MACHINE = "machine"
 _OFF = "off"
 """Value of what does not limit the motion."""
 
-_VIA = re.compile(r"via\[(?P<number>[1-9][0-9]?)\]\.(?P<field>\w+)", re.ASCII)
-_CAN_BE_OFF = ("tip_E", "a_LB", "a_UB", "j_LB", "j_UB", "ground_clearance", "body_clearance")
-_ELEMENT = re.compile(r"(?P<name>[\w.]+)(\[(?P<element>[123])\])?", re.ASCII)
+_ITEM = re.compile(r"(?P<list>via|obstacles)\[(?P<number>[1-9][0-9]?)\]\.(?P<field>\w+)", re.ASCII)
+_ELEMENT = re.compile(r"(?P<name>[\w.]+)(\[(?P<element>[1-9][0-9]?)\])?", re.ASCII)
+_SYMMETRIC = {"v_LB": "v_UB", "f_LB": "f_UB"}
+"""Lower bounds that are the negative upper ones by default."""
+
+_TABLE_II = {
+    "q_S": (0.244, 0.389, 0.499),
+    "q_E": (0.270, 0.442, 0.348),
+    "v_S": (0.0016, 0.0, -0.0024),
+    "v_E": (0.0607, -0.0808, -0.5477),
+    "v_LB": (-0.136, -0.100, -0.210),
+    "v_UB": (0.136, 0.100, 0.210),
+    "f_LB": (-89.8e3, -68.6e3, -6.1e3),
+    "f_UB": (89.8e3, 68.6e3, 6.1e3),
+    "t_M": 37.7,
+    "ground_clearance": 0.2,  # assumed
+    "body_clearance": 0.2,  # assumed
+}
+"""The problem of the paper."""
 
 
-def load_problem(given: MotionProblem | Mapping[str, Any] | str | Path | None) -> MotionProblem:
-    """Return the problem of an object, a table or a file; raise CommandError for an invalid one."""
-    if isinstance(given, MotionProblem):
-        return given
-    if given is None:
-        return MotionProblem()
-    if isinstance(given, Mapping):
-        return _of_table(given, "the problem")
-    path = Path(given)
-    label = f"the problem '{path}'"
-    return _of_table(read_toml(read_text(path, "the problem"), label), label)
+def paper_problem(**changes: Any) -> MotionProblem:
+    """Return the problem of the paper, Table II, with other values of some fields."""
+    return load_problem({_MACHINE: PAPER, **changes})
 
 
-def override_values(problem: MotionProblem, texts: Mapping[str, str]) -> MotionProblem:
-    """Return the problem with other values.
+def load_problem(
+    given: MotionProblem | Mapping[str, Any] | str | Path | None, texts: Mapping[str, str] | None = None
+) -> MotionProblem:
+    """Return the problem of an object, a table or a file.
 
     Args:
-        problem: The problem.
-        texts: Values by name (q_E, q_E[3], machine.lift_a, via[1].tip): a number, or several with commas.
+        given: The problem; a machine by name or by its file is the problem with that machine. None is the
+            problem of the paper.
+        texts: Other values by name (q_E, q_E[3], machine.lift.a, via[1].tip): a number, or several with
+            commas.
 
     Raises:
-        CommandError: A name does not exist, or a value is invalid.
+        CommandError: A name does not exist, or a value is missing or invalid.
     """
-    table = asdict(problem)
+    if isinstance(given, MotionProblem):
+        return given
+    label, folder, table = _read_table(given)
+    values = list_given(convert_value(table, PROBLEM, label, folder))
+    machine = values.get(_MACHINE) or read_machine(PAPER, Location(label, label), folder)
+    if not texts:
+        return _build(_defaults(machine) | values, machine, label)
+    label = "the problem"
+    of_machine = {name: text for name, text in texts.items() if name.partition(".")[0] == _MACHINE}
+    if of_machine:
+        changes = {
+            name.partition(".")[2] or FILE: _read_text(name, text) for name, text in of_machine.items()
+        }
+        before = machine.record if FILE not in changes else {}
+        machine = read_machine(before | changes, Location(label, label).entry(_MACHINE), folder)
+    entries = _defaults(machine) | {name: x for name, x in table.items() if name != _MACHINE}
     for name, text in texts.items():
-        if passed := _VIA.fullmatch(name):
-            table["via"] = _with_via(
-                table["via"], int(passed["number"]), {passed["field"]: _numbers(name, text)}
-            )
-            continue
-        found = _ELEMENT.fullmatch(name)
-        if found is None:
-            raise CommandError(f"a problem has no '{name}'; write q_E, q_E[3], machine.lift_a or via[1].tip.")
-        inside, field = _place(table, found["name"])
-        value = _numbers(name, text)
-        if found["element"] is None:
-            inside[field] = value
-            continue
-        before = inside[field]
-        if before is None:
-            raise CommandError(f"'{name}' = {text}; {field} has no values yet: write three, {field}=1,1,1.")
-        if not isinstance(before, (list, tuple)) or isinstance(value, list):
-            raise CommandError(f"'{name}' = {text}; an element must be one of three numbers.")
-        i = int(found["element"]) - 1
-        inside[field] = [*before[:i], value, *before[i + 1 :]]
-    return _of_table(table, "the problem")
+        if name not in of_machine:
+            _override(entries, name, text)
+    return _build(list_given(convert_value(entries, PROBLEM, label, folder)), machine, label)
 
 
-def _with_via(before: Sequence[Mapping[str, Any]], number: int, values: Mapping[str, Any]) -> list[Any]:
-    """Return way-points with other values of one of them, counted from 1, or with a further one."""
-    if number > len(before) + 1:
-        raise CommandError(f"via[{number}] has no predecessor; the next way-point is via[{len(before) + 1}].")
-    old = before[number - 1] if number <= len(before) else {}
-    return [*before[: number - 1], {**old, **values}, *before[number:]]
+def describe_problem(problem: MotionProblem) -> dict[str, Any]:
+    """Return the table of a problem, with all numbers of its machine."""
+    values = {part.name: getattr(problem, part.name) for part in fields(problem)}
+    del values["machine_name"]
+    items = {name: [asdict(x) for x in values[name]] for name in ("via", "obstacles")}
+    return values | items | {_MACHINE: ProblemMachine(problem.machine_name, problem.machine).record}
 
 
-def _place(table: dict[str, Any], name: str) -> tuple[dict[str, Any], str]:
-    """Return the table that contains a value, and its name in this table."""
-    *first, field = name.split(".")
-    inside = table[_MACHINE] if first == [_MACHINE] else table
-    if first not in ([], [_MACHINE]) or field not in inside or (not first and field == _MACHINE):
-        names = [n for n in table if n != _MACHINE] + [f"{_MACHINE}.{n}" for n in table[_MACHINE]]
-        raise CommandError(f"a problem has no '{name}'; {suggest_names(name, names)}")
-    return inside, field
+def _read_table(
+    given: Mapping[str, Any] | str | Path | None,
+) -> tuple[str, Path | None, Mapping[str, Any]]:
+    """Return label, folder of relative paths, and content of a problem."""
+    if given is None or isinstance(given, Mapping):
+        return "the problem", None, given or {}
+    if is_machine(given):
+        return "the problem", None, {_MACHINE: str(given)}
+    path = Path(given)
+    label = f"the problem '{path}'"
+    table = read_toml(read_text(path, "the problem"), label)
+    if table.get("kind") == KIND:
+        return "the problem", None, {_MACHINE: str(path)}
+    return label, path.parent, table
 
 
-def _numbers(name: str, text: str) -> Any:
-    if text == _OFF:
+def _defaults(machine: ProblemMachine) -> dict[str, Any]:
+    """Return the values that a problem with a machine need not have."""
+    if machine.name == PAPER:
+        return {**_TABLE_II, "payload": machine.model.payload}
+    rest = (0.0,) * len(machine.model.names)
+    return {"q_S": machine.model.start, "v_S": rest, "v_E": rest, "payload": machine.model.payload}
+
+
+def _override(entries: dict[str, Any], name: str, text: str) -> None:
+    """Change a value, an element of one, or an entry of a way-point or an obstacle."""
+    if item := _ITEM.fullmatch(name):
+        key = item["list"]
+        entries[key] = _with_item(
+            entries.get(key, ()), item["number"], item["field"], _read_text(name, text), key
+        )
+        return
+    match = _ELEMENT.fullmatch(name)
+    names = [field for field in PROBLEM.__struct_fields__ if field not in (_MACHINE, "via", "obstacles")]
+    if match is None or match["name"] not in names:
+        if match is not None:
+            raise CommandError(f"a problem has no '{name}'; {suggest_names(match['name'], names)}")
+        raise CommandError(f"a problem has no '{name}'; write q_E, q_E[3], machine.lift.a or via[1].tip.")
+    field, value = match["name"], _read_text(name, text)
+    if match["element"] is None:
+        entries[field] = value
+        return
+    before = entries.get(field)
+    if before is None:
+        raise CommandError(f"'{name}' = {text}; {field} has no values yet: write all of them, {field}=1,1,1.")
+    if not isinstance(before, (list, tuple)) or isinstance(value, list):
+        raise CommandError(f"'{name}' = {text}; an element must be one of several numbers.")
+    i = int(match["element"]) - 1
+    if i >= len(before):
+        raise CommandError(f"a problem has no '{name}'; {field} has {len(before)} numbers.")
+    entries[field] = [*before[:i], value, *before[i + 1 :]]
+
+
+def _with_item(before: Sequence[Any], number: str, field: str, value: Any, name: str) -> list[Any]:
+    """Return tables with another value in one of them, counted from 1, or with a further one."""
+    i = int(number) - 1
+    if i > len(before):
+        following = f"{name}[{len(before) + 1}]"
+        kind = "way-point" if name == "via" else "obstacle"
+        raise CommandError(f"{name}[{number}] has no predecessor; the next {kind} is {following}.")
+    old = before[i] if i < len(before) else {}
+    table = old if isinstance(old, Mapping) else asdict(old)
+    return [*before[:i], {**table, field: value}, *before[i + 1 :]]
+
+
+def _read_text(name: str, text: str) -> Any:
+    if text == _OFF or name in (_MACHINE, f"{_MACHINE}.{FILE}") or name.endswith("].name"):
         return text
     try:
         values = [float(x) for x in text.split(",")]
@@ -111,18 +177,17 @@ def _read_plain(value: Any, _at: Location, _folder: Path | None) -> Any:
     return tuple(plain) if isinstance(plain, list) else plain
 
 
-def _read_machine(value: Any, at: Location, folder: Path | None) -> HdrmParameters:
-    if not isinstance(value, (Mapping, HdrmParameters)):
-        raise CommandError(f"{at.label} is {value!r}; it must be a table of lengths and masses.")
-    return convert_at(value, HdrmParameters, at, folder)
-
-
 def _type_in_file(name: str, hint: Any) -> Any:
     if name == "via":
         return Annotated[Sequence[Via], describe("positions that the tip passes, in order")]
+    if name == "obstacles":
+        return Annotated[Sequence[Obstacle], describe("what the machine keeps clear of")]
     if name == _MACHINE:
-        return Annotated[HdrmParameters, describe("the manipulator", read=_read_machine)]
-    return Annotated[hint | Literal["off"] if name in _CAN_BE_OFF else hint, describe(read=_read_plain)]
+        about = "name or file of a machine, or a table with `file` and numbers by name"
+        return Annotated[str | dict[str, Any], describe(about, "crane.toml", read=read_machine)]
+    if name in STROKES:
+        hint = hint | float  # of a single actuator
+    return Annotated[hint | Literal["off"] if name in CAN_BE_OFF else hint, describe(read=_read_plain)]
 
 
 PROBLEM = extend_struct(
@@ -131,19 +196,35 @@ PROBLEM = extend_struct(
     [
         (name, _type_in_file(name, hint), msgspec.UNSET)
         for name, hint in get_type_hints(MotionProblem).items()
+        if name != "machine_name"
     ],
-    "Conditions on the motion of the manipulator, by joint: lift, tilt, telescope.",
+    "Conditions on the motion of a machine, by actuator.",
 )
-"""The struct of a file with a problem; entries that it lacks are those of the paper."""
+"""The struct of a file with a problem; entries that a file of the paper's machine lacks are the paper's."""
 
 
-def _of_table(table: Mapping[str, Any], where: str) -> MotionProblem:
-    """Return a problem with the values of a table; others are those of the paper."""
-    values = list_given(convert_value(table, PROBLEM, where))
-    values |= {name: None for name in _CAN_BE_OFF if values.get(name) == _OFF}
-    if "via" in values:
-        values["via"] = tuple(values["via"])
+def _build(values: Mapping[str, Any], machine: ProblemMachine, label: str) -> MotionProblem:
+    """Return a problem with these values, and others that follow from them."""
+    joints = machine.model.names
+    found = {name: value for name, value in values.items() if name != _MACHINE}
+    found |= {name: None for name in CAN_BE_OFF if found.get(name) == _OFF}
+    found |= {name: tuple(found[name]) for name in ("via", "obstacles") if name in found}
+    if len(joints) == 1:
+        alone = {name: found[name] for name in STROKES if isinstance(found.get(name), (int, float))}
+        found |= {name: (value,) for name, value in alone.items()}
+    for low, high in _SYMMETRIC.items():
+        if low not in found and isinstance(found.get(high), tuple):
+            found[low] = tuple(-x for x in found[high])
+    if found.get("tip_E") is not None:
+        found.setdefault("q_E", found["q_S"])
+    missing = [name for name in ("v_UB", "f_UB", "t_M") if name not in found]
+    missing += [] if "q_E" in found else ["q_E or tip_E"]
+    if missing:
+        raise CommandError(
+            f"{label} of the machine '{machine.name}' lacks {join_names(missing)}; lists have a number for "
+            f"each of {', '.join(joints)}."
+        )
     try:
-        return MotionProblem(**values)
+        return MotionProblem(machine=machine.model, machine_name=machine.name, **found)
     except TrajectoryError as error:
-        raise CommandError(f"{where}: {error}") from error
+        raise CommandError(f"{label}: {error}") from error

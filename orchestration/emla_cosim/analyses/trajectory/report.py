@@ -1,8 +1,8 @@
 """What people read of an optimised motion: cost, peaks, distances, and whether bounds hold."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 
-from machine_fmu.optimisation.assessment import BODY, Clearance, Peak
+from machine_fmu.optimisation.assessment import BODY, GROUND, Clearance, Peak
 from machine_fmu.optimisation.problem import EndSpeed
 
 from ..frame.report import Report, ReportTable, Section, Text
@@ -17,11 +17,15 @@ _READ = {
 }
 
 
+_COLUMNS = 3
+"""Most joints of a table."""
+
+
 def build_report(result: TrajectoryResult) -> Report:
     """Return the report of a motion."""
     section = Section(
         lines=list(_assumptions(result)),
-        tables=[_cost_table(result), _peak_table(result)],
+        tables=[_cost_table(result), *_peak_tables(result)],
         pictures={name: name.replace("-", " ") for name in PICTURES},
         under=[*_distances(result), *_judgement(result)],
     )
@@ -29,17 +33,25 @@ def build_report(result: TrajectoryResult) -> Report:
 
 
 def _assumptions(result: TrajectoryResult) -> Iterator[str]:
-    """Yield the contradictions in the problem of the user, and how they were resolved."""
+    """Yield the contradictions in the problem, how they were resolved, and what does not move."""
     for sentence in result.contradictions:
         read = _READ[result.end_speed] if sentence.startswith("v_E") else "kept"
         yield f"The problem contradicts itself: {sentence}; {read} (--end-speed {result.end_speed})"
+    passive = result.problem.machine.passive_names
+    if passive:
+        yield f"Passive joints are held as in the assembly pose: {', '.join(passive)}"
     if not result.contradictions and result.end_speed == EndSpeed.REST:
         yield "All joints end at rest (--end-speed rest)"
 
 
-def _peak_table(result: TrajectoryResult) -> ReportTable:
-    """Return forces and speeds with their limits, by joint."""
+def _peak_tables(result: TrajectoryResult) -> Iterator[ReportTable]:
+    """Yield tables of forces and speeds with their limits, by joint; a few joints in each."""
     peaks = result.assessment.peaks
+    for first in range(0, len(peaks), _COLUMNS):
+        yield _peak_table(peaks[first : first + _COLUMNS])
+
+
+def _peak_table(peaks: Sequence[Peak]) -> ReportTable:
     cells: list[tuple[str, str, Callable[[Peak], str]]] = [
         ("force", "kN", lambda p: _with_bound(p.force / 1e3, p.force_bound / 1e3)),
         ("speed", "mm/s", lambda p: _with_bound(1e3 * p.speed, 1e3 * p.speed_bound)),
@@ -70,7 +82,7 @@ def _distances(result: TrajectoryResult) -> Iterator[str]:
     for clearance in result.assessment.clearances:
         near = clearance.smallest
         yield (
-            f"Smallest distance from the {clearance.obstacle}: {near.distance:.3g} m, "
+            f"Smallest distance from {_name_obstacle(clearance)}: {near.distance:.3g} m, "
             f"required {clearance.required:g} m, {near.part} after {near.time:.3g} s"
         )
 
@@ -100,10 +112,17 @@ def _judgement(result: TrajectoryResult) -> Iterator[Text | str]:
 
 def _describe_shortfall(clearance: Clearance) -> str:
     near, what = clearance.smallest, clearance.obstacle
-    where = f"{near.part} at x = {near.x:.3g}, y = {near.y:.3g} m after {near.time:.3g} s"
+    places = zip("xyz", (near.x, near.y, near.z), strict=True)
+    at = ", ".join(f"{axis} = {value:.3g}" for axis, value in places if value is not None)
+    where = f"{near.part} at {at} m after {near.time:.3g} s"
     aid = "move start or end" if what == BODY else "use more --points or --knots"
     too_small = f"{near.distance:.3g} m, required {clearance.required:g} m"
-    return f"The distance from the {what} is {too_small}: {where}; {aid}"
+    return f"The distance from {_name_obstacle(clearance)} is {too_small}: {where}; {aid}"
+
+
+def _name_obstacle(clearance: Clearance) -> str:
+    """Return what a text calls the obstacle of a clearance."""
+    return f"the {clearance.obstacle}" if clearance.obstacle in (GROUND, BODY) else clearance.obstacle
 
 
 def _in_mm(bound: float | None) -> float | None:

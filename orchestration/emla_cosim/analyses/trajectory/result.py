@@ -15,6 +15,7 @@ from machine_fmu.spline import Spline
 
 from ...base.arrays import Vector
 from ...study.trajectory_file import check_trajectory
+from .problem import describe_problem
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -62,7 +63,7 @@ class TrajectoryResult:
             "knots": list(self.spline.knots),
             "coefficients": {joint: list(values) for joint, values in self.spline.coefficients.items()},
             "units": {"knots": "s", "coefficients": "m"},
-            "problem": asdict(self.given),
+            "problem": describe_problem(self.given),
             "end_speed": self.end_speed.value,
             "discretisation": asdict(self.discretisation),
             "contradictions": list(self.contradictions),

@@ -1,10 +1,11 @@
-"""Optimise a motion of the manipulator."""
+"""Optimise a motion of a machine."""
 
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from machine_fmu.optimisation.assessment import Assessment, assessed
+from machine_fmu.optimisation.contradictions import find_contradictions
 from machine_fmu.optimisation.narrowing import narrowed
 from machine_fmu.optimisation.problem import EndSpeed, MotionProblem
 from machine_fmu.optimisation.solving import (
@@ -51,7 +52,9 @@ def trajectory(
 
     Args:
         problem: a `MotionProblem`, a TOML file with its fields, or a mapping with some of them, of which
-            `machine` contains fields of `HdrmParameters`. Default: the problem of the paper, Table II.
+            `machine` is the name or file of a machine, or a mapping with `file` and numbers by name. A file
+            or the name of a machine is the problem with that machine. Default: the problem of the paper,
+            Table II.
         end_speed: reading of an end speed beyond its own bound: clip, exempt, decimal or rest.
         tie_break: weight of the powers of single joints beside the square of their sum, 0 to 1000; 0 is as
             printed in the paper.
@@ -84,7 +87,7 @@ def trajectory(
         files = MotionFiles(path, given, problem, overwrite, plots, report)
     read = _resolve_contradictions(given, reading)
     best, figures = _find_best(read, how, _size("starts", starts), reporter)
-    spline, contradictions = best.spline(how), given.contradictions()
+    spline, contradictions = best.spline(how), find_contradictions(given)
     result = TrajectoryResult(spline, figures, given, read, reading, contradictions, how, best, starts)
     if files is not None:
         files.write(result)
@@ -129,7 +132,7 @@ def _resolve_contradictions(given: MotionProblem, reading: EndSpeed) -> MotionPr
     """Return the problem with its end speeds read; raise CommandError if it still contradicts itself."""
     read = given.read_as(reading)
     left = read if reading != EndSpeed.EXEMPT else read.read_as(EndSpeed.CLIP)
-    if sentences := left.contradictions():
+    if sentences := find_contradictions(left):
         raise CommandError(f"the problem contradicts itself: {'; '.join(sentences)}.")
     return read
 

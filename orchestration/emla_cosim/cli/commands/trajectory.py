@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ...analyses.trajectory.files import MotionFiles
-from ...analyses.trajectory.problem import load_problem, override_values
+from ...analyses.trajectory.problem import load_problem
 from ...analyses.trajectory.report import build_report
 from ...analyses.trajectory.runner import trajectory
 from ...base.errors import CosimError
@@ -25,6 +25,7 @@ _DEFAULTS = trajectory.__kwdefaults__ or {}
 EXAMPLES = (
     "emla trajectory",
     "emla trajectory --set t_M=20 --output mine.json",
+    "emla trajectory crane.toml --set t_M=20 --set tip_E=4.5,1 --set v_UB=0.1,0.1,0.2 ...",
 )
 
 _how = partial(option, group=_HOW)
@@ -37,12 +38,12 @@ class Parameters:
 
     problem: Path | None = argument(
         None,
-        help="Problem file (.toml) with changes to the paper's problem; see docs/trajectory.md.",
+        help="Problem file (.toml), or a machine by name or file; see docs/trajectory.md. Default: the paper's.",
         metavar="PROBLEM",
     )
     set: Mapping[str, str] = _what(
         {},
-        help="Set a value of the problem, such as t_M=20, q_E[3]=0.4, machine.lift_a=1.2, "
+        help="Set a value of the problem, such as t_M=20, q_E[3]=0.4, machine.lift.a=1.2, "
         "tip_E=3.2,0.5 or via[1].tip=2.6,-0.4 (repeatable).",
         metavar="NAME=VALUE",
     )
@@ -73,8 +74,8 @@ class Parameters:
 
 
 def command(chosen: Parameters, given: dict[str, Any]) -> None:
-    """Find the motion of the manipulator with the least actuator power."""
-    problem = override_values(load_problem(chosen.problem), chosen.set)
+    """Find the motion of a machine with the least actuator power."""
+    problem = load_problem(chosen.problem, chosen.set)
     path = chosen.output or _default_path()
     overwrite = given.get("overwrite", False)
     files = MotionFiles(path, problem, chosen.problem, overwrite, chosen.plots, chosen.report)

@@ -1,0 +1,136 @@
+"""The machine of a problem: its file, and numbers that replace those of the file."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from machine_fmu import Machine, MachineError
+from machine_fmu.model import MachineModel
+from machine_fmu.naming import group_parameters, name_numbers
+
+from ...base.errors import CommandError, suggest_names
+from ...base.files import read_text
+from ...base.table_entries import Location
+from ...base.toml_structs import read_toml
+from ...study.machines.schema import list_machine_names, load_machine, parse_machine
+
+PAPER = "hdrm"
+"""The machine of the paper, which is the default."""
+
+FILE = "file"
+"""The entry of [machine] with the name or the file of the machine."""
+
+_SIDES = ("a", "b", "L_0", "delta", "epsilon")
+_BODIES = {"lift": "lift_boom", "outer": "outer_boom", "inner": "inner_boom"}
+_OLD_NAMES = {
+    **{f"{joint}_{side}": f"{joint}.{side}" for joint in ("lift", "tilt") for side in _SIDES},
+    **{f"{body}_{x}": f"{name}.{x}" for body, name in _BODIES.items() for x in ("m", "c", "J")},
+    "lift_length": "lift_boom.length",
+    "reach": "inner_boom.reach",
+    "payload_J": "payload.J",
+    "M_BS": "screw.M_BS",
+    "tube_share": "tube.share",
+    "motor_m": "motor.m",
+    **{f"{part}_{x}": f"{part}.{x}" for part in ("housing", "tube") for x in ("c", "J")},
+    "q_LB": "screw.q_LB",
+    "q_UB": "screw.q_UB",
+}
+"""Names of the numbers of the paper's machine in problems of older versions, with today's."""
+
+
+@dataclass(frozen=True)
+class ProblemMachine:
+    """The machine of a problem: its name or file, and the machine."""
+
+    name: str
+    model: MachineModel
+
+    @property
+    def record(self) -> dict[str, Any]:
+        """The entry of a problem with this machine: the file, and all numbers by name."""
+        groups = group_parameters(self.model.machine.parameters)
+        values = {
+            group.name: [x.value for x in group.parameters] if group.is_vector else group.parameters[0].value
+            for group in groups
+        }
+        return {FILE: self.name, **values}
+
+
+def read_machine(value: Any, at: Location, folder: Path | None) -> ProblemMachine:
+    """Return the machine of an entry: a name, a file, or a table with `file` and numbers by name.
+
+    Raises:
+        CommandError: There is no such machine or number, or the machine cannot be used.
+    """
+    if isinstance(value, ProblemMachine):
+        return value
+    if isinstance(value, str | Path):
+        value = {FILE: str(value)}
+    if not isinstance(value, Mapping):
+        raise CommandError(
+            f"{at.label} is {value!r}; it must be the name or file of a machine, or a table of lengths and "
+            "masses by name."
+        )
+    entries = _flatten(value)
+    name = entries.pop(FILE, PAPER)
+    machine = name_numbers(_load(str(name), folder))
+    numbers = dict[str, float]()
+    for key, number in entries.items():
+        numbers |= _numbers(machine, key, number, at)
+    try:
+        return ProblemMachine(str(name), MachineModel(machine, numbers))
+    except MachineError as error:
+        raise CommandError(f"{at.table}: {error}.") from error
+
+
+def is_machine(name: str | Path) -> bool:
+    """Return whether this is the name of a machine that comes with the study, and not a file."""
+    return str(name) in list_machine_names() and not Path(name).exists()
+
+
+def _load(name: str, folder: Path | None) -> Machine:
+    if not name.lower().endswith(".toml"):
+        return load_machine(name)
+    path = (folder or Path()) / name
+    label = f"the machine '{path}'"
+    return parse_machine(read_toml(read_text(path, "the machine"), label), label, path.parent)
+
+
+def _numbers(machine: Machine, key: str, value: Any, at: Location) -> dict[str, float]:
+    """Return the numbers of an entry by name; the elements of a list have names with [1] and so on."""
+    name, bracket, rest = key.partition("[")
+    full = f"{_OLD_NAMES.get(name, name)}{bracket}{rest}"
+    elements = [n for n in machine.parameters if n.partition("[")[0] == full]
+    names = [full] if full in machine.parameters else elements
+    if not names:
+        existing = [f"machine.{n}" for n in machine.parameters]
+        raise CommandError(f"a problem has no 'machine.{key}'; {suggest_names(f'machine.{key}', existing)}")
+    values = value.tolist() if hasattr(value, "tolist") else value
+    given: Sequence[Any] = values if isinstance(values, (list, tuple)) else [values]
+    if len(given) != len(names) or not all(_is_number(x) for x in given):
+        wanted = f"a list of {len(names)} numbers" if len(names) > 1 else "a number"
+        raise CommandError(f"{at.entry(key).label} is {value!r}; it must be {wanted}.")
+    for n, x in zip(names, given, strict=True):
+        low, high = machine.parameters[n].minimum, machine.parameters[n].maximum
+        if (low is not None and x < low) or (high is not None and x > high):
+            bounds = " to ".join(
+                f"{b:.9g}" if b is not None else end for b, end in ((low, "-inf"), (high, "inf"))
+            )
+            raise CommandError(f"{at.table}: {n} = {x:.9g} is outside its range, {bounds}.")
+    return dict(zip(names, map(float, given), strict=True))
+
+
+def _is_number(x: object) -> bool:
+    return isinstance(x, (int, float)) and not isinstance(x, bool)
+
+
+def _flatten(table: Mapping[str, Any]) -> dict[str, Any]:
+    """Return entries by their full name, which TOML nests at each dot."""
+    found = dict[str, Any]()
+    for key, value in table.items():
+        if isinstance(value, Mapping):
+            found |= {f"{key}.{inner}": x for inner, x in _flatten(value).items()}
+        else:
+            found[key] = value
+    return found
