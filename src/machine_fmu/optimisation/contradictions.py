@@ -48,7 +48,7 @@ def _out_of_reach(problem: MotionProblem) -> Iterator[str]:
             near = nearest_position(problem.machine, position)
             distance = math.dist(near, position)
             if distance <= 1e-6:
-                yield f"{here} is in the tip's reach only where a point of the machine is too near to the ground"
+                yield f"{here} is in the tip's reach only with a point of the machine too near to the ground"
                 continue
             yield (
                 f"{here} is out of the tip's reach by {distance:.3g} m; the nearest position in reach is "
@@ -149,9 +149,10 @@ def _too_heavy(problem: MotionProblem) -> Iterator[str]:
             continue
         for i, force in enumerate(forces):
             if not problem.f_LB[i] <= force <= problem.f_UB[i]:
+                bounds = f"{problem.f_LB[i] / 1e3:g} to {problem.f_UB[i] / 1e3:g} kN"
                 yield (
-                    f"holding {name} takes {force / 1e3:.4g} kN of the {problem.names[i]}, beyond its bounds, "
-                    f"{problem.f_LB[i] / 1e3:g} to {problem.f_UB[i] / 1e3:g} kN"
+                    f"holding {name} takes {force / 1e3:.4g} kN of the {problem.names[i]}, beyond its "
+                    f"bounds, {bounds}"
                 )
 
 
@@ -167,7 +168,8 @@ def _too_near(problem: MotionProblem) -> Iterator[str]:
             ground = ground_approach(machine, problem.ground_height, time, at)
             if ground.distance < problem.ground_clearance:
                 side = "above" if ground.distance >= 0.0 else "below"
-                yield f"{name} puts {ground.part} {abs(ground.distance):.3g} m {side} {_ground(problem)}"
+                height = f"{abs(ground.distance):.3g} m {side}"
+                yield f"{name} puts {ground.part} {height} {_ground(problem)}"
         if problem.body_clearance is not None:
             base = base_approach(machine, time, at)
             if base is not None and base.distance < problem.body_clearance:

@@ -1,4 +1,4 @@
-"""Make forces and distances from ground and obstacles keep their bounds between the collocation points, too."""
+"""Make forces and distances from obstacles keep their bounds between the collocation points, too."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -23,8 +23,9 @@ def narrowed(
 ) -> tuple[Solution, Assessment]:
     """Find a motion near a given one that keeps its bounds on the dense grid, and return it with its figures.
 
-    Strokes and their derivatives keep their bounds everywhere, forces and distances only at the collocation points. If these exceed them between, the optimisation is repeated with bounds that are
-    narrower by the excess.
+    Strokes and their derivatives keep their bounds everywhere, forces and distances only at the collocation
+    points. If these exceed them between, the optimisation is repeated with bounds that are narrower by the
+    excess.
     """
     figures, within = assessed(found.spline(how), problem, how.tie_break), problem
     for _ in range(_ROUNDS):

@@ -147,7 +147,7 @@ class MotionProblem:
             )
 
     def _check_positions(self) -> None:
-        """Raise TrajectoryError for positions of another dimension, and for those of a tip without payload."""
+        """Raise TrajectoryError for positions of another dimension, and of a tip without payload."""
         if (self.via or self.tip_E is not None) and self.machine.mechanism.payload is None:
             raise TrajectoryError("the machine has no [payload], so it has no tip; write q_E without via.")
         for i, via in enumerate(self.via, 1):

@@ -90,7 +90,7 @@ def _closest(machine: MachineModel, aim: np.ndarray, begin: np.ndarray) -> np.nd
     found = least_squares(
         apart,
         inner,
-        lambda q: _slopes(machine.tip, q),
+        lambda q: _slopes(machine.tip, q),  # pyright: ignore[reportArgumentType]
         bounds=(low, high),
         xtol=1e-10,
         ftol=1e-10,
@@ -159,7 +159,7 @@ def _sampled(machine: MachineModel) -> tuple[np.ndarray, np.ndarray]:
         places = np.linspace(0.0, 1.0, round(count ** (1.0 / n)))
         shares = np.array(list(product(*[places] * n)))
     else:
-        shares = qmc.Halton(n, seed=0).random(count)
+        shares = qmc.Halton(n, scramble=False).random(count)
     samples = low + shares * (high - low)
     tips = machine.tip(samples)
     closes = np.isfinite(tips).all(axis=1)

@@ -96,7 +96,7 @@ def solved(
 
 
 def _with_obstacles(programme: Programme, solution: Solution) -> Programme:
-    """Return the programme with constraints for the ground and for obstacles that a motion comes too close to."""
+    """Return the programme with constraints for what a motion comes too close to."""
     problem, spline = programme.problem, solution.spline(programme.how)
     if problem.ground_clearance is None and not problem.obstacles:
         return programme

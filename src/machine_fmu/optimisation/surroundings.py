@@ -78,7 +78,7 @@ def axes(machine: MachineModel) -> list[Axis]:
 
 
 def all_lines(machine: MachineModel) -> list[Axis]:
-    """Return lines from the origin of each moving body to all its points, and those of actuators and links."""
+    """Return lines from origins of moving bodies to all their points, and those of actuators and links."""
     found, fixed = list[Axis](), _fixed(machine)
     for name in machine.machine.bodies:
         if name not in fixed:

@@ -151,8 +151,8 @@ class Programme:
         total = 0.5 * t_M * casadi.mtimes(cost, casadi.DM(self.points[1])) / self.cost_scale
         if self.elastic:
             total = casadi.sum1(slack) + 1e-4 * total
-            longest = t_M / self.problem.t_M - self._slack(LONGEST)
-            constraints.between(longest, -np.inf, 1.0)
+            longest = slack[self.slack_names.index(LONGEST)]
+            constraints.between(t_M / self.problem.t_M - longest, -np.inf, 1.0)
         unknowns = casadi.vertcat(*(casadi.vec(x) for x in self.symbols))
         return {"x": unknowns, "f": total, "g": constraints.expression}, constraints.bounds
 
@@ -240,11 +240,11 @@ class Programme:
         A machine with fewer actuators than coordinates gets the strokes that reach the position.
         """
         problem, count = self.problem, len(self.points[0])
-        tip, x = tip_function(problem.machine) if problem.aims else None, self.symbols[5]
+        x = self.symbols[5]
         for i, (_, moment, position) in enumerate(problem.aims):
             row = casadi.DM(casadi.sparsify(casadi.DM(self.basis.at(np.array([moment]))), 1e-14))
             q = casadi.mtimes(row, self.symbols[0]).T
-            place, errors = tip(q, x[:, count + i])
+            place, errors = tip_function(problem.machine)(q, x[:, count + i])
             if self.joints < len(position):
                 constraints.equal(q - casadi.DM(problem.guesses[i]))
             else:
@@ -308,8 +308,8 @@ class Programme:
             points = casadi.mtimes(fine, values)
             for i, joint in enumerate(self.problem.names):
                 slack = self._slack(f"the {quantity} bounds of the {joint}")
-                bounds = (None if bound is None else bound[i] for bound in (low, high))
-                _bounded(constraints, points[:, i], relative**order, *bounds, slack)
+                least, most = (None if bound is None else bound[i] for bound in (low, high))
+                _bounded(constraints, points[:, i], relative**order, least, most, slack)
 
     def _heights(self, constraints: Constraints) -> None:
         """Require the clearance from the ground at the collocation points."""

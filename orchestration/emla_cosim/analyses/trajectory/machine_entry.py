@@ -5,6 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from machine_fmu import Machine, MachineError
 from machine_fmu.model import MachineModel
 from machine_fmu.naming import group_parameters, name_numbers
@@ -79,14 +81,29 @@ def read_machine(value: Any, at: Location, folder: Path | None) -> ProblemMachin
     for key, number in entries.items():
         numbers |= _numbers(machine, key, number, at)
     try:
-        return ProblemMachine(str(name), MachineModel(machine, numbers))
+        model = MachineModel(machine, numbers)
     except MachineError as error:
         raise CommandError(f"{at.table}: {error}.") from error
+    _check_triangles(model, at)
+    return ProblemMachine(str(name), model)
 
 
 def is_machine(name: str | Path) -> bool:
     """Return whether this is the name of a machine that comes with the study, and not a file."""
     return str(name) in list_machine_names() and not Path(name).exists()
+
+
+def _check_triangles(machine: MachineModel, at: Location) -> None:
+    """Raise CommandError if a triangle cannot close at an end of a stroke, with the others at the start."""
+    if machine.closure.iterated:
+        return
+    for ends, bounds in (("lower", machine.q_LB), ("upper", machine.q_UB)):
+        rows = np.tile(machine.start, (len(bounds), 1))
+        np.fill_diagonal(rows, bounds)
+        places = np.hstack([*machine.points(rows).values()])
+        for joint, row in zip(machine.names, places, strict=True):
+            if not np.isfinite(row).all():
+                raise CommandError(f"{at.table}: the machine cannot close at the {ends} end of '{joint}'.")
 
 
 def _load(name: str, folder: Path | None) -> Machine:

@@ -90,7 +90,7 @@ def _panel(axes: "Axes", times: Vector, row: _PanelRow, joint: int) -> None:
 
 
 def _draw_path(result: TrajectoryResult, times: Vector) -> "Figure":
-    """Return a figure of the tip's path, and the machine at start and end: in space from the front and a side.
+    """Return a figure of the tip's path, and the machine at start and end; in space from two sides.
 
     Lines are those from the origins of bodies to their points, and those of actuators and links.
     """

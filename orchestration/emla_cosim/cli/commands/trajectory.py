@@ -38,7 +38,7 @@ class Parameters:
 
     problem: Path | None = argument(
         None,
-        help="Problem file (.toml), or a machine by name or file; see docs/trajectory.md. Default: the paper's.",
+        help="Problem file (.toml), or a machine by name or file. Default: the paper's problem.",
         metavar="PROBLEM",
     )
     set: Mapping[str, str] = _what(

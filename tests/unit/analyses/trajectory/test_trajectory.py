@@ -13,11 +13,12 @@ from scipy.interpolate import BSpline
 import emla_cosim as ec
 from emla_cosim.analyses.trajectory import runner
 from emla_cosim.analyses.trajectory.pictures import PICTURES
+from emla_cosim.analyses.trajectory.problem import paper_problem
 from emla_cosim.base.progress import Progress
 from emla_cosim.cli.app import app
 from emla_cosim.study.trajectory_file import DEFAULT_FILE
 from emla_cosim.system.model import System
-from machine_fmu.optimisation.problem import MotionProblem
+from hdrm_fmu.parameters import HDRM
 from machine_fmu.spline import default_spline
 from tests.support.commands import Emla, sentence, widen_terminal
 from tests.support.manipulator_geometry import points
@@ -82,7 +83,8 @@ def test_file_can_be_read_with_scipy(coarse: ec.TrajectoryResult, tmp_path: Path
     times = np.linspace(0.0, document["knots"][-1], 50)
     assert curve(times) == pytest.approx(coarse.course(times).q[:, 1], rel=1e-12)
     assert document["problem"]["v_E"] == [0.0607, -0.0808, -0.5477]
-    assert document["problem"]["machine"]["lift_a"] == 1.15
+    assert document["problem"]["machine"]["lift.a"] == 1.15
+    assert document["problem"]["machine"]["file"] == "hdrm"
     assert document["end_speed"] == "clip"
     assert document["figures"]["cost"] == coarse.assessment.cost
     wanted = {"degree": 5, "knots": 10, "points": 5, "tie_break": 1e-3, "subdivisions": 1}
@@ -91,9 +93,11 @@ def test_file_can_be_read_with_scipy(coarse: ec.TrajectoryResult, tmp_path: Path
 
 
 def test_file_in_the_package_has_default_settings() -> None:
-    kept, options = json.loads(DEFAULT_FILE.read_text(encoding="utf-8")), MotionProblem()
+    kept, options = json.loads(DEFAULT_FILE.read_text(encoding="utf-8")), paper_problem()
     assert kept["problem"]["v_E"] == list(options.v_E)
-    assert kept["problem"]["machine"]["motor_m"] == list(options.machine.motor_m)
+    assert kept["problem"]["machine"]["motor_m"] == [
+        options.machine.machine.parameters[f"motor.m[{i}]"].value for i in (1, 2, 3)
+    ]
     wanted = {"degree": 5, "knots": 20, "points": 10, "tie_break": 1e-3, "subdivisions": 1}
     assert kept["discretisation"] == wanted
     assert ec.read_trajectory(DEFAULT_FILE) == default_spline()
@@ -129,7 +133,7 @@ def test_pictures_show_the_motion(coarse: ec.TrajectoryResult) -> None:
     assert np.asarray(positions[1].lines[0].get_ydata())[[0, -1]] == pytest.approx([0.389, 0.442])
     path = {line.get_label(): np.column_stack(line.get_data()) for line in figures["path"].axes[0].lines}
     for row, q in ((0, coarse.problem.q_S), (-1, coarse.problem.q_E)):
-        at = points(coarse.problem.machine, q)["tip"]
+        at = points(HDRM, q)["tip"]
         assert path["path of the tip"][row] == pytest.approx([at.real, at.imag])
     assert path["clearance"][0, 1] == pytest.approx(-1.381 + 0.2, abs=1e-3)
 
@@ -165,7 +169,7 @@ def test_problem_as_file_options_and_python_values(emla: Emla, tmp_path: Path) -
     result = ec.trajectory(problem | {"machine": {"lift_a": 1.2, "tilt_b": 0.46}}, **FAST)
     assert result.spline.end == 20.0
     assert result.spline == ec.read_trajectory(tmp_path / "m.json")
-    assert result.problem.machine.lift_a == 1.2
+    assert result.problem.machine.machine.parameters["lift.a"].value == 1.2
 
 
 def test_tip_positions_as_file_options_and_python_values(emla: Emla, tmp_path: Path) -> None:
@@ -212,22 +216,22 @@ def test_changing_payload_is_written_for_scenarios(emla: Emla, fmu_folder: Path,
         (("--tie-break", "-1"), "the tie-break weight is -1; it must be from 0 to 1000"),
         (("--set", "t_M"), "--set t_M has no name or no value"),
         (("--set", "tM=3"), "a problem has no 'tM'; did you mean t_M"),
-        (("--set", "machine.lift=3"), "did you mean machine.lift_m"),
+        (("--set", "machine.lift=3"), "did you mean machine.lift.b or machine.lift.a"),
         (("--set", "machine.x.y=3"), "a problem has no 'machine.x.y'"),
         (("--set", "q_E[4]=3"), "a problem has no 'q_E[4]'"),
-        (("--set", "t_M[1]=3"), "'t_M[1]' = 3; an element must be one of three numbers"),
+        (("--set", "t_M[1]=3"), "'t_M[1]' = 3; an element must be one of several numbers"),
         (("--set", "via[2].tip=3,0"), "via[2] has no predecessor; the next way-point is via[1]"),
         (("--set", "via[1].at=0.3"), "lacks tip; write tip = [..., ...]"),
         (
             ("--set", "via[1].tipp=0.3"),
             "unknown entry 'tipp'; did you mean 'tip'?",
         ),
-        (("--set", "tip_E=0.3"), "tip_E is 0.3; it must be two finite numbers: x and y from O1, or off"),
+        (("--set", "tip_E=0.3"), "tip_E is 0.3; it must be two finite numbers: x, y, or off"),
         (("--set", "tip_E=5,1"), "tip_E = 5,1 m is out of the tip's reach by 0.674 m"),
         (("--set", "a_UB=nan"), "a_UB is nan; it must be three finite numbers: lift, tilt, telescope, or"),
         (("--set", "ground_clearance=-1"), "ground_clearance is -1; it must be 0 m or more, or off"),
         (("--set", "ground_clearance=inf"), "ground_clearance is inf; it must be a finite number, or off"),
-        (("--set", "a_UB[3]=1"), "'a_UB[3]' = 1; a_UB has no values yet: write three, a_UB=1,1,1"),
+        (("--set", "a_UB[3]=1"), "'a_UB[3]' = 1; a_UB has no values yet: write all of them, a_UB=1,1,1"),
         (("--set", "t_M=off"), "t_M is 'off'; it must be a finite number"),
         (("--set", "q_E=3"), "q_E is 3.0; it must be three finite numbers"),
         (("--set", "q_E=a,b,c"), "'q_E' = a,b,c; it must be a number in SI units, or several with commas"),
@@ -235,13 +239,13 @@ def test_changing_payload_is_written_for_scenarios(emla: Emla, fmu_folder: Path,
         (("--set", "t_M=0"), "t_M is 0; it must be more than 0 s"),
         (("--set", "payload=-1"), "payload is -1; it must be 0 kg or more"),
         (("--set", "machine.lift_a=1,2,3"), "'lift_a' in [machine] of the problem is [1.0, 2.0, 3.0]"),
-        (("--set", "machine.lift_a=-1"), "[machine] of the problem: lift_a = -1 is outside its range"),
-        (("--set", "machine.lift_L_0=9"), "the lift triangle cannot close"),
+        (("--set", "machine.lift_a=-1"), "[machine] of the problem: lift.a = -1 is outside its range"),
+        (("--set", "machine.lift_L_0=9"), "cannot close"),
         (("--set", "q_E[1]=0.9"), "the problem contradicts itself: q_E[1] = 0.9 m of the lift is beyond"),
         (("nowhere.toml",), "the problem 'nowhere.toml' cannot be read"),
         (("text.toml",), "the problem 'text.toml' is not TOML"),
         (("names.toml",), "the problem 'names.toml' has the unknown entry 'q_e'; did you mean 'q_E'?"),
-        (("flat.toml",), "'machine' of the problem 'flat.toml' is 3; it must be a table of lengths"),
+        (("flat.toml",), "'machine' of the problem 'flat.toml' is 3; it must be the name or file"),
         (("texts.toml",), "'lift_a' in [machine] of the problem 'texts.toml' is 'x'; it must be a number"),
         (("--output", "there/x.json"), "the trajectory 'there/x.json' cannot be written: there is no folder"),
         (("--output", "folder"), "the trajectory 'folder' cannot be written: it is a folder"),
