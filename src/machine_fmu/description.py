@@ -174,7 +174,6 @@ class Machine:
         dimensions: 2 for a machine in the plane, with x horizontal and y up, or 3.
         bodies: Bodies by name; each parent precedes its children.
         ground: Points of the ground by name.
-        outline: Corners of the ground's part under the machine, such as a base, of which it keeps clear.
         actuators: Actuators by name; their order is that of strokes and forces.
         links: Parts of constant length by name.
         loops: Pairs of points that coincide, each written BODY.POINT.

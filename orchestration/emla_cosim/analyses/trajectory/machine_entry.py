@@ -15,7 +15,17 @@ from ...base.errors import CommandError, suggest_names
 from ...base.files import read_text
 from ...base.table_entries import Location
 from ...base.toml_structs import read_toml
-from ...study.machines.schema import list_machine_names, load_machine, parse_machine
+from ...base.values import convert_value
+from ...study.joints.schema import JointFile
+from ...study.machines.former_names import FORMER_NAMES
+from ...study.machines.machine_joints import find_joint
+from ...study.machines.schema import (
+    MachineTable,
+    build_machine,
+    list_machine_names,
+    machines_folder,
+    read_machine_text,
+)
 
 PAPER = "hdrm"
 """The machine of the paper, which is the default."""
@@ -23,30 +33,22 @@ PAPER = "hdrm"
 FILE = "file"
 """The entry of [machine] with the name or the file of the machine."""
 
-_SIDES = ("a", "b", "L_0", "delta", "epsilon")
-_BODIES = {"lift": "lift_boom", "outer": "outer_boom", "inner": "inner_boom"}
-_OLD_NAMES = {
-    **{f"{joint}_{side}": f"{joint}.{side}" for joint in ("lift", "tilt") for side in _SIDES},
-    **{f"{body}_{x}": f"{name}.{x}" for body, name in _BODIES.items() for x in ("m", "c", "J")},
-    "lift_length": "lift_boom.length",
-    "reach": "inner_boom.reach",
-    "payload_J": "payload.J",
-    "M_BS": "screw.M_BS",
-    "tube_share": "tube.share",
-    "motor_m": "motor.m",
-    **{f"{part}_{x}": f"{part}.{x}" for part in ("housing", "tube") for x in ("c", "J")},
-    "q_LB": "screw.q_LB",
-    "q_UB": "screw.q_UB",
-}
-"""Names of the numbers of the paper's machine in problems of older versions, with today's."""
-
 
 @dataclass(frozen=True)
 class ProblemMachine:
-    """The machine of a problem: its name or file, and the machine."""
+    """The machine of a problem.
+
+    Attributes:
+        name: Its name or file.
+        model: The machine.
+        speeds: Largest speeds of the actuators by their data sheets, m/s; None if one has none.
+        forces: Forces that they hold continuously, N.
+    """
 
     name: str
     model: MachineModel
+    speeds: tuple[float, ...] | None = None
+    forces: tuple[float, ...] | None = None
 
     @property
     def record(self) -> dict[str, Any]:
@@ -76,7 +78,8 @@ def read_machine(value: Any, at: Location, folder: Path | None) -> ProblemMachin
         )
     entries = _flatten(value)
     name = entries.pop(FILE, PAPER)
-    machine = name_numbers(_load(str(name), folder))
+    table, label, folder = _load(str(name), folder)
+    machine = name_numbers(build_machine(table, label, folder))
     numbers = dict[str, float]()
     for key, number in entries.items():
         numbers |= _numbers(machine, key, number, at)
@@ -85,7 +88,12 @@ def read_machine(value: Any, at: Location, folder: Path | None) -> ProblemMachin
     except MachineError as error:
         raise CommandError(f"{at.table}: {error}.") from error
     _check_triangles(model, at)
-    return ProblemMachine(str(name), model)
+    joints = [find_joint(actuator, x.joint, label, folder) for actuator, x in table.actuators.items()]
+    emlas = [joint for joint in joints if joint is not None]
+    if len(emlas) < len(joints):
+        return ProblemMachine(str(name), model)
+    speeds, forces = zip(*((joint.emla.v_max, _held_force(joint)) for joint in emlas), strict=True)
+    return ProblemMachine(str(name), model, speeds, forces)
 
 
 def is_machine(name: str | Path) -> bool:
@@ -106,18 +114,27 @@ def _check_triangles(machine: MachineModel, at: Location) -> None:
                 raise CommandError(f"{at.table}: the machine cannot close at the {ends} end of '{joint}'.")
 
 
-def _load(name: str, folder: Path | None) -> Machine:
-    if not name.lower().endswith(".toml"):
-        return load_machine(name)
-    path = (folder or Path()) / name
-    label = f"the machine '{path}'"
-    return parse_machine(read_toml(read_text(path, "the machine"), label), label, path.parent)
+def _load(name: str, folder: Path | None) -> tuple[MachineTable, str, Path]:
+    """Return the table of a machine file, what messages call it, and the folder of its relative paths."""
+    if name.lower().endswith(".toml"):
+        path = (folder or Path()) / name
+        label, folder, text = f"the machine '{path}'", path.parent, read_text(path, "the machine")
+    else:
+        label, folder, text = f"the machine '{name}'", machines_folder(), read_machine_text(name)
+    return convert_value(read_toml(text, label), MachineTable, label, folder), label, folder
+
+
+def _held_force(joint: JointFile) -> float:
+    """Return the force in N that an actuator holds: continuously, if its data sheet has such a current."""
+    emla, sheet = joint.emla, joint.actuator
+    torque = 1.5 * emla.N_p * emla.Phi_PM * sheet.i_N if sheet.i_N else emla.tau_max
+    return min(torque / abs(emla.D_eq), sheet.values.get("screw.F_max", np.inf))
 
 
 def _numbers(machine: Machine, key: str, value: Any, at: Location) -> dict[str, float]:
     """Return the numbers of an entry by name; the elements of a list have names with [1] and so on."""
     name, bracket, rest = key.partition("[")
-    full = f"{_OLD_NAMES.get(name, name)}{bracket}{rest}"
+    full = f"{FORMER_NAMES.get(name, name)}{bracket}{rest}"
     elements = [n for n in machine.parameters if n.partition("[")[0] == full]
     names = [full] if full in machine.parameters else elements
     if not names:

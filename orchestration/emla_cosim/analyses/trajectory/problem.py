@@ -115,7 +115,12 @@ def _defaults(machine: ProblemMachine) -> dict[str, Any]:
     if machine.name == PAPER:
         return {**_TABLE_II, "payload": machine.model.payload}
     rest = (0.0,) * len(machine.model.names)
-    return {"q_S": machine.model.start, "v_S": rest, "v_E": rest, "payload": machine.model.payload}
+    values = {"q_S": machine.model.start, "v_S": rest, "v_E": rest, "payload": machine.model.payload}
+    return values | {
+        name: limits
+        for name, limits in (("v_UB", machine.speeds), ("f_UB", machine.forces))
+        if limits is not None
+    }
 
 
 def _override(entries: dict[str, Any], name: str, text: str) -> None:
