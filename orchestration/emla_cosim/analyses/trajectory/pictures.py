@@ -8,9 +8,11 @@ import numpy as np
 from machine_fmu.optimisation.assessment import Course
 from machine_fmu.optimisation.obstacles import Obstacle
 from machine_fmu.optimisation.problem import MotionProblem
-from machine_fmu.optimisation.surroundings import all_lines
 
 from ...base.arrays import Vector
+from ...study.sketch.painting import actuator_colors, paint
+from ...study.sketch.parts import MachineParts
+from ...study.sketch.views import PLANE, THREE_SIDES, View
 from ...views.plots.style import BLUE, GREY, ORANGE, RED, new_figure, tidy_axes
 from .result import TrajectoryResult
 
@@ -23,7 +25,7 @@ PICTURES = ("forces-and-speeds", "positions-and-accelerations", "path")
 
 _POINTS = 1501
 
-_GROUND, _BODY, _OBSTACLE = "#d9cbb3", "#c9ced6", "#e3b5a4"
+_GROUND, _OBSTACLE = "#d9cbb3", "#e3b5a4"
 _MARGIN = 0.4
 """Space around everything that is drawn, m."""
 
@@ -90,37 +92,34 @@ def _panel(axes: "Axes", times: Vector, row: _PanelRow, joint: int) -> None:
 
 
 def _draw_path(result: TrajectoryResult, times: Vector) -> "Figure":
-    """Return a figure of the tip's path, and the machine at start and end; in space from two sides.
-
-    Lines are those from the origins of bodies to their points, and those of actuators and links.
-    """
+    """Return a figure of the tip's path, and the machine at start and end; in space from two sides."""
     problem, machine = result.problem, result.problem.machine
-    at = machine.points(result.spline.evaluated(times))
-    views = ((0, 1),) if machine.dimensions == 2 else ((0, 2), (1, 2))
+    strokes = result.spline.evaluated(times)
+    parts, colors, path = MachineParts(machine), actuator_colors(machine.names), machine.tip(strokes)
+    held = np.array([[machine.closure.assembly[i] for i in machine.mechanism.passive]] * 2)
+    start, end = parts.postures(strokes[[0, -1]], np.full(2, machine.payload), held)
+    views = (PLANE,) if machine.dimensions == 2 else THREE_SIDES[:2]
     figure, grid = new_figure(1, len(views), 7.0 / len(views), 5.2)
     for axes, view in zip(grid[0], views, strict=True):
-        columns = list(view)
-        if len(machine.outline) and machine.dimensions == 2:
-            _draw_hull(axes, machine.outline, _BODY)
         for obstacle in problem.obstacles:
-            _draw_obstacle(axes, obstacle, columns)
-        for row, color, name in ((0, GREY, "start"), (-1, BLUE, "end")):
-            for i, line in enumerate(all_lines(machine)):
-                ends = np.array([at[line.start][row], at[line.end][row]])[:, columns]
-                axes.plot(*ends.T, color=color, linewidth=1.8, label=None if i else name)
-        if machine.machine.payload is not None:
-            path = at[machine.machine.payload.at][:, columns]
-            axes.plot(*path.T, color=ORANGE, linewidth=1.8, label="path of the tip")
+            _draw_obstacle(axes, obstacle, view)
+        faint = paint(start.values(), view, colors, 0.35, only_moving=True)
+        for polygons in (faint, paint(end.values(), view, colors)):
+            polygons.add_to(axes)
+            axes.update_datalim(np.concatenate(polygons.lines))
+        line = view.flatten(path)
+        axes.plot(*line.T, color=RED, linewidth=1.8, zorder=5, label="path of the tip")
+        axes.plot(*line[0], "o", color=GREY, markersize=5, zorder=5, label="start, faint")
         for i, via in enumerate(problem.via):
-            place = [via.tip[k] for k in columns]
-            axes.plot(*place, "o", color=ORANGE, markersize=5)
+            place = view.flatten(np.array([via.tip]))[0]
+            axes.plot(*place, "o", color=ORANGE, markersize=5, zorder=6)
             axes.annotate(f"{i + 1}", place, (6, 5), textcoords="offset points", fontsize=9)
         axes.set_aspect("equal")
         axes.margins(0.05)
         if problem.ground_clearance is not None:
             _draw_ground(axes, problem.ground_height, problem.ground_clearance)
-        axes.set_xlabel(f"{problem.axes[view[0]]} / m", fontsize=9)
-        axes.set_ylabel(f"{problem.axes[view[1]]} / m", fontsize=9)
+        for label, set_label in zip(view.labels, (axes.set_xlabel, axes.set_ylabel), strict=False):
+            set_label(label, fontsize=9)
         axes.tick_params(labelsize=8)
     handles, labels = grid[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, fontsize=8, loc="outside upper center", ncols=6, edgecolor="none")
@@ -133,10 +132,10 @@ def _draw_hull(axes: "Axes", corners: np.ndarray, color: str, label: str | None 
     axes.fill(*corners[ConvexHull(corners).vertices].T, color=color, label=label)
 
 
-def _draw_obstacle(axes: "Axes", obstacle: Obstacle, columns: list[int]) -> None:
+def _draw_obstacle(axes: "Axes", obstacle: Obstacle, view: View) -> None:
     from matplotlib.patches import Circle
 
-    corners = obstacle.hull[:, columns]
+    corners = view.flatten(np.asarray(obstacle.hull))
     if len(corners) > 1:
         _draw_hull(axes, corners, _OBSTACLE, obstacle.name or "obstacle")
     else:

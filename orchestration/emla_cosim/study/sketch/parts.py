@@ -20,6 +20,9 @@ _PIN, _BOX = 0.05, 0.38
 _HOUSING, _ROD, _LINK, _INSIDE = 0.12, 0.06, 0.09, 0.5
 """Widths of housing, rod and link in units, and the factor for an actuator inside a boom."""
 
+_POINT = 1e-6
+"""Radius in m of a corner between round ones."""
+
 _BRACKET, _PLATE, _OVERHANG = 0.22, 0.12, 0.3
 """Half of a bracket's foot, margin of a plate around its pins, and of the base around its own, in units."""
 
@@ -200,10 +203,11 @@ class MachineParts:
             yield body, replace(_hull(name, "pin", at[None, :], _PIN * self.unit), bar=bar)
 
     def _base(self) -> Part:
-        """Return the base: its outline, or the pins of the ground with a foot below them."""
+        """Return the base: around the pins of the ground and its outline, or a foot below the pins."""
         layout, unit = self._layout, self.unit
-        if GROUND in layout.outlines:
-            return replace(_outlined(GROUND, layout.outlines[GROUND], unit), look="base")
+        outline = layout.outlines.get(GROUND)
+        if outline is not None and self._model.dimensions == 3:
+            return replace(_outlined(GROUND, outline, unit), look="base")
         joints = np.array(layout.joints(GROUND) or [np.zeros(self._model.dimensions)])
         pins = layout.pins(GROUND)
         free = all(layout.is_plate(body) for body in layout.children(GROUND))
@@ -211,11 +215,10 @@ class MachineParts:
         margin = _OVERHANG * unit
         low, high = supports.min(axis=0) - margin, supports.max(axis=0) + margin
         if self._model.dimensions == 2:
-            feet = np.array([[low[0], low[1]], [high[0], low[1]]])
+            feet = np.array([[low[0], low[1]], [high[0], low[1]]]) if outline is None else outline
             radii = np.where([not any(np.array_equal(x, p) for p in pins) for x in supports], 0.16, 0.13)
-            return Part(
-                GROUND, "base", np.concatenate([supports, feet]), np.append(radii * unit, [1e-6, 1e-6])
-            )
+            points, margins = np.concatenate([supports, feet]), np.full(len(feet), _POINT)
+            return Part(GROUND, "base", points, np.concatenate([radii * unit, margins]))
         top = supports - np.array([0.0, 0.0, _PIN * unit])
         corners = np.array([[x, y, low[2]] for x in (low[0], high[0]) for y in (low[1], high[1])])
         if np.ptp(supports[:, 2]) < 0.1 * unit and len(supports) > 2:
