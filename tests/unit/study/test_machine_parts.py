@@ -47,7 +47,9 @@ def test_pins_and_payload_are_where_the_kinematics_have_them(q: np.ndarray) -> N
     assert drawn["pin of outer_boom"].points[0] == pytest.approx(lines["lift_boom"][1])
     assert drawn["tilt second pin"].points[0] == pytest.approx(lines["tilt_actuator"][2])
     assert drawn["payload"].points.mean(axis=0) == pytest.approx(tip(HDRM, q.tolist()), abs=1e-12)
-    assert drawn["lift_boom"].points == pytest.approx(np.array(lines["lift_boom"]))
+    for boom in ("lift_boom", "outer_boom"):
+        assert drawn[boom].points == pytest.approx(np.array(lines[boom]))
+    assert drawn["inner_boom"].points[1] == pytest.approx(lines["inner_boom"][1])
     assert drawn["telescope rod"].points[1] == pytest.approx(lines["inner_boom"][1])
 
 

@@ -78,11 +78,11 @@ class Layout:
         return [name for name, child in self.machine.bodies.items() if child.joint.parent == body]
 
     def joints(self, body: str) -> list[Vector]:
-        """Return the points of a body where its children are, and for slides also where they are now."""
+        """Return the points of a body where its children are; for those that slide along it, two."""
         found = []
         for child in self.children(body):
             found.append(self.start(child))
-            if self.kind(child) == "prismatic":
+            if self.kind(child) == "prismatic" and not self.is_inner(child):
                 found.append(found[-1] + self.slide(child))
         return found
 
@@ -119,8 +119,7 @@ class Layout:
         )
         start = np.zeros(self.model.dimensions)
         if self.kind(body) == "prismatic":
-            inside = self._inside(body)
-            start = -inside * self.axis(body) if inside > _BESIDE * self.unit else start
+            start = -self._inside(body) * self.axis(body) if self.is_inner(body) else start
         return (start, end) if np.linalg.norm(end - start) > 0.5 * _BESIDE * self.unit else None
 
     def width(self, body: str) -> float:
@@ -131,9 +130,13 @@ class Layout:
         if beam is None:
             return 0.1 * self.unit
         parent = self.machine.bodies[body].joint.parent
-        if self.kind(body) == "prismatic" and parent != GROUND and self._inside(body) > _BESIDE * self.unit:
+        if self.is_inner(body):
             return 0.55 * self.width(parent)
         return 0.12 * math.sqrt(float(np.linalg.norm(beam[1] - beam[0])) * 1.75 * self.unit)
+
+    def is_inner(self, body: str) -> bool:
+        """Return whether a body slides out of its parent, as a telescope does."""
+        return self.kind(body) == "prismatic" and self._inside(body) > _BESIDE * self.unit
 
     def is_inside(self, bar: Bar) -> bool:
         """Return whether an actuator is inside the beams that it moves."""

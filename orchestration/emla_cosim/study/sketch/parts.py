@@ -126,9 +126,7 @@ class MachineParts:
         end_width = width if is_inner or layout.machine.bodies[body].joint.is_passive else 0.8 * width
         radii = 0.5 * np.array([width, end_width])
         yield Part(body, "inner" if is_inner else "body", np.array(beam), radii)
-        payload = layout.payload(body)
-        beside = [*layout.pins(body), *layout.joints(body), *([] if payload is None else [payload])]
-        for i, pin in enumerate(beside):
+        for i, pin in enumerate([*layout.pins(body), *layout.joints(body)]):
             if distance(pin, *beam)[0] > _PIN * unit:
                 yield _bracket(f"{body} bracket {i + 1}", beam, pin, unit)
 
