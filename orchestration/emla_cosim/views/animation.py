@@ -132,7 +132,8 @@ def _colors(frame: Pixels) -> "Image.Image":
     """Return an image with the palette: the colours of a frame, with its background exactly."""
     from PIL import Image
 
-    found = Image.fromarray(frame).quantize(256, dither=Image.Dither.NONE)
+    # small areas keep their colours, such as the path of the tip
+    found = Image.fromarray(frame).quantize(256, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
     palette, background = np.reshape(found.getpalette() or (), (-1, 3)), frame[0, 0].astype(int)
     palette[(np.abs(palette - background) < _COLOR_DISTANCE).all(axis=1)] = background
     found.putpalette(palette.ravel().tolist())
