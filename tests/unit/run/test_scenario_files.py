@@ -16,6 +16,7 @@ from emla_cosim.run.run_setup import plan_run
 from emla_cosim.run.scenarios.built_in import SCENARIOS
 from emla_cosim.study.joints.schema import list_joint_names
 from emla_cosim.study.loading import load
+from emla_cosim.study.machines.systems import BUILT_IN
 from tests.support.commands import Emla
 from tests.support.paths import ROOT
 
@@ -127,13 +128,14 @@ MULTIPLES = {
 
 _ELSEWHERE = """
     system description mapping output output_format plot_format plots require signals animate actuator sheet
-    input report parameters bonds roles trajectory no_event_mode load_control notch
+    input report parameters bonds roles trajectory no_event_mode load_control notch mode
 """
 ELSEWHERE = set(_ELSEWHERE.split())
 """Keys of other tests: `parameters` in test_parameter_tables.py, `mapping` in test_replacement.py,
 `trajectory` in test_machine.py, `actuator` in test_actuator.py, `input` in test_inputs.py,
 `sheet` in test_actuator_factors.py, `roles` in test_roles.py, `bonds` in test_coupling_of_runs.py,
-`no_event_mode` in test_no_event_mode.py, `load_control` and `notch` in test_load_control.py."""
+`no_event_mode` in test_no_event_mode.py, `load_control` and `notch` in test_load_control.py,
+`mode` in test_machine_systems.py."""
 
 
 @pytest.mark.parametrize(
@@ -288,7 +290,7 @@ NO_SYSTEM = [
     ('systm = "lift"', "has the unknown entry 'systm'", "did you mean 'system'?"),
     ("stop_time = 1", "my.toml' lacks system", 'write system = "study"'),
     ("", "my.toml' lacks system"),
-    ('system = "crane"', "names the system 'crane'", "one of study, study-drive, study-compliant, lift"),
+    ('system = "winch"', "names the system 'winch'", "one of study, study-drive, study-compliant, lift"),
     ('system = "crane.ssp"', "there is no file 'crane.ssp'"),
     ("system = 1", "'system' of the scenario 'my.toml' is 1; it must be a text"),
     ('system = "lift"\nsystem = "tilt"', "my.toml' is not TOML", "line 2"),
@@ -350,7 +352,8 @@ def test_files_that_cannot_be_read() -> None:
 def test_built_in_scenario_is_a_file_and_a_system(name: str) -> None:
     """A copy of its file is the same scenario, and a file with the system alone has its options."""
     study = ROOT / "orchestration/emla_cosim/study"
-    source = study / ("joints" if name in list_joint_names() else "scenarios") / f"{name}.toml"
+    folders = {**dict.fromkeys(list_joint_names(), "joints"), **dict.fromkeys(BUILT_IN, "machines")}
+    source = study / folders.get(name, "scenarios") / f"{name}.toml"
     expected = load(name)
     assert load(write(source.read_text(encoding="utf-8"), f"copy/{name}.toml")) == expected
     alone = load(write(f'system = "{name}"\n'))

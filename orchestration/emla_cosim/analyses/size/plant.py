@@ -23,6 +23,8 @@ from ...base.toml_structs import read_toml
 from ...run.scenarios.scenario import Scenario
 from ...study.actuator.actuator import Actuator
 from ...study.joints.schema import JointFile, list_joint_names, load_joint, parse_joint
+from ...study.machines.machine_file import load_machine_file
+from ...study.machines.systems import BUILT_IN
 from ...study.roles import find_element
 
 _LIMITS = ("tau_max", "q_LB", "q_UB", "v_max")
@@ -123,7 +125,9 @@ def find_data_sheet(scenario: Scenario, source: object, joint: str) -> Actuator:
 
 
 def _own_joint(source: object, joint: str) -> JointFile | None:
-    """Return the user's joint file of a scenario, for this joint."""
+    """Return the joint of a scenario's machine, or the user's joint file of a scenario, for this joint."""
+    if source in BUILT_IN:
+        return load_machine_file(str(source)).joints.get(joint)
     if not isinstance(source, (str, Path)) or not str(source).lower().endswith(".toml"):
         return None
     path = Path(source)
@@ -131,5 +135,9 @@ def _own_joint(source: object, joint: str) -> JointFile | None:
     if content.get("kind") == "joint":
         same = path.stem == joint
         return parse_joint(content, f"the joint file '{path}'", joint, path.parent) if same else None
+    if content.get("kind") == "machine":
+        return load_machine_file(path).joints.get(joint)
     system = content.get("system")
-    return _own_joint(path.parent / system, joint) if isinstance(system, str) else None
+    if not isinstance(system, str):
+        return None
+    return _own_joint(system if system in BUILT_IN else path.parent / system, joint)

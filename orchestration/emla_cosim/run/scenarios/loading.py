@@ -109,7 +109,7 @@ def _load_scenario_file(
         if described.defaults is None and described.system not in FOLLOWING:
             raise CommandError(
                 f"'{read.where}' does not follow a trajectory; --trajectory is for "
-                f"machines and {join_names(sorted(FOLLOWING))}."
+                f"machine files, and for {join_names(sorted(FOLLOWING))}."
             )
         made_of["trajectory"] = options.trajectory
     if options.actuator or options.sheet:

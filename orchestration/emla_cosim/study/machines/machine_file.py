@@ -68,7 +68,6 @@ def machine_struct() -> type[MachineTable]:
     return extend_struct(MachineTable, "MachineFile", [("run", run, msgspec.field(default_factory=options))])
 
 
-@cache
 def load_machine_file(name: str | Path) -> MachineFile:
     """Return the file of a machine that comes with the study, by name, or of another one, by path.
 
@@ -81,9 +80,13 @@ def load_machine_file(name: str | Path) -> MachineFile:
         return parse_machine_file(
             read_toml(read_text(path, "the machine"), label), label, path.stem, path.parent
         )
+    return _load_built_in(str(name))
+
+
+@cache
+def _load_built_in(name: str) -> MachineFile:
     label = f"the machine '{name}'"
-    content = read_toml(read_machine_text(str(name)), label)
-    return parse_machine_file(content, label, str(name), machines_folder())
+    return parse_machine_file(read_toml(read_machine_text(name), label), label, name, machines_folder())
 
 
 def parse_machine_file(content: Mapping[str, Any], label: str, name: str, folder: Path) -> MachineFile:

@@ -252,7 +252,7 @@ def machine_scenario(content: Mapping[str, Any], where: str, folder: Path) -> Sc
     return ScenarioFile(
         file.description,
         path.name if is_file else where,
-        file.run,
+        file.run if "controller" in file.run else {"gains": _GAINS, **file.run},
         where,
         folder,
         partial(machine_system, file),
@@ -270,7 +270,7 @@ def _defaults(file: MachineFile, options: Options) -> dict[str, Any]:
     if options.trajectory is not None:
         motion = load_motion(options.trajectory, list(file.joints))
     stop = _HOLD_TIME if motion is None else motion.spline.end
-    found: dict[str, Any] = {"gains": _GAINS, "step_size": step, "stop_time": stop}
+    found: dict[str, Any] = {"step_size": step, "stop_time": stop}
     if options.mode == REPLAYED:
         multiples = {joint: multiple for joint, multiple in multiples.items() if multiple > 1}
     else:
