@@ -86,7 +86,8 @@ def build_report(result: SizeResult) -> Report:
         problems = [one.problem for one in result.candidates if one.problem is not None]
         lines += [_state(f"{result.name} does not hold: {problem}", False) for problem in problems]
         lines += [_state(sizing.verdict, sizing.holds) for _, sizing in result.sizings]
-        sections.append(Section("Verdict", lines))
+        tables = [_all_actuators(result)] if len(result.sizings) > 1 else []
+        sections.append(Section("Verdict", tables=tables, under=lines))
     return Report("Sizing", result.name, list(_facts(result)), sections)
 
 
@@ -220,14 +221,30 @@ def _candidate_tolerances(result: SizeResult) -> Iterator[ReportTable]:
         yield ReportTable("Tolerances, worst of all draws", header, rows, sentences, texts=(0, 2))
 
 
+_HOLDS = {True: "yes", False: "no", None: "?"}
+_USE = ("holds", "most used", "%", "peak %", "rms %", "rise/K", "net/J", "life/h")
+
+
+def _all_actuators(result: SizeResult) -> ReportTable:
+    """Return one table of all actuators: what each uses most, and the energy that it takes."""
+    rows = list[list[Text | str]]()
+    for one, sizing in result.sizings:
+        label = Text(sizing.joint, is_failure=sizing.holds is False)
+        rows.append([label, _HOLDS[sizing.holds], *_cells(one, sizing.joint)])
+    figures = [sizing.figures for _, sizing in result.sizings]
+    net = sum(x.energy_in_J - x.energy_regenerated_J for x in figures)
+    total = f"All together take {format_value(net)} J per cycle if each uses what another one regenerates."
+    return ReportTable("All actuators", ("", *_USE), rows, [total], texts=range(3))
+
+
 def _candidates(result: SizeResult) -> ReportTable:
     joints = list(dict.fromkeys(str(one.joint) for one in result.candidates))
     life = "" if result.life is None else f", for a life of {format_value(result.life / 3600.0)} h"
-    header = ("joint", "", "holds", "most used", "%", "peak %", "rms %", "rise/K", "net/J", "life/h")
+    header = ("joint", "", *_USE)
     rows = list[list[Text | str]]()
     for one in result.candidates:
-        label, holds = Text(one.label, is_failure=one.holds is False), {True: "yes", False: "no", None: "?"}
-        rows.append([str(one.joint), label, holds[one.holds], *_cells(one, str(one.joint))])
+        label = Text(one.label, is_failure=one.holds is False)
+        rows.append([str(one.joint), label, _HOLDS[one.holds], *_cells(one, str(one.joint))])
     first = 0 if len(joints) > 1 else 1  # all are of the same joint
     title, shown = f"Actuators of {', '.join(joints)}{life}", [row[first:] for row in rows]
     return ReportTable(title, header[first:], shown, texts=range(4 - first))

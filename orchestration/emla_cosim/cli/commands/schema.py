@@ -18,6 +18,7 @@ from ...base.schemas import make_schema
 from ...run.scenarios.scenario_file import scenario_struct
 from ...study.actuator.sheet_values import ACTUATOR
 from ...study.joints.joint_table import joint_struct
+from ...study.machines.machine_file import machine_struct
 from ...study.registration import register
 from ...verification.references.reference_files import ReferenceTable
 from ...views.terminal import print_exactly, show
@@ -43,6 +44,7 @@ def _trajectory_struct() -> type[msgspec.Struct]:
 FILE_KINDS: Mapping[str, FileKind] = {
     "scenario": FileKind("Scenario: a system and options to run it", scenario_struct),
     "joint": FileKind("Joint: actuator, gains, motion and load", joint_struct),
+    "machine": FileKind("Machine: bodies, actuators, motion and options", machine_struct),
     "actuator": FileKind("Data sheet of an actuator", lambda: ACTUATOR),
     "sweep": FileKind("Plan of emla sweep", lambda: plan_struct(Plan.struct())),
     "tune": FileKind("Plan of emla tune", lambda: plan_struct(TuningPlan.struct())),
