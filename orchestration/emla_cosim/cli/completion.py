@@ -44,7 +44,8 @@ def _match(names: Callable[[], Iterable[object]], incomplete: str) -> list[Compl
 
 
 def _scenarios() -> Iterable[str]:
-    return sorted([*_files("scenarios"), *_files("joints")])
+    machines = (name for name in _files("machines") if name != "hdrm")  # it has one scenario for each mode
+    return sorted([*_files("scenarios"), *_files("joints"), *machines])
 
 
 def _plans() -> Iterable[str]:

@@ -48,7 +48,7 @@ def complete(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
     ("line", "expected"),
     [
         ("emla r", ["run", "rerun"]),
-        ("emla -q run lif", ["lift"]),
+        ("emla -q run til", ["tilt"]),
         ("emla sweep study-r", ["study-robustness"]),
         ("emla build EmlaP", ["EmlaPlant"]),
         ("emla run lift --algorithm gauss", ["gauss-seidel"]),
@@ -80,8 +80,8 @@ def test_scenarios_and_options_complete(complete: Complete) -> None:
 
 
 def test_zsh_and_fish(complete: Complete) -> None:
-    assert complete("emla run lif", "zsh") == ["plain", "lift", "_"]
-    assert complete("emla run lif", "fish") == ["plain,lift"]
+    assert complete("emla run til", "zsh") == ["plain", "tilt", "_"]
+    assert complete("emla run til", "fish") == ["plain,tilt"]
 
 
 # ---- the program -------------------------------------------------------------------------------------

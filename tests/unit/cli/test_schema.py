@@ -28,6 +28,8 @@ def find_kind(content: Mapping[str, Any], page: str = "") -> str:
     """Return the kind of a file by its entries; empty for a part of a file."""
     if content.get("kind") == "joint":
         return "joint" if "actuator" in content else ""
+    if content.get("kind") == "machine":
+        return "machine" if "bodies" in content or "urdf" in content else ""
     if "vary" in content:
         return {"identify.md": "identify", "tune.md": "tune"}.get(page, "sweep")
     by_key = {"system": "scenario", "motor": "actuator", "made_by": "reference", "t_M": "trajectory"}
@@ -95,6 +97,9 @@ RULES = (  # of the reader, between entries, which a schema does not express
     r"is (more|less) than",
     r"the lift triangle cannot close",
     r"cannot be used: too large or too small",
+    r"has \d numbers; it must have",
+    r"it must be a list of \d",
+    r"has neither position nor polar",
 )
 
 

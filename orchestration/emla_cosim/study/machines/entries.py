@@ -107,11 +107,11 @@ def _read_number(value: Any, unit: str, at: Location, folder: Path | None) -> Nu
     return convert_at(value, Annotated[float, quantity(unit)], at, folder)
 
 
-class _PointTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class PointTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """A point by radius and angle about z, or by its position, from another point of the body."""
 
-    polar: Any = None
-    position: Annotated[list[float], numbers("m", "position", [1.8, 0.0], (2, 3))] = msgspec.field(
+    polar: Annotated[list[float | str], describe("radius and angle about z", [0.5, "20 deg"])] | None = None
+    position: Annotated[list[float | str], numbers("m", "position", [1.8, 0.0], (2, 3))] = msgspec.field(
         default_factory=list
     )
     origin: Annotated[str, describe("point from which it counts", "elbow")] | None = msgspec.field(
@@ -123,7 +123,7 @@ def _read_point(value: Any, at: Location, folder: Path | None) -> Point:
     """Return a point of a list of coordinates, or of a table."""
     if not isinstance(value, Mapping):
         return Point(_read_list(value, ("m", "m", "m"), (2, 3), at, folder))
-    table = convert_at(value, _PointTable, at, folder)
+    table = convert_at(value, PointTable, at, folder)
     if table.polar is None and not table.position and table.origin is None:
         raise CommandError(f"{at.label} has neither position nor polar; write one of them.")
     polar = None

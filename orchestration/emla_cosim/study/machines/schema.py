@@ -29,7 +29,7 @@ from ...base.errors import CommandError, check_choice
 from ...base.table_entries import unknown_entry
 from ...base.toml_structs import describe, dotted, quantity, read_toml
 from ...base.values import convert_value
-from .entries import corner_list, joint_values, number, numbers, point_table
+from .entries import PointTable, corner_list, joint_values, number, numbers, point_table
 
 _FOLDER = "emla_cosim.study.machines"
 
@@ -42,7 +42,7 @@ _EMPTY: Any = msgspec.field(default_factory=dict)
 class ParameterTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """A number with a name, which can vary between runs; a list has names with [1], [2] and so on."""
 
-    value: Annotated[list[float], numbers("", "value in the unit", 1.15)]
+    value: Annotated[float | str | list[float | str], numbers("", "value in the unit", 1.15)]
     unit: Annotated[str, describe("its unit", "m")] = ""
     about: Annotated[str, describe("its meaning")] = ""
     minimum: Annotated[float, quantity("", "lowest value", 0.001)] | None = None
@@ -53,8 +53,10 @@ class ParameterTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_f
 class GroundTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """What does not move."""
 
-    points: Annotated[dict[str, Any], point_table()] = _EMPTY
-    outline: Annotated[list[Any], corner_list("base")] = msgspec.field(default=())  # type: ignore[assignment]
+    points: Annotated[dict[str, list[float | str] | PointTable], point_table()] = _EMPTY
+    outline: Annotated[list[str | list[float | str] | PointTable], corner_list("base")] = msgspec.field(
+        default=()  # type: ignore[assignment]
+    )
 
 
 class BodyTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -62,34 +64,39 @@ class BodyTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
 
     joint: Annotated[JointKind, describe("how it moves relative to its parent", "revolute")]
     on: Annotated[str, describe("parent, or a point of it", "boom.elbow")] = GROUND
-    axis: Annotated[list[float], numbers("", "axis of the joint", [0, 0, 1], (2, 3, 6))] | None = None
-    rotation: Annotated[list[float], numbers("rad", "roll, pitch and yaw at 0", [0, 0, 0], (3,))] = (
+    axis: Annotated[list[float | str], numbers("", "axis of the joint", [0, 0, 1], (2, 3, 6))] | None = None
+    rotation: Annotated[list[float | str], numbers("rad", "roll, pitch and yaw at 0", [0, 0, 0], (3,))] = (
         msgspec.field(default=(0.0, 0.0, 0.0))  # type: ignore[assignment]
     )
-    assembly: Annotated[list[float], joint_values("joint coordinates of a pose", "30 deg")] = msgspec.field(
-        default=()
-    )  # type: ignore[assignment]
+    assembly: Annotated[
+        float | str | list[float | str], joint_values("joint coordinates of a pose", "30 deg")
+    ] = msgspec.field(default=())  # type: ignore[assignment]
     passive: Annotated[bool, describe("whether the joint swings freely")] = False
     damping: Annotated[float | str, number("", "damping of a passive joint, N m s/rad or N s/m", 20.0)] = 0.0
     m: Annotated[float | str, number("kg", "mass", 160.0)] = 0.0
-    c: Annotated[list[float], numbers("m", "centre of mass", [0.85, 0.0], (2, 3))] = msgspec.field(
+    c: Annotated[list[float | str], numbers("m", "centre of mass", [0.85, 0.0], (2, 3))] = msgspec.field(
         default=()  # type: ignore[assignment]
     )
     J: Annotated[
-        list[float], numbers("kg.m2", "inertia about the centre: about z; or xx, yy, zz", 43.2, (1, 3, 6))
+        float | str | list[float | str],
+        numbers("kg.m2", "inertia about the centre: about z; or xx, yy, zz", 43.2, (1, 3, 6)),
     ] = msgspec.field(default=())  # type: ignore[assignment]
-    points: Annotated[dict[str, Any], point_table()] = _EMPTY
-    outline: Annotated[list[Any], corner_list("body")] = msgspec.field(default=())  # type: ignore[assignment]
+    points: Annotated[dict[str, list[float | str] | PointTable], point_table()] = _EMPTY
+    outline: Annotated[list[str | list[float | str] | PointTable], corner_list("body")] = msgspec.field(
+        default=()  # type: ignore[assignment]
+    )
 
 
 class UrdfLinkTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """What a URDF file does not have: pins of actuators, and the pose in which the machine is assembled."""
 
-    points: Annotated[dict[str, Any], point_table()] = _EMPTY
-    outline: Annotated[list[Any], corner_list("link")] = msgspec.field(default=())  # type: ignore[assignment]
-    assembly: Annotated[list[float], joint_values("joint coordinates of a pose", "30 deg")] = msgspec.field(
-        default=()
-    )  # type: ignore[assignment]
+    points: Annotated[dict[str, list[float | str] | PointTable], point_table()] = _EMPTY
+    outline: Annotated[list[str | list[float | str] | PointTable], corner_list("link")] = msgspec.field(
+        default=()  # type: ignore[assignment]
+    )
+    assembly: Annotated[
+        float | str | list[float | str], joint_values("joint coordinates of a pose", "30 deg")
+    ] = msgspec.field(default=())  # type: ignore[assignment]
     passive: Annotated[bool, describe("whether the joint swings freely")] = False
 
 
@@ -115,7 +122,10 @@ class ActuatorTable(StrutTable, frozen=True, kw_only=True, forbid_unknown_fields
     joint: Annotated[str, describe("name of a built-in joint, or path of a joint file", "lift")] | None = None
     length: Annotated[float | str, number("m", "distance of the points at stroke 0", 0.85)]
     stroke: (
-        Annotated[list[float], numbers("m", "lowest and highest; without, of the joint", [0.0, 0.5], (1, 2))]
+        Annotated[
+            float | str | list[float | str],
+            numbers("m", "lowest and highest; without, of the joint", [0.0, 0.5], (1, 2)),
+        ]
         | None
     ) = None
     start: (
