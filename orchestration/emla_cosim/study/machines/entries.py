@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import msgspec
 
@@ -117,6 +117,14 @@ class PointTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     origin: Annotated[str, describe("point from which it counts", "elbow")] | None = msgspec.field(
         name="from", default=None
     )
+
+
+if TYPE_CHECKING:  # as they are read
+    Numbers = NumberList = list[float]
+    Points = dict[str, Point]
+else:  # as files have them
+    Numbers, NumberList = float | str | list[float | str], list[float | str]
+    Points = dict[str, NumberList | PointTable]
 
 
 def _read_point(value: Any, at: Location, folder: Path | None) -> Point:

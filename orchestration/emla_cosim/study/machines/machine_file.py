@@ -23,6 +23,9 @@ from .machine_joints import require_joint
 from .motion import Motion, read_motion_table
 from .schema import KIND, MachineTable, build_machine, machines_folder, read_machine_text
 
+COMPONENTS = "machine"
+"""Begin of the names of the components of a machine itself."""
+
 _ROUNDING = 1e-9
 """Distance in m and fraction of a speed by which a motion may leave its limits."""
 
@@ -102,6 +105,8 @@ def parse_machine_file(content: Mapping[str, Any], label: str, name: str, folder
             f"{label} cannot name a machine: '{name}' is invalid; use letters, digits and _ in the file name."
         )
     table = convert_value(content, machine_struct(), label, folder)
+    if COMPONENTS in table.actuators:
+        raise CommandError(f"an actuator cannot be called '{COMPONENTS}', as in {label}; rename it.")
     machine = build_machine(table, label, folder)
     joints, seeds = dict[str, JointFile](), set[int | None]()
     for actuator, entry in table.actuators.items():

@@ -29,7 +29,17 @@ from ...base.errors import CommandError, check_choice
 from ...base.table_entries import unknown_entry
 from ...base.toml_structs import describe, dotted, quantity, read_toml
 from ...base.values import convert_value
-from .entries import PointTable, corner_list, joint_values, number, numbers, point_table
+from .entries import (
+    Corners,
+    NumberList,
+    Numbers,
+    Points,
+    corner_list,
+    joint_values,
+    number,
+    numbers,
+    point_table,
+)
 
 _FOLDER = "emla_cosim.study.machines"
 
@@ -42,7 +52,7 @@ _EMPTY: Any = msgspec.field(default_factory=dict)
 class ParameterTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """A number with a name, which can vary between runs; a list has names with [1], [2] and so on."""
 
-    value: Annotated[float | str | list[float | str], numbers("", "value in the unit", 1.15)]
+    value: Annotated[Numbers, numbers("", "value in the unit", 1.15)]
     unit: Annotated[str, describe("its unit", "m")] = ""
     about: Annotated[str, describe("its meaning")] = ""
     minimum: Annotated[float, quantity("", "lowest value", 0.001)] | None = None
@@ -53,10 +63,8 @@ class ParameterTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_f
 class GroundTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """What does not move."""
 
-    points: Annotated[dict[str, list[float | str] | PointTable], point_table()] = _EMPTY
-    outline: Annotated[list[str | list[float | str] | PointTable], corner_list("base")] = msgspec.field(
-        default=()  # type: ignore[assignment]
-    )
+    points: Annotated[Points, point_table()] = _EMPTY
+    outline: Annotated[Corners, corner_list("base")] = msgspec.field(default=())  # type: ignore[assignment]
 
 
 class BodyTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -64,39 +72,35 @@ class BodyTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
 
     joint: Annotated[JointKind, describe("how it moves relative to its parent", "revolute")]
     on: Annotated[str, describe("parent, or a point of it", "boom.elbow")] = GROUND
-    axis: Annotated[list[float | str], numbers("", "axis of the joint", [0, 0, 1], (2, 3, 6))] | None = None
-    rotation: Annotated[list[float | str], numbers("rad", "roll, pitch and yaw at 0", [0, 0, 0], (3,))] = (
+    axis: Annotated[NumberList, numbers("", "axis of the joint", [0, 0, 1], (2, 3, 6))] | None = None
+    rotation: Annotated[NumberList, numbers("rad", "roll, pitch and yaw at 0", [0, 0, 0], (3,))] = (
         msgspec.field(default=(0.0, 0.0, 0.0))  # type: ignore[assignment]
     )
-    assembly: Annotated[
-        float | str | list[float | str], joint_values("joint coordinates of a pose", "30 deg")
-    ] = msgspec.field(default=())  # type: ignore[assignment]
+    assembly: Annotated[Numbers, joint_values("joint coordinates of a pose", "30 deg")] = msgspec.field(
+        default=()
+    )  # type: ignore[assignment]
     passive: Annotated[bool, describe("whether the joint swings freely")] = False
     damping: Annotated[float | str, number("", "damping of a passive joint, N m s/rad or N s/m", 20.0)] = 0.0
     m: Annotated[float | str, number("kg", "mass", 160.0)] = 0.0
-    c: Annotated[list[float | str], numbers("m", "centre of mass", [0.85, 0.0], (2, 3))] = msgspec.field(
+    c: Annotated[NumberList, numbers("m", "centre of mass", [0.85, 0.0], (2, 3))] = msgspec.field(
         default=()  # type: ignore[assignment]
     )
     J: Annotated[
-        float | str | list[float | str],
+        Numbers,
         numbers("kg.m2", "inertia about the centre: about z; or xx, yy, zz", 43.2, (1, 3, 6)),
     ] = msgspec.field(default=())  # type: ignore[assignment]
-    points: Annotated[dict[str, list[float | str] | PointTable], point_table()] = _EMPTY
-    outline: Annotated[list[str | list[float | str] | PointTable], corner_list("body")] = msgspec.field(
-        default=()  # type: ignore[assignment]
-    )
+    points: Annotated[Points, point_table()] = _EMPTY
+    outline: Annotated[Corners, corner_list("body")] = msgspec.field(default=())  # type: ignore[assignment]
 
 
 class UrdfLinkTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """What a URDF file does not have: pins of actuators, and the pose in which the machine is assembled."""
 
-    points: Annotated[dict[str, list[float | str] | PointTable], point_table()] = _EMPTY
-    outline: Annotated[list[str | list[float | str] | PointTable], corner_list("link")] = msgspec.field(
-        default=()  # type: ignore[assignment]
-    )
-    assembly: Annotated[
-        float | str | list[float | str], joint_values("joint coordinates of a pose", "30 deg")
-    ] = msgspec.field(default=())  # type: ignore[assignment]
+    points: Annotated[Points, point_table()] = _EMPTY
+    outline: Annotated[Corners, corner_list("link")] = msgspec.field(default=())  # type: ignore[assignment]
+    assembly: Annotated[Numbers, joint_values("joint coordinates of a pose", "30 deg")] = msgspec.field(
+        default=()
+    )  # type: ignore[assignment]
     passive: Annotated[bool, describe("whether the joint swings freely")] = False
 
 
@@ -123,7 +127,7 @@ class ActuatorTable(StrutTable, frozen=True, kw_only=True, forbid_unknown_fields
     length: Annotated[float | str, number("m", "distance of the points at stroke 0", 0.85)]
     stroke: (
         Annotated[
-            float | str | list[float | str],
+            Numbers,
             numbers("m", "lowest and highest; without, of the joint", [0.0, 0.5], (1, 2)),
         ]
         | None
@@ -323,7 +327,12 @@ def _actuator(name: str, table: ActuatorTable, label: str, folder: Path | None) 
 
         values = joint_values_of(name, table.joint, label, folder)
         m, motor_m = values.m if m is None else m, values.motor_m if motor_m is None else motor_m
-        stroke = list(values.stroke) if stroke is None else stroke
+        stroke = values.stroke if stroke is None else stroke
+        if stroke is None:
+            raise CommandError(
+                f"[actuators.{name}] of {label} has neither stroke nor joint; write stroke, or a joint whose "
+                "data sheet has it."
+            )
     low, high = (0.0, *stroke)[-2:]
     return Actuator(
         ends=(table.first, table.to),

@@ -65,6 +65,6 @@ def _hang(dynamics: Callable[[Sequence[float]], Dynamics], start: list[float], c
         state = dynamics(list(map(float, passive)))
         return [float(x) for x in state.bias([0.0] * state.variables)[count:]]
 
-    found = root(forces, start, tol=1e-13)
+    found = root(forces, start, tol=1e-10)
     is_near = all(abs(a - b) < _FARTHEST for a, b in zip(found.x, start, strict=True))
     return [float(x) for x in found.x] if found.success and is_near else start

@@ -206,7 +206,7 @@ def _machine_component(
     elif actuators:  # with their masses and strokes
         values |= start_values(block, _by_joint(block, file, actuators))
     remark = _describe_other_loads(file, start.masses)
-    return Component(way.machine, blocks.model(block), values | start.values, note=remark)
+    return Component(way.machine, blocks.model(block), {**values, **start.values}, note=remark)
 
 
 def _blocks(file: MachineFile) -> MachineBlocks:
