@@ -122,9 +122,11 @@ class PointTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
 if TYPE_CHECKING:  # as they are read
     Numbers = NumberList = list[float]
     Points = dict[str, Point]
+    Corners = list[Point]
 else:  # as files have them
     Numbers, NumberList = float | str | list[float | str], list[float | str]
     Points = dict[str, NumberList | PointTable]
+    Corners = list[str | NumberList | PointTable]
 
 
 def _read_point(value: Any, at: Location, folder: Path | None) -> Point:
