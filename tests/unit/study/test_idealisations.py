@@ -99,11 +99,13 @@ def test_compliant_plant(stiffness: float, backlash: float, expected: set[str]) 
 def test_joint_of_a_machine() -> None:
     """Its mechanical half is an element of the machine's plant, which cannot be replaced joint by joint."""
     usual = values_of(EmlaMotor, "tilt.motor") | values_of(MODELS["HdrmPlant"], "machine.plant", 2)
-    items = {item.name: item.option for item in list_idealisations("tilt", usual)}
+    roles = {"tilt.x_d": "machine.trajectory.x_d[2]"}
+    items = {item.name: item.option for item in list_idealisations("tilt", usual, roles)}
     assert items.keys() == {*SWITCHES, *RIGID} - {"losses"}  # this plant has no such switch
     assert items["friction"] == "--set machine.plant.screw.B_BS[2]=VALUE"
     assert items["lead"].startswith("--set tilt.motor.screw.lead_error=") and items["compliance"] == ""
-    assert "friction" not in names_of(usual | {"machine.plant.screw.B_BS[2]": 5.0}, "tilt")
+    moving = list_idealisations("tilt", usual | {"machine.plant.screw.B_BS[2]": 5.0}, roles)
+    assert "friction" not in {item.name for item in moving}
 
 
 def test_unknown_parameters_say_nothing() -> None:
