@@ -182,12 +182,13 @@ def _follow_command(wire: str) -> str:
 
 
 def _check_merged(file: MachineFile, actuators: Actuators) -> None:
+    way = "run hdrm-coupled" if file.name == MANIPULATOR else f"set --mode {COUPLED}"
     for joint, own in file.joints.items():
         values = (actuators.get(joint) or own.sheet).values
         if lost := [entry for entry in values if entry.partition(".")[0] in _NOT_MERGED]:
             raise CommandError(
                 f"the merged machine does not support friction and end stops of single actuators; for "
-                f"{joint}, remove {join_names(lost)}, or run the machine coupled."
+                f"{joint}, remove {join_names(lost)}, or {way}."
             )
 
 
