@@ -15,6 +15,7 @@ from .closure import ITERATIONS, Closure
 from .description import Machine
 from .dynamics import Dynamics
 from .exact import ZERO, is_zero, plain
+from .guards import Guards
 from .linear import solve_symmetric
 from .mechanism import Mechanism
 
@@ -27,6 +28,9 @@ _BESIDE = 1e-16
 _CLOSE = 1e-6
 """Largest change in m or rad by the last iteration of a pose that is found."""
 
+_MASSLESS = 1e-12
+"""Largest mass in kg, or inertia in kg m2, that counts as none."""
+
 AXES_NAMES = "xyz"
 
 
@@ -36,6 +40,7 @@ class MachineBlock(Block):
     Attributes:
         machine: The description, all of whose numbers are parameters.
         closure: How lengths determine the pose.
+        guards: What to observe.
         places: Attribute and index of each parameter by its name.
         initial_strokes: Name of the initial strokes in messages, and their attribute.
         iterations: Number of Newton's iterations in an evaluation.
@@ -43,6 +48,7 @@ class MachineBlock(Block):
 
     machine: ClassVar[Machine]
     closure: ClassVar[Closure]
+    guards: ClassVar[Guards]
     places: ClassVar[Mapping[str, tuple[str, int | None]]]
     initial_strokes: ClassVar[tuple[str, str]] = ("x_L", "x_L")
     iterations: ClassVar[int] = ITERATIONS
@@ -81,6 +87,8 @@ class MachineBlock(Block):
         """Return conditions that triangles close; `with_all` those whose pins other joints move."""
         dynamics, conditions = self.dynamics(v, strokes), dict[str, Any]()
         frames = dynamics.mechanism.frames
+        if with_all:
+            conditions |= self.guards.conditions(v, dynamics) | _masses(dynamics)
         for coordinate, change in dynamics.pose.changes.items():
             coordinate_name = frames[dynamics.mechanism.frame_of(coordinate)].name
             conditions[f"start.pose of '{coordinate_name}' must be near the one of the strokes"] = (
@@ -162,7 +170,7 @@ class MachineLoad(MachineBlock):
         """Return the forces for the motion, and the position of the payload."""
         dynamics = self.dynamics(v, v.x_L)
         forces = dynamics.inverse(*self.accelerations(v, dynamics))
-        return {"F_L": forces[: len(v.x_L)], **self.tip(dynamics)}
+        return {"F_L": forces[: len(v.x_L)], **self.tip(dynamics), **self.guards.values(dynamics)}
 
 
 class MachinePlant(MachineBlock):
@@ -196,7 +204,22 @@ class MachinePlant(MachineBlock):
             "F_L": [force - inertia * a for force, inertia, a in triples],
             **self.tip(dynamics),
             "energy": dynamics.energy(speeds, inertias),
+            **self.guards.values(dynamics),
         }
+
+
+def _masses(dynamics: Dynamics) -> dict[str, Any]:
+    """Return the conditions that passive joints move a mass; without, their accelerations are not defined."""
+    mechanism, count = dynamics.mechanism, len(dynamics.strokes)
+    if not mechanism.passive:
+        return {}
+    M = dynamics.mass_matrix()
+    conditions = dict[str, Any]()
+    for row, coordinate in enumerate(mechanism.passive, count):
+        name = mechanism.frames[mechanism.frame_of(coordinate)].name
+        sentence = f"the passive joint '{name}' moves no mass; give its body, or one that it carries, a mass"
+        conditions[sentence] = M[row][row] > _MASSLESS
+    return conditions
 
 
 def _damping(v: Any, dynamics: Dynamics) -> list[Any]:

@@ -13,6 +13,7 @@ from .blocks import AXES_NAMES, MachineLoad, MachinePlant, attribute_of
 from .closure import find_closure, start_strokes
 from .definition import write_definition
 from .description import Machine, MachineError
+from .guards import Guards
 from .naming import Group, group_parameters, name_numbers
 
 
@@ -38,6 +39,7 @@ def load_block(machine: Machine, name: str = "", about: str = "") -> type[Machin
         **made.states(),
         "F_L": _force(n),
         **made.tip(),
+        **made.observed(),
     }
     return made.block(MachineLoad, name, about, variables)
 
@@ -99,6 +101,7 @@ def plant_block(
             nominal=1e4,
             description="Energy of machine and actuators; potential energy relative to 0",
         ),
+        **made.observed(),
     }
     return made.block(MachinePlant, name, about, variables)
 
@@ -115,6 +118,7 @@ class _Declared:
             raise MachineError("the machine has no actuators; add one")
         self.machine = name_numbers(machine)
         self.closure = find_closure(self.machine)
+        self.guards = Guards.of(self.machine, self.closure)
         self.count = len(machine.actuators)
         self.mechanism = assemble(self.machine)
         self._groups = {group.name: group for group in group_parameters(self.machine.parameters)}
@@ -158,6 +162,11 @@ class _Declared:
             for axis, text in zip(AXES_NAMES, about, strict=False)
         }
 
+    def observed(self) -> dict[str, Variable]:
+        """Return outputs that tell when the machine leaves the poses that it can follow, and their limits."""
+        limits = self.guards.parameters()
+        return limits | self.guards.outputs(limits)
+
     def block(self, base: Any, name: str, about: str, variables: Mapping[str, Variable]) -> Any:
         """Return a block with the machine's parameters and these variables."""
         declared = dict[str, Any](self._parameters)
@@ -186,6 +195,7 @@ class _Declared:
             "__module__": base.__module__,
             "machine": self.machine,
             "closure": self.closure,
+            "guards": self.guards,
             "places": places,
         }
         if not name:  # as the text of the base, so that the class in a file can be gathered for an FMU

@@ -11,10 +11,10 @@ from functools import cached_property
 from typing import Any
 
 from .bars import BarInertia
-from .closure import ITERATIONS, Closure, solve_pose
+from .closure import ITERATIONS, Closure, row_direction, solve_pose
 from .equations import Equations, Numbers
 from .exact import ONE, ZERO, plain
-from .linear import solve_symmetric
+from .linear import Factors, solve_symmetric
 from .mass import coordinate_masses
 from .mechanism import Inertia, Mechanism
 from .pose import Motion, Pose, carry, swing
@@ -103,6 +103,25 @@ class Dynamics:
     def speeds(self, v: Sequence[Any]) -> dict[int, Any]:
         """Return the speeds of the coordinates by number."""
         return self._equations.speeds(v)
+
+    @property
+    def newton_factors(self) -> list[Factors]:
+        """The slopes of each step of Newton's method as factors."""
+        return self._equations.newton_factors
+
+    @property
+    def residuals(self) -> list[Any]:
+        """How far the equations of Newton's method are from being solved, m."""
+        closure, bars = self.closure, self.mechanism.bars
+        steps = (step for step in closure.steps if step.unknowns[0] not in closure.sides)
+        rows = [closure.rows[e] for step in steps for e in step.equations]
+        return [
+            plain(
+                row_direction(self.pose, row)[0]
+                - (self.lengths[bars[row.bar].name] if row.bar >= 0 else ZERO)
+            )
+            for row in rows
+        ]
 
     @cached_property
     def _equations(self) -> Equations:

@@ -140,6 +140,12 @@ class Equations:
                     along[equation.bar.name] = force
         return along, rest
 
+    @property
+    def newton_factors(self) -> list[Factors]:
+        """The slopes of each step of Newton's method as factors."""
+        pairs = zip(self._closure.steps, self._factors, strict=True)
+        return [factors for step, factors in pairs if step.unknowns[0] not in self._closure.sides]
+
     @cached_property
     def _factors(self) -> list[Factors]:
         """The slopes of each step as factors."""

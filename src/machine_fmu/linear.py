@@ -56,6 +56,11 @@ class Factors:
         """Return the diagonal of the triangle; an element is 0 if the matrix is singular."""
         return [self._R[i][i] for i in range(len(self._R))]
 
+    @property
+    def orientation(self) -> float:
+        """1 or -1: the determinant is this times the product of the diagonal."""
+        return -1.0 if sum(v is not None for v in self._reflections) % 2 else 1.0
+
     def _reflect(self, k: int, x: list[Any]) -> list[Any]:
         v = self._reflections[k]
         if v is None:

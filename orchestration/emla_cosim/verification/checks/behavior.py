@@ -81,7 +81,7 @@ def integrate(subject: Subject) -> CheckOutcome:
             continue
         for k, (state, derivative) in enumerate(pairs):
             x, slopes = rows[:, 2 * k], rows[:, 2 * k + 1]
-            if np.all(x == x[0]) and np.all(slopes != 0.0):
+            if np.all(x == x[0]) and np.all(np.abs(slopes) * step > np.spacing(np.abs(x[0]))):  # not rounded
                 still.add(state.name)
             elif (apart := _apart(x, slopes, points)) > _FAR:
                 with_what = "".join(f" with {name} = {value:g}" for name, value in changes.items())
