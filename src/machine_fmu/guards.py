@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from fmublock import Output, Parameter, arctan2, maximum, minimum, where
+from fmublock import Output, Parameter, arctan2, exp, maximum, minimum, where
 from fmublock.variables import Variable
 
 from .assembly import assemble
@@ -20,6 +20,10 @@ from .linear import Factors
 
 _CARDAN = ("spherical", "free")
 """Joints of three angles in turn, of which the middle one must not come near a right angle."""
+
+
+_ROUNDING = 1e-12
+"""Largest residual in m that is rounding; it is shown as this, so that the output has a derivative."""
 
 
 @dataclass(frozen=True)
@@ -85,12 +89,12 @@ class Guards:
                 unit="m",
                 limits=_parameter(limits, "residual_max"),
                 name="closure.residual",
-                description="Largest distance of the pose from the strokes, and of ends of loops",
+                description="Largest distance of the pose from strokes and closed loops, from 1e-12 m on",
             )
             outputs["singularity"] = Output(
                 limits=_parameter(limits, "singularity_max"),
                 name="closure.singularity",
-                description="0 in poses like that of the assembly, 1 in a singular one, more beyond it",
+                description="0.37 in the assembly, 1 in a singular pose, more beyond it",
             )
         if self.middles:
             outputs["cardan_angle"] = Output(
@@ -106,10 +110,9 @@ class Guards:
         """Return the values of the outputs in a pose."""
         values = dict[str, Any]()
         if self.references:
-            values["residual"] = _largest([abs(x) for x in dynamics.residuals])
+            values["residual"] = _largest([_ROUNDING, *(abs(x) for x in dynamics.residuals)])
             pairs = zip(dynamics.newton_factors, self.references, strict=True)
-            nearest = [1.0 - _signed_slope(factors) / reference for factors, reference in pairs]
-            values["singularity"] = _largest([0.0, *nearest])
+            values["singularity"] = _largest([exp(-_signed_slope(f) / reference) for f, reference in pairs])
         if self.middles:
             angles = [dynamics.pose.values[i] for i in self.middles]
             values["cardan_angle"] = [arctan2(plain(a.sine), plain(a.cosine)) for a in angles]

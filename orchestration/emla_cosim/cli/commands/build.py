@@ -6,6 +6,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from fmublock import Block
+
 from ...base.errors import CommandError
 from ...base.option import BUILD, OTHERS, argument, option, switch
 from ...fmu.models import (
@@ -32,6 +34,8 @@ OPTIONS = BUILD
 EXAMPLES = (
     "emla build EmlaPlant",
     "emla build mine.py:Drive --output mine",
+    "emla build crane.toml --output crane",
+    "emla build crane.toml:CraneLoad --output crane",
     "emla build EmlaPlant --fmi 3 --output fmi3",
     "emla build RsbaController --fmi 3 --clock 1e-3 --output clocked",
     "emla build EmlaPlant --hide 'motor.*' --output handout",
@@ -48,7 +52,8 @@ class Parameters:
 
     models: Sequence[str] = argument(
         [],
-        help="Models, blocks as FILE.py:BLOCK, or data as FILE.csv. Default: all built-in models.",
+        help="Models, blocks as FILE.py:BLOCK, machines or one block of them as FILE.toml and "
+        "FILE.toml:BLOCK, or data as FILE.csv. Default: all built-in models.",
         metavar="MODEL",
     )
     output: Path = _other(FMU_FOLDER, help="Output folder. Default: fmus.")
@@ -80,7 +85,7 @@ class Parameters:
 
 
 def command(chosen: Parameters, given: dict[str, Any]) -> None:
-    """Build the FMUs of models, blocks and data for other tools and all platforms."""
+    """Build the FMUs of models, blocks, machines and data for other tools and all platforms."""
     flavour, fmi, output = chosen.flavour, chosen.fmi, chosen.output
     data = [name for name in chosen.models if ".py:" not in name and is_data(name)]
     names = [name for name in chosen.models or MODELS if name not in data]
@@ -89,7 +94,7 @@ def command(chosen: Parameters, given: dict[str, Any]) -> None:
             "FMUs of the flavour python contain the binaries of PythonFMU; leave out --platform."
         )
     platforms = chosen.platform or list(PLATFORMS)
-    blocks = {name: name if name in MODELS else find_block(name) for name in names}
+    blocks = {name: block for text in names for name, block in _find_blocks(text).items()}
     disclosure = Disclosure(not chosen.no_sources, dict(chosen.set), tuple(chosen.fix), tuple(chosen.hide))
     if data and (flavour != "native" or chosen.clock is not None or disclosure != Disclosure()):
         raise CommandError(f"'{data[0]}' has data, for which there are only --fmi, --platform and --output.")
@@ -129,3 +134,12 @@ def command(chosen: Parameters, given: dict[str, Any]) -> None:
         print_line(f"Note: {note}")
     for path in paths:
         show_file(path)
+
+
+def _find_blocks(name: str) -> dict[str, str | type[Block]]:
+    """Return the blocks that an argument names: a model, one of a file, or those of a machine."""
+    if name in MODELS:
+        return {name: name}
+    from ...study.machines.blocks import find_machine_blocks  # loads the reader of machine files
+
+    return find_machine_blocks(name) or {name: find_block(name)}

@@ -17,11 +17,11 @@ from fmublock.loading import load_blocks
 from machine_fmu import Machine, MachineError, Trajectory, write_module
 from machine_fmu.actuators import actuator_values
 
-from ...base.errors import CommandError, RunError
+from ...base.errors import CommandError, RunError, check_choice
 from ...base.files import read_text
 from ...base.toml_structs import read_toml
 from ..joints.built_in import list_joint_names, load_actuator
-from .schema import load_machine, parse_machine
+from .schema import list_machine_names, load_machine, parse_machine
 
 MANIPULATOR = "hdrm"
 """The machine whose blocks are models of this project."""
@@ -122,6 +122,31 @@ def read_machine_blocks(machine: str | Path) -> MachineBlocks:
 def is_machine_file(name: str | Path) -> bool:
     """Return whether this is the path of a machine file, not the name of a built-in machine."""
     return Path(name).suffix == ".toml"
+
+
+def find_machine_blocks(text: str) -> dict[str, str | type[Block]]:
+    """Return the blocks of a machine by name, or the one that a text names; none without a machine.
+
+    Blocks that are models of this project are returned by their name.
+
+    Args:
+        text: Path of a machine file, optionally with :BLOCK, or name of a built-in machine.
+
+    Raises:
+        CommandError: As `read_machine_blocks`, or the machine has no such block.
+        RunError: As `read_machine_blocks`.
+    """
+    file, colon, block = text.rpartition(":")
+    machine = file if colon and is_machine_file(file) else text
+    if not is_machine_file(machine) and machine not in list_machine_names():
+        return {}
+    blocks = read_machine_blocks(machine)
+    found = {made.__name__: made for made in blocks.all}
+    if machine != text:
+        check_choice("block of this machine", block, found)
+        found = {block: found[block]}
+    own = blocks.all if machine == MANIPULATOR else ()
+    return {name: name if made in own else made for name, made in found.items()}
 
 
 @cache
