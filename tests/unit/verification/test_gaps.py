@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+import fmublock
 from emla_cosim.fmu.instance import FATAL
 from emla_cosim.verification import check_runner
 from emla_cosim.verification.check import check
@@ -15,6 +16,7 @@ from emla_cosim.verification.host.fresh_process import in_fresh_process
 from emla_cosim.verification.host.hosted_instance import CallError, HostedInstance
 from emla_cosim.verification.subject import Subject
 from emla_cosim.verification.verdict import RETURNS, CheckOutcome, Clause, Verdict
+from fmublock import Block, State
 from tests.support.broken.dynamic import build_good_fmu
 from tests.support.broken.examining import unpacked
 from tests.support.broken.wide import build_wide_fmu
@@ -120,3 +122,17 @@ def test_inputs_that_cancel_out_have_an_effect(
     """If all are moved at once, nothing need change."""
     monkeypatch.setattr(behavior, "_observe", lambda _, changes, __: [[str(output(*_numbers(changes)))]])
     assert behavior.inputs.examine(unpacked(build_good_fmu(tmp_path))).verdict == verdict
+
+
+def test_slope_that_rounding_hides_is_no_fault(tmp_path: Path) -> None:
+    """A state that rests but for a derivative of 1e-19 keeps its value, as it must."""
+
+    class Hanging(Block):
+        angle = State(-1.2, unit="rad")
+
+        def derivatives(self, v: Any) -> dict[str, Any]:
+            return {"angle": 1e-19 * v.angle}
+
+    path = tmp_path / "Hanging.fmu"
+    fmublock.build(Hanging, path)
+    assert behavior.integrate.examine(unpacked(path)).verdict == Verdict.PASSED
