@@ -2,7 +2,8 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import Any
 
 from fmublock import sqrt
@@ -66,6 +67,21 @@ def find_closure(machine: Machine) -> Closure:
     Raises:
         MachineError: They do not determine it, or links and loops do not close in the assembly pose.
     """
+    return _find_closure(_Key(repr(machine), machine))
+
+
+@dataclass(frozen=True)
+class _Key:
+    """A machine by its text; the mappings of a machine have no hash."""
+
+    text: str
+    machine: Machine = field(compare=False)
+
+
+@lru_cache(maxsize=32)
+def _find_closure(key: _Key) -> Closure:
+    """Return the closure, which takes a while: readers and both blocks of a machine need it."""
+    machine = key.machine
     mechanism = assemble(machine)
     rows = [Row(bar=i) for i in range(len(mechanism.bars))]
     rows += [Row(loop=i, component=k) for i in range(len(mechanism.loops)) for k in range(machine.dimensions)]
