@@ -7,6 +7,7 @@ import pytest
 import emla_cosim as ec
 from emla_cosim.fmu.models import MODELS
 from emla_cosim.study.machines.blocks import find_machine_blocks, machine_blocks
+from emla_cosim.study.machines.machine_file import load_machine_file
 from emla_cosim.study.machines.schema import load_machine
 from fmublock import Instance, load_block
 from machine_fmu import Trajectory
@@ -40,6 +41,13 @@ def test_trajectory_rests_at_the_start() -> None:
     motion.enter_initialization()
     assert motion["x_d"] == pytest.approx(load["x_L"])
     assert motion["v_d"] == [0.0] * 3
+
+
+def test_plant_has_the_mechanics_of_the_joints() -> None:
+    file, plant = load_machine_file("crane"), Instance(ec.read_machine_blocks("crane").plant())
+    emlas = [joint.emla for joint in file.joints.values()]
+    assert plant["motor.J_m"] == [emla.J_m for emla in emlas]
+    assert plant["screw.lead"] == [emla.lead for emla in emlas]
 
 
 def test_file_is_written_once(tmp_path: Path) -> None:

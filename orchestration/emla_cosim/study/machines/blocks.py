@@ -20,8 +20,16 @@ from machine_fmu.actuators import actuator_values
 from ...base.errors import CommandError, RunError, check_choice
 from ...base.files import read_text
 from ...base.toml_structs import read_toml
+from ...base.values import convert_value
 from ..joints.built_in import list_joint_names, load_actuator
-from .schema import list_machine_names, load_machine, parse_machine
+from .schema import (
+    MachineTable,
+    build_machine,
+    list_machine_names,
+    load_machine,
+    machines_folder,
+    read_machine_text,
+)
 
 MANIPULATOR = "hdrm"
 """The machine whose blocks are models of this project."""
@@ -113,10 +121,18 @@ def read_machine_blocks(machine: str | Path) -> MachineBlocks:
     """
     if is_machine_file(machine):
         path = Path(machine)
-        label = f"the machine '{path}'"
-        content = read_toml(read_text(path, "the machine"), label)
-        return machine_blocks(parse_machine(content, label, path.parent), path.stem)
-    return machine_blocks(load_machine(str(machine)), str(machine))
+        name, folder, label = path.stem, path.parent, f"the machine '{path}'"
+        text = read_text(path, "the machine")
+    else:
+        name, folder, label = str(machine), machines_folder(), f"the machine '{machine}'"
+        text = read_machine_text(name)
+    from .machine_joints import find_joint  # loads NumPy
+
+    table = convert_value(read_toml(text, label), MachineTable, label, folder)
+    joints = [find_joint(actuator, x.joint, label, folder) for actuator, x in table.actuators.items()]
+    emlas = [joint.emla for joint in joints if joint is not None]
+    made = build_machine(table, label, folder)
+    return machine_blocks(made, name, emlas if len(emlas) == len(joints) else None)
 
 
 def is_machine_file(name: str | Path) -> bool:
