@@ -146,7 +146,10 @@ def find_time_shifts(
             covariance = find_covariance(every * weights[:, None], every * rest[:, None], rest, lengths)
         except np.linalg.LinAlgError:  # a shift that the parameters can make as well
             break
-        errors = np.sqrt(np.diag(covariance))
+        with np.errstate(
+            invalid="ignore"
+        ):  # rounding, where parameters cannot be told apart: nan is not certain
+            errors = np.sqrt(np.diag(covariance))
         certain = np.abs(change) > _CERTAIN * errors
         if certain[len(free) :].all():
             moves = np.zeros(jacobian.shape[1])
