@@ -1,5 +1,6 @@
 """Machine files: what they contain, and messages for wrong ones."""
 
+import re
 import tomllib
 from pathlib import Path
 
@@ -7,7 +8,18 @@ import pytest
 
 from emla_cosim.base.errors import CommandError
 from emla_cosim.base.schemas import make_schema
-from emla_cosim.study.machines.schema import MachineTable, list_machine_names, load_machine, parse_machine
+from emla_cosim.study.machines.schema import (
+    ActuatorTable,
+    BodyTable,
+    LinkTable,
+    MachineTable,
+    MotionTable,
+    PayloadTable,
+    list_machine_names,
+    load_machine,
+    parse_machine,
+)
+from tests.support.paths import ROOT
 
 LIFT = """
 kind = "machine"
@@ -74,3 +86,14 @@ def test_wrong_entries(old: str, new: str, expected: str) -> None:
 def test_schema_of_machine_files() -> None:
     schema = make_schema(MachineTable, "Machine")
     assert {"bodies", "actuators", "links", "loops"} <= set(schema["properties"])
+
+
+def test_documentation_has_all_keys() -> None:
+    page = (ROOT / "docs/machines.md").read_text(encoding="utf-8")
+    keys = {
+        key
+        for table in (MachineTable, BodyTable, ActuatorTable, LinkTable, PayloadTable, MotionTable)
+        for key in table.__struct_encode_fields__
+    }
+    entries = page[page.index("## All entries") : page.index("## How lengths give a pose")]
+    assert [key for key in sorted(keys) if not re.search(rf"[`\[{{ .]{key}[`\].,}} ]", entries)] == []
