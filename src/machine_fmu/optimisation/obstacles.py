@@ -177,7 +177,7 @@ def _from_polygon(a: np.ndarray, b: np.ndarray, corners: np.ndarray) -> tuple[np
     sides = [(d - c)[0] * (a - c)[:, 1] - (d - c)[1] * (a - c)[:, 0] for c, d in edges]
     inside = np.all(np.array(sides) > 0.0, axis=0) | np.all(np.array(sides) < 0.0, axis=0)
     places = np.array([x for _, x in found])[which, rows]
-    return np.where(inside, 0.0, distances[which, rows]), places
+    return np.where(inside, 0.0, distances[which, rows]), np.where(inside[:, None], a, places)
 
 
 def _from_box(

@@ -142,8 +142,12 @@ def segment_distances(
     ]
     distances, places = np.array([x for x, _ in found]), np.array([x for _, x in found])
     nearest, rows = np.argmin(distances, axis=0), np.arange(len(a))
-    crossing = (_side(a, b, c) * _side(a, b, d) < 0.0) & (_side(c, d, a) * _side(c, d, b) < 0.0)
-    return np.where(crossing, 0.0, distances[nearest, rows]), places[nearest, rows]
+    of_a, of_b = _side(c, d, a), _side(c, d, b)
+    crossing = (_side(a, b, c) * _side(a, b, d) < 0.0) & (of_a * of_b < 0.0)
+    parts = np.divide(of_a, of_a - of_b, out=np.zeros_like(of_a), where=crossing)
+    meeting = a + parts[:, None] * (b - a)
+    nearest_places = np.where(crossing[:, None], meeting, places[nearest, rows])
+    return np.where(crossing, 0.0, distances[nearest, rows]), nearest_places
 
 
 def point_distances(point: np.ndarray, a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

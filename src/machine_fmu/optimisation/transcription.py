@@ -334,7 +334,8 @@ class Programme:
             directions = self.symbols[6][n * i : n * (i + 1), :]
             apart, size = separation.function(obstacle).map(count)(at[:n, :], at[n:, :], directions)
             slack = self._slack(f"the clearance from {obstacle.label}")
-            constraints.between(casadi.vec(apart) + (slack or 0.0), obstacle.clearance, np.inf)
+            extra = 0.0 if slack is None else slack
+            constraints.between(casadi.vec(apart) + extra, obstacle.clearance, np.inf)
             constraints.between(size, 1.0, 1.0)
 
     def _slack(self, name: str) -> casadi.MX | None:
