@@ -12,8 +12,9 @@ import casadi
 import numpy as np
 from scipy.optimize import minimize
 
+from emla_cosim.analyses.trajectory.problem import paper_problem
 from machine_fmu.optimisation.assessment import assessed
-from machine_fmu.optimisation.problem import EndSpeed, MotionProblem
+from machine_fmu.optimisation.problem import EndSpeed
 from machine_fmu.optimisation.solving import Solution, solved, straight
 from machine_fmu.optimisation.transcription import Discretisation, Programme, stage
 
@@ -40,7 +41,8 @@ class _Reduced:
         t_M = problem.t_M * x[-1]
         places, weights = programme.points
         q, v, a = (casadi.mtimes(casadi.DM(basis.at(places, d)), c).T / t_M**d for d in range(3))
-        forces, power = stage(problem, programme.how.tie_break, problem.payload).map(len(places))(q, v, a)
+        at_once = stage(problem, programme.how.tie_break, problem.payload).map(len(places))
+        forces, power, _ = at_once(q, v, a, casadi.DM(0, len(places)))
         cost = 0.5 * t_M * casadi.mtimes(power, casadi.DM(weights)) / programme.cost_scale
         spans = casadi.repmat(casadi.DM(basis.speed_spans), 1, 3)
         speeds = ((c[1:, :] - c[:-1, :]) / spans / t_M).T
@@ -68,12 +70,14 @@ class _Reduced:
         c = np.vstack([problem.q_S, inner, problem.q_E])
         times = time.perf_counter() - began[0], time.process_time() - began[1]
         cost = float(found.fun) * self.programme.cost_scale
-        return Solution(c, problem.t_M * found.x[-1], cost, int(found.nit), *times), str(found.message)
+        return Solution(problem.names, c, problem.t_M * found.x[-1], cost, int(found.nit), *times), str(
+            found.message
+        )
 
 
 def main() -> None:
     """Measure and print."""
-    problem, how = MotionProblem().read_as(EndSpeed.CLIP), Discretisation()
+    problem, how = paper_problem().read_as(EndSpeed.CLIP), Discretisation()
     print(_line("IPOPT", solved(problem, how), problem, how))
     theirs, message = _Reduced.of(Programme(problem, how)).solve()
     print(_line("SLSQP", theirs, problem, how), f"({message})")

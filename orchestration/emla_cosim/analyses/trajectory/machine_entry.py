@@ -22,7 +22,6 @@ from ...study.machines.machine_joints import find_joint
 from ...study.machines.schema import (
     MachineTable,
     build_machine,
-    list_machine_names,
     machines_folder,
     read_machine_text,
 )
@@ -96,9 +95,10 @@ def read_machine(value: Any, at: Location, folder: Path | None) -> ProblemMachin
     return ProblemMachine(str(name), model, speeds, forces)
 
 
-def is_machine(name: str | Path) -> bool:
-    """Return whether this is the name of a machine that comes with the study, and not a file."""
-    return str(name) in list_machine_names() and not Path(name).exists()
+def names_machine(given: str | Path) -> bool:
+    """Return whether this is the name of a machine that comes with the study, not the path of a file."""
+    path = Path(given)
+    return not path.suffix and path.parent == Path() and not path.exists()
 
 
 def _check_triangles(machine: MachineModel, at: Location) -> None:

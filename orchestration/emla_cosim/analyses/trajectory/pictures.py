@@ -101,8 +101,8 @@ def _draw_path(result: TrajectoryResult, times: Vector) -> "Figure":
     views = (PLANE,) if machine.dimensions == 2 else THREE_SIDES[:2]
     figure, grid = new_figure(1, len(views), 7.0 / len(views), 5.2)
     for axes, view in zip(grid[0], views, strict=True):
-        for obstacle in problem.obstacles:
-            _draw_obstacle(axes, obstacle, view)
+        for i, obstacle in enumerate(problem.obstacles):
+            _draw_obstacle(axes, obstacle, view, None if i else "obstacles")
         faint = paint(start.values(), view, colors, 0.35, only_moving=True)
         for polygons in (faint, paint(end.values(), view, colors)):
             polygons.add_to(axes)
@@ -132,15 +132,14 @@ def _draw_hull(axes: "Axes", corners: np.ndarray, color: str, label: str | None 
     axes.fill(*corners[ConvexHull(corners).vertices].T, color=color, label=label)
 
 
-def _draw_obstacle(axes: "Axes", obstacle: Obstacle, view: View) -> None:
+def _draw_obstacle(axes: "Axes", obstacle: Obstacle, view: View, label: str | None) -> None:
     from matplotlib.patches import Circle
 
     corners = view.flatten(np.asarray(obstacle.hull))
     if len(corners) > 1:
-        _draw_hull(axes, corners, _OBSTACLE, obstacle.name or "obstacle")
+        _draw_hull(axes, corners, _OBSTACLE, label)
     else:
-        name = obstacle.name or "obstacle"
-        axes.add_patch(Circle(tuple(corners[0]), obstacle.growth, color=_OBSTACLE, label=name))
+        axes.add_patch(Circle(tuple(corners[0]), obstacle.growth, color=_OBSTACLE, label=label))
 
 
 def _draw_ground(axes: "Axes", height: float, clearance: float) -> None:

@@ -18,7 +18,7 @@ from ...base.table_entries import Location
 from ...base.toml_structs import describe, extend_struct, list_given, read_toml
 from ...base.values import convert_value
 from ...study.machines.schema import KIND
-from .machine_entry import FILE, PAPER, ProblemMachine, is_machine, read_machine
+from .machine_entry import FILE, PAPER, ProblemMachine, names_machine, read_machine
 
 _MACHINE = "machine"
 _OFF = "off"
@@ -100,7 +100,7 @@ def _read_table(
     """Return label, folder of relative paths, and content of a problem."""
     if given is None or isinstance(given, Mapping):
         return "the problem", None, given or {}
-    if is_machine(given):
+    if names_machine(given):
         return "the problem", None, {_MACHINE: str(given)}
     path = Path(given)
     label = f"the problem '{path}'"
