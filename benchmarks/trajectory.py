@@ -14,7 +14,7 @@ from scipy.optimize import minimize
 
 from emla_cosim.analyses.trajectory.problem import paper_problem
 from machine_fmu.optimisation.assessment import assessed
-from machine_fmu.optimisation.problem import EndSpeed
+from machine_fmu.optimisation.problem import EndSpeed, MotionProblem
 from machine_fmu.optimisation.solving import Solution, solved, straight
 from machine_fmu.optimisation.transcription import Discretisation, Programme, stage
 

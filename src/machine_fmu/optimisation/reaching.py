@@ -92,9 +92,9 @@ def _closest(machine: MachineModel, aim: np.ndarray, begin: np.ndarray) -> np.nd
         inner,
         lambda q: _slopes(machine.tip, q),  # pyright: ignore[reportArgumentType]
         bounds=(low, high),
-        xtol=1e-10,
-        ftol=1e-10,
-        gtol=1e-10,
+        xtol=1e-12,
+        ftol=1e-12,
+        gtol=1e-12,
     )
     return _polish(machine, aim, found.x)
 
