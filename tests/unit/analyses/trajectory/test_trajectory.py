@@ -13,7 +13,7 @@ from scipy.interpolate import BSpline
 import emla_cosim as ec
 from emla_cosim.analyses.trajectory import runner
 from emla_cosim.analyses.trajectory.pictures import PICTURES
-from emla_cosim.analyses.trajectory.problem import paper_problem
+from emla_cosim.analyses.trajectory.problem import describe_problem, load_problem, paper_problem
 from emla_cosim.base.progress import Progress
 from emla_cosim.cli.app import app
 from emla_cosim.study.trajectory_file import DEFAULT_FILE
@@ -172,6 +172,16 @@ def test_problem_as_file_options_and_python_values(emla: Emla, tmp_path: Path) -
     assert result.problem.machine.machine.parameters["lift.a"].value == 1.2
 
 
+def test_the_record_of_a_problem_is_a_problem() -> None:
+    problem = load_problem({"machine": {"file": "lift_table", "screw.L_0[1]": 0.55}, "q_E": 0.2, "t_M": 8.0})
+    again = load_problem(
+        json.loads(json.dumps({k: x for k, x in describe_problem(problem).items() if x is not None}))
+    )
+    assert again.machine.machine == problem.machine.machine
+    assert describe_problem(again) == describe_problem(problem)
+    assert (again.v_UB, again.f_LB) == (problem.v_UB, problem.f_LB) and problem.v_UB == (0.1,)
+
+
 def test_tip_positions_as_file_options_and_python_values(emla: Emla, tmp_path: Path) -> None:
     (tmp_path / "mine.toml").write_text("tip_E = [3.2, 0.4]\n[[via]]\ntip = [2.7, -0.4]\n")
     changes = ("--set", "tip_E=3.2,0.5", "--set", "via[1].at=0.3", "--set", "via[2].tip=3,0.2")
@@ -242,6 +252,13 @@ def test_changing_payload_is_written_for_scenarios(emla: Emla, fmu_folder: Path,
         (("--set", "machine.lift_a=-1"), "[machine] of the problem: lift.a = -1 is outside its range"),
         (("--set", "machine.lift_L_0=9"), "cannot close"),
         (("--set", "q_E[1]=0.9"), "the problem contradicts itself: q_E[1] = 0.9 m of the lift is beyond"),
+        (
+            ("crane", "--set", "q_E=1,1,1"),
+            "the problem of the machine 'crane' lacks t_M; lists have a number",
+        ),
+        (("cran",), "there is no machine 'cran'; choose from crane, excavator"),
+        (("--set", "machine=own.toml"), "the machine 'own.toml' cannot be read"),
+        (("--set", "obstacles[1].radius=1"), "an obstacle has radius; it must have centre and radius"),
         (("nowhere.toml",), "the problem 'nowhere.toml' cannot be read"),
         (("text.toml",), "the problem 'text.toml' is not TOML"),
         (("names.toml",), "the problem 'names.toml' has the unknown entry 'q_e'; did you mean 'q_E'?"),
