@@ -25,7 +25,7 @@ _DEFAULTS = trajectory.__kwdefaults__ or {}
 EXAMPLES = (
     "emla trajectory",
     "emla trajectory --set t_M=20 --output mine.json",
-    "emla trajectory crane.toml --set t_M=20 --set tip_E=4.5,1 --set v_UB=0.1,0.1,0.2 ...",
+    "emla trajectory crane --set q_E=0.4,0.4,0.6 --set t_M=12",
 )
 
 _how = partial(option, group=_HOW)
