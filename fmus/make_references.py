@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import BSpline
+from scipy.interpolate import BSpline, PchipInterpolator
 
 from tests.support import reference_controllers as compared
 from tests.support import reference_load_control as load_control
@@ -140,17 +140,38 @@ def shaken(k: int, step: float) -> Row:
     return rounded({field.name: row[field.name] for field in fields(paper.PlantInputs)})
 
 
-def plant() -> Solution:
+LEVER = (
+    np.array([0.2375, 0.239, 0.2398, 0.2404, 0.2415]),
+    np.array([3.5e3, 2.5e3, 0.5e3, -0.8e3, -1.2e3]),
+)
+"""Positions in m and forces in N of a load along the stroke, which brakes and drives."""
+
+Along = Callable[[float], float]
+"""A load along the stroke: force in N at a position in m."""
+
+
+def lever(x: float) -> float:
+    """The force of `LEVER`, a smooth curve held beyond its ends."""
+    return float(PchipInterpolator(*LEVER)(min(max(x, LEVER[0][0]), LEVER[0][-1])))
+
+
+def loaded(u: paper.PlantInputs, along: Along | None, x: float) -> paper.PlantInputs:
+    """The inputs with the force along the stroke at x in m."""
+    return u if along is None else replace(u, F_L=u.F_L + along(x))
+
+
+def plant(along: Along | None = None) -> Solution:
     """0.18 s: the open loop rings with some 40 Hz between its end stops."""
     step, count, p = 5e-4, 361, ACTUATOR
 
     def rates(t: float, x: Vector, u: Row) -> Vector:
-        rise = float(x[4])
-        return np.array([*paper.plant_rates(p, x[:4], acting(u), rise), paper.heating(p, x[:4], rise)])
+        rise, given = float(x[4]), loaded(acting(u), along, float(x[0]))
+        return np.array([*paper.plant_rates(p, x[:4], given, rise), paper.heating(p, x[:4], rise)])
 
     def outputs(t: float, x: Vector, u: Row) -> Row:
-        shown = paper.plant_outputs(p, x[:4], acting(u, later=True))
-        return {**shown, "motor.temperature_rise": float(x[4])}
+        given = loaded(acting(u, later=True), along, float(x[0]))
+        shown = {**paper.plant_outputs(p, x[:4], given), "motor.temperature_rise": float(x[4])}
+        return shown if along is None else {**shown, "load.force": given.F_L}
 
     inputs = [shaken(k, step) for k in range(count)]
     solution = solved(step, effective(inputs), [0.24, 0.0, 0.0, 0.0, 0.0], rates, outputs)
@@ -164,17 +185,18 @@ DEFLECTION = 1.2e-3
 """Deflection at the start, in m: that of the first load at rest."""
 
 
-def compliant_plant() -> Solution:
+def compliant_plant(along: Along | None = None) -> Solution:
     """0.145 s; the load reverses at 0.12 s and crosses the play."""
-    step, count, p, t = 5e-4, 291, ACTUATOR, TRANSMISSION
+    step, count, p, t = 5e-4, 287 if along else 291, ACTUATOR, TRANSMISSION
 
     def rates(_: float, x: Vector, u: Row) -> Vector:
-        rise = float(x[6])
-        return np.array([*paper.compliant_rates(p, t, x[:6], acting(u), rise), paper.heating(p, x[:4], rise)])
+        rise, given = float(x[6]), loaded(acting(u), along, float(x[0] - x[4]))
+        return np.array([*paper.compliant_rates(p, t, x[:6], given, rise), paper.heating(p, x[:4], rise)])
 
     def outputs(_: float, x: Vector, u: Row) -> Row:
-        shown = paper.compliant_outputs(p, t, x[:6], acting(u, later=True))
-        return {**shown, "motor.temperature_rise": float(x[6])}
+        given = loaded(acting(u, later=True), along, float(x[0] - x[4]))
+        shown = {**paper.compliant_outputs(p, t, x[:6], given), "motor.temperature_rise": float(x[6])}
+        return shown if along is None else {**shown, "load.force": given.F_L}
 
     inputs = [shaken(k, step) for k in range(count)]
     start = [0.24, 0.0, 0.0, 0.0, DEFLECTION, 0.0, 0.0]
@@ -387,6 +409,68 @@ def compared_with(c: compared.Foc | compared.Cac | compared.Anatc, states: int) 
     )
 
 
+# ---- a shared supply: joints that draw, return more than others need, and draw again ------------
+
+LINK = {"C": 1e-3, "u_start": 560.0, "u_0": 565.0, "R": 0.5, "u_on": 650.0, "band": 8.0, "R_chopper": 30.0}
+U_MAX = (330.0, 326.0, 328.0)
+"""Voltages in V of the joints with power; the others have the default."""
+
+
+def shared_supply() -> Solution:
+    """0.4 s; the state of this solution is the voltage, that of the block the stored energy."""
+    step, count, k, root = 1e-3, 401, LINK, math.sqrt(3.0)
+
+    def given(n: int) -> Row:
+        t = n * step
+        powers = [4e3 * math.sin(20.0 * t), 3e3 - 22e3 * (0.15 <= t < 0.25), -1.5e3 * math.cos(9.0 * t)]
+        sags = [0.1 if 0.3 <= t < 0.32 else 0.0, 0.0, 0.0]
+        filled_up = {"joint.P_el": powers, "joint.sag": sags}
+        return rounded(
+            {f"{name}[{i}]": ([*x, *[0.0] * 5])[i - 1] for name, x in filled_up.items() for i in range(1, 9)}
+        )
+
+    def currents(u: float) -> tuple[float, float]:
+        duty = min(max((u - k["u_on"]) / k["band"], 0.0), 1.0)
+        return max(k["u_0"] - u, 0.0) / k["R"], duty * u / k["R_chopper"]
+
+    def joints(u: Row) -> list[float]:
+        return [u[f"joint.P_el[{i}]"] for i in range(1, 9)]
+
+    def rates(_: float, x: Vector, u: Row) -> Vector:
+        voltage, powers = float(x[0]), joints(u)
+        source, chopper = currents(voltage)
+        return np.array(
+            [
+                (source - chopper - sum(powers) / voltage) / k["C"],
+                k["u_0"] * source,
+                k["R"] * source**2,
+                voltage * chopper,
+                sum(p for p in powers if p > 0.0),
+                -sum(p for p in powers if p < 0.0),
+            ]
+        )
+
+    def outputs(_: float, x: Vector, u: Row) -> Row:
+        voltage, *energies = x.tolist()
+        source, chopper = currents(voltage)
+        names = ("source.energy", "source.loss", "chopper.energy", "joint.drawn", "joint.returned")
+        u_max = [*U_MAX, *[445.0] * 5]
+        return {
+            **dict(zip(names, energies, strict=True)),
+            "link.stored": 0.5 * k["C"] * (voltage**2 - k["u_start"] ** 2),
+            "link.u": voltage,
+            "source.P": k["u_0"] * source,
+            "chopper.P": voltage * chopper,
+            **{
+                f"supply.sag[{i}]": 1.0
+                - (1.0 - u[f"joint.sag[{i}]"]) * min(voltage / (root * u_max[i - 1]), 1.0)
+                for i in range(1, 9)
+            },
+        }
+
+    return solved(step, [given(n) for n in range(count)], [k["u_start"], *[0.0] * 5], rates, outputs)
+
+
 # ---- the reference: way-points out and back, again after a period -------------------------------
 
 MOTION = paper.Motion(
@@ -563,6 +647,8 @@ def trajectory() -> Solution:
 SOLUTIONS: dict[str, Callable[[], Solution]] = {
     "EmlaPlant": plant,
     "EmlaCompliantPlant": compliant_plant,
+    "EmlaAxis": lambda: plant(lever),
+    "EmlaCompliantAxis": lambda: compliant_plant(lever),
     "EmlaMotor": motor,
     "EmlaObserver": observer,
     "LoadObserver": load_observer,
@@ -573,6 +659,7 @@ SOLUTIONS: dict[str, Callable[[], Solution]] = {
     "FocController": lambda: compared_with(compared.Foc(omega_d=500.0), 3),
     "CacController": lambda: compared_with(compared.Cac(omega_n=(500.0, 1000.0)), 11),
     "AnatcController": lambda: compared_with(compared.Anatc(), 6),
+    "SharedSupply": shared_supply,
     "SignalFault": signal_fault,
     "HdrmManipulator": manipulator,
     "HdrmPlant": merged_plant,
@@ -631,14 +718,22 @@ _PLANT = {
     "gearbox.directional": True,
     "gearbox.eta_back": DRIVE.eta_back,
 }
+_COMPLIANT_PLANT = {
+    **_PLANT,
+    "load.m": TRANSMISSION.m,
+    **attributes("transmission", TRANSMISSION, k="stiffness", c="damping", b="backlash"),
+    "start.deflection": DEFLECTION,
+}
+_LEVER = {
+    **indexed("load.table.position", filled(LEVER[0], 32)),
+    **indexed("load.table.force", filled(LEVER[1], 32)),
+    "load.table.interpolation": 2,
+}
 START_VALUES: dict[str, dict[str, Any]] = {
     "EmlaPlant": _PLANT,
-    "EmlaCompliantPlant": {
-        **_PLANT,
-        "load.m": TRANSMISSION.m,
-        **attributes("transmission", TRANSMISSION, k="stiffness", c="damping", b="backlash"),
-        "start.deflection": DEFLECTION,
-    },
+    "EmlaCompliantPlant": _COMPLIANT_PLANT,
+    "EmlaAxis": _PLANT | _LEVER,
+    "EmlaCompliantAxis": _COMPLIANT_PLANT | _LEVER,
     "EmlaMotor": {**_ELECTRICAL, **_WINDING, **_MOTOR},
     "EmlaObserver": {},
     "LoadObserver": {
@@ -679,6 +774,16 @@ START_VALUES: dict[str, dict[str, Any]] = {
     "FocController": {"omega_d": 500.0},
     "CacController": indexed("omega_n", (500.0, 1000.0)),  # the defaults are too fast for RK4 to be exact
     "AnatcController": {},
+    "SharedSupply": {
+        "solver.internal_step": 1e-5,
+        **indexed("joint.u_max", [*U_MAX, *[445.0] * 5]),
+        **{f"link.{name}": LINK[name] for name in ("C", "u_start")},
+        **{f"source.{name}": LINK[name] for name in ("u_0", "R")},
+        **{
+            f"chopper.{name}": LINK[key]
+            for name, key in (("u_on", "u_on"), ("band", "band"), ("R", "R_chopper"))
+        },
+    },
     "SignalFault": {"freeze": True, "start": FREEZE[0], "duration": FREEZE[1]},
     "HdrmManipulator": {},
     "HdrmPlant": {
@@ -707,6 +812,8 @@ RELATIVE = {
     # solutions that are exact to 1e-11. Machines differ in their last digits, so these are not closer.
     "EmlaPlant": 2e-7,  # 1e-5 s; phase currents turn with up to 2000 rad/s: 8e-8
     "EmlaCompliantPlant": 1e-6,  # contacts begin and end within an internal step
+    "EmlaAxis": 2e-7,
+    "EmlaCompliantAxis": 1e-6,
     "EmlaMotor": 2e-7,
     "EmlaObserver": 2e-10,  # eta_hat falls with 200 rad/s: 3e-11
     "LoadObserver": 1e-8,  # f_hat and a_hat contain positions times 1e4 1/s2: 2e-9
@@ -719,6 +826,7 @@ RELATIVE = {
     # closed forms: rounding, and that time is summed up step by step
     "Reference": 1e-12,
     "Disturbance": 1e-12,
+    "SharedSupply": 2e-5,  # the chopper begins and ends within an internal step
     "SignalFault": 1e-12,
     "HdrmManipulator": 1e-12,
     "HdrmPlant": 1e-11,  # 1e-3 s, where nothing is fast: 2e-13

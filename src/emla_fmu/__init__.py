@@ -12,6 +12,7 @@ Examples:
     0.14
 """
 
+from .axis import EmlaAxis, EmlaCompliantAxis
 from .compliant_plant import EmlaCompliantPlant
 from .disturbance import Disturbance
 from .load_observer import LoadObserver
@@ -20,23 +21,29 @@ from .observer import EmlaObserver
 from .plant import EmlaPlant
 from .reference import Reference
 from .screw_command import ScrewCommand
+from .shared_supply import SharedSupply
 from .signal_fault import SignalFault
 
 BLOCKS = (
     EmlaPlant,
     EmlaCompliantPlant,
+    EmlaAxis,
+    EmlaCompliantAxis,
     EmlaMotor,
     EmlaObserver,
     LoadObserver,
     Reference,
     ScrewCommand,
     Disturbance,
+    SharedSupply,
     SignalFault,
 )
 
 __all__ = [
     "BLOCKS",
     "Disturbance",
+    "EmlaAxis",
+    "EmlaCompliantAxis",
     "EmlaCompliantPlant",
     "EmlaMotor",
     "EmlaObserver",
@@ -44,5 +51,6 @@ __all__ = [
     "LoadObserver",
     "Reference",
     "ScrewCommand",
+    "SharedSupply",
     "SignalFault",
 ]

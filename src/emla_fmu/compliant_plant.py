@@ -120,7 +120,7 @@ class EmlaCompliantPlant(EmlaPlant):
             "v_L": screw_acceleration(v, force),
             **electrics.derivatives(v),
             "deflection": v.v_L - v.v_load,
-            "v_load": load_acceleration(v, force),
+            "v_load": (force - self.load_force(v)) / v.m_load,
         }
 
     def update(self, v: Any) -> dict[str, Any]:
@@ -130,21 +130,16 @@ class EmlaCompliantPlant(EmlaPlant):
 
     def outputs(self, v: Any) -> dict[str, Any]:
         """Return those of the `EmlaPlant`, and position, acceleration and force of the load."""
-        force, x_load = transmission.force(v), v.x_L - v.deflection
+        force, x_load, load = transmission.force(v), v.x_L - v.deflection, self.load_force(v)
         shown = electrics.outputs(v)
         at_load = sensors.with_noise(v, x_load)
         return {
             **shown,
             "x_measured": where(v.at_load, at_load, shown["x_measured"]),
             "a_L": screw_acceleration(v, force),
-            "P_L": v.F_L * v.v_load,
+            "P_L": load * v.v_load,
             "x_load": x_load,
-            "a_load": load_acceleration(v, force),
+            "a_load": (force - load) / v.m_load,
             "x_load_measured": sensors.quantized(x_load + v.sigma_load * v.noise_load, v.resolution_load),
             "F_T": force,
         }
-
-
-def load_acceleration(v: Any, force: Any) -> Any:
-    """Return the acceleration of the load in m/s2, which the screw pushes with `force` in N."""
-    return (force - v.F_L) / v.m_load

@@ -392,7 +392,7 @@ class EmlaPlant(Block):
 
     def derivatives(self, v: Any) -> dict[str, Any]:
         """Return (9) with the disturbances of (26) and the uncertainties of (84)."""
-        return {"x_L": v.v_L, "v_L": screw_acceleration(v, v.F_L), **electrics.derivatives(v)}
+        return {"x_L": v.v_L, "v_L": screw_acceleration(v, self.load_force(v)), **electrics.derivatives(v)}
 
     def update(self, v: Any) -> dict[str, Any]:
         """Return the sampled values."""
@@ -400,8 +400,12 @@ class EmlaPlant(Block):
 
     def outputs(self, v: Any) -> dict[str, Any]:
         """Return sensors, torque, voltages after the inverter, powers, phase currents, and acceleration."""
-        a_L = screw_acceleration(v, v.F_L)
-        return {**electrics.outputs(v), "a_L": a_L, "P_L": v.F_L * v.v_L}
+        force = self.load_force(v)
+        return {**electrics.outputs(v), "a_L": screw_acceleration(v, force), "P_L": force * v.v_L}
+
+    def load_force(self, v: Any) -> Any:
+        """Return the load force in N."""
+        return v.F_L
 
 
 def screw_acceleration(v: Any, force: Any) -> Any:

@@ -15,9 +15,10 @@ from fmublock.variables import Input, ScalarVariable, State, Variable
 PACKAGE = Path(__file__).parents[2] / "modelica" / "EMLA"
 MISSING = {
     *("FocController", "CacController", "AnatcController", "SignalFault"),
-    *("EmlaCompliantPlant", "LoadObserver", "ScrewCommand"),
+    *("EmlaCompliantPlant", "LoadObserver", "ScrewCommand", "EmlaAxis", "EmlaCompliantAxis"),
+    "SharedSupply",
 }
-"""FMUs alone: the controllers that RSBA is compared with, faults, and all that is for compliant loads."""
+"""FMUs alone: the controllers that RSBA is compared with, faults, other loads, and a shared supply."""
 CLASSES = {model: model.removeprefix("Emla") for model in MODELS if model not in MISSING}
 """Name of the class in the package by our model."""
 

@@ -7,9 +7,11 @@ from typing import Any
 from hypothesis import strategies as st
 
 from emla_cosim.study.joint import start_values
-from emla_fmu import EmlaCompliantPlant, EmlaMotor, EmlaObserver, EmlaPlant
+from emla_fmu import EmlaAxis, EmlaCompliantAxis, EmlaCompliantPlant, EmlaMotor, EmlaObserver, EmlaPlant
 from emla_fmu.disturbance import LEVELS
 from emla_fmu.reference import MOVES
+from emla_fmu.shared_supply import JOINTS
+from emla_fmu.stroke_load import POINTS
 from tests.support import joint_data
 from tests.support.blocks.facts import BlockFacts, Draw, Point, beside, magnitude, magnitudes, signed, signs
 from tests.support.joint_data import TILT, observers
@@ -88,6 +90,38 @@ def compliant_points(draw: Draw) -> Point:
         "load.sensor.noise": signed(draw, 0.1, 2.0),
     }
     return Point(values, kinks=plant.kinks | {"transmission.backlash", "load.sensor.resolution"})
+
+
+def table_points(draw: Draw, x: float) -> Point:
+    """A table, with x in the middle of one of its segments: the first, the last, or one in between."""
+    segment, r = draw(st.sampled_from([0, 12, POINTS - 2])), draw(st.floats(0.3, 0.7))
+    widths = [draw(st.floats(0.05, 0.2)) for _ in range(3)] * (POINTS // 3)
+    first = x - sum(widths[:segment]) - r * widths[segment]
+    # neighbouring slopes differ clearly, in sign as well: the slope of a smooth curve has kinks between
+    slopes = [signed(draw, 1e3, 3e3) * factor for factor in (1.0, draw(st.floats(1.3, 2.0)), -0.6)]
+    forces = [signed(draw, 1e3, 1e4)]
+    for i in range(POINTS - 1):
+        forces.append(forces[-1] + slopes[i % 3] * widths[i])
+    values = {f"load.table.position[{i + 1}]": first + sum(widths[:i]) for i in range(POINTS)}
+    values |= {f"load.table.force[{i + 1}]": force for i, force in enumerate(forces)}
+    reach = {f"load.table.position[{i + 1}]": min(widths) for i in range(POINTS)}
+    return Point(values | {"load.table.interpolation": draw(st.sampled_from([1, 2]))}, reach=reach)
+
+
+@st.composite
+def axis_points(draw: Draw) -> Point:
+    """As the plant, with a load along the stroke."""
+    plant = draw(plant_points())
+    table = table_points(draw, plant.values["start.x_L"])
+    return Point({**plant.values, **table.values}, kinks=plant.kinks, reach=table.reach)
+
+
+@st.composite
+def compliant_axis_points(draw: Draw) -> Point:
+    """As the plant with such a load, with a load along the stroke."""
+    plant = draw(compliant_points())
+    table = table_points(draw, plant.values["start.x_L"] - plant.values["start.deflection"])
+    return Point({**plant.values, **table.values}, kinks=plant.kinks, reach=table.reach)
 
 
 @st.composite
@@ -218,6 +252,34 @@ def disturbance_points(draw: Draw) -> Point:
 
 
 @st.composite
+def supply_points(draw: Draw) -> Point:
+    """A voltage below that of the source, between source and chopper, within the band, or above."""
+    u_0, u_on, band = 560.0, 650.0, 20.0
+    u = draw(st.sampled_from([500.0, 600.0, 660.0, 690.0])) * draw(st.floats(0.99, 1.01))
+    C, u_start = magnitude(draw, 1e-3, 1e-2), draw(st.floats(500.0, 700.0))
+    values = {
+        "link.C": C,
+        "link.u_start": u_start,
+        "link.stored": 0.5 * C * (u * u - u_start * u_start),
+        "source.u_0": u_0,
+        "chopper.u_on": u_on,
+        "chopper.band": band,
+        "solver.internal_step": 5e-5,
+        **magnitudes(draw, {"source.R": (0.1, 1.0), "chopper.R": (5.0, 50.0), "link.u_low": (100.0, 300.0)}),
+        **magnitudes(draw, {"link.u_high": (800.0, 1e3), "source.energy": (1.0, 1e3)}),
+        **magnitudes(draw, dict.fromkeys(("source.loss", "chopper.energy"), (1.0, 1e3))),
+        **magnitudes(draw, dict.fromkeys(("joint.drawn", "joint.returned"), (1.0, 1e3))),
+        **{f"joint.u_max[{i}]": beside(draw, u / math.sqrt(3.0)) for i in range(1, JOINTS + 1)},
+        **signs(draw, {f"joint.P_el[{i}]": (1e3, 1e4) for i in range(1, JOINTS + 1)}),
+        **magnitudes(draw, {f"joint.sag[{i}]": (0.01, 0.4) for i in range(1, JOINTS + 1)}),
+    }
+    reach = dict.fromkeys(("source.u_0", "chopper.u_on", "link.u_start"), 5.0) | {
+        "link.stored": 0.01 * C * u * u
+    }
+    return Point(values, reach=reach)
+
+
+@st.composite
 def fault_points(draw: Draw) -> Point:
     """A time clearly before, within or after the fault."""
     start, duration = draw(st.floats(0.3, 0.6)), draw(st.floats(0.3, 0.6))
@@ -243,6 +305,15 @@ VOLTAGES = {
     "supply.sag": 0.1,
 }
 MOVING = {"u_q": 30.0, "u_d": -5.0, "v_L": 0.02, "i_q": 5.0, "i_d": 1.0, "motor.i_N": 30.0}
+
+LEVER = {
+    "position": [0.2, 0.22, 0.25, 0.3, *[0.4] * 28],
+    "force": [2e4, 1e4, 4e3, 3e3, *[-2e3] * 28],
+    "interpolation": 2,
+}
+BETWEEN_POINTS = {**LEVER, "position": [0.1, 0.2, 0.3, 0.4, *[0.5] * 28]}
+"""A table of which motions from the default start use one segment."""
+
 
 FACTS = {
     "EmlaPlant": BlockFacts(
@@ -286,6 +357,43 @@ FACTS = {
             "transmission.damping": 1e3,
         },
         points=compliant_points,
+        exchange=(0.1, 2e-3),
+        sampled=frozenset({"supply.sag"}),
+    ),
+    "EmlaAxis": BlockFacts(
+        start=start_values(EmlaAxis, TILT, DRIVE, LEVER, {"sigma": 1e-6, "resolution": 1e-7, "F_2": 0.01}),
+        inputs=VOLTAGES,
+        smooth={
+            **MOVING,
+            **start_values(EmlaAxis, BETWEEN_POINTS),
+            "F_L": 1e3,
+            "d_2": 0.1,
+            "motor.L_q": 3e-3,
+        },
+        points=axis_points,
+        exchange=(0.1, 1.5e-3),
+        sampled=frozenset({"supply.sag"}),
+    ),
+    "EmlaCompliantAxis": BlockFacts(
+        start=start_values(
+            EmlaCompliantAxis,
+            TILT,
+            DRIVE,
+            LEVER,
+            {"sigma": 1e-6, "resolution": 1e-7, "m_load": 1.5e4, "sigma_load": 2e-6, "resolution_load": 1e-7},
+            {"stiffness": 7e7, "damping": 4e4, "backlash": 1e-4},
+        ),
+        inputs=VOLTAGES,
+        smooth={
+            **MOVING,
+            **start_values(EmlaCompliantAxis, BETWEEN_POINTS),
+            "F_L": 1e3,
+            "load.v": 0.01,
+            "load.m": 2e3,
+            "transmission.stiffness": 1e7,
+            "transmission.damping": 1e3,
+        },
+        points=compliant_axis_points,
         exchange=(0.1, 2e-3),
         sampled=frozenset({"supply.sag"}),
     ),
@@ -358,6 +466,21 @@ FACTS = {
         | {"d_4.amplitude": 2.5, "d_4.omega": 5.0, "d_4.phase": 0.5},
         points=disturbance_points,
         has_model_exchange=False,
+    ),
+    "SharedSupply": BlockFacts(
+        start={"link.C": 1e-3, "source.R": 0.5, "chopper.u_on": 780.0, "joint.u_max[2]": 430.0},
+        inputs={**{f"joint.P_el[{i}]": 2e4 for i in range(1, JOINTS + 1)}}
+        | {f"joint.sag[{i}]": 0.1 for i in range(1, JOINTS + 1)},
+        # the source acts, and the chopper does not: they never act at the same time
+        smooth={
+            **{f"joint.P_el[{i}]": (-1.0) ** i * 900.0 * i for i in range(1, JOINTS + 1)},
+            "link.C": 5e-3,
+            "source.R": 0.5,
+            "link.u_start": 700.0,
+            **{f"joint.u_max[{i}]": 600.0 for i in range(1, JOINTS + 1)},
+        },
+        points=supply_points,
+        exchange=(0.02, 1e-3),
     ),
     "SignalFault": BlockFacts(
         start={"freeze": True, "start": 0.1, "duration": 0.2},
