@@ -9,6 +9,8 @@ from typing import Any
 
 from emla_fmu import (
     Disturbance,
+    EmlaAxis,
+    EmlaCompliantAxis,
     EmlaCompliantPlant,
     EmlaMotor,
     EmlaObserver,
@@ -86,12 +88,18 @@ MACHINE = "machine."
 _TRUE = ("plant.x_L -> controller.x_hat", "plant.v_L -> controller.v_hat")
 
 
+COMPLIANT_PLANTS = (EmlaCompliantPlant, EmlaCompliantAxis)
+"""Plants with a load that is not rigid."""
+
+DRIVES = (EmlaMotor, EmlaPlant, EmlaAxis, *COMPLIANT_PLANTS)
+"""Components of joints with motor and inverter."""
+
+
 def ideal_sensors(system: System) -> dict[str, Value]:
     """Return start values that switch off noise and steps of the sensors in the plants of joints."""
+    at_load = (*_SENSOR_FAULTS, "load.sensor.sigma", "load.sensor.resolution")
     faults: dict[str, tuple[str, ...]] = {
-        EmlaMotor.__name__: _SENSOR_FAULTS,
-        EmlaPlant.__name__: _SENSOR_FAULTS,
-        EmlaCompliantPlant.__name__: (*_SENSOR_FAULTS, "load.sensor.sigma", "load.sensor.resolution"),
+        block.__name__: at_load if block in COMPLIANT_PLANTS else _SENSOR_FAULTS for block in DRIVES
     }
     return {f"{c.name}.{p}": 0.0 for c in system.components for p in faults.get(str(c.model), ())}
 
@@ -135,6 +143,7 @@ def build_joint(
     true_feedback: bool = False,
     electrical: bool = False,
     compliant: bool = False,
+    on_stroke: bool = False,
     command: Mapping[str, Any] | None = None,
     load_observer: Mapping[str, Any] | None = None,
     elsewhere: Mapping[str, str | None] = MappingProxyType({}),
@@ -157,6 +166,7 @@ def build_joint(
         true_feedback: Whether the controller gets the plant's true position and speed.
         electrical: Whether the plant is only its electrical half, `motor`.
         compliant: Whether the plant has a load that is not rigid.
+        on_stroke: Whether the load force also depends on the position.
         command: Values of the `ScrewCommand` between reference and controller, by attribute; None without it.
         load_observer: Values of the `LoadObserver`, by attribute; None without a sensor at the load.
         elsewhere: Full names of variables of other components that replace ends such as reference.x_d; None
@@ -165,7 +175,8 @@ def build_joint(
     Raises:
         CommandError: The controller lacks u_q or u_d.
     """
-    driven = EmlaMotor if electrical else EmlaCompliantPlant if compliant else EmlaPlant
+    rigid, soft = (EmlaAxis, EmlaCompliantAxis) if on_stroke else (EmlaPlant, EmlaCompliantPlant)
+    driven = EmlaMotor if electrical else soft if compliant else rigid
     blocks: dict[type[Block], tuple[str, Sequence[Any]]] = {
         driven: ("motor" if electrical else "plant", [emla, plant]),
         Disturbance: ("disturbance", [disturbance]),

@@ -176,6 +176,9 @@ class JointMetrics(Metrics):
             joint: {role: find_variable(joint, role, column, given) for role in _ROLES}
             for joint in find_all_joints(names, given)
         }
+        for joint, of in found.items():
+            if of["F_L"] == f"{joint}.plant.load.force":  # depends on the position, so it explains nothing
+                of["F_L"] = find_variable(joint, "F_t", column, given)
         signals = {
             joint: of
             for joint, of in found.items()

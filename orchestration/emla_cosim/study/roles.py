@@ -24,11 +24,13 @@ _PLACES: dict[str, tuple[str, ...]] = {
     **{f"{name}_s": (f"{{joint}}.command.{name}_s",) for name in ("x", "v", "a")},
     "d_2": ("{joint}.disturbance.d_2",),
     "F_L": (
+        "{joint}.plant.load.force",  # with the force along the stroke
         "{joint}.plant.F_L",  # data that replace the connection
         "machine.manipulator.F_L[{element}]",
         "machine.plant.F_L[{element}]",
         "{joint}.disturbance.F_L",
     ),
+    "F_t": ("{joint}.plant.F_L", "{joint}.disturbance.F_L"),  # the load force without that along the stroke
     "period": ("{joint}.reference.period",),
     "x_load": ("{joint}.plant.load.x",),
     "v_load": ("{joint}.plant.load.v",),

@@ -119,6 +119,11 @@ def study_joint(
     compliance, force = None, load["level"][0] if load else 0.0
     if compliant:
         compliance = own.compliant_load.with_actuator(actuator.values)
+    table = own.load.table if load else None  # on a machine, the machine is the load
+    if table is not None:
+        force = own.load.force_at_start(x_L + ahead, compliance)
+        plant |= table.parameters()
+    if compliance is not None:
         plant |= compliance.parameters(force)
     load_observer = None
     if load_command.has_sensor and compliance is not None:
@@ -147,6 +152,7 @@ def study_joint(
         true_feedback=true_feedback,
         electrical=electrical,
         compliant=compliant,
+        on_stroke=table is not None,
         command=command,
         load_observer=load_observer,
         elsewhere=elsewhere,

@@ -80,7 +80,8 @@ def _rigid_entries(own: JointFile, controller: str) -> dict[str, Any]:
 
 def _load_entries(own: JointFile) -> dict[str, Any]:
     """Return the entries of a plan for a joint of study-compliant; its approach is planned, so not judged."""
-    load, force = own.compliant_load, own.load.parameters()["level"][0]
+    load = own.compliant_load
+    force = own.load.force_at_start(own.start.x_L, load)
     return {
         "load": " with a load that is not rigid",
         "evaluations": 28,  # margins in two cases take long

@@ -15,6 +15,7 @@ from ...base.quantities import parse_quantity
 from ...run.options import Options
 from ...system.model import System, Value
 from ..joints.motions import resting_deflection
+from ..joints.stroke_table import table_of_plant
 from ..load_control import approach_duration
 from ..roles import find_element, machine_roles
 
@@ -189,6 +190,8 @@ def _parameter(
     A parameter that no component has is 0.
     """
     component, _, rest = parameter.partition(".")
+    if parameter == _LEVEL and f"{joint}.disturbance" in components:
+        return _force_at_start(joint, components, options)
     if component == "disturbance":
         places = [(f"{joint}.disturbance", rest)]
     else:
@@ -204,6 +207,30 @@ def _parameter(
         if value is not None
     ]
     return max(found, key=lambda one: one.is_changed, default=_Parameter("", 0.0, 0.0))
+
+
+def _force_at_start(
+    joint: str, components: Mapping[str, Mapping[str, Value]], options: Options
+) -> _Parameter:
+    """Return the load force of a joint in N at its start, with the force along the stroke if it has one."""
+    level = _LEVEL.partition(".")[2]
+    name, value = f"{joint}.{_LEVEL}", components[f"{joint}.disturbance"].get(level)
+    if value is None:
+        return _Parameter("", 0.0, 0.0)
+    before, after = _number(name, value, {}), _number(name, value, options.set)
+    plant = components.get(f"{joint}.plant", {})
+
+    def along(overrides: Mapping[str, Value]) -> float:
+        def read(variable: str) -> float | None:
+            return value_of(f"{joint}.plant.{variable}", plant.get(variable), overrides)
+
+        table, x = table_of_plant(read), read("start.x_L")
+        return 0.0 if table is None or x is None else table.force_at(x - (read("start.deflection") or 0.0))
+
+    if not any(variable.startswith("load.table.force") for variable in plant):
+        return _Parameter(name, before, after)
+    changed = name if not _is_same(before, after) else f"{joint}.plant.load.table"
+    return _Parameter(changed, before + along({}), after + along(options.set))
 
 
 def _number(name: str, value: Value, overrides: Mapping[str, Value]) -> float:

@@ -1,7 +1,8 @@
 """Extremes of a joint's reference and load between start and stop time of a run."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from functools import partial
 from itertools import chain
 from types import SimpleNamespace
 
@@ -11,6 +12,7 @@ from fmublock import Block
 
 from ...run.options import Options
 from ...system.model import System
+from ..joints.stroke_table import StrokeTable, table_of_plant
 from .model_parameters import get_number, is_own
 
 _EVENLY = 200
@@ -21,7 +23,9 @@ _MOST_PEAKS = 1000
 
 
 def largest_load(joint: str, system: System, options: Options) -> float | None:
-    """Return the largest |F_L| in N of a joint's load profile in a run.
+    """Return the largest load force in N, as a magnitude, of a joint in a run.
+
+    With a force along the stroke, it is a bound: times and positions of its parts may not coincide.
 
     Returns:
         None if the joint has no profile or no load.
@@ -31,19 +35,38 @@ def largest_load(joint: str, system: System, options: Options) -> float | None:
         return None
     ends = chain.from_iterable((t, t + p.ramp) for t in p.level_start[1:])
     moments, width = _moments(ends, options), abs(0.5 * p.ripple)
+    along = _forces_on_the_way(joint, system, options)
     if width and p.ripple_omega:
         first, last = min(moments), max(moments)
         half = math.pi / abs(p.ripple_omega)
         if (last - first) / half > _MOST_PEAKS:
             p.ripple = 0.0
-            return _largest(p, moments) + width or None
+            return _largest(p, moments, along) + width or None
         k = range(math.floor(first / half), math.ceil(last / half) + 1)
         moments += [t for t in ((i + 0.5) * half for i in k) if first <= t <= last]
-    return _largest(p, moments) or None
+    return _largest(p, moments, along) or None
 
 
-def _largest(p: SimpleNamespace, moments: Iterable[float]) -> float:
-    return max(abs(Disturbance.load(Disturbance(), _at(p, t))) for t in moments)
+def _largest(p: SimpleNamespace, moments: Iterable[float], along: Sequence[float]) -> float:
+    forces = [Disturbance.load(Disturbance(), _at(p, t)) for t in moments]
+    return max(abs(force + other) for force in forces for other in along)
+
+
+def _forces_on_the_way(joint: str, system: System, options: Options) -> Sequence[float]:
+    """Return the least and the largest force in N along the stroke on a joint's reference; 0 without any."""
+    table = read_stroke_table(joint, system, options)
+    if table is None:
+        return (0.0,)
+    reach = reference_reach(joint, system, options)
+    nearest, farthest = (table.position[0], table.position[-1]) if reach is None else reach[:2]
+    ways = [nearest, farthest, *(x for x in table.position if nearest < x < farthest)]
+    forces = [table.force_at(x) for x in ways]
+    return min(forces), max(forces)
+
+
+def read_stroke_table(joint: str, system: System, options: Options) -> StrokeTable | None:
+    """Return the load of a joint along the stroke as it runs; None without one."""
+    return table_of_plant(partial(get_number, system, options, f"{joint}.plant"))
 
 
 def reference_reach(joint: str, system: System, options: Options) -> tuple[float, float, float] | None:

@@ -3,18 +3,19 @@
 import math
 from collections.abc import Iterator, Sequence
 
-from emla_fmu import EmlaCompliantPlant, ScrewCommand
+from emla_fmu import EmlaAxis, EmlaCompliantAxis, ScrewCommand
 
 from ...base.errors import CommandError, join_names
 from ...run.options import Options
 from ...system.model import System
 from ..controllers import COMPLIANT, choose_controller
+from ..joint import COMPLIANT_PLANTS
 from ..joints.motions import OF_ACTUATOR
 from ..machines.motion import motion_of_system
 from .actuator import Actuator
 from .derived import holding_torque
 from .model_parameters import describe_stale_parameters, get_number, is_own
-from .profiles import largest_load, reference_reach, run_span
+from .profiles import largest_load, read_stroke_table, reference_reach, run_span
 
 _BY_RULE = ("compensated", "robust", "rule")
 """Sets of gains that scale with the sample rate; all others were tuned or printed for one joint."""
@@ -38,6 +39,7 @@ def remarks(system: System, options: Options) -> Sequence[str]:
     for joint, one in own.items():
         found += _describe_heavy_load(joint, one, system, options)
         found += _describe_other_stiffness(joint, one, system)
+    found += _describe_short_tables(system, options)
     return [*found, *_gains(own, system, options), *describe_stale_parameters(system, options)]
 
 
@@ -101,7 +103,26 @@ def _describe_other_stiffness(joint: str, own: Actuator, system: System) -> Iter
 
 def _list_compliant(system: System) -> list[str]:
     """Return the plants with loads that are not rigid."""
-    return [c.name for c in system.components if c.model == EmlaCompliantPlant.__name__]
+    models = {block.__name__ for block in COMPLIANT_PLANTS}
+    return [c.name for c in system.components if c.model in models]
+
+
+def _describe_short_tables(system: System, options: Options) -> Iterator[str]:
+    """Yield a warning, without full stop, on each load along the stroke that a motion leaves."""
+    for component in system.components:
+        joint = component.name.partition(".")[0]
+        if component.model not in (EmlaAxis.__name__, EmlaCompliantAxis.__name__):
+            continue
+        table, motion = read_stroke_table(joint, system, options), _motion(joint, system, options)
+        if table is None or motion is None:
+            continue
+        low, high, (nearest, farthest, *_) = table.position[0], table.position[-1], motion
+        if not (low <= nearest and farthest <= high):
+            yield (
+                f"{joint}: the load along the stroke is known from {1e3 * low:.4g} to {1e3 * high:.4g} mm, "
+                f"but the reference goes from {1e3 * nearest:.4g} to {1e3 * farthest:.4g} mm; beyond the "
+                "table, the force of its end acts"
+            )
 
 
 def _describe_wrong_sensors(system: System, options: Options) -> Iterator[str]:

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 from itertools import pairwise
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import msgspec
 
@@ -11,8 +11,10 @@ from emla_fmu import motion_law
 from emla_fmu.disturbance import LEVELS
 from emla_fmu.reference import MOVES, quintic_duration, rest_to_rest
 from emla_fmu.schedule import NEVER
+from emla_fmu.stroke_load import INTERPOLATIONS
 
 from ...base.toml_structs import describe, quantity
+from .stroke_table import StrokeTable, read_stroke_file
 
 
 class StartPosition(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -91,20 +93,43 @@ class Cycle(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
 
 
 class Load(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Load force: levels in N, positive against extension, and a ripple.
+    """Load force: levels in N, positive against extension, a ripple, and a force along the stroke.
 
-    `start` has the times in s at which the second and later levels begin.
+    `start` has the times in s at which the second and later levels begin. `position` and `force`, or `file`,
+    are the force along the stroke, which is added.
     """
 
-    level: Annotated[tuple[float, ...], quantity("N", "load force", 57e3)]
+    level: Annotated[tuple[float, ...], quantity("N", "load force", 57e3)] | None = None
     start: Annotated[tuple[float, ...], quantity("s", "times of the levels", [2.0])] | None = None
     ramp: Annotated[float, quantity("s", "time between levels", 0.5, gt=0.0)] | None = None
     ripple: Annotated[float, quantity("N", "width of the ripple", 5e3)] | None = None
     ripple_omega: Annotated[float, quantity("rad/s", "angular frequency of the ripple", 628.0)] | None = None
+    position: Annotated[tuple[float, ...], quantity("m", "positions of the load", [0.0, 0.1])] | None = None
+    force: Annotated[tuple[float, ...], quantity("N", "forces at the positions", [20e3, 35e3])] | None = None
+    file: (
+        Annotated[str, describe("CSV file with positions and forces", "lever.csv", read=read_stroke_file)]
+        | None
+    ) = None
+    interpolation: Annotated[
+        Literal[tuple(INTERPOLATIONS)],  # type: ignore[valid-type]
+        describe("force between two positions", "linear"),
+    ] = "linear"
 
     def __post_init__(self) -> None:
-        """Check the number of levels and of times."""
-        count, times = len(self.level), len(self.start or ())
+        """Check the number of levels and of times, and the force along the stroke."""
+        if (self.position is None) != (self.force is None):
+            has = "position without force" if self.force is None else "force without position"
+            raise ValueError(f"has {has}; write both.")
+        if self.file is not None and self.position is not None:
+            raise ValueError("has both file and position; write one of them.")
+        if self.level is None and self.table is None:
+            raise ValueError(
+                "lacks level, the load force; write level = 57000.0, or position and force for a load along "
+                "the stroke."
+            )
+        if self.table is not None:
+            self.table.check()
+        count, times = len(self.levels), len(self.start or ())
         if not 1 <= count <= LEVELS:
             raise ValueError(f"has {count} values of level; it must have 1 to {LEVELS}.")
         if times != count - 1:
@@ -113,19 +138,56 @@ class Load(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
             )
 
     @property
+    def levels(self) -> tuple[float, ...]:
+        """The levels in N; 0 if the force is along the stroke only."""
+        return (0.0,) if self.level is None else self.level
+
+    @property
+    def table(self) -> StrokeTable | None:
+        """The force along the stroke; None without one."""
+        interpolation = INTERPOLATIONS[self.interpolation]
+        if isinstance(self.file, StrokeTable):
+            return self.file._replace(interpolation=interpolation)
+        if self.position is None or self.force is None:
+            return None
+        return StrokeTable(self.position, self.force, interpolation)
+
+    @property
     def largest(self) -> float:
         """The load force in N of the largest magnitude."""
-        level = max(self.level, key=abs)
+        along = (0.0,) if self.table is None else self.table.force
+        level = max((a + b for a in self.levels for b in along), key=abs)
         return level + math.copysign(0.5 * (self.ripple or 0.0), level)
+
+    def force_at_start(self, x: float, compliance: "Compliance | None" = None) -> float:
+        """Return the load force in N at rest at the start.
+
+        Args:
+            x: Start position of the screw in m.
+            compliance: What is between screw and load; None for a rigid load.
+        """
+        force = self.levels[0]
+        if self.table is None:
+            return force
+        deflection = 0.0
+        for _ in range(_ROUNDS if compliance is not None else 1):
+            force = self.levels[0] + self.table.force_at(x - deflection)
+            if compliance is not None:
+                deflection = resting_deflection(force, compliance.stiffness, compliance.backlash)
+        return force
 
     def parameters(self) -> dict[str, Any]:
         """Return the load as parameters of the disturbance."""
         given = {"ramp": self.ramp, "ripple": self.ripple, "ripple_omega": self.ripple_omega}
-        found: dict[str, Any] = {"level": (*self.level, *[self.level[-1]] * (LEVELS - len(self.level)))}
+        levels = self.levels
+        found: dict[str, Any] = {"level": (*levels, *[levels[-1]] * (LEVELS - len(levels)))}
         if self.start is not None:
             found["level_start"] = (NEVER, *self.start, *[NEVER] * (LEVELS - 1 - len(self.start)))
         return found | {name: value for name, value in given.items() if value is not None}
 
+
+_ROUNDS = 60
+"""Rounds to find where a load rests whose force depends on its position. A load is softer than its spring."""
 
 OF_ACTUATOR = ("bearing", "screw", "nut", "backlash")
 """What of a load that is not rigid belongs to the actuator."""
