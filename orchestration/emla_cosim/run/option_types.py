@@ -30,6 +30,7 @@ class CompareOptions(TypedDict, total=False):
     input: Sequence[Input | _Path | Mapping[str, Any]]
     mode: str | None
     load_control: str | None
+    supply: bool
     notch: Mapping[str, float | str]
     actuator: Mapping[str, _Path | FileOrObject]
     sheet: Mapping[str, Value]

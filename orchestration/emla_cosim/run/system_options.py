@@ -95,6 +95,12 @@ class SystemOptions:
         choices=lambda: LOAD_CONTROLS,
         makes="load control",
     )
+    supply: bool = _prepared(
+        False,
+        help="Let the joints share one supply, through which energy that a joint returns feeds the others; "
+        "see docs/systems.md.",
+        makes="supply",
+    )
     notch: Mapping[str, float | str] = _prepared(
         {},
         help="Remove up to two frequencies from a joint's reference motion, so that it does not excite what "

@@ -7,12 +7,22 @@ from importlib.resources import files
 from ..inputs.schedules import SCHEDULES
 from ..recorders.metrics import METRICS, ROLES, TRACKED
 from ..run.registered import FOLLOWERS, SEEDS
-from ..run.scenarios.built_in import CHANGES, FOLLOWING, PLANS, REMARKS, SCENARIOS, STEPPING, SYSTEMS, TUNINGS
+from ..run.scenarios.built_in import (
+    CHANGES,
+    EXTENSIONS,
+    FOLLOWING,
+    PLANS,
+    REMARKS,
+    SCENARIOS,
+    STEPPING,
+    SYSTEMS,
+    TUNINGS,
+)
 from ..run.scenarios.scenario_file import KINDS, Kind
 from ..views.animation import ANIMATIONS
 from ..views.plots.by_unit import BY_UNIT
 from ..views.plots.pictures import FIGURES
-from . import systems
+from . import supply, systems
 from .actuator.model_parameters import follow_plant_changes
 from .actuator.remarks import remarks
 from .figures import JOINT_FIGURES, MACHINE_FIGURES
@@ -46,10 +56,15 @@ def register() -> None:
     SYSTEMS.update(own)
     FOLLOWING.update(machines.SYSTEMS)
     CHANGES["actuator"] = change_entries
+    EXTENSIONS["supply"] = supply.share_supply
     if complete_order not in STEPPING:
         STEPPING.append(complete_order)
+    if supply.complete_order not in STEPPING:
+        STEPPING.append(supply.complete_order)
     if remarks not in REMARKS:
         REMARKS.append(remarks)
+    if supply.remarks not in REMARKS:
+        REMARKS.append(supply.remarks)
     if follow_plant_changes not in FOLLOWERS:
         FOLLOWERS.append(follow_plant_changes)
     if find_seeds not in SEEDS:
@@ -71,6 +86,7 @@ def register() -> None:
     TUNINGS.update(list_tuning_plans())
     METRICS[LOADS] = load_metrics  # before the joints: tables show it first
     METRICS[JOINTS] = joint_metrics
+    METRICS[supply.SUPPLY] = supply.supply_metrics
     TRACKED[JOINTS] = find_tracked_joints
     TRACKED[LOADS] = find_tracked_loads  # after the joints: the last pair of a joint counts
     FIGURES.update(JOINT_FIGURES | MACHINE_FIGURES)

@@ -27,6 +27,9 @@ of the system, files or objects by joint, other values by JOINT.TABLE.ENTRY, and
 have without. They raise CommandError.
 """
 
+EXTENSIONS: dict[str, Callable[[System], System]] = {}
+"""Functions that return a built-in system with further components, by the option that adds them."""
+
 STEPPING: list[Callable[[System, Mapping[str, Any]], Mapping[str, Any]]] = []
 """Functions that return further options of the algorithm for a built-in system, from those that are set."""
 

@@ -17,7 +17,7 @@ from ...fmu.interface import Interface, read_interface
 from ...system.model import Component, System
 from ..options import Options, list_options, read_options
 from ..origin import RunOrigin, read_origin, with_gains
-from .built_in import CHANGES, FOLLOWING, REMARKS, SCENARIOS, STEPPING, SYSTEMS, find_built_in
+from .built_in import CHANGES, EXTENSIONS, FOLLOWING, REMARKS, SCENARIOS, STEPPING, SYSTEMS, find_built_in
 from .default_times import Times, choose_times, read_times
 from .recorded import load_recorded_run
 from .scenario import Scenario
@@ -123,6 +123,8 @@ def _load_scenario_file(
     make = described.make or SYSTEMS[described.system]
     with accept_faults(options.lenient):  # preparing lists them
         system = make(options.controller, options.gains, **made_of)
+    if options.supply:
+        system = EXTENSIONS["supply"](system)
     for further in STEPPING:
         options = options.merged(further(system, options.class_options))
     made = Scenario(name, read.description, system, options, origin=origin.updated(values), remarks=_remarks)
