@@ -95,7 +95,7 @@ def compliant_points(draw: Draw) -> Point:
 def table_points(draw: Draw, x: float) -> Point:
     """A table, with x in the middle of one of its segments: the first, the last, or one in between."""
     segment, r = draw(st.sampled_from([0, 12, POINTS - 2])), draw(st.floats(0.3, 0.7))
-    widths = [draw(st.floats(0.05, 0.2)) for _ in range(3)] * (POINTS // 3)
+    widths = [draw(st.floats(0.05, 0.2)) for _ in range(3)] * (POINTS // 3 + 1)
     first = x - sum(widths[:segment]) - r * widths[segment]
     # neighbouring slopes differ clearly, in sign as well: the slope of a smooth curve has kinks between
     slopes = [signed(draw, 1e3, 3e3) * factor for factor in (1.0, draw(st.floats(1.3, 2.0)), -0.6)]
