@@ -129,13 +129,14 @@ MULTIPLES = {
 _ELSEWHERE = """
     system description mapping output output_format plot_format plots require signals animate actuator sheet
     input report parameters bonds roles trajectory no_event_mode load_control notch mode
+    supply
 """
 ELSEWHERE = set(_ELSEWHERE.split())
 """Keys of other tests: `parameters` in test_parameter_tables.py, `mapping` in test_replacement.py,
 `trajectory` in test_machine.py, `actuator` in test_actuator.py, `input` in test_inputs.py,
 `sheet` in test_actuator_factors.py, `roles` in test_roles.py, `bonds` in test_coupling_of_runs.py,
 `no_event_mode` in test_no_event_mode.py, `load_control` and `notch` in test_load_control.py,
-`mode` in test_machine_systems.py."""
+`mode` in test_machine_systems.py, `supply` in test_supply.py."""
 
 
 @pytest.mark.parametrize(
