@@ -61,7 +61,8 @@ class MachineModel:
                 raise MachineError(f"the machine has no number '{name}'; existing: {', '.join(parameters)}")
             parameters[name] = replace(parameters[name], value=float(value))
         self.machine = replace(named, parameters=parameters)
-        self.closure = find_closure(self.machine)
+        # blocks keep the sides of their description, whatever their parameters
+        self.closure = replace(find_closure(self.machine), sides=find_closure(named).sides)
         self.mechanism = assemble(self.machine)
 
     @property

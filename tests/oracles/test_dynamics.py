@@ -1,28 +1,26 @@
-"""Inverse and forward dynamics against each other, against Lagrange's equations, and against Pinocchio."""
+"""The manipulator of `hdrm.toml` against Lagrange's equations of its numbers, and against Pinocchio."""
 
-from functools import lru_cache
-
-import casadi
 import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from hdrm_fmu import HDRM, HdrmParameters, dynamics
-from hdrm_fmu.parameters import PAYLOAD
-from tests.support.machines import MOMENTS, Moment, machines
-from tests.support.reference_manipulator import Lagrangian
-from tests.support.reference_model import Vector
+from emla_cosim.study.machines.schema import load_machine
+from machine_fmu import Dynamics, assemble, find_closure
+from machine_fmu.exact import plain
+from machine_fmu.model import MachineModel
+from tests.support.machines import MOMENTS, Moment, machines, named_values
+from tests.support.manipulator_geometry import HDRM, Manipulator
+from tests.support.reference_manipulator import LAGRANGIAN, Lagrangian
 
-REST = (0.0, 0.0, 0.0)
-LAGRANGIAN = Lagrangian()
+FILE = load_machine("hdrm")
+CLOSURE = find_closure(FILE)
+MODEL = MachineModel(FILE)
+REFLECTED = np.array([7e4, 9e4, 3e2])
+"""Inertia of motors in kg."""
 
 
-def size(p: HdrmParameters, m: Moment) -> Vector:
-    """Forces in N, without regard to signs, that a motion's force is the sum of; rounding goes with them."""
-    M = np.abs(dynamics.mass_matrix(p, m.q, m.payload))
-    weight = np.abs(dynamics.bias(p, m.q, REST, m.payload))
-    speed = np.abs(np.array(dynamics.bias(p, m.q, m.v, m.payload)) - dynamics.bias(p, m.q, REST, m.payload))
-    return M @ np.abs(m.a) + weight + speed + 1.0
+def dynamics(m: Moment, p: Manipulator = HDRM) -> Dynamics:
+    return Dynamics(assemble(FILE, named_values(p).__getitem__, m.payload), CLOSURE, m.q)
 
 
 @pytest.mark.parametrize(
@@ -32,118 +30,75 @@ def size(p: HdrmParameters, m: Moment) -> Vector:
 def test_static_forces_are_those_the_studys_loads_were_taken_from(
     q: tuple[float, ...], forces: list[float]
 ) -> None:
-    found = dynamics.inverse_dynamics(HDRM, q, REST, REST, PAYLOAD)
-    assert np.array(found) / 1e3 == pytest.approx(forces, abs=0.05)
+    assert MODEL.holding_forces(np.array([q]))[0] / 1e3 == pytest.approx(forces, abs=0.05)
 
 
 def test_static_forces_stay_within_the_bounds_over_the_whole_box() -> None:
     """Of Table II."""
     grid = np.array(np.meshgrid(*(np.linspace(0.0, high, 9) for high in HDRM.q_UB))).reshape(3, -1).T
-    found = np.array([dynamics.inverse_dynamics(HDRM, q, REST, REST, PAYLOAD) for q in grid.tolist()])
-    assert np.all(np.abs(found) <= [89.8e3, 68.6e3, 6.1e3])
+    assert np.all(np.abs(MODEL.holding_forces(grid)) <= [89.8e3, 68.6e3, 6.1e3])
 
 
-@given(m=MOMENTS, p=machines())
-def test_forward_dynamics_undo_inverse_dynamics(m: Moment, p: HdrmParameters) -> None:
-    """With and without inertia of motors. The accelerations are large, so that weight does not drown them."""
-    M = np.array(dynamics.mass_matrix(p, m.q, m.payload))
-    force = np.array(dynamics.inverse_dynamics(p, m.q, m.v, m.a, m.payload))
-    # forces agree to 1e-12 of what they are the sums of ...
-    assert M @ m.a + dynamics.bias(p, m.q, m.v, m.payload) == pytest.approx(
-        force, abs=1e-12 * size(p, m).max()
+def assert_is_judged(m: Moment, p: Manipulator, judge: Lagrangian) -> None:
+    """To fractions of what forces and accelerations are the sums of; rounding goes with them."""
+    made = dynamics(m, p)
+    M, h, energy, tip = judge.at(m.q, m.v, m.payload)
+    weight = judge.at(m.q, [0.0] * 3, m.payload)[1]
+    summands = np.abs(M) @ np.abs(m.a) + np.abs(weight) + np.abs(h - weight) + 1.0
+    assert made.mass_matrix() == pytest.approx(M, rel=1e-9, abs=1e-9 * float(np.abs(M).max()))
+    assert made.bias(m.v) == pytest.approx(h, abs=1e-9 * summands.max())
+    assert made.inverse(m.v, m.a) == pytest.approx(
+        judge.forces(m.q, m.v, m.a, m.payload), abs=1e-9 * summands.max()
     )
-    # ... and accelerations to what these make of it
-    reflected = np.array([7e4, 9e4, 3e2])
-    total = force + reflected * m.a
-    found = dynamics.forward_dynamics(p, m.q, m.v, total.tolist(), m.payload, reflected.tolist())
-    room = np.abs(np.linalg.inv(M + np.diag(reflected))) @ (size(p, m) + reflected * np.abs(m.a))
-    assert np.all(np.abs(np.array(found) - m.a) <= 1e-12 * room)
-    without = dynamics.forward_dynamics(HDRM, m.q, m.v, _forces(m), m.payload)
-    assert without == pytest.approx(m.a, abs=1e-11)
-
-
-def _forces(m: Moment) -> list[float]:
-    return dynamics.inverse_dynamics(HDRM, m.q, m.v, m.a, m.payload)
+    inertia = M + np.diag(REFLECTED)
+    force = h + inertia @ m.a
+    rounding = np.abs(np.linalg.inv(inertia)) @ (summands + REFLECTED * np.abs(m.a))
+    found = np.array(made.forward(m.v, force.tolist(), REFLECTED.tolist()))
+    assert np.all(np.abs(found - m.a) <= 1e-9 * rounding)
+    height = float(np.abs(tip).max()) + 1.0
+    assert made.energy(m.v) == pytest.approx(energy, rel=1e-9, abs=1e-10 * (1.0 + m.payload) * height * 10.0)
+    assert made.mechanism.payload is not None
+    assert [plain(x) for x in made.pose.point(made.mechanism.payload)[:2]] == pytest.approx(tip, abs=1e-11)
 
 
 @given(m=MOMENTS)
-def test_both_agree_with_lagrange(m: Moment) -> None:
-    M, h, energy, _ = LAGRANGIAN.at(m.q, m.v, m.payload)
-    tolerance = 1e-9 * size(HDRM, m).min()
-    assert _forces(m) == pytest.approx(LAGRANGIAN.forces(m.q, m.v, m.a, m.payload), abs=tolerance)
-    assert np.array(dynamics.mass_matrix(HDRM, m.q, m.payload)) == pytest.approx(M, rel=1e-9, abs=1e-9)
-    assert dynamics.energy(HDRM, m.q, m.v, m.payload) == pytest.approx(energy, rel=1e-9, abs=1e-6)
-    force = 1e4 * np.array(m.a)
-    expected = np.linalg.solve(M, force - h)
-    found = dynamics.forward_dynamics(HDRM, m.q, m.v, force.tolist(), m.payload)
-    assert found == pytest.approx(expected, rel=1e-9, abs=1e-9)
+@settings(deadline=None)
+def test_manipulator_agrees_with_lagrange(m: Moment) -> None:
+    assert_is_judged(m, HDRM, LAGRANGIAN)
 
 
 @given(m=MOMENTS, p=machines())
-@settings(max_examples=10)
-def test_any_machine_agrees_with_lagrange(m: Moment, p: HdrmParameters) -> None:
-    found = dynamics.inverse_dynamics(p, m.q, m.v, m.a, m.payload)
-    expected = Lagrangian(p).forces(m.q, m.v, m.a, m.payload)
-    assert found == pytest.approx(expected, abs=1e-9 * size(p, m).min())
+@settings(max_examples=10, deadline=None)
+def test_any_manipulator_agrees_with_lagrange(m: Moment, p: Manipulator) -> None:
+    """Each number of the file is the one with its name."""
+    assert_is_judged(m, p, Lagrangian(p))
 
 
 @given(m=MOMENTS, p=machines())
-@settings(max_examples=30)
-def test_both_agree_with_pinocchio(m: Moment, p: HdrmParameters) -> None:
+@settings(max_examples=15, deadline=None)
+def test_any_manipulator_agrees_with_pinocchio(m: Moment, p: Manipulator) -> None:
     """Default directions, because each chain can close in two ways; all else as it comes."""
     pytest.importorskip("pinocchio", reason="Pinocchio has no package for Windows.")
     from dataclasses import replace
 
-    from tests.support.pinocchio_manipulator import PinocchioManipulator
+    from tests.support.pinocchio_machine import PinocchioMachine
 
     angles = ("lift_delta", "lift_epsilon", "tilt_delta", "tilt_epsilon")
     p = replace(p, **{name: getattr(HDRM, name) for name in angles})
-    judge = PinocchioManipulator(p, m.payload)
-    found = dynamics.inverse_dynamics(p, m.q, m.v, m.a, m.payload)
-    assert found == pytest.approx(judge.forces(m.q, m.v, np.array(m.a)), abs=1e-9 * size(p, m).min())
-    M = judge.mass_matrix(m.q)
-    assert np.array(dynamics.mass_matrix(p, m.q, m.payload)) == pytest.approx(M, abs=1e-9 * np.abs(M).max())
-
-
-@given(m=MOMENTS, p=machines())
-def test_the_mass_matrix_is_symmetric_and_positive(m: Moment, p: HdrmParameters) -> None:
-    """With what motors and screws add of M_BS; the tubes alone are not all there."""
-    M = np.array(dynamics.mass_matrix(p, m.q, m.payload))
-    assert np.array_equal(M, M.T)
-    assert np.linalg.eigvalsh(M + np.diag(p.M_BS)).min() > 0.0
-
-
-@given(m=MOMENTS, p=machines())
-def test_power_is_the_change_of_energy(m: Moment, p: HdrmParameters) -> None:
-    h = 2e-4
-
-    def energy(t: float) -> float:
-        q = [x + v * t + 0.5 * a * t * t for x, v, a in zip(m.q, m.v, m.a, strict=True)]
-        return dynamics.energy(p, q, [v + a * t for v, a in zip(m.v, m.a, strict=True)], m.payload)
-
-    change = (8.0 * (energy(h) - energy(-h)) - (energy(2 * h) - energy(-2 * h))) / (12.0 * h)
-    force = dynamics.inverse_dynamics(p, m.q, m.v, m.a, m.payload)
-    rounding = 1e-15 * abs(energy(0.0)) / h
-    assert np.dot(force, m.v) == pytest.approx(change, rel=1e-6, abs=100.0 * rounding + 1e-3)
-
-
-@lru_cache
-def _on_symbols() -> casadi.Function:
-    q, v, a, payload = (casadi.SX.sym(n, k) for n, k in (("q", 3), ("v", 3), ("a", 3), ("payload", 1)))
-    parts = [casadi.vertsplit(x) for x in (q, v, a)]
-    inverse = dynamics.inverse_dynamics(HDRM, *parts, payload)
-    forward = dynamics.forward_dynamics(HDRM, *parts, payload)
-    energy = dynamics.energy(HDRM, parts[0], parts[1], payload)
-    return casadi.Function("all", [q, v, a, payload], [casadi.vertcat(*inverse, *forward, energy)])
+    machine = MachineModel(FILE, named_values(p)).machine
+    assert machine.payload is not None
+    judge = PinocchioMachine(replace(machine, payload=replace(machine.payload, m=m.payload)))
+    made, v, a = dynamics(m, p), m.v, m.a
+    size = np.abs(made.mass_matrix()) @ np.abs(a) + np.abs(made.bias([0.0] * 3)) + np.abs(made.bias(v)) + 1.0
+    assert made.inverse(v, a) == pytest.approx(judge.forces(m.q, v, a), abs=1e-9 * size.max())
 
 
 @given(m=MOMENTS)
-@settings(max_examples=20)
-def test_symbols_of_casadi_give_the_same(m: Moment) -> None:
-    expected = [
-        *_forces(m),
-        *dynamics.forward_dynamics(HDRM, m.q, m.v, m.a, m.payload),
-        dynamics.energy(HDRM, m.q, m.v, m.payload),
-    ]
-    found = np.array(_on_symbols()(m.q, m.v, m.a, m.payload)).ravel()
-    assert found == pytest.approx(expected, rel=1e-12, abs=1e-9)
+@settings(max_examples=20, deadline=None)
+def test_many_poses_at_once_have_the_same_forces_and_energies(m: Moment) -> None:
+    rows = [np.array([x, [0.9 * y for y in x]]) for x in (m.q, m.v, m.a)]
+    forces, energies = MODEL.forces(*rows, m.payload), MODEL.energy(rows[0], rows[1], m.payload)
+    for i, (q, v, a) in enumerate(zip(*(row.tolist() for row in rows), strict=True)):
+        made = dynamics(Moment(q, v, a, m.payload))
+        assert forces[i] == pytest.approx(made.inverse(v, a), rel=1e-12, abs=1e-9)
+        assert energies[i] == pytest.approx(made.energy(v), rel=1e-12, abs=1e-9)

@@ -1,4 +1,4 @@
-"""Machines from descriptions against the paper's equations, and against Pinocchio with constraints."""
+"""Machines from descriptions against Pinocchio with constraints."""
 
 from dataclasses import replace
 from functools import cache
@@ -6,26 +6,19 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
 from scipy.integrate import solve_ivp
 
 from fmublock.symbolic import evaluate_symbolically
-from hdrm_fmu import HDRM, HdrmParameters, dynamics, kinematics
-from hdrm_fmu.parameters import PAYLOAD
 from machine_fmu import (
     Actuator,
     Body,
-    Dynamics,
     Joint,
     Machine,
     Payload,
     Point,
-    assemble,
     plant_block,
 )
-from machine_fmu.exact import plain
 from tests.support.machine_states import Case, MachineState
-from tests.support.machines import MOMENTS, Moment, machines, named_values
 from tests.support.pinocchio_machine import PinocchioMachine
 from tests.support.reference_model import Vector
 
@@ -83,35 +76,6 @@ def relative(found: object, expected: object) -> float:
     """Largest difference, as a fraction of the largest entry."""
     a, b = np.asarray(found, dtype=float), np.asarray(expected, dtype=float)
     return float(np.abs(a - b).max() / np.abs(b).max())
-
-
-@pytest.mark.parametrize("state", CASE("hdrm").states(20), ids=str)
-def test_manipulator_has_the_equations_of_the_paper(state: MachineState) -> None:
-    made, q, v, a = CASE("hdrm").dynamics(state), state.strokes, state.v, state.a
-    reflected = [7e4, 9e4, 3e2]
-    assert relative(made.inverse(v, a), dynamics.inverse_dynamics(HDRM, q, v, a, PAYLOAD)) < 1e-12
-    assert relative(made.mass_matrix(), dynamics.mass_matrix(HDRM, q, PAYLOAD)) < 1e-12
-    expected = dynamics.forward_dynamics(HDRM, q, v, state.force, PAYLOAD, reflected)
-    assert relative(made.forward(v, state.force, reflected), expected) < 1e-11
-    size = abs(dynamics.energy(HDRM, HDRM.q_UB, v, PAYLOAD, reflected))
-    energy = dynamics.energy(HDRM, q, v, PAYLOAD, reflected)
-    assert made.energy(v, reflected) == pytest.approx(energy, abs=1e-12 * size)
-    assert made.mechanism.payload is not None
-    tip = [plain(x) for x in made.pose.point(made.mechanism.payload)[:2]]
-    assert tip == pytest.approx(kinematics.tip(HDRM, q), abs=1e-13)
-
-
-@given(m=MOMENTS, p=machines())
-@settings(max_examples=20, deadline=None)
-def test_names_are_those_of_the_parameters(m: Moment, p: HdrmParameters) -> None:
-    """Any manipulator: each number of the description is the parameter with its name."""
-    case = CASE("hdrm")
-    made = Dynamics(assemble(case.machine, named_values(p).__getitem__, m.payload), case.closure, m.q)
-    expected = dynamics.inverse_dynamics(p, m.q, m.v, m.a, m.payload)
-    weight = np.abs(dynamics.bias(p, m.q, (0.0, 0.0, 0.0), m.payload)) + 1e3
-    assert made.inverse(m.v, m.a) == pytest.approx(expected, abs=1e-9 * float(weight.max()))
-    M = dynamics.mass_matrix(p, m.q, m.payload)
-    assert relative(made.mass_matrix(), M) < 1e-10
 
 
 @pytest.mark.parametrize("name", MACHINES)

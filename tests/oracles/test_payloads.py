@@ -8,14 +8,13 @@ import pytest
 from scipy.integrate import simpson
 
 from emla_cosim.analyses.trajectory.problem import paper_problem
-from hdrm_fmu.dynamics import energy, inverse_dynamics
-from hdrm_fmu.parameters import HDRM
 from machine_fmu.optimisation.assessment import assessed, course
 from machine_fmu.optimisation.contradictions import find_contradictions
 from machine_fmu.optimisation.problem import Via
 from machine_fmu.optimisation.solving import NoMotionError, Solution, solved
 from machine_fmu.optimisation.transcription import Discretisation
 from machine_fmu.spline import TrajectoryError
+from tests.support.reference_manipulator import LAGRANGIAN
 
 COARSE = Discretisation(knots=12, points=6)
 REST = (0.0, 0.0, 0.0)
@@ -45,7 +44,7 @@ def constant(found: Solution, first: float, last: float, payload: float) -> tupl
     times = np.linspace(first * spline.end, last * spline.end, 3001)
     q, v, a = (spline.evaluated(times, order) for order in range(3))
     rows = zip(q.tolist(), v.tolist(), a.tolist(), strict=True)
-    return times, q, v, np.array([inverse_dynamics(HDRM, *row, payload) for row in rows])
+    return times, q, v, np.array([LAGRANGIAN.forces(*row, payload) for row in rows])
 
 
 def test_forces_are_those_of_the_payload_on_each_side(found: Solution) -> None:
@@ -65,7 +64,7 @@ def test_costs_and_work_are_the_sums_of_all_sides(found: Solution) -> None:
         cost += 0.5 * simpson(power.sum(axis=1) ** 2, x=times)
         gross_work += simpson(np.abs(power).sum(axis=1), x=times)
         tie_break += 0.5e-3 * simpson((power**2).sum(axis=1), x=times)
-        ends = [energy(HDRM, q[i], v[i], payload) for i in (0, -1)]
+        ends = [LAGRANGIAN.at(q[i], v[i], payload)[2] for i in (0, -1)]
         work += ends[1] - ends[0]
     assert figures.cost == pytest.approx(cost, rel=1e-6)
     assert figures.gross_work == pytest.approx(gross_work, rel=1e-5)

@@ -20,7 +20,7 @@ from emla_cosim.cli.app import COMMANDS
 from tests.support.paths import ROOT
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-OURS = {"fmublock", "emla_fmu", "rsba_fmu", "hdrm_fmu", "machine_fmu", "emla_cosim"}
+OURS = {"fmublock", "emla_fmu", "rsba_fmu", "machine_fmu", "emla_cosim"}
 EXECUTED = {"ziglang"}
 """Declared for a program that is started, not imported: `python -m ziglang`."""
 

@@ -9,9 +9,9 @@ from emla_cosim.master.stepping.timing import CommunicationPoints
 from emla_cosim.recorders.recorder import Outline
 from emla_cosim.recorders.table import TimeSeries
 from emla_cosim.run.result import Result
-from hdrm_fmu import HDRM, HdrmParameters
-from hdrm_fmu.dynamics import inverse_dynamics
 from tests.support.machines import named_values
+from tests.support.manipulator_geometry import HDRM, Manipulator
+from tests.support.reference_manipulator import Lagrangian
 
 JOINTS = ("lift", "tilt", "telescope")
 MACHINE_ROLES = {f"{joint}.x_d": f"machine.trajectory.x_d[{i}]" for i, joint in enumerate(JOINTS, 1)}
@@ -19,7 +19,7 @@ Q_S, Q_E = np.array([0.244, 0.389, 0.499]), np.array([0.270, 0.442, 0.348])
 
 
 def replayed(
-    p: HdrmParameters = HDRM,
+    p: Manipulator = HDRM,
     rows: int = 201,
     duration: float = 10.0,
     payload: float = 470.0,
@@ -36,7 +36,8 @@ def replayed(
     for joint, values in changed.items():
         q[:, JOINTS.index(joint)] = values
     states = zip(q_d.tolist(), v_d.tolist(), a_d.tolist(), strict=True)
-    force = np.array([inverse_dynamics(p, *state, payload) for state in states])
+    lagrangian = Lagrangian(p)
+    force = np.array([lagrangian.forces(*state, payload) for state in states])
     columns = {}
     for i, joint in enumerate(JOINTS):
         columns |= {f"machine.trajectory.{n}[{i + 1}]": x[:, i] for n, x in _named(q_d, v_d, a_d).items()}
@@ -83,7 +84,7 @@ def result_of(
     )
 
 
-def parameters(p: HdrmParameters, machine: str = "machine.manipulator") -> dict[str, float]:
+def parameters(p: Manipulator, machine: str = "machine.manipulator") -> dict[str, float]:
     """Those of the manipulator, by full name."""
     return {f"{machine}.{name}": value for name, value in named_values(p).items()}
 

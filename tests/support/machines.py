@@ -7,7 +7,7 @@ from typing import Any
 from hypothesis import strategies as st
 
 from emla_cosim.study.machines.former_names import FORMER_NAMES
-from hdrm_fmu import HDRM, HdrmParameters
+from tests.support.manipulator_geometry import HDRM, Manipulator
 
 
 @dataclass(frozen=True)
@@ -24,10 +24,10 @@ STROKES = st.tuples(*(st.floats(low, high) for low, high in zip(HDRM.q_LB, HDRM.
 """Strokes within the box of Table II."""
 
 
-def named_values(p: HdrmParameters) -> dict[str, float]:
+def named_values(p: Manipulator) -> dict[str, float]:
     """Return parameters by FMI name."""
     values = dict[str, float]()
-    for field in fields(HdrmParameters):
+    for field in fields(Manipulator):
         name, value = FORMER_NAMES[field.name], getattr(p, field.name)
         if isinstance(value, tuple):
             values |= {f"{name}[{i}]": x for i, x in enumerate(value, 1)}
@@ -44,14 +44,14 @@ MOMENTS = st.builds(Moment, STROKES, three(0.3), three(5.0), st.floats(0.0, 1000
 
 
 @st.composite
-def machines(draw: Any) -> HdrmParameters:
+def machines(draw: Any) -> Manipulator:
     """Manipulators whose triangles close over the strokes of Table II, and turn as they like."""
 
     def lengths(low: float, high: float) -> tuple[float, float, float]:
         return tuple(draw(st.floats(low, high)) for _ in range(3))
 
     angle, place, mass = st.floats(-math.pi, math.pi), st.floats(-1.0, 1.0), st.floats(1.0, 300.0)
-    return HdrmParameters(
+    return Manipulator(
         lift_a=draw(st.floats(1.1, 1.2)),
         lift_b=draw(st.floats(0.40, 0.45)),
         lift_L_0=draw(st.floats(0.83, 0.9)),

@@ -1,5 +1,5 @@
-"""The blocks of the paper's manipulator: against its equations written by hand, against three actuators, and
-over ten seconds of free motion."""
+"""The blocks of the paper's manipulator: against Lagrange's equations, against three actuators, and over ten
+seconds of free motion."""
 
 from typing import Any
 
@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from emla_cosim.fmu.models import MODELS
 from emla_fmu import EmlaPlant
 from fmublock import StepDiscardedError
-from hdrm_fmu import HDRM, dynamics, kinematics
 from tests.support.in_process import started
 from tests.support.joint_data import LIFT, TELESCOPE, TILT
 from tests.support.machines import MOMENTS, Moment, three
+from tests.support.reference_manipulator import LAGRANGIAN
 from tests.support.sessions import Session
 
 HdrmManipulator, HdrmPlant = MODELS["HdrmManipulator"], MODELS["HdrmPlant"]
@@ -39,15 +39,15 @@ def test_actuators_are_those_of_the_joints() -> None:
 
 @given(m=MOMENTS)
 @settings(max_examples=25)
-def test_equations_are_those_written_by_hand(m: Moment) -> None:
+def test_equations_are_those_of_lagrange(m: Moment) -> None:
     load = started(HdrmManipulator, {"payload.m": m.payload, "x_L": m.q, "v_L": m.v, "a_L": m.a})
-    forces = dynamics.inverse_dynamics(HDRM, m.q, m.v, m.a, m.payload)
+    forces = LAGRANGIAN.forces(m.q, m.v, m.a, m.payload)
     assert load["F_L"] == pytest.approx(forces, rel=1e-10, abs=1e-10 * max(map(abs, forces)))
-    tip = kinematics.tip(HDRM, m.q)
+    tip = LAGRANGIAN.at(m.q, m.v, m.payload)[3]
     assert (load["tip.x"], load["tip.y"]) == pytest.approx(tip, abs=1e-12)
     motion = {"start.x_L": m.q, "start.v_L": m.v, "tau_m": [20.0, -5.0, 2.0]}
     plant = started(HdrmPlant, {"payload.m": m.payload, **motion})
-    given_force = dynamics.inverse_dynamics(HDRM, m.q, m.v, plant["a_L"], m.payload)
+    given_force = LAGRANGIAN.forces(m.q, m.v, plant["a_L"], m.payload)
     assert plant["F_L"] == pytest.approx(given_force, rel=1e-10, abs=1e-9 * max(map(abs, given_force)))
 
 

@@ -9,8 +9,6 @@ import pytest
 from scipy.interpolate import BSpline
 
 from emla_cosim.analyses.trajectory.problem import paper_problem
-from hdrm_fmu.dynamics import inverse_dynamics
-from hdrm_fmu.parameters import HDRM
 from machine_fmu.optimisation.assessment import Assessment, assessed
 from machine_fmu.optimisation.contradictions import find_contradictions
 from machine_fmu.optimisation.grid import SplineBasis, lobatto
@@ -19,6 +17,7 @@ from machine_fmu.optimisation.problem import EndSpeed, MotionProblem
 from machine_fmu.optimisation.solving import NoMotionError, Solution, detour, solved
 from machine_fmu.optimisation.transcription import Discretisation
 from machine_fmu.spline import Spline, default_spline
+from tests.support.reference_manipulator import LAGRANGIAN
 from tests.support.tiers import mostly_slow
 
 PRINTED = paper_problem()
@@ -47,7 +46,7 @@ def in_floats(spline: Spline, problem: MotionProblem, count: int = 4001) -> tupl
     times = np.linspace(spline.start, spline.end, count)
     q, v, a = (spline.evaluated(times, order) for order in range(3))
     rows = zip(q.tolist(), v.tolist(), a.tolist(), strict=True)
-    force = np.array([inverse_dynamics(HDRM, *row, problem.payload) for row in rows])
+    force = np.array([LAGRANGIAN.forces(*row, problem.payload) for row in rows])
     return times, q, v, force
 
 

@@ -9,7 +9,6 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 from emla_cosim.analyses.trajectory.problem import paper_problem
-from hdrm_fmu.parameters import HDRM
 from machine_fmu.optimisation.assessment import assessed
 from machine_fmu.optimisation.contradictions import find_contradictions
 from machine_fmu.optimisation.problem import Via
@@ -17,7 +16,7 @@ from machine_fmu.optimisation.reaching import nearest_position, nearest_posture
 from machine_fmu.optimisation.solving import solved
 from machine_fmu.optimisation.transcription import Discretisation
 from machine_fmu.spline import TrajectoryError
-from tests.support.manipulator_geometry import points
+from tests.support.manipulator_geometry import HDRM, points
 
 COARSE = Discretisation(knots=12, points=6)
 REST = (0.0, 0.0, 0.0)

@@ -10,8 +10,6 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 from emla_cosim.analyses.trajectory.problem import paper_problem
-from hdrm_fmu.base import base_corners
-from hdrm_fmu.parameters import HDRM
 from machine_fmu.optimisation.assessment import BODY, GROUND, assessed, measure_clearances
 from machine_fmu.optimisation.contradictions import find_contradictions
 from machine_fmu.optimisation.narrowing import narrowed
@@ -20,7 +18,7 @@ from machine_fmu.optimisation.solving import NoMotionError, solved
 from machine_fmu.optimisation.surroundings import base_approach, ground_approach
 from machine_fmu.optimisation.transcription import Discretisation
 from machine_fmu.spline import Spline
-from tests.support.manipulator_geometry import points
+from tests.support.manipulator_geometry import HDRM, points
 from tests.support.tiers import examples
 
 COARSE = Discretisation(knots=12, points=6)
@@ -127,7 +125,9 @@ def test_distances_are_those_of_the_geometry(q: Any) -> None:
     machine = paper_problem().machine
     ground = ground_approach(machine, -1.0, np.zeros(1), machine.points(row))
     assert ground.distance == pytest.approx(height(paper_problem(ground=-1.0), q), abs=1e-9)
-    corners = [complex(*corner) for corner in base_corners(HDRM)] + [at["B_1"]]
+    foot = at["A_1"] - 0.3j  # below the lift actuator's fixed pin
+    feet = [complex(-0.3, foot.imag), foot + 0.3]
+    corners = [*feet, at["A_1"], 0.16 + 0.16j, -0.16 + 0.16j, at["B_1"]]
     parts = np.linspace(0.0, 1.0, 101)
     boom = at["O_2"] + parts * (at["tip"] - at["O_2"])
     body = np.concatenate([a + parts * (b - a) for a in corners for b in corners])

@@ -19,12 +19,11 @@ from emla_cosim.study.joints.schema import load_joint
 from emla_cosim.study.loading import load
 from emla_cosim.study.paper import TABLE_VI
 from emla_cosim.study.roles import find_joints, find_tracked_joints, find_variable
-from hdrm_fmu import HDRM
-from hdrm_fmu.dynamics import inverse_dynamics
 from machine_fmu.spline import DEFAULT_FILE, default_spline
 from tests.support.commands import Emla
 from tests.support.coupled_machine import column, positions
 from tests.support.hdrm_runs import JOINTS
+from tests.support.reference_manipulator import LAGRANGIAN
 from tests.support.tiers import mostly_slow
 
 
@@ -89,7 +88,7 @@ def check_forces(scenario: str, result: ec.Result) -> None:
         assert column(result, "x_d")[rows] == pytest.approx(motion[0], abs=1e-12)
     else:
         motion = [column(result, role)[rows] for role in ("x_L", "v_L", "a_L")]
-    expected = [inverse_dynamics(HDRM, q, v, a, 470.0) for q, v, a in zip(*motion, strict=True)]
+    expected = [LAGRANGIAN.forces(q, v, a, 470.0) for q, v, a in zip(*motion, strict=True)]
     # coupled: the signals of one row agree to this; plants see a disturbance later than others
     error = np.abs(forces - np.array(expected)) / np.abs(forces).max(axis=0)
     assert error.max() < (1e-9 if scenario == "hdrm-replay" else 1e-6)
@@ -241,6 +240,6 @@ def test_dropped_or_doubled_payload_is_held(name: str, fault: str, payload: floa
     with scenario.prepare(fmus=fmu_folder, stop_time=1.0) as simulation:
         result = simulation.run()
     assert result.metrics["joints"]["telescope"]["position_error_m"] < 2.5e-4
-    static = inverse_dynamics(HDRM, column(result, "x_d")[-1], [0.0] * 3, [0.0] * 3, payload)
+    static = LAGRANGIAN.forces(column(result, "x_d")[-1], [0.0] * 3, [0.0] * 3, payload)
     mean = column(result, "F_L")[result.time > 0.7].mean(axis=0)
     assert mean == pytest.approx(static, rel=0.05, abs=300.0)

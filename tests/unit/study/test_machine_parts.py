@@ -1,4 +1,4 @@
-"""The drawn machine has the points and lengths of the kinematics, and its workspace has what it reaches."""
+"""The drawn machine has the points and lengths of the machine, and its workspace has what it reaches."""
 
 import math
 from dataclasses import replace
@@ -13,11 +13,10 @@ from emla_cosim.study.sketch.painting import actuator_colors, paint
 from emla_cosim.study.sketch.parts import MachineParts, Posture
 from emla_cosim.study.sketch.views import OBLIQUE, PLANE, THREE_SIDES, main_view
 from emla_cosim.study.sketch.workspace import Workspace, find_workspace
-from hdrm_fmu import HDRM, HdrmParameters
-from hdrm_fmu.kinematics import joint_angles, outline, tip
 from machine_fmu import Body, Joint, Machine, Payload, Point
 from machine_fmu.model import MachineModel
-from tests.support.hdrm_runs import parameters
+from tests.support.machines import named_values
+from tests.support.manipulator_geometry import HDRM, Manipulator, joint_angles, points
 
 STROKES = np.random.default_rng(3).uniform(HDRM.q_LB, HDRM.q_UB, (40, 3))
 
@@ -31,9 +30,8 @@ OTHERS = (
 """Machines whose reach has other forms: a ring that is thin, turned, small, or hardly lifted."""
 
 
-def model_of(p: HdrmParameters) -> MachineModel:
-    values = {name.removeprefix("machine.manipulator."): x for name, x in parameters(p).items()}
-    return MachineModel(load_machine("hdrm"), values)
+def model_of(p: Manipulator) -> MachineModel:
+    return MachineModel(load_machine("hdrm"), named_values(p))
 
 
 def posture(model: MachineModel, q: np.ndarray, payload: float | None = None) -> Posture:
@@ -43,14 +41,16 @@ def posture(model: MachineModel, q: np.ndarray, payload: float | None = None) ->
 
 @pytest.mark.parametrize("q", STROKES[:3])
 def test_pins_and_payload_are_where_the_kinematics_have_them(q: np.ndarray) -> None:
-    lines, drawn = outline(HDRM, q.tolist()), posture(model_of(HDRM), q)
-    assert drawn["pin of outer_boom"].points[0] == pytest.approx(lines["lift_boom"][1])
-    assert drawn["tilt second pin"].points[0] == pytest.approx(lines["tilt_actuator"][2])
-    assert drawn["payload"].points.mean(axis=0) == pytest.approx(tip(HDRM, q.tolist()), abs=1e-12)
-    for boom in ("lift_boom", "outer_boom"):
-        assert drawn[boom].points == pytest.approx(np.array(lines[boom]))
-    assert drawn["inner_boom"].points[1] == pytest.approx(lines["inner_boom"][1])
-    assert drawn["telescope rod"].points[1] == pytest.approx(lines["inner_boom"][1])
+    at = {name: np.array([x.real, x.imag]) for name, x in points(HDRM, q).items()}
+    drawn = posture(model_of(HDRM), q)
+    outer_end = at["O_2"] + HDRM.reach / (HDRM.reach + q[2]) * (at["tip"] - at["O_2"])
+    assert drawn["pin of outer_boom"].points[0] == pytest.approx(at["O_2"])
+    assert drawn["tilt second pin"].points[0] == pytest.approx(at["B_2"])
+    assert drawn["payload"].points.mean(axis=0) == pytest.approx(at["tip"], abs=1e-12)
+    assert drawn["lift_boom"].points == pytest.approx(np.array([np.zeros(2), at["O_2"]]))
+    assert drawn["outer_boom"].points == pytest.approx(np.array([at["O_2"], outer_end]))
+    assert drawn["inner_boom"].points[1] == pytest.approx(at["tip"])
+    assert drawn["telescope rod"].points[1] == pytest.approx(at["tip"])
 
 
 @pytest.mark.parametrize("name", list_machine_names())
@@ -118,19 +118,21 @@ def test_platform_in_space_is_drawn_in_all_views() -> None:
 
 
 @pytest.mark.parametrize("p", OTHERS)
-def test_the_workspace_has_every_point_that_the_tip_reaches(p: HdrmParameters) -> None:
+def test_the_workspace_has_every_point_that_the_tip_reaches(p: Manipulator) -> None:
     strokes = np.random.default_rng(5).uniform(p.q_LB, p.q_UB, (3000, 3))
-    points = np.array([tip(p, q) for q in (*strokes.tolist(), *product(*zip(p.q_LB, p.q_UB, strict=True)))])
+    corners = product(*zip(p.q_LB, p.q_UB, strict=True))
+    tips = np.array([points(p, q)["tip"] for q in (*strokes.tolist(), *corners)])
+    tips = np.column_stack([tips.real, tips.imag])
     workspace = find_workspace(model_of(p))
     area = Path.make_compound_path(*(Path(line, closed=True) for line in workspace.areas(PLANE)))
-    pixel = np.ptp(points, axis=0).max() / 700
-    found = [area.contains_points(points, radius=r) for r in (2.0 * pixel, -2.0 * pixel)]  # outwards is one
+    pixel = np.ptp(tips, axis=0).max() / 700
+    found = [area.contains_points(tips, radius=r) for r in (2.0 * pixel, -2.0 * pixel)]  # outwards is one
     assert np.logical_or(*found).all()
     assert workspace.unreachable == 0.0
 
 
 @pytest.mark.parametrize("p", OTHERS)
-def test_the_tip_reaches_every_point_of_the_boundary(p: HdrmParameters) -> None:
+def test_the_tip_reaches_every_point_of_the_boundary(p: Manipulator) -> None:
     lines = find_workspace(model_of(p)).areas(PLANE)
     angles = np.array([joint_angles(p, q) for q in (p.q_LB, p.q_UB)])
     lift = np.linspace(angles[0, 0], angles[1, 0], 4001)

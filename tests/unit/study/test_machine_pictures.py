@@ -17,9 +17,8 @@ from emla_cosim.study.sketch.movement import Movement, read_movement, recorded_s
 from emla_cosim.views.plots.by_unit import BY_UNIT
 from emla_cosim.views.plots.pictures import drawn as figures
 from emla_cosim.views.plots.style import save
-from hdrm_fmu import HDRM
-from hdrm_fmu.kinematics import tip
 from tests.support.hdrm_runs import replayed, result_of
+from tests.support.manipulator_geometry import HDRM, points
 from tests.support.tiers import mostly_slow
 
 assert ec.load, "registers what is drawn"
@@ -106,7 +105,7 @@ def test_geometry_is_that_of_the_run() -> None:
     longer = replace(HDRM, reach=2.0, q_UB=(0.5, 0.6, 0.9))
     found = moved(replayed(longer))
     assert found.machine.q_UB == longer.q_UB
-    assert found.path[7] == pytest.approx(tip(longer, found.strokes[7].tolist()))
+    assert complex(*found.path[7]) == pytest.approx(points(longer, found.strokes[7])["tip"])
 
 
 def test_strokes_errors_and_forces_are_those_recorded() -> None:
@@ -174,7 +173,7 @@ def test_frame_shows_the_machine_at_its_time() -> None:
         q = [run[f"{joint}.plant.x_L"][row] for joint in ("lift", "tilt", "telescope")]
         drawn = dict(zip(found.polygons.names, found.polygons.lines, strict=True))
         payload, *pins = (drawn[n].mean(axis=0) for n in ("payload", "lift first pin", "lift second pin"))
-        assert payload == pytest.approx(tip(HDRM, q), abs=1e-4)
+        assert complex(*payload) == pytest.approx(points(HDRM, q)["tip"], abs=1e-4)
         assert np.hypot(*(pins[1] - pins[0])) == pytest.approx(HDRM.lift_L_0 + q[0], abs=1e-4)
 
 

@@ -18,10 +18,9 @@ from emla_cosim.base.progress import Progress
 from emla_cosim.cli.app import app
 from emla_cosim.study.trajectory_file import DEFAULT_FILE
 from emla_cosim.system.model import System
-from hdrm_fmu.parameters import HDRM
 from machine_fmu.spline import default_spline
 from tests.support.commands import Emla, sentence, widen_terminal
-from tests.support.manipulator_geometry import points
+from tests.support.manipulator_geometry import HDRM, points
 
 COARSE = ("--knots", "10", "--points", "5")
 FAST: dict[str, Any] = {"knots": 10, "points": 5}
