@@ -113,7 +113,7 @@ MISTAKES = [
     ("run lift --controller robust", "'robust' is a set of gains, not a controller", "--gains robust"),
     ("run lift --gains pid", "no set of gains 'pid'", "damped, compensated, robust, published and compliant"),
     ("run lift --output-format xls", "no output format 'xls'", "csv and parquet"),
-    ("run lift --animate", "'lift' cannot be animated", "an animation needs a manipulator"),
+    ("run lift --animate", "'lift' cannot be animated", "an animation needs a machine"),
     ("build Engine", "no model 'Engine'", "EmlaPlant"),
     ("build Reference --platform amiga", "no platform 'amiga'", "linux64"),
     ("build Reference --flavour java", "no flavour 'java'"),
