@@ -145,6 +145,11 @@ class _Assembly:
 
     def _add_body(self, name: str, body: Body) -> None:
         joint = body.joint
+        if joint.parent != GROUND and joint.parent not in self._machine.bodies:
+            existing = ", ".join([GROUND, *self._machine.bodies])
+            raise MachineError(
+                f"there is no parent '{joint.parent}' of the body '{name}'; existing: {existing}"
+            )
         if joint.parent not in self._frame_of:
             raise MachineError(f"the parent '{joint.parent}' of the body '{name}' must come before it")
         self._machine.split(f"{joint.parent}.{joint.at}" if joint.at else joint.parent, f"the body '{name}'")

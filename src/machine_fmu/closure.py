@@ -23,6 +23,9 @@ ITERATIONS = 3
 _MANY, _PARTS = 30, 16
 """Most iterations for floats, and parts of the way from the assembly pose to another one."""
 
+_TURNS = 72
+"""Angles for which a message has the distance of two ends."""
+
 _NEAR, _SINGULAR = 1e-12, 1e-9
 """Residual in m of a pose that is found, and least slope of lengths that is not singular."""
 
@@ -238,7 +241,7 @@ def reach_pose(mechanism: Mechanism, closure: Closure, lengths: Mapping[str, flo
     for part in range(1, _PARTS + 1):
         share = part / _PARTS
         there = {name: last[name] + share * (lengths[name] - last[name]) for name in last}
-        x = list(_iterate_numbers(mechanism, closure, there, x))
+        x = list(_iterate_numbers(mechanism, closure, there, x, lengths))
     return x
 
 
@@ -259,9 +262,17 @@ def _improve(
 
 
 def _iterate_numbers(
-    mechanism: Mechanism, closure: Closure, lengths: Mapping[str, float], guess: Sequence[float]
+    mechanism: Mechanism,
+    closure: Closure,
+    lengths: Mapping[str, float],
+    guess: Sequence[float],
+    target: Mapping[str, float] | None = None,
 ) -> tuple[float, ...]:
-    """Return the coordinates for lengths near a guess; raise MachineError if there are none."""
+    """Return the coordinates for lengths near a guess; raise MachineError if there are none.
+
+    Messages have the lengths of `target`, if these are a step towards them.
+    """
+    target = target or lengths
     x = dict(enumerate(guess))
     # also coordinates of later steps: a slide's length is computed in world axes, whatever turns the slide
     pose = Pose(mechanism).with_numbers(x)
@@ -274,17 +285,37 @@ def _iterate_numbers(
                 values, residuals = _improve(pose, rows, step.unknowns, values, lengths)
             except (ZeroDivisionError, OverflowError):
                 raise MachineError(
-                    f"the pose is singular: {names} cannot be found from the lengths"
+                    f"the pose is singular: {names} cannot be found from {_lengths(pose, rows, target)}"
                 ) from None
             if max(map(abs, residuals)) <= _NEAR:
                 break
         else:
             raise MachineError(
-                f"{names} do not reach the lengths: the mechanism cannot close, or is singular"
+                f"the mechanism cannot close, or is singular: no pose of {names} has "
+                f"{_lengths(pose, rows, target)}{_range(pose, rows, step.unknowns)}"
             )
         x.update(zip(step.unknowns, values, strict=True))
         pose = pose.with_numbers({i: x[i] for i in step.unknowns})
     return tuple(x[i] for i in range(len(x)))
+
+
+def _lengths(pose: Pose, rows: Sequence[Row], lengths: Mapping[str, float]) -> str:
+    """Return the lengths in equations for a message."""
+    bars = [pose.mechanism.bars[row.bar].name for row in rows if row.bar >= 0]
+    loops = {list(pose.mechanism.machine.loops)[row.loop]: None for row in rows if row.bar < 0}
+    texts = [*(f"'{bar}' {lengths[bar]:.6g} m long" for bar in bars), *(f"'{loop}' closed" for loop in loops)]
+    return ", ".join(texts)
+
+
+def _range(pose: Pose, rows: Sequence[Row], unknowns: Sequence[int]) -> str:
+    """Return for a message how far the ends of the bar of a triangle can be apart; empty for others."""
+    (unknown, *others), row = unknowns, rows[0]
+    mechanism = pose.mechanism
+    if others or row.bar < 0 or mechanism.frames[mechanism.frame_of(unknown)].slides:
+        return ""
+    turns = (2.0 * math.pi * i / _TURNS for i in range(_TURNS))
+    distances = [float(plain(row_direction(pose.with_numbers({unknown: turn}), row)[0])) for turn in turns]
+    return f"; its ends can be {min(distances):.4g} to {max(distances):.4g} m apart"
 
 
 def _side(pose: Pose, rows: Sequence[Row], step: Step) -> int | None:
@@ -403,6 +434,7 @@ def _explain(mechanism: Mechanism, rows: Sequence[Row], error: StructureError) -
         f"'{bars[rows[e].bar].name}'" if rows[e].bar >= 0 else f"'{loops[rows[e].loop]}'"
         for e in error.equations
     ]
+    extra = list(dict.fromkeys(extra))  # a loop has several equations
     if extra and not error.unknowns:
         return f"the machine has more actuators, links and loops than joints; remove {', '.join(extra)}"
     free = _names(mechanism, error.unknowns)

@@ -27,7 +27,11 @@ _AXES = "xyz"
 
 
 def name_numbers(machine: Machine) -> Machine:
-    """Return the machine with a parameter for each number that is not zero and has no name."""
+    """Return the machine with a parameter for each number that is not zero and has no name.
+
+    Raises:
+        MachineError: Two numbers would have the same name.
+    """
     return _Naming(machine).finish()
 
 
@@ -104,6 +108,8 @@ class _Naming:
         if isinstance(number, str) or number == 0.0:
             return number
         lowest = 0.0 if unit in ("kg", "m2") or name.endswith(".J") else None
+        if name in self._parameters:
+            raise MachineError(f"two numbers have the name '{name}'; rename a body, link, point or parameter")
         self._parameters[name] = Parameter(float(number), unit, about, lowest)
         return name
 

@@ -72,9 +72,9 @@ def test_links_that_do_not_close() -> None:
     rocker = Body(Joint("revolute", assembly=(1.5,)), 5.0, points={"end": Point((0.3, 0.0))})
     link = Link(("boom.pin", "rocker.end"), length=5.0)
     text = message(bodies={"boom": BOOM, "rocker": rocker}, links={"rod": link})
-    assert text.startswith("'rocker' do not reach the lengths") or "cannot" in text
+    assert "no pose of 'rocker' has 'rod' 5 m long; its ends can be 0.3086 to 0.9082 m apart" in text
 
 
 def test_length_beyond_the_triangle() -> None:
-    with pytest.raises(MachineError, match=r"'boom' .*(cannot close|cannot be found)"):
+    with pytest.raises(MachineError, match=r"cannot close.* no pose of 'boom' has 'lift'"):
         reach_pose(assemble(CRANE), find_closure(CRANE), {"lift": 3.0})

@@ -181,7 +181,12 @@ def test_tip_without_a_payload_is_the_last_point() -> None:
         table.actuators["lift"], ends=("ground.foot", "boom.pin"), L_0=0.5, start=None, stroke=(0.0, 0.2)
     )
     machine = Machine(
-        2, {"boom": boom}, {"foot": Point((0.3, -0.4))}, {"lift": lift}, parameters=table.parameters
+        2,
+        {"boom": boom},
+        {"foot": Point((0.3, -0.4))},
+        {"lift": lift},
+        parameters=table.parameters,
+        gravity=table.gravity,
     )
     assert machine.payload is None
     model = MachineModel(machine)

@@ -1,6 +1,8 @@
 """Numbers and points in machine files: numbers with units, or names of parameters."""
 
+import math
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -19,11 +21,25 @@ _NUMBER_START = "0123456789.,+"
 """First characters of a number with a unit, without a minus sign; other texts name parameters."""
 
 
-def number(unit: str, about: str, example: Any = None) -> msgspec.Meta:
-    """Annotate `float | str`: a number, a text with a unit, or the name of a parameter, also with a minus."""
+def number(
+    unit: str, about: str, example: Any = None, ge: float = -math.inf, le: float = math.inf
+) -> msgspec.Meta:
+    """Annotate `float | str`: a number, a text with a unit, or the name of a parameter, also with a minus.
+
+    Args:
+        unit: Its unit.
+        about: Its meaning.
+        example: A value as files have it.
+        ge: The lowest number.
+        le: The highest number.
+    """
 
     def read(value: Any, at: Location, folder: Path | None) -> Number:
-        return _read_number(value, unit, at, folder)
+        x = _read_number(value, unit, at, folder)
+        if not isinstance(x, str) and not ge <= x <= le:
+            limit = f"at least {ge:g}" if x < ge else f"at most {le:g}"
+            raise CommandError(f"{at.label} is {value!r}; it must be {limit}.")
+        return x
 
     return describe(_about(about, unit), example, read=read)
 
@@ -39,12 +55,12 @@ def numbers(unit: str, about: str, example: Any = None, counts: tuple[int, ...] 
     """
 
     def read(value: Any, at: Location, folder: Path | None) -> tuple[Number, ...]:
-        items = value if isinstance(value, (list, tuple)) else [value]
+        items = _items(value, at)
         if counts and len(items) not in counts:
             raise CommandError(
-                f"{at.label} has {len(items)} numbers; it must have {' or '.join(map(str, counts))}."
+                f"{at.label} is {value!r}; it must have {' or '.join(map(str, counts))} numbers."
             )
-        return tuple(_read_number(x, unit, at.item(i + 1), folder) for i, x in enumerate(items))
+        return tuple(_read_number(x, unit, x_at, folder) for x, x_at in items)
 
     return describe(_about(about, unit), example, read=read)
 
@@ -53,18 +69,24 @@ def joint_values(about: str, example: Any = None) -> msgspec.Meta:
     """Annotate a list of angles in rad and distances in m, or a single one."""
 
     def read(value: Any, at: Location, folder: Path | None) -> tuple[float, ...]:
-        items = value if isinstance(value, (list, tuple)) else [value]
-        return tuple(_read_joint_value(x, at.item(i), folder) for i, x in enumerate(items, 1))
+        return tuple(_read_joint_value(x, x_at, folder) for x, x_at in _items(value, at))
 
     return describe(f"{about} [rad or m]", example, read=read)
 
 
+def _items(value: Any, at: Location) -> list[tuple[Any, Location]]:
+    """Return the items of a list with their locations, or a single value with its own."""
+    if not isinstance(value, (list, tuple)):
+        return [(value, at)]
+    return [(x, at.item(i)) for i, x in enumerate(value, 1)]
+
+
 def _read_joint_value(value: Any, at: Location, folder: Path | None) -> float:
     if isinstance(value, str):
-        try:
-            return read_quantity(value, at.label, "rad")
-        except CommandError:
-            return read_quantity(value, at.label, "m")
+        for unit in ("rad", "m"):
+            with suppress(CommandError):
+                return read_quantity(value, at.label, unit)
+        raise CommandError(f"{at.label} is {value!r}; it must be an angle or a length, like '30 deg'.")
     return convert_at(value, Annotated[float, quantity("")], at, folder)
 
 

@@ -19,6 +19,7 @@ from ...base.toml_structs import describe, extend_struct, list_given, read_toml
 from ...base.values import convert_value
 from ...run.scenarios.option_fields import with_options
 from ..joints.schema import JointFile
+from .checks import NAME_RULE, is_name
 from .machine_joints import require_joint
 from .motion import Motion, read_motion_table
 from .schema import KIND, MachineTable, build_machine, machines_folder, read_machine_text
@@ -100,9 +101,9 @@ def parse_machine_file(content: Mapping[str, Any], label: str, name: str, folder
     """
     if content.get("kind") != KIND:
         raise CommandError(f'{label} is not a machine file; it lacks kind = "{KIND}".', key="kind")
-    if not name.isidentifier():
+    if not is_name(name):
         raise CommandError(
-            f"{label} cannot name a machine: '{name}' is invalid; use letters, digits and _ in the file name."
+            f"{label} cannot name a machine: '{name}' is invalid; {NAME_RULE} in the file name."
         )
     table = convert_value(content, machine_struct(), label, folder)
     if COMPONENTS in table.actuators:

@@ -38,7 +38,13 @@ def find_joint(actuator: str, joint: str | None, label: str, folder: Path | None
     if name.lower().endswith(".toml"):
         path = (folder or Path()) / name
         what = f"the joint file '{path}'"
-        return parse_joint(read_toml(read_text(path, "the joint"), what), what, actuator, path.parent)
+        content = read_toml(read_text(path, "the joint"), what)
+        if content.get("kind") != "joint":
+            raise CommandError(
+                f"'joint' in [actuators.{actuator}] of {label} is '{path}', not a joint file; it lacks "
+                'kind = "joint".'
+            )
+        return parse_joint(content, what, actuator, path.parent)
     if name not in list_joint_names():
         raise CommandError(
             f"'joint' in [actuators.{actuator}] of {label} is '{name}'; it must be "

@@ -24,11 +24,13 @@ from machine_fmu import (
 )
 from machine_fmu.assembly import locate_outlines
 from machine_fmu.description import JointKind
+from machine_fmu.naming import name_numbers
 
 from ...base.errors import CommandError, check_choice
 from ...base.table_entries import unknown_entry
 from ...base.toml_structs import describe, dotted, quantity, read_toml
 from ...base.values import convert_value
+from .checks import check_names, check_table
 from .entries import (
     Corners,
     NumberList,
@@ -80,8 +82,10 @@ class BodyTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
         default=()
     )  # type: ignore[assignment]
     passive: Annotated[bool, describe("whether the joint swings freely")] = False
-    damping: Annotated[float | str, number("", "damping of a passive joint, N m s/rad or N s/m", 20.0)] = 0.0
-    m: Annotated[float | str, number("kg", "mass", 160.0)] = 0.0
+    damping: Annotated[
+        float | str, number("", "damping of a passive joint, N m s/rad or N s/m", 20.0, ge=0.0)
+    ] = 0.0
+    m: Annotated[float | str, number("kg", "mass", 160.0, ge=0.0)] = 0.0
     c: Annotated[NumberList, numbers("m", "centre of mass", [0.85, 0.0], (2, 3))] = msgspec.field(
         default=()  # type: ignore[assignment]
     )
@@ -115,9 +119,9 @@ class LinkTable(StrutTable, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     """A part of constant length between two points."""
 
     length: Annotated[float | str, number("m", "length; as in the assembly pose without", 0.6)] | None = None
-    m: Annotated[float | str, number("kg", "mass", 30.0)] = 0.0
+    m: Annotated[float | str, number("kg", "mass", 30.0, ge=0.0)] = 0.0
     c: Annotated[float | str, number("m", "centre of mass from the first point", 0.3)] = 0.0
-    J: Annotated[float | str, number("kg.m2", "inertia across, about the centre", 1.0)] = 0.0
+    J: Annotated[float | str, number("kg.m2", "inertia across, about the centre", 1.0, ge=0.0)] = 0.0
 
 
 class ActuatorTable(StrutTable, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -136,15 +140,20 @@ class ActuatorTable(StrutTable, frozen=True, kw_only=True, forbid_unknown_fields
         Annotated[float, quantity("m", "stroke at the start; that of the assembly pose without")] | None
     ) = None
     start_error: Annotated[float, quantity("m", "distance from the motion at the start", -0.004)] = 0.0
-    m: Annotated[float | str, number("kg", "mass without motor; without, of the joint", 156.5)] | None = None
-    motor_m: Annotated[float | str, number("kg", "mass of the motor; without, of the joint", 45.0)] | None = (
-        None
-    )
-    rod_share: Annotated[float | str, number("", "fraction of m in the rod", 0.3)] = 0.3
+    m: (
+        Annotated[float | str, number("kg", "mass without motor; without, of the joint", 156.5, ge=0.0)]
+        | None
+    ) = None
+    motor_m: (
+        Annotated[float | str, number("kg", "mass of the motor; without, of the joint", 45.0, ge=0.0)] | None
+    ) = None
+    rod_share: Annotated[float | str, number("", "fraction of m in the rod", 0.3, ge=0.0, le=1.0)] = 0.3
     housing_c: Annotated[float | str, number("m", "its centre of mass from the first point", 0.3)] = 0.0
-    housing_J: Annotated[float | str, number("kg.m2", "its inertia across, about its centre", 9.0)] = 0.0
+    housing_J: Annotated[
+        float | str, number("kg.m2", "its inertia across, about its centre", 9.0, ge=0.0)
+    ] = 0.0
     rod_c: Annotated[float | str, number("m", "its centre of mass from the second point", 0.3)] = 0.0
-    rod_J: Annotated[float | str, number("kg.m2", "its inertia across, about its centre", 3.0)] = 0.0
+    rod_J: Annotated[float | str, number("kg.m2", "its inertia across, about its centre", 3.0, ge=0.0)] = 0.0
 
 
 class LoopTable(StrutTable, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -156,7 +165,7 @@ class PayloadTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
 
     at: Annotated[str, describe("point that carries it", "boom.tip")]
     m: Annotated[float, quantity("kg", "mass", 470.0, ge=0.0)]
-    J: Annotated[float | str, number("m2", "inertia about the point per mass", 0.06)] = 0.0
+    J: Annotated[float | str, number("m2", "inertia about the point per mass", 0.06, ge=0.0)] = 0.0
 
 
 class MotionTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -176,7 +185,7 @@ class MachineTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     kind: Literal["machine"]
     description: Annotated[str, describe("line that `emla list` shows")]
     dimensions: Annotated[int, describe("2 in the plane with y up, or 3 with z up", 2, ge=2, le=3)]
-    gravity: Annotated[float | str, number("m/s2", "gravitational acceleration", 9.81)] = 9.81
+    gravity: Annotated[float | str, number("m/s2", "gravitational acceleration", 9.81, ge=0.0)] = 9.81
     parameters: Annotated[
         dict[str, ParameterTable], dotted("numbers with names", lambda table: "value" in table)
     ] = _EMPTY
@@ -241,13 +250,16 @@ def build_machine(table: MachineTable, label: str, folder: Path | None = None) -
     if bool(table.bodies) == (table.urdf is not None):
         has = "both bodies and urdf" if table.bodies else "neither bodies nor urdf"
         raise CommandError(f"{label} has {has}; write one of them.")
+    check_table(table, label)
     bodies, ground = {name: _body(body) for name, body in table.bodies.items()}, table.ground.points
     if table.urdf is not None:
         bodies, ground = _from_urdf(table, table.urdf, label)
+        check_names("urdf", bodies, label)
     try:
         machine = _machine(table, bodies, ground, label, folder)
         find_closure(machine)
         locate_outlines(machine)
+        name_numbers(machine)
     except MachineError as error:
         raise CommandError(f"{label} cannot be used: {error}.") from error
     return machine
@@ -334,6 +346,14 @@ def _actuator(name: str, table: ActuatorTable, label: str, folder: Path | None) 
                 "data sheet has it."
             )
     low, high = (0.0, *stroke)[-2:]
+    if not isinstance(low, str) and not isinstance(high, str):
+        where = f"[actuators.{name}] of {label}"
+        if low >= high:
+            raise CommandError(f"'stroke' in {where} is {low:g} to {high:g} m; write the lowest first.")
+        if table.start is not None and not low <= table.start <= high:
+            raise CommandError(
+                f"'start' in {where} is {table.start:g} m, outside its stroke of {low:g} to {high:g} m."
+            )
     return Actuator(
         ends=(table.first, table.to),
         m=m,
