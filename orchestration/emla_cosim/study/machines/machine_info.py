@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 
     from ..sketch.workspace import Workspace
 
+_ROUNDING = 1e-6
+"""Force in N that is a rounding error."""
+
 SLIDE, TRIANGLE, NEWTON = "slide", "triangle", "Newton's method"
 """How a length determines coordinates."""
 
@@ -173,9 +176,9 @@ def collect_machine(
             length=float(plain(bar.length)),
             stroke=(model.q_LB[i], model.q_UB[i]),
             start=float(model.start[i]),
-            start_force=float(forces[i]),
-            lowest_force=extremes[i].lowest,
-            highest_force=extremes[i].highest,
+            start_force=_without_rounding(float(forces[i])),
+            lowest_force=_without_rounding(extremes[i].lowest),
+            highest_force=_without_rounding(extremes[i].highest),
             worst_strokes=tuple(map(float, extremes[i].strokes)),
             lever=float(find_levers(model, start, i)[0]),
             continuous_force=known.get(bar.name, ForceLimits()).continuous,
@@ -226,6 +229,11 @@ def find_machine_info(system: System, starts: Mapping[str, Any]) -> MachineInfo 
         return collect_machine(machine, values, starts.get(f"{component}.payload.m"), limits)
     except MachineError as error:
         raise CommandError(f"the machine '{stored['name']}' cannot take its pose: {error}.") from error
+
+
+def _without_rounding(force: float) -> float:
+    """Return a force in N; 0 for the rounding errors of an actuator that holds nothing."""
+    return 0.0 if abs(force) < _ROUNDING else force
 
 
 def _body(model: MachineModel, name: str) -> BodyInfo:
