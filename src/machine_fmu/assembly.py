@@ -132,12 +132,18 @@ class _Assembly:
         """Return a point in the frame of its body."""
         return self._locate(body, self._machine.points(body)[point]) if point else NONE
 
-    def _locate(self, body: str, point: Point) -> Vector:
+    def _locate(self, body: str, point: Point, origins: tuple[str, ...] = ()) -> Vector:
         at = self._vector(point.position)
         if point.polar is not None:
             radius, angle = (self._number(n) for n in point.polar)
             at = add(at, scale(radius, (cos(plain(angle)), sin(plain(angle)), ZERO)))
-        return at if point.origin is None else add(self._place(body, point.origin), at)
+        origin = point.origin
+        if origin is None:
+            return at
+        if origin in origins:
+            raise MachineError(f"the point '{origin}' of '{body}' counts from itself")
+        self._machine.split(f"{body}.{origin}", f"the origin of a point of '{body}'")
+        return add(self._locate(body, self._machine.points(body)[origin], (*origins, origin)), at)
 
     def _end(self, place: str, what: str) -> End:
         body, point = self._machine.split(place, what)

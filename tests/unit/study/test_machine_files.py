@@ -109,6 +109,16 @@ def test_machines_of_the_study() -> None:
             "[actuators] of the machine 'boom.toml' has the name 'li.ft'; use",
         ),
         ("bodies.boom", 'bodies."größe"', "has the name 'größe'; use letters"),
+        (
+            "[0.6, 0.1]",
+            "{ position = [1, 1], from = 'pin' }",
+            "the point 'pin' of 'boom' counts from itself.",
+        ),
+        (
+            "[0.6, 0.1]",
+            "{ position = [1, 1], from = 'pim' }",
+            "there is no point 'pim' of 'boom'; existing: pin.",
+        ),
         ("bodies.boom", "bodies.payload", "[bodies.payload] of the machine 'boom.toml' has a reserved name"),
         ("{ pin =", "{ c = [1, 1], pin =", "two numbers have the name 'boom.c.x'"),
         ("stroke = [0.0, 0.4]", "stroke = [0.4, 0.0]", "is 0.4 to 0 m; write the lowest first."),
@@ -128,6 +138,25 @@ def test_machines_of_the_study() -> None:
 )
 def test_wrong_entries(old: str, new: str, expected: str) -> None:
     assert expected in message(old, new)
+
+
+def test_inertias_in_space() -> None:
+    content = tomllib.loads(
+        LIFT.replace("dimensions = 2", "dimensions = 3")
+        .replace("points = { pin = [0.6, 0.1] }", "points = { pin = [0.6, 0.1, 0.0] }")
+        .replace('[0.4, "-500 mm"]', "[0.4, -0.5, 0.0]")
+        .replace("[1.0, 0.0]", "[1.0, 0.0, 0.0]")
+    )
+    for J, expected in (
+        (
+            [30.0],
+            "'J' in [bodies.boom] of the machine has 1 number; with dimensions = 3, it must have 3 or 6.",
+        ),
+        ([1.0, 1.0, 30.0], "is 30 kg.m2 about one axis, more than about both others together"),
+    ):
+        content["bodies"]["boom"]["J"] = J
+        with pytest.raises(CommandError, match=re.escape(expected)):
+            parse_machine(content, "the machine")
 
 
 def test_schema_of_machine_files() -> None:

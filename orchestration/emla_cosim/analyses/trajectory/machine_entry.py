@@ -111,7 +111,10 @@ def _check_triangles(machine: MachineModel, at: Location) -> None:
         places = np.hstack([*machine.points(rows).values()])
         for joint, row in zip(machine.names, places, strict=True):
             if not np.isfinite(row).all():
-                raise CommandError(f"{at.table}: the machine cannot close at the {ends} end of '{joint}'.")
+                raise CommandError(
+                    f"{at.table}: the machine cannot close at the {ends} end of '{joint}', the others "
+                    f"at the start; write a shorter stroke into [actuators.{joint}] of its file."
+                )
 
 
 def _load(name: str, folder: Path | None) -> tuple[MachineTable, str, Path]:

@@ -5,6 +5,7 @@ from collections.abc import Iterable
 from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
+from xml.etree import ElementTree
 
 import numpy as np
 
@@ -50,6 +51,7 @@ def read_urdf(path: Path) -> UrdfBodies:
     if not path.is_file():
         raise CommandError(f"{label} does not exist.")
     try:
+        ElementTree.parse(path)  # yourdfpy repairs wrong XML, and then misses what is lost
         robot: Any = reader.URDF.load(str(path), load_meshes=False, build_scene_graph=False).robot
     except Exception as error:  # of XML, and of many kinds for values
         raise CommandError(f"{label} cannot be read: {error}.") from error
