@@ -8,6 +8,7 @@ import pytest
 
 from emla_cosim.base.errors import CommandError
 from emla_cosim.base.schemas import make_schema
+from emla_cosim.study.machines.machine_info import collect_machine
 from emla_cosim.study.machines.schema import (
     ActuatorTable,
     BodyTable,
@@ -157,6 +158,12 @@ def test_inertias_in_space() -> None:
         content["bodies"]["boom"]["J"] = J
         with pytest.raises(CommandError, match=re.escape(expected)):
             parse_machine(content, "the machine")
+
+
+def test_actuator_that_holds_nothing() -> None:
+    content = tomllib.loads(LIFT.replace("dimensions = 2", "dimensions = 2\ngravity = 0.0"))
+    (lift,) = collect_machine(parse_machine(content, "the machine")).actuators
+    assert [str(x) for x in (lift.start_force, lift.lowest_force, lift.highest_force)] == ["0.0"] * 3
 
 
 def test_schema_of_machine_files() -> None:
