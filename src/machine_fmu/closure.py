@@ -201,21 +201,34 @@ def solve_pose(
     guess = guess or dict(enumerate(closure.assembly))
     pose = Pose(mechanism).with_numbers(dict(passive))
     for step in closure.steps:
+        rows = [closure.rows[e] for e in step.equations]
+        seen = _seen_from_carrier(pose, rows, step.unknowns)
         if step.unknowns[0] in closure.sides:
-            coordinate, row = step.unknowns[0], closure.rows[step.equations[0]]
-            bar = mechanism.bars[row.bar]
-            _close(pose, bar, coordinate, closure.sides[coordinate], lengths[bar.name])
+            coordinate, bar = step.unknowns[0], mechanism.bars[rows[0].bar]
+            _close(seen, bar, coordinate, closure.sides[coordinate], lengths[bar.name])
+            pose.values[coordinate] = seen.values[coordinate]
+            pose.levers.update(seen.levers)
             continue
         x = [guess[i] for i in step.unknowns]
-        rows = [closure.rows[e] for e in step.equations]
         for _ in range(iterations):
             before = x
-            x, _ = _improve(pose, rows, step.unknowns, x, lengths)
+            x, _ = _improve(seen, rows, step.unknowns, x, lengths)
             changes = (b - a for a, b in zip(before, x, strict=True))
             pose.changes.update(zip(step.unknowns, changes, strict=True))
         pose.numbers.update(zip(step.unknowns, x, strict=True))
         pose.values.update({i: pose.value(i, x_i) for i, x_i in zip(step.unknowns, x, strict=True)})
     return pose
+
+
+def _seen_from_carrier(pose: Pose, rows: Sequence[Row], unknowns: Sequence[int]) -> Pose:
+    """Return the pose for equations whose ends a body carries that later steps move: it is at 0 then."""
+    mechanism = pose.mechanism
+    later = dict[int, Any]()
+    for end in (end for row in rows for end in row_ends(mechanism, row)):
+        for frame in (mechanism.frames[i] for i in mechanism.ancestors(end.frame)):
+            if frame.coordinate is not None and frame.coordinate not in (*pose.values, *unknowns):
+                later[frame.coordinate] = ZERO if frame.slides else Angle(ONE, ZERO)
+    return Pose(mechanism, {**pose.values, **later}) if later else pose
 
 
 def closure_errors(pose: Pose, closure: Closure, lengths: Mapping[str, Any]) -> list[Any]:

@@ -8,6 +8,7 @@ import pytest
 from machine_fmu import (
     Actuator,
     Body,
+    Dynamics,
     Joint,
     Link,
     Machine,
@@ -78,3 +79,28 @@ def test_links_that_do_not_close() -> None:
 def test_length_beyond_the_triangle() -> None:
     with pytest.raises(MachineError, match=r"cannot close.* no pose of 'boom' has 'lift'"):
         reach_pose(assemble(CRANE), find_closure(CRANE), {"lift": 3.0})
+
+
+def test_actuator_between_bodies_that_a_later_one_moves() -> None:
+    """A plate is a part of the boom: with or without it, motion and forces are the same."""
+    tip, foot, top = Point((2.0, 0.0)), Point((0.5, -0.4)), Point((0.8, 0.4))
+    boom = replace(BOOM, points={"tip": tip, "top": top})
+    stick = Body(
+        Joint("revolute", "boom", "tip", assembly=(-1.0,)),
+        40.0,
+        (0.5, 0.0),
+        (9.0,),
+        {"heel": Point((-0.3, 0.1)), "elbow": Point((0.2, 0.3))},
+    )
+    plate = Body(Joint("fixed", "boom"), points={"top": top})
+    lift = replace(LIFT, ends=("ground.foot", "stick.elbow"), c=0.2, J=2.0, rod_share=0.3)
+
+    def forces(bodies: dict[str, Body], pin: str) -> list[float]:
+        tilt = Actuator((pin, "stick.heel"), 30.0, 0.1, 1.0, L_0=0.7, rod_share=0.4)
+        machine = Machine(2, bodies, {"foot": foot}, {"lift": lift, "tilt": tilt})
+        mechanism, closure = assemble(machine), find_closure(machine)
+        strokes = [closure.lengths[bar.name] - bar.length + 0.01 for bar in mechanism.actuators]
+        return Dynamics(mechanism, closure, strokes).inverse([0.1, -0.2], [1.0, 2.0])
+
+    expected = forces({"boom": boom, "stick": stick}, "boom.top")
+    assert forces({"boom": boom, "plate": plate, "stick": stick}, "plate.top") == pytest.approx(expected)
