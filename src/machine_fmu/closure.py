@@ -115,6 +115,8 @@ def _find_closure(key: _Key) -> Closure:
     for step in steps:
         if (side := _side(pose, rows, step)) is not None:
             sides[step.unknowns[0]] = side
+        else:
+            _refuse_singular(pose, rows, step, lengths)
     return replace(found, sides=sides)
 
 
@@ -297,9 +299,7 @@ def _iterate_numbers(
             try:
                 values, residuals = _improve(pose, rows, step.unknowns, values, lengths)
             except (ZeroDivisionError, OverflowError):
-                raise MachineError(
-                    f"the pose is singular: {names} cannot be found from {_lengths(pose, rows, target)}"
-                ) from None
+                raise _singular(names, _lengths(pose, rows, target)) from None
             if max(map(abs, residuals)) <= _NEAR:
                 break
         else:
@@ -347,6 +347,27 @@ def _side(pose: Pose, rows: Sequence[Row], step: Step) -> int | None:
             f"the bar '{bar.name}' cannot move '{mechanism.frames[frame].name}': it is singular"
         )
     return 1 if slope > 0.0 else -1
+
+
+def _refuse_singular(
+    pose: Pose, all_rows: Sequence[Row], step: Step, lengths: Mapping[str, float]
+) -> None:
+    """Raise MachineError if Newton's method cannot leave a pose of floats, although lengths close there."""
+    rows = [all_rows[e] for e in step.equations]
+    directions = [(row, row_direction(pose, row)[1]) for row in rows]
+    slopes = [row_slopes(pose, row, u) for row, u in directions]
+    table = [[float(plain(found.get(i, 0.0))) for i in step.unknowns] for found in slopes]
+    error = _singular(_names(pose.mechanism, step.unknowns), _lengths(pose, rows, lengths))
+    try:
+        sizes = [abs(x) for x in Factors(table).diagonal()]
+    except ZeroDivisionError:
+        raise error from None
+    if min(sizes) < _SINGULAR * max(1.0, *sizes):
+        raise error
+
+
+def _singular(names: str, lengths: str) -> MachineError:
+    return MachineError(f"the pose is singular: {names} cannot be found from {lengths}")
 
 
 def _close(pose: Pose, bar: Bar, coordinate: int, side: int, length: Any) -> None:

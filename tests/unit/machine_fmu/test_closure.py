@@ -104,3 +104,23 @@ def test_actuator_between_bodies_that_a_later_one_moves() -> None:
 
     expected = forces({"boom": boom, "stick": stick}, "boom.top")
     assert forces({"boom": boom, "plate": plate, "stick": stick}, "plate.top") == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(("bend", "is_singular"), [(0.0, True), (0.3, False)])
+def test_links_that_close_where_they_cannot_move(bend: float, is_singular: bool) -> None:
+    """A link in line with a stretched arm holds it, but nothing moves it from there."""
+    upper = Body(Joint("revolute", assembly=(0.0,)), 10.0, points={"elbow": Point((1.0, 0.0))})
+    points = {"pin": Point((0.5, 0.3)), "hand": Point((1.0, 0.0))}
+    fore = Body(Joint("revolute", "upper", "elbow", assembly=(bend,)), 10.0, points=points)
+    machine = Machine(
+        2,
+        {"upper": upper, "fore": fore},
+        {"foot": Point((2.0, -1.2)), "wall": Point((3.0, 0.0))},
+        {"rod": Actuator(("ground.foot", "fore.pin"), 5.0, L_0=1.0)},
+        {"link": Link(("fore.hand", "ground.wall"), 1.0)},
+    )
+    if is_singular:
+        with pytest.raises(MachineError, match="the pose is singular: 'fore', 'upper' cannot be found"):
+            find_closure(machine)
+    else:
+        assert find_closure(machine).iterated == [0, 1]
