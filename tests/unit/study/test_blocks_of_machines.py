@@ -8,7 +8,7 @@ import emla_cosim as ec
 from emla_cosim.fmu.models import MODELS
 from emla_cosim.study.machines.blocks import find_machine_blocks, machine_blocks
 from emla_cosim.study.machines.machine_file import load_machine_file
-from emla_cosim.study.machines.schema import load_machine
+from emla_cosim.study.machines.schema import load_machine, read_machine_text
 from fmublock import Instance, load_block
 from machine_fmu import Trajectory
 from tests.support.commands import Emla
@@ -20,6 +20,19 @@ def test_manipulator_is_the_file_of_that_name() -> None:
     assert blocks.all == (MODELS["HdrmManipulator"], MODELS["HdrmPlant"], Trajectory)
     assert find_machine_blocks("hdrm") == {x.__name__: x.__name__ for x in blocks.all}
     assert blocks.model(blocks.plant) == "HdrmPlant"
+
+
+def test_changed_copy_of_the_manipulator_has_blocks_of_its_own(tmp_path: Path) -> None:
+    """A machine with the manipulator's name is not the manipulator."""
+    path, text = tmp_path / "hdrm.toml", read_machine_text("hdrm")
+    path.write_text(text, encoding="utf-8")
+    assert ec.read_machine_blocks(path).all == ec.read_machine_blocks("hdrm").all
+    path.write_text(text.replace('m = "lift_boom.m"', "m = 3000.0"), encoding="utf-8")
+    blocks = ec.read_machine_blocks(path)
+    assert [block.__name__ for block in blocks.all] == ["HdrmLoad", "HdrmPlant", "HdrmTrajectory"]
+    assert blocks.model(blocks.plant) == f"{blocks.file}:HdrmPlant"
+    force = {path: Instance(ec.read_machine_blocks(path).load())["F_L"][0] for path in (path, "hdrm")}
+    assert force[path] > 1.2 * force["hdrm"]
 
 
 @pytest.mark.parametrize(

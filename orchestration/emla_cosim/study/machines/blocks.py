@@ -79,8 +79,8 @@ def machine_blocks(
     """
     if actuators is None and set(machine.actuators) <= set(list_joint_names()):
         actuators = [load_actuator(joint).emla for joint in machine.actuators]
-    names = _block_names(name)
-    is_own = names.trajectory == Trajectory.__name__
+    is_own = name == MANIPULATOR and machine == load_machine(MANIPULATOR)
+    names = _OF_MANIPULATOR if is_own else _block_names(name)
     try:
         text = write_module(
             machine,
@@ -179,12 +179,14 @@ class _BlockNames:
     trajectory: str
 
 
+# not of another machine in a file of the same name, such as a changed copy
+_OF_MANIPULATOR = _BlockNames(MANIPULATOR, "HdrmManipulator", "HdrmPlant", Trajectory.__name__)
+
+
 def _block_names(name: str) -> _BlockNames:
     """Return the names of a machine's module and blocks."""
     words = re.findall(r"[A-Za-z0-9]+", name)
     module = "_".join(words) or "machine"
-    if module == MANIPULATOR:
-        return _BlockNames(module, "HdrmManipulator", "HdrmPlant", Trajectory.__name__)
     title = "".join(word[0].upper() + word[1:] for word in words) or "Machine"
     if title[0].isdigit():
         module, title = f"machine_{module}", f"Machine{title}"
@@ -194,11 +196,11 @@ def _block_names(name: str) -> _BlockNames:
 @cache
 def _load(text: str, module: str) -> tuple[Path, dict[str, type[Block]]]:
     """Write a module into the cache, unless it is there, and return its blocks by name."""
-    digest = sha256(text.encode()).hexdigest()[:24]
-    file = cache_folder() / "machines" / digest / f"{module}.py"
-    if not file.is_file() or file.read_text(encoding="utf-8") != text:
+    content = text.encode()
+    file = cache_folder() / "machines" / sha256(content).hexdigest()[:24] / f"{module}.py"
+    if not file.is_file() or file.read_bytes() != content:
         file.parent.mkdir(parents=True, exist_ok=True)
         with write_atomically(file) as stream:
-            stream.write(text.encode())
+            stream.write(content)
         os.utime(file, (0, 0))  # a process that has loaded it meanwhile has the same text
     return file, load_blocks(file)
