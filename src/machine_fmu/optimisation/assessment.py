@@ -8,8 +8,9 @@ import numpy as np
 from ..spline import Spline
 from .grid import lobatto
 from .problem import MotionProblem, Numbers
-from .surroundings import Approach, Axis, base_approach, ground_approach
-from .transcription import bound_width, least_cost
+from .stage import least_cost
+from .surroundings import Approach, Axis, Points, base_approach, ground_approach
+from .transcription import bound_width
 
 Bound = TypeVar("Bound", bound=float | None)
 
@@ -27,7 +28,7 @@ _ROUNDING = 1e-6
 class Course:
     """A motion over time (s): strokes, their derivatives and forces (m, N), one column for each joint.
 
-    `v`, `a` and `j` are speeds, accelerations and jerks.
+    `v`, `a` and `j` are speeds, accelerations and jerks; `payload` is in kg.
     """
 
     times: np.ndarray
@@ -36,6 +37,7 @@ class Course:
     a: np.ndarray
     force: np.ndarray
     j: np.ndarray
+    payload: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -84,6 +86,18 @@ class Clearance:
 
 
 @dataclass(frozen=True)
+class Swing:
+    """How far accelerations alone take a passive coordinate from where it hangs, in `unit`: rad or m.
+
+    The optimisation neglects this, and the swinging that follows.
+    """
+
+    name: str
+    deflection: float
+    unit: str
+
+
+@dataclass(frozen=True)
 class Assessment:
     """A motion's figures: costs in W2 s, work in J, duration in s.
 
@@ -118,12 +132,8 @@ def course(spline: Spline, problem: MotionProblem, times: np.ndarray) -> Course:
 def _course(spline: Spline, problem: MotionProblem, times: np.ndarray, which: np.ndarray) -> Course:
     """Return the motion along a spline at times in s, each with one of the problem's loads."""
     q, v, a, j = (spline.evaluated(times, d) for d in range(4))
-    force = np.empty_like(q)
-    for i, load in enumerate(problem.loads):
-        rows = which == i
-        if np.any(rows):
-            force[rows] = problem.machine.forces(q[rows], v[rows], a[rows], load.payload)
-    return Course(times, q, v, a, force, j)
+    payload = np.array([load.payload for load in problem.loads])[which]
+    return Course(times, q, v, a, problem.machine.forces(q, v, a, payload), j, payload)
 
 
 def _grid(spline: Spline, problem: MotionProblem) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -141,11 +151,10 @@ def _grid(spline: Spline, problem: MotionProblem) -> tuple[np.ndarray, np.ndarra
 
 def measure_clearances(spline: Spline, problem: MotionProblem) -> tuple[Clearance, ...]:
     """Return the smallest distances of a motion from all that limits it: ground, base and obstacles."""
-    times, _ = lobatto(np.unique(spline.knots), _POINTS)
     machine, found = problem.machine, list[Clearance]()
     if problem.ground_clearance is None and problem.body_clearance is None and not problem.obstacles:
         return ()
-    at = machine.points(spline.evaluated(times))
+    times, at = _points(spline, problem)
     if problem.ground_clearance is not None:
         near = ground_approach(machine, problem.ground_height, times, at)
         found.append(Clearance(GROUND, problem.ground_clearance, near))
@@ -160,13 +169,33 @@ def measure_clearances(spline: Spline, problem: MotionProblem) -> tuple[Clearanc
 
 def nearest_lines(spline: Spline, problem: MotionProblem) -> list[tuple[int, Axis]]:
     """Return all lines of the machine that come too close to an obstacle, with the obstacle's number."""
-    times, _ = lobatto(np.unique(spline.knots), _POINTS)
-    at = problem.machine.points(spline.evaluated(times)) if problem.obstacles else {}
+    if not problem.obstacles:
+        return []
+    times, at = _points(spline, problem)
     return [
         (i, line)
         for i, obstacle in enumerate(problem.obstacles)
         for line, approach in obstacle.approaches(problem.machine, times, at)
         if approach.distance < obstacle.clearance - _ROUNDING
+    ]
+
+
+def _points(spline: Spline, problem: MotionProblem) -> tuple[np.ndarray, Points]:
+    """Return times of a dense grid in s, and all points of the machine there."""
+    times, _, which = _grid(spline, problem)
+    payloads = np.array([load.payload for load in problem.loads])[which]
+    return times, problem.machine.points(spline.evaluated(times), payload=payloads)
+
+
+def find_swings(spline: Spline, problem: MotionProblem) -> list[Swing]:
+    """Return the largest deflection by accelerations of each passive coordinate."""
+    times, _, which = _grid(spline, problem)
+    seen = _course(spline, problem, times, which)
+    swings = problem.machine.swing(seen.q, seen.v, seen.a, seen.payload)
+    largest = np.abs(swings).max(axis=0, initial=0.0).tolist()
+    frames = problem.machine.passive_frames
+    return [
+        Swing(frame.name, x, "m" if frame.slides else "rad") for frame, x in zip(frames, largest, strict=True)
     ]
 
 

@@ -7,8 +7,11 @@ from itertools import pairwise
 import numpy as np
 
 from .problem import MotionProblem
-from .reaching import nearest_position
+from .reaching import Reach, nearest_position
 from .surroundings import base_approach, ground_approach
+
+_MOMENTS = {"q_S": 0.0, "q_E": 1.0}
+"""When ends are, as fractions of the duration."""
 
 _ROUNDING = 1e-9
 """Distance in m that counts as rounding."""
@@ -31,7 +34,7 @@ def _out_of_order(problem: MotionProblem) -> Iterator[str]:
 
 def _out_of_reach(problem: MotionProblem) -> Iterator[str]:
     """Yield messages for positions that no posture reaches above the ground."""
-    for (name, _, position), guess in zip(problem.aims, problem.postures, strict=False):
+    for (name, moment, position), guess in zip(problem.aims, problem.postures, strict=False):
         here, above = f"{name} = {_written(position)} m", position[-1] - problem.ground_height
         if problem.ground_clearance is not None and above < problem.ground_clearance:
             side = "above" if above >= 0.0 else "below"
@@ -45,7 +48,7 @@ def _out_of_reach(problem: MotionProblem) -> Iterator[str]:
                     f"{obstacle.clearance:g} m is required"
                 )
         if guess is None:
-            near = nearest_position(problem.machine, position)
+            near = nearest_position(Reach(problem.machine, problem.payload_until(moment)), position)
             distance = math.dist(near, position)
             if distance <= 1e-6:
                 yield f"{here} is in the tip's reach only with a point of the machine too near to the ground"
@@ -142,7 +145,7 @@ def _too_heavy(problem: MotionProblem) -> Iterator[str]:
         q = np.array([getattr(problem, name)])
         if not problem.within_strokes(q[0]):
             continue  # reported before
-        payload, rest = problem.loads[0 if name == "q_S" else -1].payload, np.zeros_like(q)
+        payload, rest = problem.payload_until(_MOMENTS[name]), np.zeros_like(q)
         forces = problem.machine.forces(q, rest, rest, payload)[0].tolist()
         if not np.isfinite(forces).all():
             yield f"the machine cannot close at the strokes of {name}"
@@ -161,7 +164,7 @@ def _too_near(problem: MotionProblem) -> Iterator[str]:
     machine, time = problem.machine, np.zeros(1)
     for name in _fixed(problem):
         q = np.array([getattr(problem, name)])
-        at = machine.points(q)
+        at = machine.points(q, payload=problem.payload_until(_MOMENTS[name]))
         if not problem.within_strokes(q[0]) or not all(np.isfinite(x).all() for x in at.values()):
             continue
         if problem.ground_clearance is not None:

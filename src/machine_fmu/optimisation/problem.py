@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from functools import cached_property
+from functools import cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +12,7 @@ from ..model import MachineModel
 from ..spline import TrajectoryError
 from .checks import check_numbers, is_number, is_position
 from .obstacles import Obstacle
-from .reaching import nearest_posture
+from .reaching import Reach, nearest_posture
 from .surroundings import moving_points
 
 Numbers = tuple[float, ...]
@@ -182,6 +182,17 @@ class MotionProblem:
                 found[-1:] = [found[-1]._replace(last=moment), Load(moment, 1.0, via.payload)]
         return found
 
+    def payload_until(self, moment: float) -> float:
+        """Return the payload in kg with which the machine arrives at a moment, a fraction of the duration."""
+        return next(load.payload for load in self.loads if moment <= load.last)
+
+    @property
+    def tip(self) -> str:
+        """The name of the tip among the machine's points."""
+        payload = self.machine.machine.payload
+        assert payload is not None  # positions need one
+        return payload.at
+
     @property
     def aims(self) -> list[tuple[str, float, Numbers]]:
         """Positions that the tip must reach, with their names and moments."""
@@ -201,16 +212,18 @@ class MotionProblem:
     def postures(self) -> list[Numbers | None]:
         """Guesses, None for a position that is out of reach."""
         found, last = list[Numbers | None](), self.q_S
-        for _, _, position in self.aims:
-            found.append(nearest_posture(self.machine, position, last, self._heights))
+        for _, moment, position in self.aims:
+            payload = self.payload_until(moment)
+            heights = partial(self._heights, payload=payload)
+            found.append(nearest_posture(Reach(self.machine, payload), position, last, heights))
             last = found[-1] or last
         return found if self.tip_E is not None else [*found, self.q_E]
 
-    def _heights(self, strokes: np.ndarray) -> np.ndarray:
+    def _heights(self, strokes: np.ndarray, payload: float) -> np.ndarray:
         """Return for each row of strokes the heights in m of all points above those that are required."""
         if self.ground_clearance is None:
             return np.zeros((len(strokes), 1))
-        at = self.machine.points(strokes)
+        at = self.machine.points(strokes, payload=payload)
         heights = np.column_stack([at[name][:, -1] for name in moving_points(self.machine)])
         return heights - self.ground_height - self.ground_clearance
 

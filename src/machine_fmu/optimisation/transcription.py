@@ -5,19 +5,19 @@ latter are "lifted": c and t_M determine them. As unknowns they allow one functi
 points, and its exact second derivatives stay small and sparse.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
+from typing import Any
 
 import casadi
 import numpy as np
 
-from ..model import MachineModel
 from .constraints import Constraints
 from .grid import SplineBasis, lobatto
 from .obstacles import Separation
-from .problem import Load, MotionProblem, Numbers
+from .problem import Load, MotionProblem
+from .stage import guess_unknowns, least_cost, point_function, stage
 from .surroundings import moving_points
 
 
@@ -125,7 +125,7 @@ class Programme:
         count, n = len(self.points[0]), self.joints
         lifted = [casadi.MX.sym(name, n, count) for name in ("q", "v", "a")]
         c, t_M = casadi.MX.sym("c", self.basis.size, n), casadi.MX.sym("t_M")
-        x = casadi.MX.sym("x", len(self.problem.machine.closure.iterated), count + len(self.moments))
+        x = casadi.MX.sym("x", len(self.problem.machine.unknowns), count + len(self.moments))
         directions = casadi.MX.sym("d", len(self.separations) * self.problem.machine.dimensions, count)
         return c, t_M, *lifted, x, directions, casadi.MX.sym("slack", len(self.slack_names))
 
@@ -160,14 +160,21 @@ class Programme:
         self, q: casadi.MX, v: casadi.MX, a: casadi.MX, x: casadi.MX
     ) -> tuple[casadi.MX, casadi.MX, casadi.MX]:
         """Return forces in N, the cost's integrand in W2 and closing errors in m, each with its payload."""
+        return self._mapped(lambda payload: stage(self.problem, self.how.tie_break, payload), q, v, a, x)
+
+    def _mapped(self, function: Callable[[float], casadi.Function], *columns: casadi.MX) -> Any:
+        """Return the values of a function at all collocation points, with the payload of each."""
         found, first = [], 0
         for load, (points, _) in zip(self.problem.loads, self.parts, strict=True):
             rows = slice(first, first + len(points))
-            at_once = stage(self.problem, self.how.tie_break, load.payload).map(len(points))
-            found.append(at_once(q[:, rows], v[:, rows], a[:, rows], x[:, rows]))
+            found.append(function(load.payload).map(len(points))(*(x[:, rows] for x in columns)))
             first = rows.stop
-        forces, costs, errors = zip(*found, strict=True)
-        return casadi.horzcat(*forces), casadi.horzcat(*costs), casadi.horzcat(*errors)
+        return tuple(casadi.horzcat(*values) for values in zip(*found, strict=True))
+
+    def _points(self, names: Sequence[str]) -> casadi.MX:
+        """Return points of the machine in m at all collocation points, one after the other."""
+        _, _, q, _, _, x, *_ = self.symbols
+        return self._mapped(lambda payload: point_function(self.problem.machine, names, payload), q, x)[0]
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the bounds of the unknowns. Coefficients are within strokes unless subdivided ones are."""
@@ -197,16 +204,20 @@ class Programme:
         duration, places = self.problem.t_M, self.points[0]
         curve = [self.basis.at(places, d) @ coefficients / duration**d for d in range(3)]
         aims = self.basis.at(self.moments) @ coefficients if len(self.moments) else curve[0][:0]
-        poses = _filled(self.problem.machine, np.concatenate([curve[0], aims]))
-        directions = self._directions(curve[0])
+        payloads = [load.payload for load in self.problem.loads]
+        masses = np.repeat(payloads, [len(points) for points, _ in self.parts])
+        at_aims = [self.problem.payload_until(moment) for moment in self.moments]
+        strokes = np.concatenate([curve[0], aims])
+        poses = guess_unknowns(self.problem.machine, strokes, np.array([*masses, *at_aims]))
+        directions = self._directions(curve[0], masses)
         values = (coefficients.T, [duration], *curve, poses, directions, np.ones(len(self.slack_names)))
         return np.concatenate([np.ravel(x) for x in values])
 
-    def _directions(self, strokes: np.ndarray) -> np.ndarray:
+    def _directions(self, strokes: np.ndarray, payloads: np.ndarray) -> np.ndarray:
         """Return directions from obstacles to lines of the machine, one row for each row of strokes."""
         if not self.separations:
             return np.zeros((len(strokes), 0))
-        at = self.problem.machine.points(strokes)
+        at = self.problem.machine.points(strokes, payload=payloads)
         found = []
         for separation in self.separations:
             obstacle, line = self.problem.obstacles[separation.obstacle], separation.line
@@ -244,7 +255,8 @@ class Programme:
         for i, (_, moment, position) in enumerate(problem.aims):
             row = casadi.DM(casadi.sparsify(casadi.DM(self.basis.at(np.array([moment]))), 1e-14))
             q = casadi.mtimes(row, self.symbols[0]).T
-            place, errors = tip_function(problem.machine)(q, x[:, count + i])
+            at = point_function(problem.machine, [problem.tip], problem.payload_until(moment))
+            place, errors = at(q, x[:, count + i])
             if self.joints < len(position):
                 constraints.equal(q - casadi.DM(problem.guesses[i]))
             else:
@@ -313,24 +325,19 @@ class Programme:
 
     def _heights(self, constraints: Constraints) -> None:
         """Require the clearance from the ground at the collocation points."""
-        problem, slack, count = (
-            self.problem,
-            self._slack("the clearance from the ground"),
-            len(self.points[0]),
-        )
-        points, n = list(moving_points(problem.machine)), problem.machine.dimensions
-        at = point_function(problem.machine, points).map(count)(self.symbols[2], self.symbols[5][:, :count])
+        problem, slack = self.problem, self._slack("the clearance from the ground")
+        n = problem.machine.dimensions
+        at = self._points(list(moving_points(problem.machine)))
         above = at[n - 1 :: n, :] - problem.ground_height
         extra = 0.0 if slack is None else slack
         constraints.between(casadi.vec(above) + extra, problem.ground_clearance, np.inf)
 
     def _separate(self, constraints: Constraints) -> None:
         """Require the clearances from obstacles at the collocation points."""
-        machine, count, n = self.problem.machine, len(self.points[0]), self.problem.machine.dimensions
+        count, n = len(self.points[0]), self.problem.machine.dimensions
         for i, separation in enumerate(self.separations):
             obstacle, line = self.problem.obstacles[separation.obstacle], separation.line
-            ends = point_function(machine, [line.start, line.end]).map(count)
-            at = ends(self.symbols[2], self.symbols[5][:, :count])
+            at = self._points([line.start, line.end])
             directions = self.symbols[6][n * i : n * (i + 1), :]
             apart, size = separation.function(obstacle).map(count)(at[:n, :], at[n:, :], directions)
             slack = self._slack(f"the clearance from {obstacle.label}")
@@ -369,64 +376,3 @@ def _between(places: np.ndarray, load: Load) -> np.ndarray:
     """Return the places within a load, with its ends."""
     inside = places[(places > load.first + _APART) & (places < load.last - _APART)]
     return np.concatenate([[load.first], inside, [load.last]])
-
-
-def _filled(machine: MachineModel, strokes: np.ndarray) -> np.ndarray:
-    """Return the coordinates that Newton's method finds; where it finds none, those of the row before."""
-    poses = machine.poses(strokes)
-    last = np.array([machine.closure.assembly[i] for i in machine.closure.iterated])
-    for row in poses:
-        if not np.isfinite(row).all():
-            row[:] = last
-        last = row
-    return poses
-
-
-def stage(problem: MotionProblem, tie_break: float, payload: float) -> casadi.Function:
-    """Return a function of a point to the forces in N, the cost's integrand in W2, and closing errors in m.
-
-    Its arguments are q, q', q'', and the coordinates that Newton's method would find.
-    """
-    machine = problem.machine
-    q, v, a = (casadi.SX.sym(name, len(problem.names)) for name in "qva")
-    x = casadi.SX.sym("x", len(machine.closure.iterated))
-    dynamics = machine.at(q, x, payload)
-    force = machine.inverse(dynamics, v, a)
-    power = casadi.dot(v, force) ** 2 + tie_break * casadi.sumsqr(v * force)
-    return casadi.Function("stage", [q, v, a, x], [force, power, machine.errors(dynamics)])
-
-
-def point_function(machine: MachineModel, names: Sequence[str]) -> casadi.Function:
-    """Return a function of strokes, and of coordinates as in `stage`, to points in m one after the other."""
-    q, x = casadi.SX.sym("q", len(machine.names)), casadi.SX.sym("x", len(machine.closure.iterated))
-    return casadi.Function("points", [q, x], [machine.place(machine.at(q, x), names)])
-
-
-def tip_function(machine: MachineModel) -> casadi.Function:
-    """Return a function of strokes and coordinates to the tip in m and closing errors in m."""
-    assert machine.machine.payload is not None
-    q, x = casadi.SX.sym("q", len(machine.names)), casadi.SX.sym("x", len(machine.closure.iterated))
-    dynamics = machine.at(q, x)
-    tip = machine.place(dynamics, [machine.machine.payload.at])
-    return casadi.Function("tip", [q, x], [tip, machine.errors(dynamics)])
-
-
-def least_cost(problem: MotionProblem, duration: float, strokes: Sequence[Numbers] = ()) -> float:
-    """Return the lower bound of the cost of motions of this duration in s, in W2 s: dE^2 / (2 t_M).
-
-    All power goes into energy, and constant power has the least square. `strokes` are those at the way-points
-    and at the end; by default, the guesses. A payload that changes brings or takes its own energy.
-    """
-    strokes, loads, rest = strokes or problem.guesses, problem.loads, (0.0,) * len(problem.names)
-
-    def energy(q: Numbers, v: Numbers, payload: float) -> float:
-        return float(problem.machine.energy(np.array([q]), np.array([v]), payload)[0])
-
-    gained = energy(strokes[-1], problem.v_E, loads[-1].payload) - energy(
-        problem.q_S, problem.v_S, problem.payload
-    )
-    here = dict(zip(problem.moments, strokes, strict=False))
-    for before, load in pairwise(loads):
-        q = here[load.first]
-        gained -= energy(q, rest, load.payload) - energy(q, rest, before.payload)
-    return gained**2 / (2.0 * duration)

@@ -12,7 +12,7 @@ from emla_cosim.analyses.trajectory.problem import paper_problem
 from machine_fmu.optimisation.assessment import assessed
 from machine_fmu.optimisation.contradictions import find_contradictions
 from machine_fmu.optimisation.problem import Via
-from machine_fmu.optimisation.reaching import nearest_position, nearest_posture
+from machine_fmu.optimisation.reaching import Reach, nearest_position, nearest_posture
 from machine_fmu.optimisation.solving import solved
 from machine_fmu.optimisation.transcription import Discretisation
 from machine_fmu.spline import TrajectoryError
@@ -21,6 +21,7 @@ from tests.support.manipulator_geometry import HDRM, points
 COARSE = Discretisation(knots=12, points=6)
 REST = (0.0, 0.0, 0.0)
 MACHINE = paper_problem().machine
+REACH = Reach(MACHINE, MACHINE.payload)
 
 
 def tip(q: Any) -> complex:
@@ -43,7 +44,7 @@ def way(q: Any, start: Any) -> float:
 @settings(deadline=None, max_examples=20, phases=[Phase.explicit, Phase.generate])
 def test_the_posture_of_a_position_is_the_nearest_to_the_start(start: Any, q: Any) -> None:
     at = tip(q)
-    found = nearest_posture(MACHINE, (at.real, at.imag), start, everything)
+    found = nearest_posture(REACH, (at.real, at.imag), start, everything)
     if found is None:  # only at the border, where one rounded stroke of the telescope reaches it
         assert min(*q, *np.subtract(HDRM.q_UB, q)) < 2e-3
         return
@@ -53,8 +54,8 @@ def test_the_posture_of_a_position_is_the_nearest_to_the_start(start: Any, q: An
 
 
 def test_only_allowed_postures_are_chosen() -> None:
-    free = nearest_posture(MACHINE, (3.2, 0.5), (0.244, 0.389, 0.499), everything)
-    long = nearest_posture(MACHINE, (3.2, 0.5), (0.244, 0.389, 0.499), lambda q: q[:, 2:] - 0.6)
+    free = nearest_posture(REACH, (3.2, 0.5), (0.244, 0.389, 0.499), everything)
+    long = nearest_posture(REACH, (3.2, 0.5), (0.244, 0.389, 0.499), lambda q: q[:, 2:] - 0.6)
     assert free is not None and free[2] < 0.6
     assert long is not None and long[2] == pytest.approx(0.6, abs=1e-3)
     assert abs(tip(long) - (3.2 + 0.5j)) < 1e-9
@@ -65,11 +66,11 @@ def test_the_nearest_position_in_reach_is_nearer_than_any_random_one(position: t
     draw = np.random.default_rng(4)
     aim = complex(*position)
     nearest = min(abs(tip(q) - aim) for q in draw.uniform(size=(4000, 3)) * HDRM.q_UB)
-    x, y = nearest_position(MACHINE, position)
+    x, y = nearest_position(REACH, position)
     assert abs(complex(x, y) - aim) <= nearest
     assert abs(complex(x, y) - aim) == pytest.approx(nearest, abs=0.2)
     assert (
-        nearest_posture(MACHINE, (x, y), REST, everything) is not None
+        nearest_posture(REACH, (x, y), REST, everything) is not None
         or min(abs(aim - complex(x, y)), 1.0) > 0.0
     )
     (message,) = find_contradictions(paper_problem(tip_E=position, ground_clearance="off"))[1:]

@@ -45,7 +45,7 @@ def draw_pictures(result: TrajectoryResult) -> "dict[str, Figure]":
     rows = (_forces_and_speeds(seen, problem), _positions_and_accelerations(seen, problem))
     *by_joint, path = PICTURES
     figures = {name: _picture(problem.names, times, some) for name, some in zip(by_joint, rows, strict=True)}
-    return {**figures, path: _draw_path(result, times)}
+    return {**figures, path: _draw_path(result, seen)}
 
 
 def _forces_and_speeds(seen: Course, problem: MotionProblem) -> tuple[_PanelRow, _PanelRow]:
@@ -91,13 +91,12 @@ def _panel(axes: "Axes", times: Vector, row: _PanelRow, joint: int) -> None:
     tidy_axes(axes)
 
 
-def _draw_path(result: TrajectoryResult, times: Vector) -> "Figure":
+def _draw_path(result: TrajectoryResult, seen: Course) -> "Figure":
     """Return a figure of the tip's path, and the machine at start and end; in space from two sides."""
     problem, machine = result.problem, result.problem.machine
-    strokes = result.spline.evaluated(times)
-    parts, colors, path = MachineParts(machine), actuator_colors(machine.names), machine.tip(strokes)
-    held = np.array([[machine.closure.assembly[i] for i in machine.mechanism.passive]] * 2)
-    start, end = parts.postures(strokes[[0, -1]], np.full(2, machine.payload), held)
+    parts, colors = MachineParts(machine), actuator_colors(machine.names)
+    path = machine.tip(seen.q, payload=seen.payload)
+    start, end = parts.postures(seen.q[[0, -1]], seen.payload[[0, -1]])
     views = (PLANE,) if machine.dimensions == 2 else THREE_SIDES[:2]
     figure, grid = new_figure(1, len(views), 7.0 / len(views), 5.2)
     for axes, view in zip(grid[0], views, strict=True):

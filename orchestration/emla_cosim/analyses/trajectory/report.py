@@ -1,8 +1,9 @@
 """What people read of an optimised motion: cost, peaks, distances, and whether bounds hold."""
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 
-from machine_fmu.optimisation.assessment import BODY, GROUND, Clearance, Peak
+from machine_fmu.optimisation.assessment import BODY, GROUND, Clearance, Peak, Swing
 from machine_fmu.optimisation.problem import EndSpeed
 
 from ..frame.report import Report, ReportTable, Section, Text
@@ -37,9 +38,12 @@ def _assumptions(result: TrajectoryResult) -> Iterator[str]:
     for sentence in result.contradictions:
         read = _READ[result.end_speed] if sentence.startswith("v_E") else "kept"
         yield f"The problem contradicts itself: {sentence}; {read} (--end-speed {result.end_speed})"
-    passive = result.problem.machine.passive_names
-    if passive:
-        yield f"Passive joints are held as in the assembly pose: {', '.join(passive)}"
+    if result.swings:
+        swings = ", ".join(f"{swing.name} {_deflection(swing)}" for swing in result.swings)
+        yield (
+            "What swings freely hangs as at rest, without swinging. Accelerations would deflect it by up to: "
+            f"{swings}"
+        )
     if not result.contradictions and result.end_speed == EndSpeed.REST:
         yield "All joints end at rest (--end-speed rest)"
 
@@ -123,6 +127,12 @@ def _describe_shortfall(clearance: Clearance) -> str:
 def _name_obstacle(clearance: Clearance) -> str:
     """Return what a text calls the obstacle of a clearance."""
     return f"the {clearance.obstacle}" if clearance.obstacle in (GROUND, BODY) else clearance.obstacle
+
+
+def _deflection(swing: Swing) -> str:
+    if swing.unit == "rad":
+        return f"{math.degrees(swing.deflection):.2g}°"
+    return f"{swing.deflection:.2g} {swing.unit}"
 
 
 def _in_mm(bound: float | None) -> float | None:

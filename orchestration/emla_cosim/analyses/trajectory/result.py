@@ -3,11 +3,12 @@
 import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from functools import cached_property
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from machine_fmu.optimisation.assessment import Assessment, Course, course
+from machine_fmu.optimisation.assessment import Assessment, Course, Swing, course, find_swings
 from machine_fmu.optimisation.problem import EndSpeed, MotionProblem
 from machine_fmu.optimisation.solving import Solution
 from machine_fmu.optimisation.transcription import Discretisation
@@ -54,9 +55,15 @@ class TrajectoryResult:
         """Return strokes, speeds, accelerations and forces at times in s."""
         return course(self.spline, self.problem, times)
 
+    @cached_property
+    def swings(self) -> Sequence[Swing]:
+        """Return the neglected deflections of what swings freely."""
+        return find_swings(self.spline, self.problem)
+
     @property
     def record(self) -> dict[str, Any]:
         """Content of a trajectory file, in SI units."""
+        swings = {"swings": [asdict(swing) for swing in self.swings]} if self.swings else {}
         return {
             "format": "emla-cosim trajectory 1",
             "degree": self.spline.degree,
@@ -67,7 +74,7 @@ class TrajectoryResult:
             "end_speed": self.end_speed.value,
             "discretisation": asdict(self.discretisation),
             "contradictions": list(self.contradictions),
-            "figures": {**asdict(self.assessment), "iterations": self.solution.iterations},
+            "figures": {**asdict(self.assessment), "iterations": self.solution.iterations, **swings},
             "versions": {tool: version(tool) for tool in _TOOLS},
         }
 

@@ -123,7 +123,7 @@ def find_levers(machine: MachineModel, strokes: Vector, actuator: int) -> Vector
     """Return how far the tip moves in m per m of an actuator's stroke, for each row of strokes in m."""
     step = np.zeros(strokes.shape[1])
     step[actuator] = _STEP
-    ends = [machine.tip(q, machine.hanging(q)) for q in (strokes + step, strokes - step)]
+    ends = [machine.tip(q) for q in (strokes + step, strokes - step)]
     return np.linalg.norm(ends[0] - ends[1], axis=1) / (2.0 * _STEP)
 
 

@@ -1,7 +1,10 @@
 """The state of a machine at the start of a run: its pose, what swings freely, and masses at the screws."""
 
-from collections.abc import Callable, Mapping, Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+
+import numpy as np
 
 from machine_fmu import Dynamics, Machine, MachineError, assemble, find_closure, reach_pose
 from machine_fmu.exact import plain
@@ -9,8 +12,6 @@ from machine_fmu.exact import plain
 from ...base.errors import CommandError
 
 _ITERATIONS = 30
-_FARTHEST = 2.0
-"""Largest distance in rad or m of a passive coordinate at rest from the assembly pose."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +31,7 @@ def find_start(machine: Machine, strokes: Sequence[float], label: str) -> Start:
     """Return the state at strokes in m. Passive coordinates rest where they hang.
 
     Raises:
-        CommandError: The machine cannot take this pose.
+        CommandError: The machine cannot take this pose, or does not come to rest in it.
     """
     closure, mechanism = find_closure(machine), assemble(machine)
     lengths = dict(closure.lengths)
@@ -42,12 +43,8 @@ def find_start(machine: Machine, strokes: Sequence[float], label: str) -> Start:
         text = ", ".join(f"{x:.6g}" for x in strokes)
         raise CommandError(f"{label} cannot start at the strokes {text} m: {error}.") from error
     guess = {i: pose[i] for i in closure.iterated}
-
-    def dynamics(passive: Sequence[float]) -> Dynamics:
-        return Dynamics(mechanism, closure, strokes, passive, guess or None, _ITERATIONS)
-
-    passive = _hang(dynamics, [pose[i] for i in mechanism.passive], len(strokes))
-    at_rest = dynamics(passive)
+    passive = _find_rest(machine, strokes, label) if mechanism.passive else []
+    at_rest = Dynamics(mechanism, closure, strokes, passive, guess or None, _ITERATIONS)
     numbers = at_rest.pose.numbers
     values = {f"start.pose[{n}]": float(plain(numbers[i])) for n, i in enumerate(closure.iterated, 1)}
     values |= {f"start.passive.q[{n}]": x for n, x in enumerate(passive, 1)}
@@ -55,16 +52,16 @@ def find_start(machine: Machine, strokes: Sequence[float], label: str) -> Start:
     return Start(values, [float(plain(M[i][i])) for i in range(len(strokes))])
 
 
-def _hang(dynamics: Callable[[Sequence[float]], Dynamics], start: list[float], count: int) -> list[float]:
-    """Return passive coordinates without forces, near the first ones; these if there are none."""
-    if not start:
-        return start
-    from scipy.optimize import root
+def _find_rest(machine: Machine, strokes: Sequence[float], label: str) -> list[float]:
+    """Return the passive coordinates at rest; raise CommandError if there are none."""
+    from machine_fmu.model import MachineModel  # importing it loads CasADi
 
-    def forces(passive: Sequence[float]) -> list[float]:
-        state = dynamics(list(map(float, passive)))
-        return [float(x) for x in state.bias([0.0] * state.variables)[count:]]
-
-    found = root(forces, start, tol=1e-10)
-    is_near = all(abs(a - b) < _FARTHEST for a, b in zip(found.x, start, strict=True))
-    return [float(x) for x in found.x] if found.success and is_near else start
+    model = MachineModel(machine)
+    passive = model.hanging(np.array([strokes]))[0].tolist()
+    if not all(map(math.isfinite, passive)):
+        names = ", ".join(f"'{frame.name}'" for frame in model.passive_frames)
+        raise CommandError(
+            f"{label} does not come to rest at its start: {names} moves freely; change its assembly pose, "
+            "mass or centre."
+        )
+    return passive

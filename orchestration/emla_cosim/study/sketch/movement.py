@@ -45,7 +45,7 @@ class Movement:
         """The reference position of the tip in m, with what swings freely at rest."""
         if self.wanted is None:
             return None
-        return self.machine.tip(self.wanted, self.machine.hanging(self.wanted, self.payload))
+        return self.machine.tip(self.wanted, payload=self.payload)
 
     @property
     def errors(self) -> Vector | None:

@@ -86,8 +86,7 @@ class MachineParts:
             payload: Mass of the payload in kg for each pose, which gives the size of its box.
             passive: Coordinates in m or rad of what swings freely; as it hangs by default.
         """
-        hanging = self._model.hanging(strokes, payload) if passive is None else passive
-        frames = self._model.frames(strokes, hanging)
+        frames = self._model.frames(strokes, passive, payload)
         found = []
         for row in range(len(strokes)):
             here = {body: (origins[row], rotations[row]) for body, (origins, rotations) in frames.items()}

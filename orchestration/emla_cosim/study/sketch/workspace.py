@@ -72,7 +72,7 @@ def find_workspace(machine: MachineModel) -> Workspace:
     ]
     strokes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
     rows = strokes.reshape(-1, len(axes))
-    tips = machine.tip(rows, machine.hanging(rows))
+    tips = machine.tip(rows)
     return Workspace(strokes, tips.reshape(*strokes.shape[:-1], -1))
 
 
