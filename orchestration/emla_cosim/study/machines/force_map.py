@@ -17,6 +17,9 @@ _SIDES, _FEWER_SIDES = 41, 21
 _STEP = 1e-6
 """Change of a stroke in m for how far the tip moves."""
 
+_DIGITS = 6
+"""Decimals of levers that this change gives."""
+
 
 @dataclass(frozen=True)
 class ForceLimits:
@@ -124,7 +127,8 @@ def find_levers(machine: MachineModel, strokes: Vector, actuator: int) -> Vector
     step = np.zeros(strokes.shape[1])
     step[actuator] = _STEP
     ends = [machine.tip(q) for q in (strokes + step, strokes - step)]
-    return np.linalg.norm(ends[0] - ends[1], axis=1) / (2.0 * _STEP)
+    levers = np.linalg.norm(ends[0] - ends[1], axis=1) / (2.0 * _STEP)
+    return np.round(levers, _DIGITS)  # contours of a constant would follow its rounding errors
 
 
 def _find_map(machine: MachineModel, actuator: int, axes: Sequence[int]) -> Map:
