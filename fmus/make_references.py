@@ -29,6 +29,7 @@ from tests.support.reference_drive import (
     Drive,
     EndStops,
     Friction,
+    HoldingBrake,
     MotorEncoder,
     Transmission,
     Winding,
@@ -160,9 +161,52 @@ def loaded(u: paper.PlantInputs, along: Along | None, x: float) -> paper.PlantIn
     return u if along is None else replace(u, F_L=u.F_L + along(x))
 
 
+BRAKE = HoldingBrake(500.0, 60.0, 0.1, ACTUATOR.known.A_eq / ACTUATOR.known.alpha_RL)
+
+Rates = Callable[[float, Vector, Row], Vector]
+Outputs = Callable[[float, Vector, Row], Row]
+
+
+def holding(k: int) -> Row:
+    """What a brake does at t_k: it holds without slipping. The inverter is off for a while."""
+    return {"brake.engaged": float(40 <= k < 220), "inverter.disabled": float(110 <= k < 200)}
+
+
+def braked(rates: Rates, outputs: Outputs) -> tuple[Rates, Outputs]:
+    """Rates and outputs of an axis with the brake: the last states are its angle and its slip.
+
+    Those of the axis without it begin with (x_L, v_L, i_q, i_d), and end with the winding's temperature.
+    """
+    p = ACTUATOR
+
+    def torque(x: Vector, u: Row) -> float:
+        return u["brake.engaged"] * BRAKE.torque(float(x[-2]), p.known.alpha_RL * float(x[1]))
+
+    def with_brake(t: float, x: Vector, u: Row) -> Vector:
+        own, speed, angle = rates(t, x[:-2], u), p.known.alpha_RL * float(x[1]), float(x[-2])
+        own[1] -= torque(x, u) / p.known.A_eq
+        if u["inverter.disabled"] and DRIVE.winding is not None:
+            R_s = p.R_s * (1.0 + DRIVE.winding.alpha_R * float(x[-3]))
+            own[2:4] = -R_s * x[2:4] / np.array([p.L_q, p.L_d])
+        if not u["brake.engaged"]:
+            return np.array([*own, -angle / BRAKE.released, 0.0])
+        slips = BRAKE.slips(angle, speed)
+        return np.array([*own, 0.0 if slips else speed, abs(float(x[1])) if slips else 0.0])
+
+    def shown(t: float, x: Vector, u: Row) -> Row:
+        own, tau = outputs(t, x[:-2], u), torque(x, u)
+        if u["inverter.disabled"]:
+            own |= dict.fromkeys(("inverter.u_q", "inverter.u_d", "inverter.saturated", "P_el"), 0.0)
+        brake = {"brake.angle": float(x[-2]), "brake.slip": float(x[-1]), "brake.tau": tau}
+        own["a_L"] -= tau / p.known.A_eq
+        return {**own, **brake}
+
+    return with_brake, shown
+
+
 def plant(along: Along | None = None) -> Solution:
     """0.18 s: the open loop rings with some 40 Hz between its end stops."""
-    step, count, p = 5e-4, 361, ACTUATOR
+    step, count, p = 5e-4, 301 if along else 361, ACTUATOR
 
     def rates(t: float, x: Vector, u: Row) -> Vector:
         rise, given = float(x[4]), loaded(acting(u), along, float(x[0]))
@@ -173,8 +217,12 @@ def plant(along: Along | None = None) -> Solution:
         shown = {**paper.plant_outputs(p, x[:4], given), "motor.temperature_rise": float(x[4])}
         return shown if along is None else {**shown, "load.force": given.F_L}
 
-    inputs = [shaken(k, step) for k in range(count)]
-    solution = solved(step, effective(inputs), [0.24, 0.0, 0.0, 0.0, 0.0], rates, outputs)
+    inputs, start = [shaken(k, step) for k in range(count)], [0.24, 0.0, 0.0, 0.0, 0.0]
+    laws: tuple[Rates, Outputs] = (rates, outputs)
+    if along is not None:
+        inputs = [u | holding(k) for k, u in enumerate(inputs)]
+        laws, start = braked(*laws), [*start, 0.0, 0.0]
+    solution = solved(step, effective(inputs), start, *laws)
     return Solution(step, named(inputs), solution.outputs)
 
 
@@ -187,7 +235,7 @@ DEFLECTION = 1.2e-3
 
 def compliant_plant(along: Along | None = None) -> Solution:
     """0.145 s; the load reverses at 0.12 s and crosses the play."""
-    step, count, p, t = 5e-4, 287 if along else 291, ACTUATOR, TRANSMISSION
+    step, count, p, t = 5e-4, 261 if along else 291, ACTUATOR, TRANSMISSION
 
     def rates(_: float, x: Vector, u: Row) -> Vector:
         rise, given = float(x[6]), loaded(acting(u), along, float(x[0] - x[4]))
@@ -200,7 +248,11 @@ def compliant_plant(along: Along | None = None) -> Solution:
 
     inputs = [shaken(k, step) for k in range(count)]
     start = [0.24, 0.0, 0.0, 0.0, DEFLECTION, 0.0, 0.0]
-    solution = solved(step, effective(inputs), start, rates, outputs)
+    laws: tuple[Rates, Outputs] = (rates, outputs)
+    if along is not None:
+        inputs = [u | holding(k) for k, u in enumerate(inputs)]
+        laws, start = braked(*laws), [*start, 0.0, 0.0]
+    solution = solved(step, effective(inputs), start, *laws)
     return Solution(step, named(inputs), solution.outputs)
 
 
@@ -535,6 +587,49 @@ def signal_fault() -> Solution:
     return Solution(step, inputs, outputs)
 
 
+# ---- the sequence of a holding brake: two phases, in the second of which the reference moves ----
+
+PHASES, ENGAGE, RELEASE = ((0.2, 0.5), (0.6, 0.9)), 0.05, 0.1
+"""Start and end of hold phases, and delays to engage and release, in s."""
+
+
+def holding_brake() -> Solution:
+    """1 s; while the drive is off, estimates and the demand of the last step take the place of signals."""
+    step, count = 5e-3, 201
+    inputs = list[Row]()
+    for k in range(count):
+        t = k * step
+        wave = {
+            name: math.sin((5.0 + i) * t + i) for i, name in enumerate(("x_hat", "i_q", "i_d", "i_q_ref"))
+        }
+        v_d = 0.05 * math.sin(20.0 * t) if t < 0.15 or t > 0.7 else 0.0
+        inputs.append(rounded({"x_d": 0.3 + 0.01 * t, "v_d": v_d, "a_d": 10.0 * v_d, **wave}))
+    outputs = list[Row]()
+    for k in range(count):
+        # what is held during a step is shown at its end
+        u, last = inputs[max(k - 1, 0)], inputs[max(k - 1, 0)]["i_q_ref"] if k else 0.0
+
+        def at(after: float, before: float, k: int = k) -> bool:
+            n, (a, b) = k, (round(after / step), round(before / step))
+            return any(round(s / step) + a <= n < round(e / step) - b for s, e in PHASES)
+
+        holds, off = at(0.0, 0.0), at(ENGAGE, RELEASE)
+        outputs.append(
+            {
+                "x_r": u["x_hat"] if off else u["x_d"],
+                "v_r": 0.0 if off else u["v_d"],
+                "a_r": 0.0 if off else u["a_d"],
+                "i_q_c": last if off else u["i_q"],
+                "i_d_c": 0.0 if off else u["i_d"],
+                "holds": float(holds),
+                "moves": float(holds and u["v_d"] != 0.0),
+                "engaged": float(at(ENGAGE, 0.0)),
+                "disabled": float(off),
+            }
+        )
+    return Solution(step, inputs, outputs)
+
+
 # ---- the manipulator: motions of all three strokes, and a payload that becomes lighter ----------
 
 JOINTS = ("lift", "tilt", "telescope")
@@ -659,6 +754,7 @@ SOLUTIONS: dict[str, Callable[[], Solution]] = {
     "FocController": lambda: compared_with(compared.Foc(omega_d=500.0), 3),
     "CacController": lambda: compared_with(compared.Cac(omega_n=(500.0, 1000.0)), 11),
     "AnatcController": lambda: compared_with(compared.Anatc(), 6),
+    "HoldingBrake": holding_brake,
     "SharedSupply": shared_supply,
     "SignalFault": signal_fault,
     "HdrmManipulator": manipulator,
@@ -728,6 +824,9 @@ _LEVER = {
     **indexed("load.table.position", filled(LEVER[0], 32)),
     **indexed("load.table.force", filled(LEVER[1], 32)),
     "load.table.interpolation": 2,
+    "brake.torque": BRAKE.limit,
+    "brake.frequency": BRAKE.frequency,
+    "brake.damping_ratio": BRAKE.zeta,
 }
 START_VALUES: dict[str, dict[str, Any]] = {
     "EmlaPlant": _PLANT,
@@ -774,6 +873,12 @@ START_VALUES: dict[str, dict[str, Any]] = {
     "FocController": {"omega_d": 500.0},
     "CacController": indexed("omega_n", (500.0, 1000.0)),  # the defaults are too fast for RK4 to be exact
     "AnatcController": {},
+    "HoldingBrake": {
+        **indexed("phase.start", [start for start, _ in PHASES]),
+        **indexed("phase.end", [end for _, end in PHASES]),
+        "engage.delay": ENGAGE,
+        "release.delay": RELEASE,
+    },
     "SharedSupply": {
         "solver.internal_step": 1e-5,
         **indexed("joint.u_max", [*U_MAX, *[445.0] * 5]),
@@ -826,6 +931,7 @@ RELATIVE = {
     # closed forms: rounding, and that time is summed up step by step
     "Reference": 1e-12,
     "Disturbance": 1e-12,
+    "HoldingBrake": 1e-12,
     "SharedSupply": 2e-5,  # the chopper begins and ends within an internal step
     "SignalFault": 1e-12,
     "HdrmManipulator": 1e-12,

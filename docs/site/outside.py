@@ -21,6 +21,7 @@ MODELS = (
         "LoadObserver",
         "Reference",
         "ScrewCommand",
+        "HoldingBrake",
         "Disturbance",
         "SharedSupply",
         "SignalFault",

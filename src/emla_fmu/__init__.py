@@ -15,6 +15,7 @@ Examples:
 from .axis import EmlaAxis, EmlaCompliantAxis
 from .compliant_plant import EmlaCompliantPlant
 from .disturbance import Disturbance
+from .holding_brake import HoldingBrake
 from .load_observer import LoadObserver
 from .motor import EmlaMotor
 from .observer import EmlaObserver
@@ -34,6 +35,7 @@ BLOCKS = (
     LoadObserver,
     Reference,
     ScrewCommand,
+    HoldingBrake,
     Disturbance,
     SharedSupply,
     SignalFault,
@@ -48,6 +50,7 @@ __all__ = [
     "EmlaMotor",
     "EmlaObserver",
     "EmlaPlant",
+    "HoldingBrake",
     "LoadObserver",
     "Reference",
     "ScrewCommand",

@@ -16,9 +16,9 @@ PACKAGE = Path(__file__).parents[2] / "modelica" / "EMLA"
 MISSING = {
     *("FocController", "CacController", "AnatcController", "SignalFault"),
     *("EmlaCompliantPlant", "LoadObserver", "ScrewCommand", "EmlaAxis", "EmlaCompliantAxis"),
-    "SharedSupply",
+    *("HoldingBrake", "SharedSupply"),
 }
-"""FMUs alone: the controllers that RSBA is compared with, faults, other loads, and a shared supply."""
+"""FMUs alone: controllers that RSBA is compared with, faults, other loads, brakes, and a shared supply."""
 CLASSES = {model: model.removeprefix("Emla") for model in MODELS if model not in MISSING}
 """Name of the class in the package by our model."""
 

@@ -158,3 +158,32 @@ def smooth_sign(v: float, v_0: float) -> float:
 
 NO_DRIVE = Drive()
 """The paper's plant alone."""
+
+
+@dataclass(frozen=True)
+class HoldingBrake:
+    """A spring and a damper between shaft and housing, with a slip clutch in series: torque in N m.
+
+    `frequency` in Hz and `zeta` are those of the inertia in kg m2 on the spring.
+    """
+
+    limit: float
+    frequency: float
+    zeta: float
+    inertia: float
+    released: float = 1e-3
+    """Time constant in s with which the spring unwinds after release."""
+
+    @property
+    def spring(self) -> float:
+        """Stiffness in N m/rad."""
+        return self.inertia * (2.0 * math.pi * self.frequency) ** 2
+
+    def torque(self, angle: float, speed: float) -> float:
+        """What the closed brake holds against, at a windup in rad and a speed in rad/s."""
+        damper = 2.0 * self.zeta * math.sqrt(self.spring * self.inertia)
+        return max(-self.limit, min(self.limit, self.spring * angle + damper * speed))
+
+    def slips(self, angle: float, speed: float) -> bool:
+        """Whether the clutch slips: the spring has the whole torque, and is wound up further."""
+        return self.spring * abs(angle) >= self.limit and angle * speed > 0.0

@@ -1,6 +1,7 @@
 """Facts about the blocks of emla_fmu."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
@@ -9,6 +10,7 @@ from hypothesis import strategies as st
 from emla_cosim.study.joint import start_values
 from emla_fmu import EmlaAxis, EmlaCompliantAxis, EmlaCompliantPlant, EmlaMotor, EmlaObserver, EmlaPlant
 from emla_fmu.disturbance import LEVELS
+from emla_fmu.holding_brake import PHASES
 from emla_fmu.reference import MOVES
 from emla_fmu.shared_supply import JOINTS
 from emla_fmu.stroke_load import POINTS
@@ -108,12 +110,32 @@ def table_points(draw: Draw, x: float) -> Point:
     return Point(values | {"load.table.interpolation": draw(st.sampled_from([1, 2]))}, reach=reach)
 
 
+def brake_values(draw: Draw, plant: Mapping[str, float]) -> dict[str, float]:
+    """A brake that is open, slips, or holds clearly below its torque; the inverter is on or off."""
+    angle, zeta = signed(draw, 1e-4, 1e-2), draw(st.floats(0.01, 0.2))
+    frequency = magnitude(draw, 50.0, 150.0)
+    alpha = 2.0 * math.pi * 7.0 / 0.02  # the default ratio and lead
+    J = plant["motor.J_m"] + plant["coupling.J_c"] + plant["gearbox.J_GB"] + plant["screw.M_BS"] / alpha**2
+    omega, speed = 2.0 * math.pi * frequency, alpha * plant["v_L"]
+    torque = abs(J * omega * (omega * angle + 2.0 * zeta * speed))
+    factor = draw(st.sampled_from([0.2, 5.0]))
+    return {
+        "brake.engaged": draw(st.sampled_from([0.2, 1.0])),
+        "inverter.disabled": draw(st.sampled_from([0.2, 1.0])),
+        "brake.torque": factor * (torque if factor > 1.0 else min(torque, abs(J * omega * omega * angle))),
+        "brake.frequency": frequency,
+        "brake.damping_ratio": zeta,
+        "brake.angle": angle,
+        "brake.slip": magnitude(draw, 1e-4, 1e-2),
+    }
+
+
 @st.composite
 def axis_points(draw: Draw) -> Point:
     """As the plant, with a load along the stroke."""
     plant = draw(plant_points())
-    table = table_points(draw, plant.values["start.x_L"])
-    return Point({**plant.values, **table.values}, kinks=plant.kinks, reach=table.reach)
+    table, brake = table_points(draw, plant.values["start.x_L"]), brake_values(draw, plant.values)
+    return Point({**plant.values, **table.values, **brake}, kinks=plant.kinks, reach=table.reach)
 
 
 @st.composite
@@ -121,7 +143,8 @@ def compliant_axis_points(draw: Draw) -> Point:
     """As the plant with such a load, with a load along the stroke."""
     plant = draw(compliant_points())
     table = table_points(draw, plant.values["start.x_L"] - plant.values["start.deflection"])
-    return Point({**plant.values, **table.values}, kinks=plant.kinks, reach=table.reach)
+    brake = brake_values(draw, plant.values)
+    return Point({**plant.values, **table.values, **brake}, kinks=plant.kinks, reach=table.reach)
 
 
 @st.composite
@@ -280,6 +303,22 @@ def supply_points(draw: Draw) -> Point:
 
 
 @st.composite
+def brake_points(draw: Draw) -> Point:
+    """A time before a hold phase, after it, or in one of its three parts."""
+    values = {
+        **{f"phase.start[{i}]": 2.0 * i for i in range(1, PHASES + 1)},
+        **{f"phase.end[{i}]": 2.0 * i + 1.0 for i in range(1, PHASES + 1)},
+        "engage.delay": 0.3,
+        "release.delay": 0.3,
+        "before.i_q_ref": signed(draw, 1.0, 30.0),
+        **signs(draw, dict.fromkeys(("x_d", "v_d", "x_hat"), (0.1, 1.0))),
+        **signs(draw, dict.fromkeys(("a_d", "i_q", "i_d", "i_q_ref"), (1.0, 30.0))),
+    }
+    reach = {name: 0.1 for name in values if name.partition(".")[0] in ("phase", "engage", "release")}
+    return Point(values, 4.0 + draw(st.sampled_from([-0.5, 0.15, 0.5, 0.85, 1.5])), reach=reach)
+
+
+@st.composite
 def fault_points(draw: Draw) -> Point:
     """A time clearly before, within or after the fault."""
     start, duration = draw(st.floats(0.3, 0.6)), draw(st.floats(0.3, 0.6))
@@ -311,9 +350,16 @@ LEVER = {
     "force": [2e4, 1e4, 4e3, 3e3, *[-2e3] * 28],
     "interpolation": 2,
 }
+BRAKE = {"brake_torque": 20.0, "brake_damping_ratio": 0.1}
+HELD = VOLTAGES | {"brake.engaged": 1.0, "inverter.disabled": 1.0}
+SWINGING = {"brake.engaged": 1.0, "brake.torque": 1e3, "brake.frequency": 5.0}
+"""A brake so soft and strong that it never slips."""
+
 BETWEEN_POINTS = {**LEVER, "position": [0.1, 0.2, 0.3, 0.4, *[0.5] * 28]}
 """A table of which motions from the default start use one segment."""
 
+
+PHASE = {"engage.delay": 0.05, "release.delay": 0.1}
 
 FACTS = {
     "EmlaPlant": BlockFacts(
@@ -361,10 +407,13 @@ FACTS = {
         sampled=frozenset({"supply.sag"}),
     ),
     "EmlaAxis": BlockFacts(
-        start=start_values(EmlaAxis, TILT, DRIVE, LEVER, {"sigma": 1e-6, "resolution": 1e-7, "F_2": 0.01}),
-        inputs=VOLTAGES,
+        start=start_values(
+            EmlaAxis, TILT, DRIVE, LEVER, BRAKE, {"sigma": 1e-6, "resolution": 1e-7, "F_2": 0.01}
+        ),
+        inputs=HELD,
         smooth={
             **MOVING,
+            **SWINGING,
             **start_values(EmlaAxis, BETWEEN_POINTS),
             "F_L": 1e3,
             "d_2": 0.1,
@@ -373,6 +422,7 @@ FACTS = {
         points=axis_points,
         exchange=(0.1, 1.5e-3),
         sampled=frozenset({"supply.sag"}),
+        still=frozenset({"brake.slip"}),  # tests/oracles has the slipping brake
     ),
     "EmlaCompliantAxis": BlockFacts(
         start=start_values(
@@ -380,12 +430,14 @@ FACTS = {
             TILT,
             DRIVE,
             LEVER,
+            BRAKE,
             {"sigma": 1e-6, "resolution": 1e-7, "m_load": 1.5e4, "sigma_load": 2e-6, "resolution_load": 1e-7},
             {"stiffness": 7e7, "damping": 4e4, "backlash": 1e-4},
         ),
-        inputs=VOLTAGES,
+        inputs=HELD,
         smooth={
             **MOVING,
+            **SWINGING,
             **start_values(EmlaCompliantAxis, BETWEEN_POINTS),
             "F_L": 1e3,
             "load.v": 0.01,
@@ -396,6 +448,7 @@ FACTS = {
         points=compliant_axis_points,
         exchange=(0.1, 2e-3),
         sampled=frozenset({"supply.sag"}),
+        still=frozenset({"brake.slip", "inverter.u_available"}),  # tests/oracles has the slipping brake
     ),
     "EmlaMotor": BlockFacts(
         start=start_values(
@@ -465,6 +518,19 @@ FACTS = {
         | {"d_3.amplitude[2]": 1.5, "d_3.omega[2]": 9.0}
         | {"d_4.amplitude": 2.5, "d_4.omega": 5.0, "d_4.phase": 0.5},
         points=disturbance_points,
+        has_model_exchange=False,
+    ),
+    "HoldingBrake": BlockFacts(
+        start={**PHASE, "phase.start[1]": 0.1, "phase.end[1]": 0.4},
+        inputs={
+            "x_d": 0.1,
+            "v_d": 0.1,
+            "a_d": 1.0,
+            "x_hat": 0.1,
+            **dict.fromkeys(("i_q", "i_d", "i_q_ref"), 10.0),
+        },
+        smooth={"x_d": 0.2, "x_hat": 0.3, "v_d": 0.1, "a_d": 0.5, "i_q": 3.0, "i_d": 1.0, "i_q_ref": 4.0},
+        points=brake_points,
         has_model_exchange=False,
     ),
     "SharedSupply": BlockFacts(
