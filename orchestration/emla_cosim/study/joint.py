@@ -15,6 +15,7 @@ from emla_fmu import (
     EmlaMotor,
     EmlaObserver,
     EmlaPlant,
+    HoldingBrake,
     LoadObserver,
     Reference,
     ScrewCommand,
@@ -75,8 +76,16 @@ _LOAD_SENSOR = (
     "load_observer.v_hat -> command.load.v",
     "load_observer.a_hat -> command.load.a",
 )
+_BRAKED = {"x_d": "x_r", "v_d": "v_r", "a_d": "a_r", "i_q": "i_q_c", "i_d": "i_d_c"}
+"""What a brake passes on to the controller, by the inputs that both have."""
+
+_BRAKE = (
+    "controller.i_q_ref -> brake.i_q_ref",
+    "brake.engaged -> plant.brake.engaged",
+    "brake.disabled -> plant.inverter.disabled",
+)
 _ESTIMATED = ("observer.x_hat -> controller.x_hat", "observer.v_hat -> controller.v_hat")
-_SAMPLE = ("disturbance", "observer", "load_observer", "command")
+_SAMPLE = ("disturbance", "observer", "load_observer", "command", "brake")
 """Components that compute at communication points, like the controller: the disturbance draws random numbers.
 """
 
@@ -146,6 +155,7 @@ def build_joint(
     on_stroke: bool = False,
     command: Mapping[str, Any] | None = None,
     load_observer: Mapping[str, Any] | None = None,
+    brake: Mapping[str, Any] | None = None,
     elsewhere: Mapping[str, str | None] = MappingProxyType({}),
 ) -> Joint:
     """Build a joint from its parameters, with a block or an FMU as controller.
@@ -166,9 +176,10 @@ def build_joint(
         true_feedback: Whether the controller gets the plant's true position and speed.
         electrical: Whether the plant is only its electrical half, `motor`.
         compliant: Whether the plant has a load that is not rigid.
-        on_stroke: Whether the load force also depends on the position.
+        on_stroke: Whether the load force also depends on the position, or the plant has a brake.
         command: Values of the `ScrewCommand` between reference and controller, by attribute; None without it.
         load_observer: Values of the `LoadObserver`, by attribute; None without a sensor at the load.
+        brake: Values of the `HoldingBrake` before the controller, by attribute; None without it.
         elsewhere: Full names of variables of other components that replace ends such as reference.x_d; None
             leaves an end open.
 
@@ -186,6 +197,8 @@ def build_joint(
         blocks[LoadObserver] = ("load_observer", [load_observer])
     if command is not None:
         blocks[ScrewCommand] = ("command", [command])
+    if brake is not None:
+        blocks[HoldingBrake] = ("brake", [brake])
     if reference is not None:
         blocks = {Reference: ("reference", [reference]), **blocks}
     components = [
@@ -199,6 +212,8 @@ def build_joint(
         wires += [_APPROACH] if "approach_time" in command else []
     if load_observer is not None:
         wires += _LOAD_SENSOR
+    if brake is not None:
+        wires = [new for wire in wires for new in _through_brake(wire)] + list(_BRAKE)
     roles = {"plant": "motor"} if electrical else {}
     ends = [
         [_full_name(name, end, roles, elsewhere) for end in wire.split(" -> ")]
@@ -206,6 +221,19 @@ def build_joint(
         if _has_port(_ports(controller), wire)
     ]
     return Joint(tuple(components), tuple(f"{a} -> {b}" for a, b in ends if a is not None and b is not None))
+
+
+def _through_brake(wire: str) -> list[str]:
+    """Return the connections that replace one, so that it leads through the brake if need be."""
+    source, target = wire.split(" -> ")
+    role, _, port = target.partition(".")
+    if target == "controller.x_hat":
+        return [wire, f"{source} -> brake.x_hat"]
+    if target == "observer.i_q":
+        return [f"brake.i_q_c -> {target}"]
+    if role == "controller" and port in _BRAKED:
+        return [f"{source} -> brake.{port}", f"brake.{_BRAKED[port]} -> {target}"]
+    return [wire]
 
 
 def _full_name(

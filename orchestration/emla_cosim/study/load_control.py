@@ -88,7 +88,7 @@ def check_notch_joints(notch: Mapping[str, float | str], joints: Collection[str]
 
 
 def complete_order(system: System, options: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the order of stepping with the components of load controls, each before its controller.
+    """Return the order of stepping with load controls and brakes, each before its controller.
 
     They have no step multiple, even if the controller has one: like a reference, they make a motion, and a
     held motion is late.
@@ -101,7 +101,11 @@ def complete_order(system: System, options: Mapping[str, Any]) -> dict[str, Any]
     for component in system.components:
         joint, _, role = component.name.partition(".")
         controller = f"{joint}.controller"
-        if role in ("load_observer", "command") and controller in order and component.name not in order:
+        if (
+            role in ("load_observer", "command", "brake")
+            and controller in order
+            and component.name not in order
+        ):
             order.insert(order.index(controller), component.name)
     return {"order": order} if order else {}
 

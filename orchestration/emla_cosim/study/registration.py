@@ -22,7 +22,7 @@ from ..run.scenarios.scenario_file import KINDS, Kind
 from ..views.animation import ANIMATIONS
 from ..views.plots.by_unit import BY_UNIT
 from ..views.plots.pictures import FIGURES
-from . import supply, systems
+from . import brakes, supply, systems
 from .actuator.model_parameters import follow_plant_changes
 from .actuator.remarks import remarks
 from .figures import JOINT_FIGURES, MACHINE_FIGURES
@@ -86,6 +86,7 @@ def register() -> None:
     TUNINGS.update(list_tuning_plans())
     METRICS[LOADS] = load_metrics  # before the joints: tables show it first
     METRICS[JOINTS] = joint_metrics
+    METRICS[brakes.BRAKES] = brakes.brake_metrics
     METRICS[supply.SUPPLY] = supply.supply_metrics
     TRACKED[JOINTS] = find_tracked_joints
     TRACKED[LOADS] = find_tracked_loads  # after the joints: the last pair of a joint counts

@@ -33,6 +33,7 @@ from .controllers import COMPLIANT, ChosenGains, choose_controller
 from .joint import Joint, build_joint
 from .joints.schema import JointFile, list_joint_names, load_joint, parse_joint
 from .load_control import (
+    LoadControl,
     check_notch_joints,
     choose_load_control,
     command_parameters,
@@ -123,6 +124,9 @@ def study_joint(
     if table is not None:
         force = own.load.force_at_start(x_L + ahead, compliance)
         plant |= table.parameters()
+    if own.brake is not None:
+        _check_brake(own.name, electrical, load_command)
+        plant |= {"brake_torque": own.brake.torque}
     if compliance is not None:
         plant |= compliance.parameters(force)
     load_observer = None
@@ -152,11 +156,29 @@ def study_joint(
         true_feedback=true_feedback,
         electrical=electrical,
         compliant=compliant,
-        on_stroke=table is not None,
+        on_stroke=table is not None or own.brake is not None,
         command=command,
         load_observer=load_observer,
+        brake=None if own.brake is None else own.brake.parameters(),
         elsewhere=elsewhere,
     )
+
+
+def _check_brake(joint: str, electrical: bool, control: LoadControl) -> None:
+    """Raise CommandError if the joint's brake is not supported."""
+    if electrical:
+        raise CommandError(
+            f"the merged machine does not support the holding brake of {joint}; set --mode coupled, or "
+            "remove [brake] from its joint file.",
+            joint=joint,
+        )
+    if control.has_sensor:
+        raise CommandError(
+            f"the load control 'sensor' of {joint} does not support its holding brake: its feedback would "
+            "wind up while the screw is held; set --load-control motor, or remove [brake] from its joint "
+            "file.",
+            joint=joint,
+        )
 
 
 def _gains(own: JointFile, found: ChosenGains, on_machine: bool) -> tuple[Any, ObserverGains, float]:

@@ -14,6 +14,7 @@ from ...run.scenarios.option_fields import with_options
 from ..actuator.actuator import Actuator, read_tables
 from ..actuator.sheet_values import ACTUATOR
 from .block_tables import DISTURBANCE, PLANT
+from .brake_table import Brake
 from .gain_tables import controllers_struct, observer_table
 from .motions import Compliance, JointExperiment, Load, LoadFeedback, Move, StartPosition
 
@@ -92,6 +93,7 @@ class JointTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     plant: Any
     compliance: Compliance | None = None
     load_feedback: LoadFeedback = LoadFeedback()
+    brake: Brake | None = None
     observers: Any = msgspec.field(name="observer")
     gains: Any
     tuning: Tuning | None = None
