@@ -17,6 +17,7 @@ from emla_cosim.study.joints.schema import load_joint
 from emla_cosim.study.loading import load
 from emla_cosim.study.machines.machine_file import MachineFile, load_machine_file, parse_machine_file
 from emla_cosim.study.machines.run_machine import find_machine
+from emla_cosim.study.machines.systems import machine_system
 from emla_cosim.study.roles import find_element, find_joints, find_variable
 from machine_fmu.model import MachineModel
 from machine_fmu.spline import DEFAULT_FILE
@@ -197,7 +198,7 @@ def test_defaults_and_what_overrides_them(tmp_path: Path) -> None:
     path = tmp_path / "boom.toml"
     path.write_text(BOOM)
     options = load(path).options
-    assert (options.stop_time, options.step_size, options.gains) == (4.0, 1e-4, "compensated")
+    assert (options.stop_time, options.step_size, options.gains) == (4.0, 1e-4, "damped")
     assert options.algorithm == "strong" and options.class_options["step_multiples"]["luff.observer"] == 1
     assert load(path, mode="replayed").options.algorithm == "gauss-seidel"
     path.write_text(BOOM + '[run]\nmode = "merged"\nstop_time = "2 s"\ngains = "robust"\n')
@@ -219,11 +220,40 @@ def test_machine_without_motion_holds_its_start(tmp_path: Path, fmu_folder: Path
     assert np.asarray(result["machine.trajectory.x_d[1]"]) == pytest.approx(0.2)
 
 
-def test_gains_for_another_load_are_reported(tmp_path: Path) -> None:
-    path = tmp_path / "boom.toml"
-    path.write_text(BOOM.replace('m = "120 kg"', 'm = "200 t"'))
-    machine = load(path).system.component("machine.manipulator")
-    assert "luff moves" in str(machine.note) and "instead of 43.5 t" in str(machine.note)
+def test_models_have_the_mass_of_the_machine() -> None:
+    """Gains act as on the machine of their joint: inertia of model over that of drive and machine."""
+    sheet = load_joint("lift")
+    drive, tuned = sheet.emla.alpha_RL * sheet.emla.A_eq, sheet.compliant_load.mass
+    file = boom('m = "120 kg"', 'm = "2 t"')
+    model = MachineModel(file.machine)
+    poses = np.array([[0.2], [0.3]])
+    rest = np.zeros_like(poses)
+    mass = np.max(model.forces(poses, rest, rest + 1.0) - model.forces(poses, rest, rest))
+    for mode, factor in (("coupled", (drive + mass) / (drive + tuned)), ("replayed", 1.0)):
+        system = machine_system(file, None, None, mode=mode)
+        for name in ("luff.controller", "luff.observer"):
+            inertia = system.component(name).parameters["model.A_eq"]
+            assert inertia == pytest.approx(sheet.emla.A_eq * factor, rel=1e-3)
+
+
+def test_models_of_the_paper_have_the_drive_alone() -> None:
+    for joint in ("lift", "tilt", "telescope"):
+        parameters = load("hdrm-coupled").system.component(f"{joint}.controller").parameters
+        assert parameters["model.A_eq"] == load_joint(joint).emla.A_eq
+
+
+def test_disturbances_of_built_in_joints_are_those_of_the_paper(tmp_path: Path) -> None:
+    text = (Path(ec.__file__).parent / "study/joints/tilt.toml").read_text(encoding="utf-8")
+    (tmp_path / "mine.toml").write_text(text)
+    for joint, disturbed in (
+        ('"lift"', False),
+        ('"lift"\ndisturbances = true', True),
+        ('"mine.toml"', True),
+        ('"mine.toml"\ndisturbances = false', False),
+    ):
+        system = machine_system(boom('"lift"', joint, tmp_path), None, "compensated")
+        amplitude = system.component("luff.disturbance").parameters.get("d_2.amplitude[1]", 0.0)
+        assert bool(amplitude) == disturbed
 
 
 @pytest.mark.parametrize(

@@ -71,6 +71,7 @@ _ASSUMED_VALUES = (
         _BOTH,
         ("motor.J_m", "coupling.J_c", "gearbox.J_GB", "screw.M_BS", *_GEAR),
         motion_law.A_eq,
+        is_scale=True,  # on a machine, it has its mass
     ),
     _AssumedValue("model.B_eq", _BOTH, ("motor.B_m", "screw.B_BS", *_GEAR), motion_law.B_eq),
     _AssumedValue("model.stiffness", _LOAD, (_STIFFNESS,), attrgetter("stiffness")),
@@ -161,7 +162,9 @@ def _find_stale(
             name = f"{joint}.{who}.{belief.name}"
             present = components.get(f"{joint}.{who}", {}).get(belief.name)
             if present is not None and not any(matches_pattern(name, key) for key in options.set):
-                value = _number(name, present, {}) * fitting / was if belief.is_scale else fitting
+                before = _number(name, present, {})
+                scaled = belief.is_scale and before != was
+                value = before * fitting / was if scaled else fitting
                 yield _StaleValue(name, changed, value)
 
 

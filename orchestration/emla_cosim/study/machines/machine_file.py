@@ -20,7 +20,7 @@ from ...base.values import convert_value
 from ...run.scenarios.option_fields import with_options
 from ..joints.schema import JointFile
 from .checks import NAME_RULE, is_name
-from .machine_joints import require_joint
+from .machine_joints import is_path, require_joint
 from .motion import Motion, read_motion_table
 from .schema import KIND, MachineTable, build_machine, machines_folder, read_machine_text
 
@@ -112,6 +112,8 @@ def parse_machine_file(content: Mapping[str, Any], label: str, name: str, folder
     joints, seeds = dict[str, JointFile](), set[int | None]()
     for actuator, entry in table.actuators.items():
         own = _as_in_machine(require_joint(actuator, entry.joint, label, folder), machine, label)
+        if not (entry.disturbances if entry.disturbances is not None else is_path(entry.joint)):
+            own = msgspec.structs.replace(own, disturbance={})
         joints[actuator] = own = _with_other_seed(own, seeds)
         seeds.add(own.seed)
     file = MachineFile(

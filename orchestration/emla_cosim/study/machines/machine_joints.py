@@ -20,6 +20,11 @@ class SheetValues:
     stroke: tuple[float, float] | None
 
 
+def is_path(joint: str | None) -> bool:
+    """Return whether the entry `joint` of an actuator is the path of a file, not the name of a joint."""
+    return joint is not None and joint.lower().endswith(".toml")
+
+
 def find_joint(actuator: str, joint: str | None, label: str, folder: Path | None) -> JointFile | None:
     """Return the joint of an actuator, with the name of the actuator; None without a joint.
 
@@ -35,7 +40,7 @@ def find_joint(actuator: str, joint: str | None, label: str, folder: Path | None
     if joint is None and actuator not in list_joint_names():
         return None
     name = joint or actuator
-    if name.lower().endswith(".toml"):
+    if is_path(name):
         path = (folder or Path()) / name
         what = f"the joint file '{path}'"
         content = read_toml(read_text(path, "the joint"), what)

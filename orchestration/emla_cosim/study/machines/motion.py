@@ -54,6 +54,12 @@ class Motion:
         row = self.spline.evaluated([min(max(0.0, self.spline.start), self.spline.end)])[0]
         return dict(zip(self.spline.joints, row.tolist(), strict=True))
 
+    @property
+    def quarters(self) -> Sequence[float]:
+        """The times in s at which the motion begins, has quarters behind it, and ends."""
+        length = self.spline.end - self.spline.start
+        return [self.spline.start + 0.25 * part * length for part in range(5)]
+
     def travel(self, joint: str, start: float, stop: float) -> tuple[float, float, float]:
         """Return lowest and highest position of a joint in m, and its largest speed in m/s.
 

@@ -128,6 +128,10 @@ class ActuatorTable(StrutTable, frozen=True, kw_only=True, forbid_unknown_fields
     """An actuator between two points: housing and motor at the first one, rod at the second one."""
 
     joint: Annotated[str, describe("name of a built-in joint, or path of a joint file", "lift")] | None = None
+    disturbances: (
+        Annotated[bool, describe("whether those of the joint act; by default those of a joint file only")]
+        | None
+    ) = None
     length: Annotated[float | str, number("m", "distance of the points at stroke 0", 0.85)]
     stroke: (
         Annotated[

@@ -1,7 +1,8 @@
 """Systems of a machine: its joints with one trajectory, and the machine as a load or merged with them."""
 
+import contextlib
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -18,15 +19,17 @@ from ...run.scenarios.scenario_file import ScenarioFile
 from ...run.system_options import MODES
 from ...system.bond import Bond
 from ...system.model import Component, System, Value
+from ..actuator.actuator import Actuator
 from ..actuator.joint_actuators import NONE, Actuators, check_joints
 from ..joint import start_values
+from ..joints.schema import JointFile
 from ..load_control import check_notch_joints
 from ..systems import Choice, study_joint
 from .blocks import MANIPULATOR, MachineBlocks, machine_blocks
 from .machine_file import MachineFile, load_machine_file, parse_machine_file
 from .motion import COMPONENT, Motion, describe_other_machine, hold, load_motion
 from .schema import list_machine_names, machines_folder
-from .start import find_start
+from .start import Start, find_start
 
 COUPLED, REPLAYED, MERGED = MODES
 
@@ -41,14 +44,17 @@ _SAMPLED = ("disturbance", "observer", "controller")
 """Components of a joint that are sampled like a digital controller, so that all loops of connections are in
 the machine."""
 
-_GAINS = "compensated"
-"""The set of gains of machines whose file names none: it adapts to the actuator."""
+_GAINS = "damped", "compensated"
+"""The sets of gains of machines whose file names none; the second one if a joint lacks the first."""
 
 _HOLD_TIME = 10.0
 """Stop time in s of a machine without motion."""
 
-_OTHER_LOAD = 2.0
-"""Factor between the inertia of a machine and that of its gains from which on a remark says so."""
+_INERTIA = "model.A_eq"
+"""The inertia of a drive in the models of controllers and observers."""
+
+_SAME_INERTIA = 0.01
+"""Relative difference of inertias up to which a model is not changed: masses in joint files are rounded."""
 
 
 @dataclass(frozen=True)
@@ -142,6 +148,8 @@ def machine_system(
     motion = load_motion(trajectory, list(file.joints)) if trajectory is not None else file.motion
     first = file.start if motion is None else motion.first
     starts = {joint: first[joint] + file.start_errors.get(joint, 0.0) for joint in file.joints}
+    start = find_start(file.machine, list((first if mode == REPLAYED else starts).values()), file.label)
+    masses = start.masses if motion is None else _largest_masses(file, motion, start)
     components, connections, bonds = list[Component](), list[str](), dict[str, Bond]()
     for element, (joint, own) in enumerate(file.joints.items(), 1):
         made = study_joint(
@@ -160,14 +168,18 @@ def machine_system(
             },
             **variant,
         )
-        components += made.components
+        parts = made.components
+        if mode != REPLAYED:  # where the screw moves the machine
+            actuator = actuators.get(joint) or own.actuator
+            parts = tuple(_with_mass(parts, own, actuator, masses[element - 1]))
+        components += parts
         patterns = way.wires
         if any(c.model == ScrewCommand.__name__ for c in made.components):
             patterns = [_follow_command(wire) for wire in patterns]
         connections += [*made.wires, *(wire.format(joint=joint, element=element) for wire in patterns)]
         if way.bond is not None:
             bonds[joint] = way.bond.with_names(joint=joint, element=element)
-    machine = _machine_component(file, mode, first if mode == REPLAYED else starts, actuators)
+    machine = _machine_component(file, mode, start, starts, actuators)
     components += [_trajectory_component(file, motion, machine), machine]
     system = System(tuple(components), ()).with_connections(*connections)
     record = {"name": file.name, "definition": json.loads(write_definition(file.machine))}
@@ -193,12 +205,11 @@ def _check_merged(file: MachineFile, actuators: Actuators) -> None:
 
 
 def _machine_component(
-    file: MachineFile, mode: str, starts: Mapping[str, float], actuators: Actuators
+    file: MachineFile, mode: str, start: Start, starts: Mapping[str, float], actuators: Actuators
 ) -> Component:
     """Return the component of the machine."""
     blocks, way = _blocks(file), _MODES[mode]
     block = blocks.plant if mode == MERGED else blocks.load
-    start = find_start(file.machine, list(starts.values()), file.label)
     values: dict[str, Value] = {}
     if mode == MERGED:
         own = _by_joint(block, file, actuators)
@@ -206,8 +217,7 @@ def _machine_component(
         values |= start_values(block, {**own, "x_L_start": list(starts.values()), "F_2": uncertain})
     elif actuators:  # with their masses and strokes
         values |= start_values(block, _by_joint(block, file, actuators))
-    remark = _describe_other_loads(file, start.masses)
-    return Component(way.machine, blocks.model(block), {**values, **start.values}, note=remark)
+    return Component(way.machine, blocks.model(block), {**values, **start.values})
 
 
 def _blocks(file: MachineFile) -> MachineBlocks:
@@ -253,13 +263,18 @@ def machine_scenario(content: Mapping[str, Any], where: str, folder: Path) -> Sc
     return ScenarioFile(
         file.description,
         path.name if is_file else where,
-        file.run if "controller" in file.run else {"gains": _GAINS, **file.run},
+        file.run if "controller" in file.run else {"gains": _default_gains(file), **file.run},
         where,
         folder,
         partial(machine_system, file),
         partial(_defaults, file),
         {name: joint.sheet for name, joint in file.joints.items()},
     )
+
+
+def _default_gains(file: MachineFile) -> str:
+    first, second = _GAINS
+    return first if all(first in joint.gains.get("rsba", {}) for joint in file.joints.values()) else second
 
 
 def _defaults(file: MachineFile, options: Options) -> dict[str, Any]:
@@ -303,25 +318,45 @@ SYSTEMS: dict[str, Callable[..., System]] = {
 """Systems of machines by name, made for a controller and its gains."""
 
 
-def _describe_other_loads(file: MachineFile, masses: Sequence[float]) -> str:
-    """Return a remark on gains that were tuned for other inertias; empty if none were."""
-    remarks = []
-    for (name, joint), mass in zip(file.joints.items(), masses, strict=True):
-        emla = joint.emla
-        drive = emla.alpha_RL * emla.A_eq
-        tuned = joint.compliance.mass if joint.compliance is not None else 0.0
-        ratio = (drive + mass) / (drive + tuned)
-        if not 1.0 / _OTHER_LOAD <= ratio <= _OTHER_LOAD:
-            remarks.append(
-                f"{name} moves {_tons(mass)} instead of {_tons(tuned)}, with {_tons(drive)} of its drive"
-            )
-    if not remarks:
-        return ""
-    return (
-        f"the gains of joint files were tuned with other masses; reflected to the screw at the start, "
-        f"{'; '.join(remarks)}."
-    )
+def _largest_masses(file: MachineFile, motion: Motion, start: Start) -> Sequence[float]:
+    """Return the largest mass in kg that each screw moves, of the start and of poses of a motion.
+
+    Loops have the least margin where the mass is largest. A joint that moves the mass of its gains at the
+    start keeps that one: it is on the machine for which it was tuned.
+    """
+    largest = [start.masses]
+    for strokes in motion.spline.evaluated(motion.quarters).tolist():
+        with contextlib.suppress(CommandError):  # the run says where the motion cannot be made
+            largest.append(find_start(file.machine, strokes, file.label).masses)
+    return [
+        masses[0] if abs(_inertia_factor(own, own.actuator, masses[0]) - 1.0) < _SAME_INERTIA else max(masses)
+        for own, masses in zip(file.joints.values(), zip(*largest, strict=True), strict=True)
+    ]
 
 
-def _tons(mass: float) -> str:
-    return f"{mass:.3g} kg" if mass < 1e3 else f"{mass / 1e3:.3g} t"
+def _inertia_factor(own: JointFile, actuator: Actuator, mass: float) -> float:
+    """Return the factor of the inertia in a joint's models with which its gains fit a mass in kg.
+
+    Controller and observer turn accelerations into torque with the inertia of their model. Gains of a joint
+    were tuned with the mass of its `[compliance]`, or alone, while their model had the drive alone.
+    """
+    tuned = own.compliance.mass if own.compliance is not None else 0.0
+    return (1.0 + mass / _drive_mass(actuator)) / (1.0 + tuned / _drive_mass(own.actuator))
+
+
+def _with_mass(
+    components: Iterable[Component], own: JointFile, actuator: Actuator, mass: float
+) -> Iterator[Component]:
+    """Yield the components of a joint, with models that fit the mass in kg that its screw moves."""
+    factor = _inertia_factor(own, actuator, mass)
+    for component in components:
+        inertia = component.parameters.get(_INERTIA)
+        if not isinstance(inertia, float) or abs(factor - 1.0) < _SAME_INERTIA:
+            yield component
+        else:
+            yield replace(component, parameters={**component.parameters, _INERTIA: factor * inertia})
+
+
+def _drive_mass(actuator: Actuator) -> float:
+    """Return the inertia of a drive at its screw in kg."""
+    return float(actuator.emla.alpha_RL * actuator.emla.A_eq)
