@@ -349,9 +349,7 @@ def _side(pose: Pose, rows: Sequence[Row], step: Step) -> int | None:
     return 1 if slope > 0.0 else -1
 
 
-def _refuse_singular(
-    pose: Pose, all_rows: Sequence[Row], step: Step, lengths: Mapping[str, float]
-) -> None:
+def _refuse_singular(pose: Pose, all_rows: Sequence[Row], step: Step, lengths: Mapping[str, float]) -> None:
     """Raise MachineError if Newton's method cannot leave a pose of floats, although lengths close there."""
     rows = [all_rows[e] for e in step.equations]
     directions = [(row, row_direction(pose, row)[1]) for row in rows]
