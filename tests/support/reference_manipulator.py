@@ -104,3 +104,39 @@ def _kinetic(body: Body, q: ca.SX, v: ca.SX) -> ca.SX:
 
 
 LAGRANGIAN = Lagrangian()
+
+
+@dataclass(frozen=True)
+class Merged:
+    """Manipulator and three actuators; values in the order of lift, tilt and telescope."""
+
+    lagrangian: Lagrangian = Lagrangian()
+    J: tuple[float, ...] = (0.016, 0.0105, 0.00085)
+    """Inertia at the motors, J_m + J_c + J_GB, kg m2."""
+    rho: tuple[float, ...] = (1.0 / 7.0, 1.0 / 5.0, 1.0)
+    lead: tuple[float, ...] = (0.02, 0.01, 0.01)
+    B_m: tuple[float, ...] = (1.67e-3, 1.67e-3, 1.67e-3)
+    B_BS: tuple[float, ...] = (0.0, 0.0, 0.0)
+    C_eq: tuple[float, ...] = (0.0, 0.0, 0.0)
+    eta_GB: tuple[float, ...] = (0.9, 0.9, 0.9)
+    F_2: tuple[float, ...] = (0.0, 0.0, 0.0)
+
+    def coefficients(self) -> tuple[Vector, Vector, Vector]:
+        """A_eq, B_eq and D_eq of (5)."""
+        alpha = 2.0 * np.pi / (np.array(self.rho) * self.lead)
+        A = alpha * self.J + np.array(self.lagrangian.p.M_BS) / alpha
+        return A, alpha * self.B_m + np.array(self.B_BS) / alpha, 1.0 / (alpha * self.eta_GB)
+
+    def acceleration(self, x: Vector, tau_m: Vector, d_2: Vector, payload: float) -> tuple[Vector, Vector]:
+        """Accelerations, and load forces in N: (9) of each actuator with F_L = M a + h."""
+        A, B, D = self.coefficients()
+        M, h, _, _ = self.lagrangian.at(x[:3], x[3:], payload)
+        free = tau_m / A - (1.0 + np.array(self.F_2)) * (B * x[3:] + self.C_eq * x[:3]) / A + d_2
+        # a = free - D/A (M a + h)
+        a = np.linalg.solve(np.eye(3) + np.diag(D / A) @ M, free - D / A * h)
+        return a, M @ a + h
+
+    def energy(self, x: Vector, payload: float) -> float:
+        """Energy of manipulator, motors and screws in J."""
+        A, _, D = self.coefficients()
+        return self.lagrangian.at(x[:3], x[3:], payload)[2] + 0.5 * float(A / D @ x[3:] ** 2)

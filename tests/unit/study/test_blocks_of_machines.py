@@ -27,7 +27,9 @@ def test_changed_copy_of_the_manipulator_has_blocks_of_its_own(tmp_path: Path) -
     path, text = tmp_path / "hdrm.toml", read_machine_text("hdrm")
     path.write_text(text, encoding="utf-8")
     assert ec.read_machine_blocks(path).all == ec.read_machine_blocks("hdrm").all
-    path.write_text(text.replace('m = "lift_boom.m"', "m = 3000.0"), encoding="utf-8")
+    path.write_text(
+        text.replace('"lift_boom.m" = { value = 160.0', '"lift_boom.m" = { value = 3000.0'), encoding="utf-8"
+    )
     blocks = ec.read_machine_blocks(path)
     assert [block.__name__ for block in blocks.all] == ["HdrmLoad", "HdrmPlant", "HdrmTrajectory"]
     assert blocks.model(blocks.plant) == f"{blocks.file}:HdrmPlant"
