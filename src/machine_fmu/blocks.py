@@ -18,6 +18,7 @@ from .exact import ZERO, is_zero, plain
 from .guards import Guards
 from .linear import solve_symmetric
 from .mechanism import Mechanism
+from .vectors import NONE
 
 _CORRECTION = 50.0
 """Rate in 1/s at which the state `pose` returns to the solution."""
@@ -110,7 +111,11 @@ class MachineBlock(Block):
         iterated = self.closure.iterated
         guess = dict(zip(iterated, v.pose, strict=True)) if iterated else None
         passive = v.passive_q if mechanism.passive else ()
-        return Dynamics(mechanism, self.closure, strokes, passive, guess, self.iterations)
+        load = NONE
+        if (payload := self.machine.payload) is not None and payload.has_force:
+            x, y, z = [*v.payload_F, ZERO][:3]
+            load = (x, y, z)
+        return Dynamics(mechanism, self.closure, strokes, passive, guess, self.iterations, load)
 
     def mechanism(self, v: Any) -> Mechanism:
         """Return the mechanism with the values of an instance."""

@@ -181,6 +181,15 @@ class _Declared:
                 description="Mass of the payload",
             )
             declared = {"payload": payload, **declared}
+            if self.machine.payload.has_force:
+                axes = ", ".join(AXES_NAMES[: self.machine.dimensions])
+                declared["payload_F"] = Input(
+                    shape=self.machine.dimensions,
+                    unit="N",
+                    nominal=1e4,
+                    name="payload.F",
+                    description=f"Force of a process on the payload along {axes}",
+                )
         for attribute, variable in {**declared, **variables}.items():
             variable.attribute = attribute
             if variable.name is None:

@@ -159,11 +159,15 @@ class Actuator(Strut):
 
 @dataclass(frozen=True)
 class Payload:
-    """A mass at a point, written BODY.POINT, with an inertia per mass about this point."""
+    """A mass at a point, written BODY.POINT, with an inertia per mass about this point.
+
+    If `has_force`, the force of a process acts on it, such as that of digging: an input of the blocks.
+    """
 
     at: str
     m: float = 0.0
     J: Number = 0.0
+    has_force: bool = False
 
 
 @dataclass(frozen=True)

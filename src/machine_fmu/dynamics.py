@@ -18,7 +18,7 @@ from .linear import Factors, solve_symmetric
 from .mass import coordinate_masses
 from .mechanism import Inertia, Mechanism
 from .pose import Motion, Pose, carry, swing
-from .vectors import NONE, Vector, add, cross, dot, is_none, scale, turn, turn_back
+from .vectors import NONE, Vector, add, cross, dot, is_none, scale, subtract, turn, turn_back
 
 
 @dataclass
@@ -32,6 +32,7 @@ class Dynamics:
         passive: Passive coordinates, in m or rad.
         guess: Where Newton's method begins, by coordinate.
         iterations: Number of its iterations.
+        load: Force of a process on the payload in N, in directions of the ground.
     """
 
     mechanism: Mechanism
@@ -40,6 +41,7 @@ class Dynamics:
     passive: Sequence[Any] = ()
     guess: Mapping[int, Any] | None = None
     iterations: int = ITERATIONS
+    load: Vector = NONE
     pose: Pose = field(init=False)
 
     def __post_init__(self) -> None:
@@ -159,6 +161,9 @@ class Dynamics:
             for end, force in zip((bar.start, bar.end), at_ends, strict=True):
                 forces[end.frame] = add(forces[end.frame], force)
                 moments[end.frame] = add(moments[end.frame], cross(self.pose.reach(end), force))
+        if (end := self.mechanism.payload) is not None and not is_none(self.load):
+            forces[end.frame] = subtract(forces[end.frame], self.load)
+            moments[end.frame] = subtract(moments[end.frame], cross(self.pose.reach(end), self.load))
         along, rest = self._equations.forces(self._torques(forces, moments))
         found = []
         for bar, a_i in zip(self.mechanism.actuators, a, strict=False):

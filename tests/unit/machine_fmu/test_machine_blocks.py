@@ -1,5 +1,6 @@
 """Blocks of machines: variables, equations on symbols and floats, and starts that are refused."""
 
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -10,6 +11,7 @@ from emla_cosim.study.machines.schema import load_machine
 from fmublock import Block, BlockError, Instance
 from fmublock.symbolic import evaluate_symbolically
 from machine_fmu import assemble, load_block, plant_block, reach_pose
+from machine_fmu.model import MachineModel
 from machine_fmu.pose import Pose
 
 
@@ -118,3 +120,25 @@ def test_impossible_machines_do_not_start(values: dict[str, float], expected: st
     with pytest.raises(BlockError) as error:
         instance.exit_initialization()
     assert str(error.value) == f"Load: {expected}."
+
+
+@pytest.mark.parametrize("name", ["excavator", "lift_table", "stewart"])
+def test_force_of_a_process_does_the_work_of_its_actuators(name: str) -> None:
+    """At rest, by differences of the tip: actuators carry what moves it against the force."""
+    machine = load_machine(name)
+    assert machine.payload is not None
+    model = MachineModel(machine)
+    pushed = replace(machine, payload=replace(machine.payload, has_force=True))
+    load = np.array([3e3, -7e3, 2e3][: machine.dimensions])
+    forces = []
+    for F in (0.0 * load, load):
+        instance = Instance(load_block(pushed, "Load")())
+        instance["payload.F"] = F.tolist()
+        instance.enter_initialization()
+        instance.exit_initialization()
+        forces.append(instance["F_L"])
+    h, start = 1e-4, np.array(model.start)
+    moves = np.eye(len(start)) * h
+    slopes = (model.tip(start + moves) - model.tip(start - moves)) / (2.0 * h)
+    difference = np.array(forces[1]) - forces[0]
+    assert difference == pytest.approx(-slopes @ load, rel=1e-5)

@@ -170,6 +170,7 @@ class PayloadTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     at: Annotated[str, describe("point that carries it", "boom.tip")]
     m: Annotated[float, quantity("kg", "mass", 470.0, ge=0.0)]
     J: Annotated[float | str, number("m2", "inertia about the point per mass", 0.06, ge=0.0)] = 0.0
+    force: Annotated[bool, describe("whether a process acts on it with the force payload.F")] = False
 
 
 class MotionTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -299,7 +300,7 @@ def _machine(
         actuators={name: _actuator(name, x, label, folder) for name, x in table.actuators.items()},
         links={name: _link(entry) for name, entry in table.links.items()},
         loops={name: (entry.first, entry.to) for name, entry in table.loops.items()},
-        payload=None if payload is None else Payload(payload.at, payload.m, payload.J),
+        payload=None if payload is None else Payload(payload.at, payload.m, payload.J, payload.force),
         parameters=dict(_parameters(table.parameters)),
         gravity=table.gravity,
         outline=tuple(table.ground.outline),
