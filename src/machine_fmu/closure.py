@@ -6,16 +6,15 @@ from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any
 
-from fmublock import sqrt
-
 from .assembly import assemble
 from .description import Machine, MachineError
-from .exact import MINUS_ONE, ONE, ZERO, Exact, is_zero, plain
+from .exact import ONE, ZERO, plain
 from .linear import Factors
-from .mechanism import Bar, End, Mechanism
-from .pose import Angle, Lever, Pose, direction
+from .mechanism import Bar, Mechanism
+from .pose import Angle, Pose, direction
+from .rows import Row, coordinate_of, row_direction, row_ends, row_slopes
 from .structure import Step, StructureError, order_steps
-from .vectors import AXES, NONE, Vector, add, cross, dot, norm, scale, subtract, turn_back
+from .triangles import close_bar
 
 ITERATIONS = 3
 """Default number of Newton's iterations on symbols, from a guess that is close."""
@@ -28,15 +27,6 @@ _TURNS = 72
 
 _NEAR, _SINGULAR = 1e-12, 1e-9
 """Residual in m of a pose that is found, and least slope of lengths that is not singular."""
-
-
-@dataclass(frozen=True)
-class Row:
-    """An equation: the length of a bar, or a component of the distance of a loop's ends."""
-
-    bar: int = -1
-    loop: int = -1
-    component: int = 0
 
 
 @dataclass(frozen=True)
@@ -134,53 +124,6 @@ def start_strokes(machine: Machine) -> list[float]:
     ]
 
 
-def row_ends(mechanism: Mechanism, row: Row) -> tuple[End, End]:
-    """Return the two ends that an equation is about."""
-    if row.bar >= 0:
-        return mechanism.bars[row.bar].start, mechanism.bars[row.bar].end
-    return mechanism.loops[row.loop]
-
-
-def row_direction(pose: Pose, row: Row, length: Any = None) -> tuple[Any, Vector]:
-    """Return the distance of the ends along a direction in m, and the direction."""
-    if row.bar >= 0:
-        return direction(pose, pose.mechanism.bars[row.bar], length)
-    axis = AXES[row.component]
-    return dot(axis, pose.apart(*pose.mechanism.loops[row.loop])), axis
-
-
-def row_levers(pose: Pose, row: Row) -> dict[int, tuple[Vector, Vector]]:
-    """Return, for each coordinate of an equation, how its ends move apart per speed of the coordinate.
-
-    The second vector is the arm from the coordinate's frame to the end, with the same sign.
-    """
-    mechanism = pose.mechanism
-    levers, ends = dict[int, tuple[Vector, Vector]](), row_ends(mechanism, row)
-    for end, path, sign in zip(
-        ends, mechanism.paths(ends[0].frame, ends[1].frame), (MINUS_ONE, ONE), strict=True
-    ):
-        arm = pose.reach(end)
-        for frame in reversed(path):
-            of = mechanism.frames[frame]
-            if of.coordinate is not None:
-                axis = pose.axis(frame)
-                speed = axis if of.slides else cross(axis, arm)
-                levers[of.coordinate] = scale(sign, speed), NONE if of.slides else scale(sign, arm)
-            arm = add(pose.arm(frame), arm)
-    return levers
-
-
-def row_slopes(pose: Pose, row: Row, u: Vector) -> dict[int, Any]:
-    """Return the derivatives of an equation with respect to the coordinates that it depends on."""
-    if row.bar >= 0 and (slide := pose.mechanism.bars[row.bar].slide) is not None:
-        return {_coordinate(pose.mechanism, slide): ONE}
-    slopes = {
-        i: dot(u, lever) if arm is NONE else dot(pose.axis(pose.mechanism.frame_of(i)), cross(arm, u))
-        for i, (lever, arm) in row_levers(pose, row).items()
-    }
-    return {i: slope for i, slope in slopes.items() if not is_zero(slope)}
-
-
 def solve_pose(
     mechanism: Mechanism,
     closure: Closure,
@@ -207,7 +150,7 @@ def solve_pose(
         seen = _seen_from_carrier(pose, rows, step.unknowns)
         if step.unknowns[0] in closure.sides:
             coordinate, bar = step.unknowns[0], mechanism.bars[rows[0].bar]
-            _close(seen, bar, coordinate, closure.sides[coordinate], lengths[bar.name])
+            close_bar(seen, bar, coordinate, closure.sides[coordinate], lengths[bar.name])
             pose.values[coordinate] = seen.values[coordinate]
             pose.levers.update(seen.levers)
             continue
@@ -368,76 +311,12 @@ def _singular(names: str, lengths: str) -> MachineError:
     return MachineError(f"the pose is singular: {names} cannot be found from {lengths}")
 
 
-def _close(pose: Pose, bar: Bar, coordinate: int, side: int, length: Any) -> None:
-    """Add the coordinate that the length of a bar determines by a slide or a triangle.
-
-    `side` is the sign of the slope of the length.
-    """
-    mechanism, sign = pose.mechanism, ONE if side > 0 else MINUS_ONE
-    number = mechanism.frame_of(coordinate)
-    frame = mechanism.frames[number]
-    moving, fixed = (bar.end, bar.start) if bar.end.frame == number else (bar.start, bar.end)
-    if fixed.frame == frame.parent:
-        w = turn_back(frame.rotation, subtract(fixed.at, frame.at))
-    else:
-        w = turn_back(pose.base_rotation(number), pose.apart(End(frame.parent, frame.at), fixed))
-    if not frame.slides:
-        angle, slope, along = _triangle(frame.axis, w, moving.at, sign, length)
-        pose.values[coordinate], pose.levers[bar.name] = angle, Lever(coordinate, slope, along)
-        return
-    d = subtract(moving.at, w)
-    along = dot(frame.axis, d)
-    if bar.slide is not None:
-        pose.values[coordinate] = length - along
-        return
-    across = subtract(d, scale(along, frame.axis))
-    pose.values[coordinate] = sign * sqrt(plain(length * length - dot(across, across))) - along
-
-
-def _triangle(axis: Vector, w: Vector, b: Vector, sign: Exact, length: Any) -> tuple[Angle, Any, Any]:
-    """Return the angle about an axis that brings the pin at b to the distance `length` from the pin at w.
-
-    The others are the derivative of the length, and the part of b along the bar in the plane, as in `Lever`.
-    """
-    e_1, e_2 = _across(axis)
-    w_1, w_2, b_1, b_2 = dot(e_1, w), dot(e_2, w), dot(e_1, b), dot(e_2, b)
-    h = dot(axis, subtract(w, b))
-    a_square, b_square = w_1 * w_1 + w_2 * w_2, b_1 * b_1 + b_2 * b_2
-    ab = norm((w_1, w_2, ZERO)) * norm((b_1, b_2, ZERO))
-    cosine = (a_square + b_square + h * h - length * length) * (0.5 / ab)  # the factor is constant, mostly
-    sine = sign * sqrt(plain(1.0 - cosine * cosine))
-    # from the direction of the moving pin at an angle of 0 to that of the fixed pin
-    c, s = (w_1 * b_1 + w_2 * b_2) / ab, (w_2 * b_1 - w_1 * b_2) / ab
-    angle = Angle(c * cosine - s * sine, s * cosine + c * sine)
-    along = (b_square - a_square + length * length) / (2.0 * length)
-    return angle, ab * sine / length, along
-
-
-def _across(axis: Vector) -> tuple[Vector, Vector]:
-    """Return two directions that make a right-handed frame with an axis."""
-    for i in range(3):
-        if axis[i] is ONE:
-            return AXES[(i + 1) % 3], AXES[(i + 2) % 3]
-    k = tuple(float(plain(x)) for x in axis)
-    least = min(range(3), key=lambda i: abs(k[i]))
-    first = cross(AXES[least], k)  # type: ignore[arg-type]
-    size = math.sqrt(float(plain(dot(first, first))))
-    e_1 = tuple(float(plain(x)) / size for x in first)
-    return e_1, cross(k, e_1)  # type: ignore[arg-type,return-value]
-
-
 def _dependence(mechanism: Mechanism, row: Row) -> set[int]:
     if row.bar >= 0 and (slide := mechanism.bars[row.bar].slide) is not None:
-        return {_coordinate(mechanism, slide)}
+        return {coordinate_of(mechanism, slide)}
     start, end = row_ends(mechanism, row)
     frames = (mechanism.frames[f] for path in mechanism.paths(start.frame, end.frame) for f in path)
     return {frame.coordinate for frame in frames if frame.coordinate is not None}
-
-
-def _coordinate(mechanism: Mechanism, frame: int) -> int:
-    coordinate = mechanism.frames[frame].coordinate
-    assert coordinate is not None
-    return coordinate
 
 
 def _link_length(pose: Pose, bar: Bar) -> Any:

@@ -11,13 +11,14 @@ from functools import cached_property
 from typing import Any
 
 from .bars import BarInertia
-from .closure import ITERATIONS, Closure, row_direction, solve_pose
+from .closure import ITERATIONS, Closure, solve_pose
 from .equations import Equations, Numbers
 from .exact import ONE, ZERO, plain
 from .linear import Factors, solve_symmetric
 from .mass import coordinate_masses
 from .mechanism import Inertia, Mechanism
 from .pose import Motion, Pose, carry, swing
+from .rows import row_direction
 from .vectors import NONE, Vector, add, cross, dot, is_none, scale, subtract, turn, turn_back
 
 

@@ -5,11 +5,12 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-from .closure import Closure, Row, row_direction, row_ends, row_levers, row_slopes
+from .closure import Closure
 from .exact import MINUS_ONE, ONE, ZERO, is_zero
 from .linear import Factors
 from .mechanism import Bar
 from .pose import Lever, Pose, Relative
+from .rows import Row, row_direction, row_ends, row_levers, row_slopes
 from .vectors import NONE, Vector, add, cross, dot, scale
 
 Numbers = Mapping[int, Any]
