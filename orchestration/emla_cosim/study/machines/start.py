@@ -6,7 +6,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from machine_fmu import Dynamics, Machine, MachineError, assemble, find_closure, reach_pose
+from machine_fmu import (
+    Closure,
+    Dynamics,
+    Machine,
+    MachineError,
+    Mechanism,
+    assemble,
+    find_closure,
+    reach_pose,
+)
 from machine_fmu.exact import plain
 
 from ...base.errors import CommandError
@@ -34,22 +43,32 @@ def find_start(machine: Machine, strokes: Sequence[float], label: str) -> Start:
         CommandError: The machine cannot take this pose, or does not come to rest in it.
     """
     closure, mechanism = find_closure(machine), assemble(machine)
+    guess = None
+    if closure.iterated:
+        pose = _reach(mechanism, closure, strokes, label)
+        guess = {i: pose[i] for i in closure.iterated}
+    passive = _find_rest(machine, strokes, label) if mechanism.passive else []
+    at_rest = Dynamics(mechanism, closure, strokes, passive, guess, _ITERATIONS)
+    M = at_rest.mass_matrix()
+    masses = [float(plain(M[i][i])) for i in range(len(strokes))]
+    if not all(map(math.isfinite, masses)):
+        _reach(mechanism, closure, strokes, label)  # the message says which triangle does not close
+    numbers = at_rest.pose.numbers
+    values = {f"start.pose[{n}]": float(plain(numbers[i])) for n, i in enumerate(closure.iterated, 1)}
+    values |= {f"start.passive.q[{n}]": x for n, x in enumerate(passive, 1)}
+    return Start(values, masses)
+
+
+def _reach(mechanism: Mechanism, closure: Closure, strokes: Sequence[float], label: str) -> list[float]:
+    """Return the coordinates at strokes in m; raise CommandError if the machine cannot take this pose."""
     lengths = dict(closure.lengths)
     for bar, stroke in zip(mechanism.actuators, strokes, strict=True):
         lengths[bar.name] = float(plain(bar.length)) + stroke
     try:
-        pose = reach_pose(mechanism, closure, lengths)
+        return reach_pose(mechanism, closure, lengths)
     except MachineError as error:
         text = ", ".join(f"{x:.6g}" for x in strokes)
         raise CommandError(f"{label} cannot start at the strokes {text} m: {error}.") from error
-    guess = {i: pose[i] for i in closure.iterated}
-    passive = _find_rest(machine, strokes, label) if mechanism.passive else []
-    at_rest = Dynamics(mechanism, closure, strokes, passive, guess or None, _ITERATIONS)
-    numbers = at_rest.pose.numbers
-    values = {f"start.pose[{n}]": float(plain(numbers[i])) for n, i in enumerate(closure.iterated, 1)}
-    values |= {f"start.passive.q[{n}]": x for n, x in enumerate(passive, 1)}
-    M = at_rest.mass_matrix()
-    return Start(values, [float(plain(M[i][i])) for i in range(len(strokes))])
 
 
 def _find_rest(machine: Machine, strokes: Sequence[float], label: str) -> list[float]:
