@@ -25,7 +25,7 @@ PARTS = {
     "the command line": ("click", "rich", "lazy-loader"),
     "building FMUs: symbols and a C compiler for all platforms": ("casadi", "ziglang", "pythonfmu"),
     "documents in FMUs, SSP": ("latex2mathml", "markdown-it-py", "mdit-py-plugins", "lxml"),
-    "pictures and pages": ("matplotlib", "pillow", "bokeh", "jinja2", "markupsafe"),
+    "pictures and pages": ("matplotlib", "contourpy", "pillow", "bokeh", "jinja2", "markupsafe"),
     "sweeps, tuning, trajectories": ("cloudpickle", "cma", "scipy"),
     "loops of connections": ("networkx",),
     "verifying binaries": ("lief",),

@@ -55,7 +55,7 @@ block HdrmPlant "3-DoF manipulator with the mechanics of its three actuators: mo
     annotation(Placement(transformation(extent = {{100, 0}, {120, 20}})));
   Interfaces.RealOutput F_L[3](each unit = "N", each nominal = 1e4) "Load force, positive against extension"
     annotation(Placement(transformation(extent = {{100, -40}, {120, -20}})));
-  Interfaces.RealOutput energy(unit = "J", nominal = 1e4) "Energy of manipulator and actuators; potential energy relative to O1"
+  Interfaces.RealOutput energy(unit = "J", nominal = 1e4) "Energy of machine and actuators; potential energy relative to 0"
     annotation(Placement(transformation(extent = {{100, -80}, {120, -60}})));
 protected
   final parameter Real alpha[3](each unit = "rad/m") = {Functions.alpha_RL(gearbox.rho[1], screw.lead[1]), Functions.alpha_RL(gearbox.rho[2], screw.lead[2]), Functions.alpha_RL(gearbox.rho[3], screw.lead[3])} "Motor angle per travel";

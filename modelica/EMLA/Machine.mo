@@ -46,11 +46,11 @@ partial block Machine "Lift boom, outer boom and telescoping inner boom, moved b
   end Tube;
 
   record Tip "Where the payload is"
-    Real x(unit = "m") "Horizontal position of the tip from O1";
-    Real y(unit = "m") "Height of the tip above O1";
+    Real x(unit = "m") "Horizontal position of the payload";
+    Real y(unit = "m") "Height of the payload";
   end Tip;
 
-  Interfaces.RealInput payload_m(unit = "kg", nominal = 100.0, min = 0.0) "Mass at the tip"
+  Interfaces.RealInput payload_m(unit = "kg", nominal = 100.0, min = 0.0) "Mass of the payload"
     annotation(Placement(transformation(extent = {{-120, -100}, {-100, -80}})));
 
   parameter Chain lift "Lift";

@@ -124,11 +124,11 @@ def test_installed_script_completes_in_bash(tmp_path: Path) -> None:
     program = tmp_path / "emla"
     program.write_text(f"#!{sys.executable}\n{PROGRAM}\n")
     program.chmod(0o755)
-    asking = f"source {script}; COMP_WORDS=(emla run lif); COMP_CWORD=2; _emla_completion {program}; "
+    asking = f"source {script}; COMP_WORDS=(emla run tele); COMP_CWORD=2; _emla_completion {program}; "
     found = subprocess.run(
         [bash, "--norc", "-c", asking + 'echo "${COMPREPLY[@]}"'], capture_output=True, text=True, check=True
     )
-    assert found.stdout == "lift\n"
+    assert found.stdout == "telescope\n"
 
 
 @pytest.mark.slow

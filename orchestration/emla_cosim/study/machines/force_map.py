@@ -3,13 +3,15 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from machine_fmu.model import MachineModel
-
 from ...base.arrays import Vector
 from ..roles import find_variable
+
+if TYPE_CHECKING:
+    from machine_fmu.model import MachineModel
 
 _SIDES, _FEWER_SIDES = 41, 21
 """Strokes along each side of a map, and where Newton's method finds poses."""
@@ -88,7 +90,7 @@ def read_limits(joint: str, values: Mapping[str, float], roles: Mapping[str, str
     return ForceLimits(*(None if current is None else current * force_per_current for current in limits))
 
 
-def find_extremes(machine: MachineModel, strokes: Vector) -> list[Extreme]:
+def find_extremes(machine: "MachineModel", strokes: Vector) -> list[Extreme]:
     """Return the range of each actuator's holding force, with the payload of the description.
 
     Args:
@@ -105,7 +107,7 @@ def find_extremes(machine: MachineModel, strokes: Vector) -> list[Extreme]:
     ]
 
 
-def find_maps(machine: MachineModel, strokes: Vector) -> list[Map]:
+def find_maps(machine: "MachineModel", strokes: Vector) -> list[Map]:
     """Return a map for each actuator, over the two strokes that change its force the most.
 
     Args:
@@ -122,7 +124,7 @@ def find_maps(machine: MachineModel, strokes: Vector) -> list[Map]:
     return [_find_map(machine, i, sorted(map(int, chosen[:, i]))) for i in range(count)]
 
 
-def find_levers(machine: MachineModel, strokes: Vector, actuator: int) -> Vector:
+def find_levers(machine: "MachineModel", strokes: Vector, actuator: int) -> Vector:
     """Return how far the tip moves in m per m of an actuator's stroke, for each row of strokes in m."""
     step = np.zeros(strokes.shape[1])
     step[actuator] = _STEP
@@ -131,7 +133,7 @@ def find_levers(machine: MachineModel, strokes: Vector, actuator: int) -> Vector
     return np.round(levers, _DIGITS)  # contours of a constant would follow its rounding errors
 
 
-def _find_map(machine: MachineModel, actuator: int, axes: Sequence[int]) -> Map:
+def _find_map(machine: "MachineModel", actuator: int, axes: Sequence[int]) -> Map:
     count = _FEWER_SIDES if machine.closure.iterated else _SIDES
     sides = [np.linspace(machine.q_LB[i], machine.q_UB[i], count) for i in axes]
     grid = np.stack(np.meshgrid(*sides, indexing="ij"), axis=-1)

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,9 +11,11 @@ from machine_fmu.assembly import locate_outlines
 from machine_fmu.description import GROUND
 from machine_fmu.exact import plain
 from machine_fmu.mechanism import Bar, End
-from machine_fmu.model import MachineModel
 
 from ...base.arrays import Vector
+
+if TYPE_CHECKING:
+    from machine_fmu.model import MachineModel
 
 _SIZE, _LENGTH = 3.7, 1.0
 """Size of a machine and length of its actuators in m at which the unit of drawing is 1 m."""
@@ -29,7 +32,7 @@ class Layout:
         unit: The length in m by which widths of parts and radii of pins grow.
     """
 
-    def __init__(self, model: MachineModel) -> None:
+    def __init__(self, model: "MachineModel") -> None:
         self.model, self.machine = model, model.machine
         self.outlines = {
             body: np.array([self.at(end) for end in corners])

@@ -6,8 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from machine_fmu.model import MachineModel
-
 from ...base.arrays import Vector
 from ...views.plots.style import BLUE, make_figure, tidy_axes
 from ..machines.force_map import ForceLimits, Map, find_maps
@@ -19,6 +17,8 @@ from .workspace import Workspace
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from machine_fmu.model import MachineModel
 
 _MOST_COLUMNS = 3
 
@@ -33,7 +33,7 @@ _TITLE_LETTERS = 55
 
 
 def draw_machine_pictures(
-    machine: MachineModel, workspace: Workspace, limits: Mapping[str, ForceLimits]
+    machine: "MachineModel", workspace: Workspace, limits: Mapping[str, ForceLimits]
 ) -> "dict[str, Figure]":
     """Return the pictures of a machine by name.
 
@@ -50,7 +50,7 @@ def draw_machine_pictures(
     }
 
 
-def _draw_machine(machine: MachineModel, workspace: Workspace) -> "Figure":
+def _draw_machine(machine: "MachineModel", workspace: Workspace) -> "Figure":
     from matplotlib.patches import Patch
 
     views = [PLANE] if machine.dimensions == 2 else [OBLIQUE, *THREE_SIDES]
@@ -88,7 +88,7 @@ def _draw_machine(machine: MachineModel, workspace: Workspace) -> "Figure":
     return figure
 
 
-def _draw_forces(machine: MachineModel, maps: Sequence[Map], limits: Mapping[str, ForceLimits]) -> "Figure":
+def _draw_forces(machine: "MachineModel", maps: Sequence[Map], limits: Mapping[str, ForceLimits]) -> "Figure":
     def draw(axes: "Axes", i: int) -> None:
         known, values = limits.get(machine.names[i], ForceLimits()), 1e-3 * maps[i].forces
         for force, dashes in ((known.continuous, "--"), (known.largest, "-")):
@@ -111,13 +111,13 @@ def _draw_forces(machine: MachineModel, maps: Sequence[Map], limits: Mapping[str
     return _draw_maps(machine, maps, values, title if has_limits else "holding force / kN", _BOTH_SIGNS, draw)
 
 
-def _draw_levers(machine: MachineModel, maps: Sequence[Map]) -> "Figure":
+def _draw_levers(machine: "MachineModel", maps: Sequence[Map]) -> "Figure":
     title = "motion of the tip per stroke / (m/m)"
     return _draw_maps(machine, maps, [m.levers for m in maps], title, "Greens", lambda axes, i: None)
 
 
 def _draw_maps(
-    machine: MachineModel,
+    machine: "MachineModel",
     maps: Sequence[Map],
     values: Sequence[Vector],
     title: str,

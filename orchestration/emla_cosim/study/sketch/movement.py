@@ -3,15 +3,17 @@
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
-
-from machine_fmu.model import MachineModel
 
 from ...base.arrays import Vector
 from ...run.result import Result
 from ..machines.run_machine import COMPONENTS, find_component, find_machine
 from ..roles import find_element, find_variable, list_given_joints
+
+if TYPE_CHECKING:
+    from machine_fmu.model import MachineModel
 
 MADE, WANTED, FORCE = "x_L", "x_s", "F_L"
 """The roles of the signals of a movement."""
@@ -27,7 +29,7 @@ class Movement:
     recorded, it is in `strokes`.
     """
 
-    machine: MachineModel
+    machine: "MachineModel"
     time: Vector
     strokes: Vector
     payload: Vector
@@ -113,13 +115,13 @@ def _signals(joints: Iterable[str], role: str, names: Collection[str], roles: Ma
 
 
 def _columns(
-    machine: MachineModel, role: str, data: Mapping[str, Vector], roles: Mapping[str, str]
+    machine: "MachineModel", role: str, data: Mapping[str, Vector], roles: Mapping[str, str]
 ) -> Vector | None:
     names = _signals(machine.names, role, data, roles)
     return np.column_stack([data[name] for name in names]) if names else None
 
 
-def _passive_names(machine: MachineModel, names: Collection[str], result: Result) -> list[str]:
+def _passive_names(machine: "MachineModel", names: Collection[str], result: Result) -> list[str]:
     """Return the signals of all passive coordinates; an empty list if one was not recorded."""
     count = len(machine.mechanism.passive)
     found = [f"{find_component(result)}.passive.q[{i}]" for i in range(1, count + 1)]
@@ -134,7 +136,7 @@ def _payload_driver(result: Result) -> str | None:
     return source if source in result.names else None
 
 
-def _payload(machine: MachineModel, result: Result, data: Mapping[str, Vector]) -> Vector:
+def _payload(machine: "MachineModel", result: Result, data: Mapping[str, Vector]) -> Vector:
     """Return the payload in kg at every row."""
     driver = _payload_driver(result)
     if driver is not None:

@@ -3,16 +3,19 @@
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from machine_fmu.description import GROUND
 from machine_fmu.exact import plain
 from machine_fmu.mechanism import Bar
-from machine_fmu.model import MachineModel
 
 from ...base.arrays import Vector
 from .layout import Layout, distance
+
+if TYPE_CHECKING:
+    from machine_fmu.model import MachineModel
 
 _PIN, _BOX = 0.05, 0.38
 """Radius of a pin, and side of the box that represents the payload of the description, in units."""
@@ -71,7 +74,7 @@ class MachineParts:
         base: The part that does not move.
     """
 
-    def __init__(self, model: MachineModel) -> None:
+    def __init__(self, model: "MachineModel") -> None:
         self._model, self._layout = model, Layout(model)
         self.unit = self._layout.unit
         self._bodies = [(body, part) for body in model.machine.bodies for part in self._body(body)]

@@ -5,8 +5,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from machine_fmu.model import MachineModel
-
 from ...base.arrays import Vector
 from ...base.colors import BLUE, RED
 from .movement import Movement
@@ -19,6 +17,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
+
+    from machine_fmu.model import MachineModel
 
 _MARGIN = 0.15
 """Free space around everything in units of the machine's drawing."""
@@ -47,7 +47,7 @@ class Scene:
     """
 
     def __init__(
-        self, machine: MachineModel, view: View | None = None, workspace: Workspace | None = None
+        self, machine: "MachineModel", view: View | None = None, workspace: Workspace | None = None
     ) -> None:
         self.machine, self.view = machine, view or main_view(machine.dimensions)
         self.parts, self.colors = MachineParts(machine), actuator_colors(machine.names)

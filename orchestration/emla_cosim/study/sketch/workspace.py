@@ -3,13 +3,15 @@
 import math
 from dataclasses import dataclass
 from itertools import combinations
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from machine_fmu.model import MachineModel
-
 from ...base.arrays import Vector
 from .views import View
+
+if TYPE_CHECKING:
+    from machine_fmu.model import MachineModel
 
 _COUNTS = {1: 401, 2: 121, 3: 33, 4: 12, 5: 7}
 """Strokes of each actuator by number of actuators; with more of them, as few as `_FEWEST`."""
@@ -64,7 +66,7 @@ class Workspace:
         return view.flatten(self.tips)
 
 
-def find_workspace(machine: MachineModel) -> Workspace:
+def find_workspace(machine: "MachineModel") -> Workspace:
     """Return the workspace of a machine."""
     axes = [
         np.linspace(low, high, _COUNTS.get(len(machine.names), _FEWEST))
