@@ -72,6 +72,13 @@ def test_machine_overrides_its_joint() -> None:
     assert file.joints["luff"].realistic.emla.M_BS == 90.0
 
 
+def test_machine_file_of_any_name(tmp_path: Path) -> None:
+    path = tmp_path / "3 dof-boom.ü.toml"
+    path.write_text(BOOM, encoding="utf-8")
+    models = {component.name: str(component.model) for component in load(path).system.components}
+    assert models["machine.manipulator"].endswith(":Machine3DofBoomLoad")
+
+
 def test_joint_file_beside_the_machine(tmp_path: Path) -> None:
     text = (Path(ec.__file__).parent / "study/joints/tilt.toml").read_text(encoding="utf-8")
     (tmp_path / "mine.toml").write_text(text.replace('M_BS = "83.6 kg"', 'M_BS = "70 kg"'))

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 _NAME = re.compile(r"[A-Za-z_]\w*", re.ASCII)
 
-NAME_RULE = "use letters from a to z, digits and _, and begin with a letter"
+_NAME_RULE = "use letters from a to z, digits and _, and begin with a letter"
 """What names in FMUs have, for messages."""
 
 _RESERVED = (GROUND, "payload")
@@ -49,16 +49,11 @@ def check_table(table: "MachineTable", label: str) -> None:
                 )
 
 
-def is_name(text: str) -> bool:
-    """Return whether a variable of an FMU can have this name."""
-    return _NAME.fullmatch(text) is not None
-
-
 def check_names(where: str, names: Iterable[str], label: str) -> None:
     """Raise CommandError for names in a table that a variable of an FMU cannot have."""
     for name in names:
-        if not is_name(name):
-            raise CommandError(f"[{where}] of {label} has the name '{name}'; {NAME_RULE}.")
+        if _NAME.fullmatch(name) is None:
+            raise CommandError(f"[{where}] of {label} has the name '{name}'; {_NAME_RULE}.")
 
 
 def _check_points(where: str, points: Iterable[tuple[str, Point]], dimensions: int, label: str) -> None:

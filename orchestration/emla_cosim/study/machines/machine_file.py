@@ -19,7 +19,6 @@ from ...base.toml_structs import describe, extend_struct, list_given, read_toml
 from ...base.values import convert_value
 from ...run.scenarios.option_fields import with_options
 from ..joints.schema import JointFile
-from .checks import NAME_RULE, is_name
 from .machine_joints import is_path, require_joint
 from .motion import Motion, read_motion_table
 from .schema import KIND, MachineTable, build_machine, machines_folder, read_machine_text
@@ -101,10 +100,6 @@ def parse_machine_file(content: Mapping[str, Any], label: str, name: str, folder
     """
     if content.get("kind") != KIND:
         raise CommandError(f'{label} is not a machine file; it lacks kind = "{KIND}".', key="kind")
-    if not is_name(name):
-        raise CommandError(
-            f"{label} cannot name a machine: '{name}' is invalid; {NAME_RULE} in the file name."
-        )
     table = convert_value(content, machine_struct(), label, folder)
     if COMPONENTS in table.actuators:
         raise CommandError(f"an actuator cannot be called '{COMPONENTS}', as in {label}; rename it.")
