@@ -2,14 +2,14 @@
 
 from typing import Any
 
-from fmublock import DefaultExperiment, Input, Output, Parameter, State
+from fmublock import Block, DefaultExperiment, Input, Output, Parameter, State
 
 from . import brake, stroke_load
 from .compliant_plant import EmlaCompliantPlant
 from .plant import EmlaPlant
 
 
-class _Axis:
+class _Axis(Block):
     """Variables of a load along the stroke, and of a holding brake."""
 
     engaged = Input(
@@ -105,6 +105,22 @@ class _Axis:
         description="Whole load force: F_L, and that along the stroke",
     )
 
+    def conditions(self, v: Any) -> dict[str, Any]:
+        """Require positions in increasing order, and a brake that is not too stiff."""
+        return {**super().conditions(v), **stroke_load.ordered(v.position), **brake.conditions(v)}
+
+    def derivatives(self, v: Any) -> dict[str, Any]:
+        """Return those of the plant with its brake."""
+        return brake.derivatives(v, super().derivatives(v))
+
+    def outputs(self, v: Any) -> dict[str, Any]:
+        """Return those of the plant with its brake, and the whole load force."""
+        return {**brake.outputs(v, super().outputs(v)), "F_load": self.load_force(v)}
+
+    def load_force(self, v: Any) -> Any:
+        """Return F_L and the force along the stroke in N."""
+        raise NotImplementedError
+
 
 class EmlaAxis(_Axis, EmlaPlant):
     """An `EmlaPlant` with a load force that depends on its position, as levers make it, and a holding brake.
@@ -115,18 +131,6 @@ class EmlaAxis(_Axis, EmlaPlant):
     """
 
     default_experiment = DefaultExperiment(stop_time=1.0, step_size=1e-4)
-
-    def conditions(self, v: Any) -> dict[str, Any]:
-        """Require positions in increasing order, and a brake that is not too stiff."""
-        return {**stroke_load.ordered(v.position), **brake.conditions(v)}
-
-    def derivatives(self, v: Any) -> dict[str, Any]:
-        """Return those of the `EmlaPlant` with its brake."""
-        return brake.derivatives(v, super().derivatives(v))
-
-    def outputs(self, v: Any) -> dict[str, Any]:
-        """Return those of the `EmlaPlant` with its brake, and the whole load force."""
-        return {**brake.outputs(v, super().outputs(v)), "F_load": self.load_force(v)}
 
     def load_force(self, v: Any) -> Any:
         """Return F_L and the force along the stroke in N."""
@@ -140,18 +144,6 @@ class EmlaCompliantAxis(_Axis, EmlaCompliantPlant):
     """
 
     default_experiment = DefaultExperiment(stop_time=1.0, step_size=1e-4)
-
-    def conditions(self, v: Any) -> dict[str, Any]:
-        """Require positions in increasing order, and a brake that is not too stiff."""
-        return {**stroke_load.ordered(v.position), **brake.conditions(v)}
-
-    def derivatives(self, v: Any) -> dict[str, Any]:
-        """Return those of the `EmlaCompliantPlant` with its brake."""
-        return brake.derivatives(v, super().derivatives(v))
-
-    def outputs(self, v: Any) -> dict[str, Any]:
-        """Return those of the `EmlaCompliantPlant` with its brake, and the whole load force."""
-        return {**brake.outputs(v, super().outputs(v)), "F_load": self.load_force(v)}
 
     def load_force(self, v: Any) -> Any:
         """Return F_L and the force along the stroke in N."""
