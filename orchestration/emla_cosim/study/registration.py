@@ -1,8 +1,6 @@
 """Register the study's systems, scenarios, metrics and plots with the rooms that do not know the study."""
 
-from collections.abc import Callable
 from functools import partial
-from importlib.resources import files
 
 from ..inputs.schedules import SCHEDULES
 from ..recorders.metrics import METRICS, ROLES, TRACKED
@@ -35,6 +33,7 @@ from .machines import systems as machines
 from .machines.schema import KIND as MACHINE
 from .machines.schema import MACHINE_KEYS, read_machine_text
 from .metrics import joint_metrics
+from .packaged_files import read_packaged_text
 from .randomness import find_seeds
 from .roles import find_tracked_joints, find_tracked_loads, machine_roles
 from .schedules import scheduled_times
@@ -79,10 +78,10 @@ def register() -> None:
         **{name: partial(read_machine_text, name) for name in machines.BUILT_IN},
     }
     for name in own:
-        SCENARIOS[name] = texts.get(name) or _text("scenarios", name)
+        SCENARIOS[name] = texts.get(name) or partial(read_packaged_text, "scenarios", name)
     KINDS[MACHINE] = Kind(MACHINE_KEYS, machines.machine_scenario)
     for name in ("study-robustness",):
-        PLANS[name] = _text("plans", name)
+        PLANS[name] = partial(read_packaged_text, "plans", name)
     TUNINGS.update(list_tuning_plans())
     METRICS[LOADS] = load_metrics  # before the joints: tables show it first
     METRICS[JOINTS] = joint_metrics
@@ -95,8 +94,3 @@ def register() -> None:
     FIGURES["manipulator"] = MachinePicture()
     FIGURES.update(BY_UNIT)
     ANIMATIONS["manipulator"] = MachineAnimation()
-
-
-def _text(folder: str, name: str) -> Callable[[], str]:
-    """Return a function that reads a file of the study."""
-    return partial((files("emla_cosim.study") / folder / f"{name}.toml").read_text, encoding="utf-8")

@@ -1,25 +1,24 @@
 """The joint files that come with the study, as far as they are read without the rest of the study."""
 
 from functools import cache
-from importlib.resources import files
 
 from ...base.errors import check_choice
 from ...base.toml_structs import read_toml
 from ..actuator.actuator import Actuator
+from ..packaged_files import list_packaged_names, read_packaged_text
 
-_FOLDER = "emla_cosim.study.joints"
+_FOLDER = "joints"
 
 
 def list_joint_names() -> list[str]:
     """Return the names of all joint files, sorted."""
-    names = (file.name for file in files(_FOLDER).iterdir())
-    return sorted(name.removesuffix(".toml") for name in names if name.endswith(".toml"))
+    return list_packaged_names(_FOLDER)
 
 
 def read_joint_text(name: str) -> str:
     """Return the text of a joint file; raise CommandError for an unknown name."""
     check_choice("joint", name, list_joint_names())
-    return (files(_FOLDER) / f"{name}.toml").read_text(encoding="utf-8")
+    return read_packaged_text(_FOLDER, name)
 
 
 @cache

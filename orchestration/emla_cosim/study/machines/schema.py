@@ -30,6 +30,7 @@ from ...base.errors import CommandError, check_choice
 from ...base.table_entries import unknown_entry
 from ...base.toml_structs import describe, dotted, quantity, read_toml
 from ...base.values import convert_value
+from ..packaged_files import list_packaged_names, read_packaged_text
 from .checks import check_names, check_table
 from .entries import (
     Corners,
@@ -43,7 +44,7 @@ from .entries import (
     point_table,
 )
 
-_FOLDER = "emla_cosim.study.machines"
+_FOLDER = "machines"
 
 KIND = "machine"
 """The value of `kind` in a machine file."""
@@ -214,14 +215,13 @@ MACHINE_KEYS = frozenset({"bodies", "dimensions", "ground", "actuators", "links"
 
 def list_machine_names() -> list[str]:
     """Return the names of all machines that come with the study, sorted."""
-    names = (file.name for file in files(_FOLDER).iterdir())
-    return sorted(name.removesuffix(".toml") for name in names if name.endswith(".toml"))
+    return list_packaged_names(_FOLDER)
 
 
 def read_machine_text(name: str) -> str:
     """Return the text of a machine file; raise CommandError for an unknown name."""
     check_choice("machine", name, list_machine_names())
-    return (files(_FOLDER) / f"{name}.toml").read_text(encoding="utf-8")
+    return read_packaged_text(_FOLDER, name)
 
 
 @cache
@@ -233,7 +233,7 @@ def load_machine(name: str) -> Machine:
 
 def machines_folder() -> Path:
     """Return the folder of the machines that come with the study."""
-    return Path(str(files(_FOLDER)))
+    return Path(str(files("emla_cosim.study") / _FOLDER))
 
 
 def parse_machine(content: Mapping[str, Any], label: str, folder: Path | None = None) -> Machine:
