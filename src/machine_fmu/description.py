@@ -208,6 +208,13 @@ class Machine:
             )
         return [f"{body}{end}" for end in kinds[kind]]
 
+    def value(self, number: Number) -> float:
+        """Return the value of a number of the description."""
+        if not isinstance(number, str):
+            return float(number)
+        value = self.parameters[number.removeprefix("-")].value
+        return -value if number.startswith("-") else value
+
     def points(self, body: str) -> Mapping[str, Point]:
         """Return the points of a body, or of the ground."""
         return self.ground if body == GROUND else self.bodies[body].points

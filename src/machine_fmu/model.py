@@ -61,12 +61,12 @@ class MachineModel(Mechanics):
     @cached_property
     def q_LB(self) -> tuple[float, ...]:
         """Lower ends of the strokes, m."""
-        return tuple(self.number(actuator.stroke[0]) for actuator in self.machine.actuators.values())
+        return tuple(self.machine.value(actuator.stroke[0]) for actuator in self.machine.actuators.values())
 
     @cached_property
     def q_UB(self) -> tuple[float, ...]:
         """Upper ends of the strokes, m."""
-        return tuple(self.number(actuator.stroke[1]) for actuator in self.machine.actuators.values())
+        return tuple(self.machine.value(actuator.stroke[1]) for actuator in self.machine.actuators.values())
 
     @cached_property
     def start(self) -> tuple[float, ...]:
@@ -271,13 +271,6 @@ class MachineModel(Mechanics):
         corners = locate_outlines(self.machine).get(GROUND, ())
         rows = [[float(plain(x)) for x in corner.at[: self.dimensions]] for corner in corners]
         return np.array(rows).reshape(len(rows), self.dimensions)
-
-    def number(self, number: float | str) -> float:
-        """Return the value of a number of the description."""
-        if not isinstance(number, str):
-            return float(number)
-        value = self.machine.parameters[number.removeprefix("-")].value
-        return -value if number.startswith("-") else value
 
     def _continued(self, last: np.ndarray, q: np.ndarray, guess: np.ndarray) -> np.ndarray:
         """Return the coordinates at strokes q, from those at other strokes; NaN if they are not reached."""

@@ -43,10 +43,6 @@ class Case:
         """Return the case of a machine."""
         return cls(name, machine, find_closure(machine), assemble(machine))
 
-    def number(self, x: float | str) -> float:
-        """Return a number of the description."""
-        return self.machine.parameters[x].value if isinstance(x, str) else x
-
     def states(self, count: int, seed: int = 1) -> list[MachineState]:
         """Return random states: strokes within their ends, or poses of the platform."""
         draw = random.Random(seed)
@@ -72,7 +68,7 @@ class Case:
 
     def _strokes(self, draw: random.Random) -> list[float]:
         if self.name != "stewart":
-            ends = ([self.number(x) for x in a.stroke] for a in self.machine.actuators.values())
+            ends = ([self.machine.value(x) for x in a.stroke] for a in self.machine.actuators.values())
             return [draw.uniform(low, high) for low, high in ends]
         shift = [draw.uniform(-0.12, 0.12), draw.uniform(-0.12, 0.12), 2.0 + draw.uniform(-0.2, 0.2)]
         turn = [draw.uniform(-0.1, 0.1) for _ in range(3)]

@@ -72,6 +72,15 @@ def test_machine_overrides_its_joint() -> None:
     assert file.joints["luff"].realistic.emla.M_BS == 90.0
 
 
+def test_assembly_pose_beyond_a_stroke_is_no_start() -> None:
+    """Nothing moves the machine into its stroke. With a motion, it starts where this begins."""
+    text = BOOM.replace("start = 0.2", "stroke = [0.0, 0.1]").partition("[motion]")[0]
+    with pytest.raises(CommandError, match=r"'luff' at 0\.\d+ m, as assembled.*stroke is 0 to 0\.1 m; write"):
+        parse_machine_file(tomllib.loads(text), "the machine 'boom.toml'", "boom", Path())
+    moved = text + '[motion]\ntimes = [0, "4 s"]\nstrokes.luff = [0.02, 0.09]\n'
+    parse_machine_file(tomllib.loads(moved), "the machine 'boom.toml'", "boom", Path())
+
+
 def test_machine_file_of_any_name(tmp_path: Path) -> None:
     path = tmp_path / "3 dof-boom.ü.toml"
     path.write_text(BOOM, encoding="utf-8")

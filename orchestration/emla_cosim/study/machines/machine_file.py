@@ -10,7 +10,6 @@ import msgspec
 
 from fmublock.noise import MODULUS
 from machine_fmu import Machine, start_strokes
-from machine_fmu.description import Number
 
 from ...base.errors import CommandError
 from ...base.files import read_text
@@ -121,7 +120,9 @@ def parse_machine_file(content: Mapping[str, Any], label: str, name: str, folder
         run=list_given(table.run),
     )
     motion = read_motion_table(table.motion, file.start, label, folder)
-    if motion is not None:
+    if motion is None:
+        _check_start(file)
+    else:
         _check_motion(file, motion)
     return replace(file, motion=motion)
 
@@ -129,7 +130,7 @@ def parse_machine_file(content: Mapping[str, Any], label: str, name: str, folder
 def _as_in_machine(own: JointFile, machine: Machine, label: str) -> JointFile:
     """Return a joint whose actuator has the mass and the stroke of the machine."""
     actuator = machine.actuators[own.name]
-    m, (low, high) = _number(machine, actuator.m), (_number(machine, x) for x in actuator.stroke)
+    m, (low, high) = machine.value(actuator.m), (machine.value(x) for x in actuator.stroke)
     emla = own.emla
     changes = dict[str, str]()
     if m and m != emla.M_BS:
@@ -153,6 +154,17 @@ def _with_other_seed(own: JointFile, seeds: Collection[int | None]) -> JointFile
     return own if seed == own.seed else msgspec.structs.replace(own, seed=seed)
 
 
+def _check_start(file: MachineFile) -> None:
+    """Raise CommandError if the assembly pose, in which a machine without motion starts, leaves a stroke."""
+    for name, x in file.start.items():
+        low, high = (file.machine.value(end) for end in file.machine.actuators[name].stroke)
+        if not low - _ROUNDING <= x <= high + _ROUNDING:
+            raise CommandError(
+                f"{file.label} starts with '{name}' at {x:.6g} m, as assembled, but its stroke is "
+                f"{low:.6g} to {high:.6g} m; write 'start' in [actuators.{name}]."
+            )
+
+
 def _check_motion(file: MachineFile, motion: Motion) -> None:
     """Raise CommandError if a motion leaves a stroke, or is faster than an actuator."""
     for name, own in file.joints.items():
@@ -169,11 +181,3 @@ def _check_motion(file: MachineFile, motion: Motion) -> None:
                 f"{where} with {peak:.4g} m/s, but its actuator makes {emla.v_max:.4g} m/s at the most; "
                 f"make its times {peak / emla.v_max:.3g} times as long."
             )
-
-
-def _number(machine: Machine, number: Number) -> float:
-    """Return the value of a number of a description."""
-    if not isinstance(number, str):
-        return float(number)
-    value = machine.parameters[number.removeprefix("-")].value
-    return -value if number.startswith("-") else value

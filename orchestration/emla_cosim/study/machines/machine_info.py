@@ -243,7 +243,7 @@ def _body(model: "MachineModel", name: str) -> BodyInfo:
     body = model.machine.bodies[name]
     joint = body.joint
     on = f"{joint.parent}.{joint.at}" if joint.at else joint.parent
-    return BodyInfo(name, joint.kind, on, model.number(body.m), joint.is_passive)
+    return BodyInfo(name, joint.kind, on, model.machine.value(body.m), joint.is_passive)
 
 
 def _closures(model: "MachineModel") -> list[ClosureInfo]:

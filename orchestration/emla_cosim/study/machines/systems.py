@@ -179,8 +179,9 @@ def machine_system(
         connections += [*made.wires, *(wire.format(joint=joint, element=element) for wire in patterns)]
         if way.bond is not None:
             bonds[joint] = way.bond.with_names(joint=joint, element=element)
-    machine = _machine_component(file, mode, start, starts, actuators)
-    components += [_trajectory_component(file, motion, machine), machine]
+    blocks = machine_blocks(file.machine, file.name, [joint.emla for joint in file.joints.values()])
+    machine = _machine_component(file, blocks, mode, start, starts, actuators)
+    components += [_trajectory_component(file, blocks, motion, machine), machine]
     system = System(tuple(components), ()).with_connections(*connections)
     record = {"name": file.name, "definition": json.loads(write_definition(file.machine))}
     return replace(system, bonds=bonds, record={"machine": record})
@@ -205,10 +206,14 @@ def _check_merged(file: MachineFile, actuators: Actuators) -> None:
 
 
 def _machine_component(
-    file: MachineFile, mode: str, start: Start, starts: Mapping[str, float], actuators: Actuators
+    file: MachineFile,
+    blocks: MachineBlocks,
+    mode: str,
+    start: Start,
+    starts: Mapping[str, float],
+    actuators: Actuators,
 ) -> Component:
     """Return the component of the machine."""
-    blocks, way = _blocks(file), _MODES[mode]
     block = blocks.plant if mode == MERGED else blocks.load
     values: dict[str, Value] = {}
     if mode == MERGED:
@@ -217,11 +222,7 @@ def _machine_component(
         values |= start_values(block, {**own, "x_L_start": list(starts.values()), "F_2": uncertain})
     elif actuators:  # with their masses and strokes
         values |= start_values(block, _by_joint(block, file, actuators))
-    return Component(way.machine, blocks.model(block), {**values, **start.values})
-
-
-def _blocks(file: MachineFile) -> MachineBlocks:
-    return machine_blocks(file.machine, file.name, [joint.emla for joint in file.joints.values()])
+    return Component(_MODES[mode].machine, blocks.model(block), {**values, **start.values})
 
 
 def _by_joint(block: type[Block], file: MachineFile, actuators: Actuators) -> dict[str, Any]:
@@ -235,9 +236,10 @@ def _by_joint(block: type[Block], file: MachineFile, actuators: Actuators) -> di
     }
 
 
-def _trajectory_component(file: MachineFile, motion: Motion | None, machine: Component) -> Component:
+def _trajectory_component(
+    file: MachineFile, blocks: MachineBlocks, motion: Motion | None, machine: Component
+) -> Component:
     """Return the component of the motion, with a note on what is not as expected."""
-    blocks = _blocks(file)
     note: Any = ""
     if motion is None:
         note = f"{file.label} has no [motion]; its actuators hold their start."
