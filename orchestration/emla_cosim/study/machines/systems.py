@@ -195,7 +195,8 @@ def _follow_command(wire: str) -> str:
 
 
 def _check_merged(file: MachineFile, actuators: Actuators) -> None:
-    way = "run hdrm-coupled" if file.name == MANIPULATOR else f"set --mode {COUPLED}"
+    is_paper = file.machine == load_machine_file(MANIPULATOR).machine
+    way = "run hdrm-coupled" if is_paper else f"set --mode {COUPLED}"
     for joint, own in file.joints.items():
         values = (actuators.get(joint) or own.sheet).values
         if lost := [entry for entry in values if entry.partition(".")[0] in _NOT_MERGED]:
