@@ -4,7 +4,7 @@ package EMLA "Electromechanical linear actuators with observer and RSBA controll
   constant Real pi = 3.14159265358979323846 "Ratio of a circle's circumference to its diameter";
 
   annotation(
-    version = "0.1.0",
+    version = "0.2.0",
     Icon(coordinateSystem(extent = {{-100, -100}, {100, 100}}), graphics = {
       Rectangle(extent = {{-100, 100}, {100, -100}}, lineColor = {60, 60, 60}, fillColor = {245, 245, 245}, fillPattern = FillPattern.Solid, radius = 20),
       Rectangle(extent = {{-80, 40}, {0, -40}}, lineColor = {60, 60, 60}, fillColor = {200, 200, 200}, fillPattern = FillPattern.Solid),

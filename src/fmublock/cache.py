@@ -1,4 +1,4 @@
-"""The cache folder: built FMUs, and the caches of the tools that build them."""
+"""What is built: in a wheel, which brings some of it, and in the cache folder with the caches of tools."""
 
 import os
 import sys
@@ -7,9 +7,36 @@ from functools import cache
 from pathlib import Path
 
 from .errors import CacheError
+from .platforms import has_musl
 
 VARIABLE = "EMLA_COSIM_CACHE"
 """Environment variable that names another folder."""
+
+
+PREBUILT = Path(__file__).parent / "prebuilt"
+"""What a wheel brings: a cache that is only read. A source tree has none."""
+
+
+def find_built(*parts: str) -> Path:
+    """Return the path of a built file: in the wheel if it is there, otherwise in the cache folder.
+
+    Args:
+        parts: folders and name of the file in a cache.
+
+    Raises:
+        CacheError: the file is not in the wheel, and the cache folder is not writable.
+    """
+    return find_prebuilt(*parts) or cache_folder().joinpath(*parts)
+
+
+def find_prebuilt(*parts: str) -> Path | None:
+    """Return the path of a file that the wheel brings for this machine; None if there is none.
+
+    Args:
+        parts: folders and name of the file in a cache.
+    """
+    path = PREBUILT.joinpath(*parts)
+    return path if path.is_file() and not has_musl() else None
 
 
 def cache_folder() -> Path:

@@ -11,13 +11,14 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from functools import partial
 from importlib.resources import files
+from importlib.util import find_spec
 from pathlib import Path
 
 from . import instance
 from .cache import tool_environment
 from .errors import BuildError
 from .leftovers import mark_of_process
-from .platforms import FMI_VERSIONS, TARGETS, binaries_folder
+from .platforms import FMI_VERSIONS, TARGETS, binaries_folder, zig_target
 
 _FLAGS = [
     *("-std=c99", "-O2", "-ffp-contract=off", "-fvisibility=hidden", "-fPIC", "-g0", "-s", "-Wall"),
@@ -73,7 +74,10 @@ def compile_libraries(
 
     Raises:
         BuildError: The compiler fails, or a platform is not supported.
+        ModuleNotFoundError: The compiler is not installed.
     """
+    if find_spec("ziglang") is None:
+        raise ModuleNotFoundError("the compiler ziglang is not installed", name="ziglang")
     for platform in platforms:
         if platform not in TARGETS:
             raise BuildError(f"the platform '{platform}' is not supported; choose from {', '.join(TARGETS)}.")
@@ -110,7 +114,7 @@ def _compile(
     loads: bool,
     fmi_platform: str,
 ) -> bytes:
-    target, suffix = TARGETS[fmi_platform]
+    target, suffix = zig_target(fmi_platform), TARGETS[fmi_platform][1]
     headers = Path(str(files("fmpy"))) / "c-code"
     with tempfile.TemporaryDirectory(prefix=f"emla-build-{mark_of_process()}-") as folder:
         for file, text in content.items():

@@ -1,6 +1,9 @@
 """Platforms for which native FMUs can be built, on any machine."""
 
+import os
 import platform
+import sys
+from functools import cache
 
 # FMI platform -> zig target and file suffix; every Linux of the last decade has glibc 2.17
 TARGETS = {
@@ -25,6 +28,23 @@ def binaries_folder(platform: str, fmi: int) -> str:
 def platform_of(folder: str) -> str:
     """Return the platform of a folder in `binaries/`, for any version of FMI."""
     return next((p for p, name in _FMI3_FOLDERS.items() if name == folder), folder)
+
+
+def zig_target(platform: str) -> str:
+    """Return the name by which zig knows a platform; on this machine that of its C library."""
+    target = TARGETS[platform][0]
+    return target.replace("gnu.2.17", "musl") if platform == host_platform() and has_musl() else target
+
+
+@cache
+def has_musl() -> bool:
+    """Return whether this is a Linux without glibc, such as Alpine, whose libraries differ."""
+    if sys.platform != "linux":
+        return False
+    try:
+        return not os.confstr("CS_GNU_LIBC_VERSION")
+    except (OSError, ValueError):
+        return True
 
 
 def host_platform() -> str:

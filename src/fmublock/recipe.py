@@ -31,9 +31,6 @@ RELATED = f"extra/{LS_REF}"
 RELATED_LIST = f"{RELATED}/fmi-ls-manifest.xml"
 """File in an FMU that lists them."""
 
-_TOOLS = ("casadi", "fmpy", "latex2mathml", "markdown-it-py", "matplotlib", "mdit-py-plugins")
-_FLAVOUR_TOOLS = {"native": ("ziglang",), "python": ("pythonfmu",)}
-
 
 @dataclass(frozen=True)
 class Producer:
@@ -142,9 +139,10 @@ class Recipe:
     def key(self) -> str | None:
         """64 hexadecimal digits that change with all that this FMU is made of.
 
-        These are the block's files and declarations, the documents, fmublock, and the versions of the
-        tools. None if other things count, too: the block has instance attributes, is not at the top
-        of a file, or imports modules that are not known here.
+        These are the block's files and declarations, the documents, and fmublock. The versions of the tools
+        do not count: where an FMU is ready, they need not be installed. None if other things count, too:
+        the block has instance attributes, is not at the top of a file, or imports modules that are not
+        known here.
         """
         if vars(self.block):
             return None
@@ -157,7 +155,6 @@ class Recipe:
         parts = [module_of(type(self.block)), repr(self._settings)]
         parts += [*_declared(self.block), *_own_files()]
         parts += [f"{path}\0{text}" for path, text in sorted(sources.texts.items())]
-        parts += [f"{tool} {_version(tool)}" for tool in (*_TOOLS, *_FLAVOUR_TOOLS[self.flavour])]
         digest = hashlib.sha256()
         for part in parts:
             encoded = part.encode()
@@ -165,9 +162,9 @@ class Recipe:
         return digest.hexdigest()
 
 
-def made_by(*tools: str) -> str:
-    """Return a text that changes with fmublock itself and with the versions of these tools."""
-    return "\0".join([*_own_files(), *(f"{tool} {_version(tool)}" for tool in tools)])
+def made_by() -> str:
+    """Return a text that changes with fmublock itself."""
+    return "\0".join(_own_files())
 
 
 def _instance(block: Block | type[Block]) -> Block:
@@ -209,13 +206,3 @@ def _own_files() -> tuple[str, ...]:
     folder = Path(__file__).parent
     files = sorted(f for f in folder.rglob("*") if f.suffix in (".py", ".c", ".h"))
     return tuple(f"{f.relative_to(folder).as_posix()}\0{f.read_text(encoding='utf-8')}" for f in files)
-
-
-@cache
-def _version(tool: str) -> str:
-    from importlib.metadata import PackageNotFoundError, version  # slow
-
-    try:
-        return version(tool)
-    except PackageNotFoundError:
-        return "unknown"

@@ -73,6 +73,8 @@ class _Commands(click.Group):
         except click.UsageError as error:
             _show_usage_error(error)
             code = error.exit_code
+        except ImportError as error:
+            code = _show_missing_package(error)
         sys.exit(code or 0)
 
     def list_commands(self, ctx: click.Context) -> list[str]:
@@ -155,6 +157,18 @@ def _show_usage_error(error: click.UsageError) -> None:
     end = "" if text.endswith((".", "?")) else "."
     hint = f" See `{error.ctx.command_path} --help`." if error.ctx is not None else ""
     show_error(f"{text}{end}{hint}")
+
+
+def _show_missing_package(error: ImportError) -> int:
+    """Show which extra a command lacks, and return the exit code. Other errors are raised again."""
+    from ..base.extras import explain_missing
+    from ..views.terminal import show_error
+
+    explained = explain_missing(error, "this command")
+    if explained is None:
+        raise error
+    show_error(str(explained))
+    return explained.exit_code
 
 
 def _show_version(emla: click.Command) -> str:

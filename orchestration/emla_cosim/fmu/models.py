@@ -17,15 +17,16 @@ import machine_fmu
 import rsba_fmu
 from fmublock import Block
 from fmublock.archive import BuiltFmu, read_built
-from fmublock.cache import cache_folder
+from fmublock.cache import cache_folder, find_prebuilt
 from fmublock.disclosure import Disclosure
 from fmublock.errors import BuildError, DisclosureError, LoadError, VersionError
-from fmublock.files import accept
+from fmublock.files import accept, write_atomically
 from fmublock.platforms import FMI_VERSIONS as FMI_VERSIONS
 from fmublock.platforms import TARGETS, host_platform
 from fmublock.recipe import FLAVOURS, Documents, Producer, Recipe, RelatedFile
 
 from ..base.errors import CommandError, RunError, check_choice
+from ..base.extras import require_extra
 from ..base.output_files import OutputFile
 
 
@@ -210,6 +211,7 @@ def _build(
 ) -> Path:
     key, draft = recipe.key(), None
     if key is None:  # the key follows from the content
+        require_extra("build", f"building {recipe.model}")
         from fmublock.building import draft_of
 
         draft = draft_of(recipe)
@@ -217,14 +219,25 @@ def _build(
     path = _place(recipe, key, folder)
     if _is_current(read_built(path), recipe, key, platforms):
         return path
+    prebuilt = find_prebuilt(*_cache_parts(recipe, key))
+    if prebuilt is not None and not _is_current(read_built(prebuilt), recipe, key, platforms):
+        prebuilt = None
+    in_cache = folder is None and path.is_absolute()
+    if prebuilt is not None and in_cache:
+        return prebuilt
     with _lock_build(path):
         built = read_built(path)  # another process may have built it meanwhile
         if not _is_current(built, recipe, key, platforms):
-            in_cache = folder is None and path.is_absolute()
             file = None if in_cache else OutputFile(path, "the FMU", _is_ours, overwrite, creates_folder=True)
+            check = accept if file is None else file.check_again
+            if prebuilt is not None:
+                path.parent.mkdir(parents=True, exist_ok=True)
+                with write_atomically(path, check) as stream:
+                    stream.write(prebuilt.read_bytes())
+                return path
+            require_extra("build", f"building {recipe.model}")
             from fmublock.building import draft_of, write_fmu
 
-            check = accept if file is None else file.check_again
             wanted = platforms or sorted({host_platform(), *(built.platforms & set(PLATFORMS))})
             write_fmu(draft or draft_of(recipe), key, recipe.flavour, wanted, path, advance, check)
     return path
@@ -241,7 +254,12 @@ def _place(recipe: Recipe, key: str, folder: Path | None) -> Path:
     here = fmu_path(recipe.model, recipe.flavour, FMU_FOLDER)
     if here.is_file():
         return here
-    return cache_folder() / "fmus" / f"{recipe.model}-{key[:24]}" / f"{recipe.model}.fmu"
+    return cache_folder().joinpath(*_cache_parts(recipe, key))
+
+
+def _cache_parts(recipe: Recipe, key: str) -> tuple[str, str, str]:
+    """Return folders and name of an FMU in a cache."""
+    return "fmus", f"{recipe.model}-{key[:24]}", f"{recipe.model}.fmu"
 
 
 @contextmanager

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..base.errors import CommandError, join_names
+from ..base.extras import require_extra
 from ..base.patterns import matches_pattern
 
 MEASUREMENT_ENDINGS = (".mf4", ".mdf", ".tdms")
@@ -57,15 +58,10 @@ def read_groups(file: Path, content: bytes, label: str) -> list[ChannelGroup]:
     Raises:
         CommandError: If it cannot be read, or the package for it is not installed.
     """
-    read, package, extra = (
-        (_read_tdms, "nptdms", "tdms") if content.startswith(b"TDSm") else (_read_mdf, "asammdf", "mdf")
-    )
+    read, extra = (_read_tdms, "tdms") if content.startswith(b"TDSm") else (_read_mdf, "mdf")
+    require_extra(extra, label)
     try:
         return read(file)
-    except ImportError as error:
-        raise CommandError(
-            f"{label} needs the package {package}; install it with `pip install 'emla-cosim[{extra}]'`."
-        ) from error
     except Exception as error:  # the packages raise errors of many types
         reason = (str(error) or type(error).__name__).splitlines()[0].rstrip(".")
         raise CommandError(f"{label} cannot be read: {reason}.") from error

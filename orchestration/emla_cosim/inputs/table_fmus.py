@@ -15,6 +15,7 @@ from fmublock.table import TableColumn, TableContent, TableOutput
 
 from ..base.arrays import Vector
 from ..base.errors import CommandError, RunError, join_names
+from ..base.extras import explain_missing
 from ..base.files import CacheError, temporary_folder
 from ..base.output_files import OutputFile
 from ..base.signal_types import REAL
@@ -158,6 +159,8 @@ def _build(content: TableContent, path: Path, platforms: Sequence[str], label: s
 
     try:
         return build_table(content, path, platforms, producer(), license_text())
+    except ImportError as error:
+        raise explain_missing(error, f"the FMU of {label}") or error from error
     except (BuildError, CacheError) as error:
         raise RunError(f"the FMU of {label} could not be built: {error}") from error
 

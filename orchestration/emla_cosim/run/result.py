@@ -1,6 +1,7 @@
 """Result of a run: signals as arrays, metrics, statistics of the run, and how to save them."""
 
 import difflib
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -8,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..base.arrays import Vector
 from ..base.errors import CommandError, check_choice
+from ..base.extras import LEFT_OUT, has_extra, require_extra
 from ..base.patterns import find_name
 from ..base.signal_types import REAL, SignalType
 from ..base.units import SiUnit
@@ -172,12 +174,8 @@ class Result:
         Raises:
             CommandError: pandas is not installed.
         """
-        try:
-            import pandas
-        except ImportError as error:
-            raise CommandError(
-                "a pandas data frame needs pandas: pip install 'emla-cosim[pandas]'."
-            ) from error
+        require_extra("pandas", "a pandas data frame")
+        import pandas
 
         return pandas.DataFrame(self.read(self._table.names)).set_index("time")
 
@@ -279,6 +277,9 @@ class Result:
         check_choice("plot format", plot_format, PLOT_FORMATS)
         if animate:
             check_animated(self.name, self.names, self.names, self.roles)
+        if plots and not has_extra("plots"):
+            plots = False
+            warnings.warn(LEFT_OUT, stacklevel=2)
         output = OutputFolder(
             convert_value(folder, Path, "the folder"),
             self.record["settings"]["output_format"],

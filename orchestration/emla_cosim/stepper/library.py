@@ -9,12 +9,17 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+from fmublock.cache import find_prebuilt
 from fmublock.platforms import TARGETS, host_platform
 
 from ..base.errors import RunError
+from ..base.extras import require_extra
 from ..base.files import CacheError, cache_folder, temporary_folder, write_atomically
 from .event_layout import EVENT_SIZES
 from .layout import HALVES_SIZE, LANES_SIZES, SIZES
+
+_CODE = "code"
+"""Folder in a cache."""
 
 _MAINS = ("library.c", "halves.c", "system.c")
 
@@ -119,23 +124,42 @@ def load_stepper() -> StepperLibrary:
     sources, platform = native_sources(), host_platform()
     if platform not in TARGETS:
         raise StepperBuildError(f"there is no compiler for the platform '{platform}'.")
-    name = f"stepper-{_hash(sources, platform)}{TARGETS[platform][1]}"
+    name = _library_name(sources, platform)
+    if (prebuilt := find_prebuilt(_CODE, name)) is not None:
+        with suppress(StepperBuildError):  # of a machine that differs from all others of its platform
+            return _bind(prebuilt)
     path = Path(name)
     try:
-        path = cache_folder() / "code" / name
+        path = cache_folder() / _CODE / name
         if path.is_file():
             with suppress(StepperBuildError):  # of a damaged file
                 return _bind(path)
-        built = _build(sources, platform)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with write_atomically(path) as stream:
-            stream.write(built)
+        _write_library(path, _build(sources, platform))
         return _bind(path)
     except CacheError as error:
         why = str(error)
     except OSError as error:
         why = f"'{path.parent}' cannot be written: {error.strerror or error}"
     return replace(_build_elsewhere(name, sources, platform), why_not_kept=why)
+
+
+def prebuild_stepper(platform: str) -> Path:
+    """Build the functions for a platform into the cache, unless they are there, and return the path.
+
+    Raises:
+        StepperBuildError: They cannot be built.
+    """
+    sources = native_sources()
+    path = cache_folder() / _CODE / _library_name(sources, platform)
+    if not path.is_file():
+        _write_library(path, _build(sources, platform))
+    return path
+
+
+def _write_library(path: Path, library: bytes) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with write_atomically(path) as stream:
+        stream.write(library)
 
 
 def address_of_clock(library: StepperLibrary) -> int:
@@ -157,13 +181,15 @@ def _build_elsewhere(name: str, sources: dict[str, bytes], platform: str) -> Ste
     return _bind(path)
 
 
-def _hash(sources: dict[str, bytes], platform: str) -> str:
-    """Return what distinguishes builds: a hash of the sources, and of what compiles them."""
+def _library_name(sources: dict[str, bytes], platform: str) -> str:
+    """Return a file name that distinguishes builds: with a hash of the sources, and of what compiles them."""
     compiler = files("fmublock").joinpath("compiling.py").read_bytes()
-    return hashlib.sha256(repr((sorted(sources.items()), compiler, platform)).encode()).hexdigest()[:32]
+    content = repr((sorted(sources.items()), compiler, platform)).encode()
+    return f"stepper-{hashlib.sha256(content).hexdigest()[:32]}{TARGETS[platform][1]}"
 
 
 def _build(sources: dict[str, bytes], platform: str) -> bytes:
+    require_extra("build", "compiling the C code that steps FMUs")
     from fmublock.compiling import compile_libraries  # slow to import, and rarely needed
     from fmublock.errors import BuildError
 

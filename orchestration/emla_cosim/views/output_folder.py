@@ -12,6 +12,7 @@ import numpy as np
 
 from ..base.arrays import Vector
 from ..base.errors import CommandError, RunError
+from ..base.extras import require_extra
 from ..base.files import report_write_errors
 from ..base.output_files import UNFINISHED_STATUS
 from ..base.progress import Progress
@@ -67,7 +68,10 @@ class OutputFolder(Folder):
 
         Raises:
             CommandError: If the folder or a file cannot be written, or emla did not write the existing one.
+            MissingExtraError: If a page or an animation needs packages that are not installed.
         """
+        if report or animated:
+            require_extra("plots", "a page" if report else "an animation")
         self.form, self.results, self.plot_format = form, path / f"results.{form}", plot_format
         pictures, animations = [f"{name}.{plot_format}" for name in FIGURES], [f"{n}.gif" for n in ANIMATIONS]
         self.files = [self.results.name, METRICS, RECORD]

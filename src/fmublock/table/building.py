@@ -5,8 +5,10 @@ from collections.abc import Sequence
 from html import escape
 from pathlib import Path
 
+import numpy as np
+
 from ..archive import content_guid, write_archive
-from ..cache import cache_folder
+from ..cache import find_built
 from ..compiling import compile_libraries, constants, rename_folders, sources
 from ..documentation import html_page
 from ..errors import BuildError
@@ -14,7 +16,7 @@ from ..files import write_atomically
 from ..fmi3_description import build_description
 from ..platforms import TARGETS, host_platform
 from ..recipe import Producer, made_by
-from .content import MODEL, SPANS, TableContent
+from .content import MODEL, SPANS, TableColumn, TableContent, TableOutput
 from .description import table_description
 from .layout import pack_table
 
@@ -87,6 +89,25 @@ def build_table(
     return path
 
 
+def prebuild_libraries(platforms: Sequence[str]) -> list[Path]:
+    """Compile the libraries of tables with outputs of every type into the cache, and return their paths.
+
+    Args:
+        platforms: FMI platforms.
+
+    Raises:
+        BuildError: A library cannot be compiled.
+    """
+    times, paths = np.array([0.0, 1.0]), []
+    for type_, capacity in (*(("Real", n) for n in _CAPACITIES), ("Integer", 16), ("Boolean", 16)):
+        outputs = [TableOutput(f"y{i}", 0, type=type_) for i in range(capacity)]
+        table = TableContent(times, [TableColumn(times, "held" if type_ != "Real" else "linear")], outputs)
+        content = _sources(table)
+        _libraries(content, platforms, table.fmi)
+        paths += [_cached(content, platform) for platform in platforms]
+    return paths
+
+
 def _sources(table: TableContent) -> dict[str, bytes]:
     outputs = len(table.outputs)
     capacity = next((n for n in _CAPACITIES if n >= outputs), None)
@@ -130,12 +151,10 @@ def _model_header(capacity: int, table: TableContent) -> str:
 
 def _libraries(content: dict[str, bytes], platforms: Sequence[str], fmi: int) -> dict[str, bytes]:
     """Return the libraries by their path in the FMU, from the cache or compiled."""
-    key = hashlib.sha256(made_by("ziglang", "fmpy").encode() + content["sources/model.h"]).hexdigest()[:24]
     found = {}
     for platform in platforms:
-        suffix = TARGETS[platform][1] if platform in TARGETS else ""
-        name = f"binaries/{platform}/{MODEL}{suffix}"
-        kept = cache_folder() / "tables" / key / platform / f"{MODEL}{suffix}"
+        kept = _cached(content, platform)
+        name = f"binaries/{platform}/{kept.name}"
         try:
             found[name] = kept.read_bytes()
         except OSError:
@@ -144,6 +163,13 @@ def _libraries(content: dict[str, bytes], platforms: Sequence[str], fmi: int) ->
             with write_atomically(kept) as stream:
                 stream.write(found[name])
     return rename_folders(found, fmi)
+
+
+def _cached(content: dict[str, bytes], platform: str) -> Path:
+    """Return the path of a library in the wheel or the cache."""
+    key = hashlib.sha256(made_by().encode() + content["sources/model.h"]).hexdigest()[:24]
+    suffix = TARGETS[platform][1] if platform in TARGETS else ""
+    return find_built("tables", key, platform, f"{MODEL}{suffix}")
 
 
 def _page(table: TableContent) -> str:

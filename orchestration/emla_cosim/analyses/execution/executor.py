@@ -1,6 +1,5 @@
 """Run variants in chunks: on this machine, or on a cluster."""
 
-import importlib.util
 import math
 import pickle
 import sys
@@ -14,6 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias, Union
 import cloudpickle
 
 from ...base.errors import CommandError, CosimError, RunError, join_names
+from ...base.extras import require_extra
 from ...base.files import temporary_folder
 from ...base.interruption import catch_interrupts
 from ...base.process import count_cores
@@ -309,10 +309,8 @@ def check_cluster(scheduler: Scheduler, workers: int | None) -> None:
         raise CommandError(f"the number of workers {workers} must be at least 1.")
     if workers is not None and scheduler is not None:
         raise CommandError("a scheduler has its own workers; set either a scheduler or a number of workers.")
-    if scheduler is not None and importlib.util.find_spec("distributed") is None:
-        raise CommandError(
-            "a scheduler needs Dask, which is missing; run: pip install 'emla-cosim[cluster]'."
-        )
+    if scheduler is not None:
+        require_extra("cluster", "a scheduler of Dask")
 
 
 def first_line(error: BaseException) -> str:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
+from ...base.extras import has_extra, require_extra
 from ...base.output_files import is_page, is_regular
 from ...views.folder import Folder
 from ...views.pages.plain import to_plain
@@ -78,6 +79,9 @@ class AnalysisFolder(Folder, Generic[R]):
         CommandError: As `Folder`.
     """
 
+    lacks_pictures: bool
+    """Whether pictures are left out because of an extra that is not installed."""
+
     def __init__(
         self,
         outputs: Outputs[R],
@@ -86,7 +90,10 @@ class AnalysisFolder(Folder, Generic[R]):
         plots: bool = True,
         report: bool = False,
     ) -> None:
-        self.outputs, self._plots, self._report = outputs, plots, report
+        if report:
+            require_extra("plots", "a page")
+        self.outputs, self._plots, self._report = outputs, plots and has_extra("plots"), report
+        self.lacks_pictures = plots and not self._plots
         self.what, self.record_file = outputs.what, outputs.record_name
         self.files = tuple(dict.fromkeys([outputs.record_name, *outputs.tables]))
         self.pictures = (*outputs.pictures, outputs.page_name)

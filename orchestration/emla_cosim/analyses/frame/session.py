@@ -10,6 +10,7 @@ from typing import Any, Generic
 
 import polars
 
+from ...base.extras import LEFT_OUT
 from ...base.files import hash_plain_data
 from ...base.interruption import catch_interrupts
 from ...base.progress import CompatibilityReport, Progress
@@ -148,6 +149,8 @@ class Session(Generic[R]):
         if output is not None:
             path = convert_value(output, Path, "the output folder")
             self.folder = AnalysisFolder(outputs, path, overwrite, plots, report)
+        if self.folder is not None and self.folder.lacks_pictures:
+            self.progress.note(f"Note: {LEFT_OUT}.")
 
     @property
     def path(self) -> Path | None:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.arrays import Vector
-from ...base.errors import CommandError
+from ...base.extras import require_extra
 
 Complex = NDArray[np.complex128]
 
@@ -60,12 +60,9 @@ class FrequencyResponse:
 
 def import_control() -> Any:
     """Return the module of python-control; CommandError if it is not installed."""
-    try:
-        import control  # type: ignore[import-not-found]
-    except ImportError as error:
-        raise CommandError(
-            "python-control is not installed; install it with pip install 'emla-cosim[control]'."
-        ) from error
+    require_extra("control", "python-control's form of a system")
+    import control  # type: ignore[import-not-found]
+
     return control
 
 

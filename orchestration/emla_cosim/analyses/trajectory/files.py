@@ -5,6 +5,7 @@ from pathlib import Path
 from machine_fmu.optimisation.problem import MotionProblem
 
 from ...base.errors import CommandError
+from ...base.extras import has_extra, require_extra
 from ...base.files import check_output_files, report_write_errors
 from ...base.output_files import OutputFile, has_mark, is_page
 from ...study.trajectory_file import WHAT, check_trajectory
@@ -38,8 +39,10 @@ class MotionFiles:
         if (suffix := path.suffix.lower()) in (".png", ".html"):
             what = "pictures do" if suffix == ".png" else "page does"
             raise CommandError(f"the trajectory '{path}' must not end in {suffix}, as its {what}.")
+        if report:
+            require_extra("plots", "a page")
         drawn = [path.with_name(f"{path.stem}-{name}.png") for name in PICTURES]
-        pictures = drawn if plots else []
+        pictures = drawn if plots and has_extra("plots") else []
         page = path.with_suffix(".html")
         self._drawn = [*drawn, page]
         used = {Path(source): "the problem"} if isinstance(source, (str, Path)) else {}

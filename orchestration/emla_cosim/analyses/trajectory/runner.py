@@ -19,6 +19,7 @@ from machine_fmu.optimisation.transcription import Discretisation
 from machine_fmu.spline_window import COEFFICIENTS
 
 from ...base.errors import CommandError, RunError, check_choice
+from ...base.extras import LEFT_OUT, has_extra
 from ...base.progress import Progress
 from ...base.values import convert_value
 from .files import MotionFiles
@@ -85,6 +86,8 @@ def trajectory(
     if output is not None:
         path = convert_value(output, Path, "the output file")
         files = MotionFiles(path, given, problem, overwrite, plots, report)
+        if plots and not has_extra("plots"):
+            reporter.note(f"Note: {LEFT_OUT}.")
     read = _resolve_contradictions(given, reading)
     best, figures = _find_best(read, how, _size("starts", starts), reporter)
     spline, contradictions = best.spline(how), find_contradictions(given)

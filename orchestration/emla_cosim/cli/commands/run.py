@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ...base.errors import CosimError
+from ...base.extras import LEFT_OUT, has_extra
 from ...base.files import check_output_files
 from ...base.interruption import catch_interrupts
 from ...base.option import RUN
@@ -65,10 +66,12 @@ def run_into(
     options = chosen.options
     plan_run(options, chosen.name)
     told = _show_actuators(chosen)
+    plots = options.plots and has_extra("plots")
+    extra_notes = [LEFT_OUT] if options.plots and not plots else []
     with BarProgress() as progress:
         described = {
             "form": options.output_format,
-            "plots": options.plots,
+            "plots": plots,
             "plot_format": options.plot_format,
             "animated": options.animate,
             "report": options.report,
@@ -91,11 +94,13 @@ def run_into(
             with catch_interrupts() as asked:  # from the first row to the last file
                 result = simulation.attempt(recorders=recorders)
                 # those of a reference are known only now
-                notes = list(dict.fromkeys([*chosen.notes, *(note.rstrip(".") for note in result.notes)]))
+                notes = list(
+                    dict.fromkeys([*chosen.notes, *extra_notes, *(note.rstrip(".") for note in result.notes)])
+                )
                 # the termination of FMUs may still fail
                 result, pictures = output.keep(
                     result,
-                    options.plots and not asked(),
+                    plots and not asked(),
                     progress,
                     options.animate and not asked(),
                     options.report,

@@ -10,6 +10,7 @@ from rich.markup import escape
 from rich.table import Column, Table
 
 from ...base.errors import CommandError, CosimError, check_choice
+from ...base.extras import require_extra
 from ...base.files import check_output_files
 from ...base.interruption import catch_interrupts
 from ...base.option import OUTPUT, VERIFY, argument, option, switch
@@ -110,6 +111,8 @@ def command(chosen: Parameters, given: dict[str, Any]) -> None:
         show(_catalogue(), asked_for=True)
         return
     check_choice("shape", chosen.excite, SHAPES)
+    if chosen.html is not None:
+        require_extra("plots", "--html")
     recording, overwrite = None, given.get("overwrite", False)
     experiment = chosen.stop_time, chosen.step_size, dict(chosen.set)
     if chosen.record is not None:

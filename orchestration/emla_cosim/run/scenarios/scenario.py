@@ -8,6 +8,7 @@ from typing import Any, Unpack
 from fmublock.platforms import host_platform
 
 from ...base.errors import CommandError, show_paths_relative_to
+from ...base.extras import require_extra
 from ...base.faults import accept_faults
 from ...base.progress import Progress
 from ...recorders.metrics import TRACKED
@@ -171,6 +172,8 @@ class Scenario:
         chosen = limit_to_data_end(self.with_options(options).options)
         kind = find_kind(Path(file))
         refuse_unsuited(kind, _list_asked_for(chosen))
+        if kind != SSP:
+            require_extra("build", f"writing a file '*{kind}'")
         if kind == FMU:
             from ...container.writer import check_container
 

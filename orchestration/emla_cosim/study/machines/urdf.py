@@ -13,6 +13,7 @@ from machine_fmu import GROUND, Body, Joint, Point
 from machine_fmu.description import JointKind
 
 from ...base.errors import CommandError
+from ...base.extras import require_extra
 
 _KINDS: dict[str, JointKind] = {
     "revolute": "revolute",
@@ -42,12 +43,8 @@ def read_urdf(path: Path) -> UrdfBodies:
         CommandError: The file cannot be read, or has a joint that is not supported.
     """
     label = f"the URDF file '{path}'"
-    try:
-        reader = import_module("yourdfpy")  # slow
-    except ImportError as error:
-        raise CommandError(
-            f"{label} needs the package yourdfpy; install it with `pip install 'emla-cosim[urdf]'`."
-        ) from error
+    require_extra("urdf", label)
+    reader = import_module("yourdfpy")  # slow
     if not path.is_file():
         raise CommandError(f"{label} does not exist.")
     try:

@@ -8,6 +8,7 @@ from typing import IO, TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from ...base.colors import BLUE, COLORS, GREEN, GREY, ORANGE, PURPLE, RED
+from ...base.extras import require_extra
 from ...base.output_files import has_mark
 
 if TYPE_CHECKING:
@@ -60,6 +61,7 @@ def new_figure(
 
 def make_figure(width: float, height: float, layout: Literal["constrained"] | None = None) -> "Figure":
     """Return an empty figure of this size in inches."""
+    require_extra("plots", "a picture")
     from matplotlib.figure import Figure
 
     class NotebookFigure(Figure):
