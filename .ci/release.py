@@ -71,7 +71,7 @@ def release(output: Path, fmus: Path, platforms: Sequence[str], draft: bool = Fa
     write_archive(archive, fmu_files(fmus, platforms, number))
     notes = output / f"CHANGES-{number}.md"
     write(notes, changes.encode())
-    files = sorted([archive, notes, *packages(output)])
+    files = sorted([archive, notes, *packages(output, platforms)])
     sums = "".join(f"{hashlib.sha256(f.read_bytes()).hexdigest()}  {f.name}\n" for f in files)
     write(output / SUMS, sums.encode())
     for file in (*files, output / SUMS):
@@ -117,12 +117,13 @@ def fmu_files(folder: Path, platforms: Sequence[str], number: str) -> dict[str, 
     return files
 
 
-def packages(output: Path) -> list[Path]:
-    """The wheel and the source distribution, dated by the commit."""
+def packages(output: Path, platforms: Sequence[str]) -> list[Path]:
+    """The wheel, which carries FMUs for these platforms, and the source distribution, dated by the commit."""
     epoch = os.environ.get("SOURCE_DATE_EPOCH") or git("log", "-1", "--format=%ct")
     with TemporaryDirectory(dir=output) as folder:
         command = [sys.executable, "-m", "hatchling", "build", "-d", str(Path(folder).absolute())]
-        run(command, {**os.environ, "SOURCE_DATE_EPOCH": epoch})
+        wanted = "all" if set(platforms) == set(PLATFORMS) else ",".join(platforms)
+        run(command, {**os.environ, "SOURCE_DATE_EPOCH": epoch, "EMLA_COSIM_PLATFORMS": wanted})
         return [file.replace(output / file.name) for file in Path(folder).iterdir()]
 
 

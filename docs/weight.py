@@ -23,14 +23,21 @@ PARTS = {
     ),
     "tables: CSV and Parquet, millions of rows": ("polars",),
     "the command line": ("click", "rich", "lazy-loader"),
-    "building FMUs: symbols and a C compiler for all platforms": ("casadi", "ziglang", "pythonfmu"),
-    "documents in FMUs, SSP": ("latex2mathml", "markdown-it-py", "mdit-py-plugins", "lxml"),
-    "pictures and pages": ("matplotlib", "contourpy", "pillow", "bokeh", "jinja2", "markupsafe"),
-    "sweeps, tuning, trajectories": ("cloudpickle", "cma", "scipy"),
+    "SSP and other documents": (
+        "lxml",
+        "jinja2",
+        "markupsafe",
+        "latex2mathml",
+        "markdown-it-py",
+        "mdit-py-plugins",
+    ),
     "loops of connections": ("networkx",),
     "verifying binaries": ("lief",),
 }
-"""What our requirements are for; each is listed once."""
+"""What the requirements of the base are for; each is listed once."""
+
+EXTRAS = ("plots", "analyses", "build", "cluster")
+"""Extras in the order of the table; a package counts for the first one that needs it."""
 
 
 def main() -> None:
@@ -40,13 +47,28 @@ def main() -> None:
     print("|---|---|---:|")
     whole = 0.0
     for part, roots in {**PARTS, "EMLA-Cosim itself": (OURS,)}.items():
-        found = {name: megabytes(d) for name, d in needed(roots) if name not in counted}
-        counted |= set(found)
-        whole += sum(found.values())
-        heavy = sorted((name for name, size in found.items() if size >= 5), key=lambda name: -found[name])
-        named = ", ".join(f"{name} {found[name]:.0f}" for name in heavy)
-        print(f"| {part} | {named} | {sum(found.values()):.0f} |")
-    print(f"| together | | {whole:.0f} |")
+        whole += print_row(part, roots, counted)
+    print(f"| **base** | | **{whole:.0f}** |")
+    for extra in EXTRAS:
+        print_row(f"the extra `{extra}`", tuple(requirements_of(extra)), counted, "+ ")
+
+
+def print_row(part: str, roots: tuple[str, ...], counted: set[str], sign: str = "") -> float:
+    """Print the packages that are not counted yet, and return their megabytes."""
+    found = {name: megabytes(d) for name, d in needed(roots) if name not in counted}
+    counted |= set(found)
+    heavy = sorted((name for name, size in found.items() if size >= 5), key=lambda name: -found[name])
+    named = ", ".join(f"{name} {found[name]:.0f}" for name in heavy)
+    size = sum(found.values())
+    print(f"| {part} | {named} | {sign}{size:.0f} |")
+    return size
+
+
+def requirements_of(extra: str) -> Iterator[str]:
+    """Return the names of the packages of an extra."""
+    for requirement in distribution(OURS).requires or []:
+        if f"extra == '{extra}'" in requirement.replace('"', "'"):
+            yield normalized(requirement)
 
 
 def needed(roots: tuple[str, ...]) -> Iterator[tuple[str, Distribution]]:

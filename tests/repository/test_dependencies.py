@@ -16,13 +16,14 @@ import pytest
 import yaml
 
 from docs.weight import PARTS
+from emla_cosim.base.extras import EXTRAS
 from emla_cosim.cli.app import COMMANDS
 from tests.support.paths import ROOT
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 OURS = {"fmublock", "emla_fmu", "rsba_fmu", "machine_fmu", "emla_cosim"}
-EXECUTED = {"ziglang"}
-"""Declared for a program that is started, not imported: `python -m ziglang`."""
+BY_NAME = {"yourdfpy", "ziglang"}
+"""Declared, but not in an import statement: `python -m ziglang` is started, and yourdfpy imported by name."""
 
 
 def sources() -> list[Path]:
@@ -50,9 +51,8 @@ def normalized(requirement: str) -> str:
     return re.sub(r"[-_.]+", "-", name).lower()
 
 
-EXTRAS = ("cluster", "control", "mdf", "pandas", "pytest", "tdms")
-OPTIONAL = [r for extra in EXTRAS for r in PROJECT["optional-dependencies"][extra]]
-"""What is imported only where somebody asks for it by name, or which imports what it finds of ours."""
+OPTIONAL = [r for extra in (*EXTRAS, "pytest") for r in PROJECT["optional-dependencies"][extra]]
+"""What only some commands import, or what imports what it finds of ours."""
 
 DECLARED = {normalized(requirement) for requirement in (*PROJECT["dependencies"], *OPTIONAL)}
 
@@ -81,14 +81,22 @@ def test_what_is_imported_is_declared() -> None:
 def test_what_is_declared_is_used() -> None:
     files = sources()
     used = {d for package in imported(files) for d in providers().get(package, {package})}
-    assert DECLARED - used == EXECUTED
+    assert DECLARED - used == BY_NAME
     words = {
         node.value
         for file in files
         for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
         if isinstance(node, ast.Constant) and isinstance(node.value, str)
     }
-    assert words >= EXECUTED
+    assert words >= BY_NAME
+
+
+def test_the_base_is_small_and_extras_are_as_messages_name_them() -> None:
+    assert len(PROJECT["dependencies"]) <= 20
+    declared = PROJECT["optional-dependencies"]
+    for extra, packages in EXTRAS.items():
+        assert sorted(map(normalized, declared[extra])) == sorted(packages)
+    assert declared["all"] == [f"emla-cosim[{','.join(EXTRAS)}]"]
 
 
 def test_every_requirement_has_a_part_that_needs_it() -> None:

@@ -1,29 +1,27 @@
 """Extras: packages that only some commands need, and what to install where one is missing."""
 
-import importlib.util
-from types import MappingProxyType
+from collections.abc import Sequence
+from importlib.util import find_spec
 
 from .errors import CommandError, join_names
 
-EXTRAS = MappingProxyType(
-    {
-        "plots": ("matplotlib", "bokeh", "contourpy", "PIL"),
-        "build": ("casadi", "ziglang", "pythonfmu", "matplotlib"),
-        "analyses": ("scipy", "cma", "cloudpickle"),
-        "cluster": ("distributed", "dask"),
-        "control": ("control",),
-        "mdf": ("asammdf",),
-        "pandas": ("pandas",),
-        "tdms": ("nptdms",),
-        "urdf": ("yourdfpy",),
-    }
-)
-"""Modules by the extra that installs them, the first extra for each; pyproject.toml has the packages."""
+EXTRAS = {
+    "plots": ("matplotlib", "bokeh", "contourpy", "pillow"),
+    "build": ("casadi", "ziglang", "pythonfmu", "matplotlib"),
+    "analyses": ("scipy", "cma", "cloudpickle"),
+    "cluster": ("distributed",),
+    "control": ("control",),
+    "mdf": ("asammdf",),
+    "pandas": ("pandas",),
+    "tdms": ("nptdms",),
+    "urdf": ("yourdfpy",),
+}
+"""Packages by the extra that installs them, as in pyproject.toml."""
 
+_MODULES = {"pillow": "PIL"}
+"""Modules of packages that have another name."""
 
-LEFT_OUT = (
-    "pictures are left out, because the extra 'plots' is not installed; run: pip install 'emla-cosim[plots]'"
-)
+LEFT_OUT = "pictures are left out, because the extra 'plots' is missing; run: pip install 'emla-cosim[plots]'"
 """What is said, without a full stop, where pictures would be drawn by default."""
 
 
@@ -36,18 +34,25 @@ def has_extra(extra: str) -> bool:
     return not _missing(extra)
 
 
-def require_extra(extra: str, what: str) -> None:
-    """Check that all packages of an extra are installed.
+def require_extras(extras: Sequence[str], what: str) -> None:
+    """Check that all packages of extras are installed.
 
     Args:
-        extra: Name of the extra.
+        extras: Names of extras.
         what: Subject of the error message, such as "a picture".
 
     Raises:
         MissingExtraError: If one is not.
     """
-    if not has_extra(extra):
-        raise _missing_error(extra, what, _missing(extra))
+    lacking = {extra: missing for extra in extras if (missing := _missing(extra))}
+    if lacking:
+        packages = list(dict.fromkeys(package for missing in lacking.values() for package in missing))
+        raise _missing_error(list(lacking), what, packages)
+
+
+def require_extra(extra: str, what: str) -> None:
+    """Check that all packages of an extra are installed; see `require_extras`."""
+    require_extras([extra], what)
 
 
 def explain_missing(error: ImportError, what: str) -> CommandError | None:
@@ -55,19 +60,23 @@ def explain_missing(error: ImportError, what: str) -> CommandError | None:
     if isinstance(error, MissingExtraError):
         return error
     module = (error.name or "").partition(".")[0]
-    extra = next((extra for extra, modules in EXTRAS.items() if module in modules), None)
-    return None if extra is None else _missing_error(extra, what, [module])
+    for extra, packages in EXTRAS.items():
+        for package in packages:
+            if module == _MODULES.get(package, package):
+                return _missing_error([extra], what, [package])
+    return None
 
 
 def _missing(extra: str) -> list[str]:
-    return [module for module in EXTRAS[extra] if importlib.util.find_spec(module) is None]
+    return [package for package in EXTRAS[extra] if find_spec(_MODULES.get(package) or package) is None]
 
 
-def _missing_error(extra: str, what: str, modules: list[str]) -> MissingExtraError:
-    verb = "is" if len(modules) == 1 else "are"
+def _missing_error(extras: Sequence[str], what: str, packages: Sequence[str]) -> MissingExtraError:
+    noun = "extra" if len(extras) == 1 else "extras"
+    verb = "is" if len(packages) == 1 else "are"
     return MissingExtraError(
-        f"{what} needs the extra '{extra}', because {join_names(modules)} {verb} not installed; "
-        f"run: pip install 'emla-cosim[{extra}]'.",
-        extra=extra,
-        modules=modules,
+        f"{what} needs the {noun} {join_names(extras)}, because {join_names(packages)} {verb} not installed; "
+        f"run: pip install 'emla-cosim[{','.join(extras)}]'.",
+        extras=list(extras),
+        packages=list(packages),
     )

@@ -33,6 +33,13 @@ COMMANDS = {
 }
 """Commands in the order of the help. Each is the function `command` of its module in `commands`."""
 
+_EXTRAS = {
+    **dict.fromkeys(("sweep", "compare", "tune", "identify", "size", "linearize"), ("analyses",)),
+    "plot": ("plots",),
+    "trajectory": ("analyses", "build"),
+}
+"""Extras without which a command can do nothing; others are checked where they are needed."""
+
 ANSWERS = ("list", "info", "schema")
 """Commands whose output is their purpose; `--quiet` does not suppress it."""
 
@@ -141,7 +148,10 @@ def quick_imports() -> Iterator[None]:
 def load_command(name: str) -> click.Command:
     """Import a command."""
     with quick_imports():
+        from ..base.extras import require_extras
         from .command import Command
+
+        require_extras(_EXTRAS.get(name, ()), f"`emla {name}`")
 
         module = import_module(f"emla_cosim.cli.commands.{name}")
         return Command(name, COMMANDS[name], module, name in ANSWERS, SETTINGS)
@@ -164,7 +174,7 @@ def _show_missing_package(error: ImportError) -> int:
     from ..base.extras import explain_missing
     from ..views.terminal import show_error
 
-    explained = explain_missing(error, "this command")
+    explained = explain_missing(error, "what this command does")
     if explained is None:
         raise error
     show_error(str(explained))

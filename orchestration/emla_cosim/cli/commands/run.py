@@ -67,7 +67,7 @@ def run_into(
     plan_run(options, chosen.name)
     told = _show_actuators(chosen)
     plots = options.plots and has_extra("plots")
-    extra_notes = [LEFT_OUT] if options.plots and not plots else []
+    left_out = [LEFT_OUT] if options.plots and not plots else []
     with BarProgress() as progress:
         described = {
             "form": options.output_format,
@@ -94,9 +94,8 @@ def run_into(
             with catch_interrupts() as asked:  # from the first row to the last file
                 result = simulation.attempt(recorders=recorders)
                 # those of a reference are known only now
-                notes = list(
-                    dict.fromkeys([*chosen.notes, *extra_notes, *(note.rstrip(".") for note in result.notes)])
-                )
+                notes = [*chosen.notes, *left_out, *(note.rstrip(".") for note in result.notes)]
+                notes = list(dict.fromkeys(notes))
                 # the termination of FMUs may still fail
                 result, pictures = output.keep(
                     result,
