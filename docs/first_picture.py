@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 from PIL import Image
 
 import emla_cosim as ec
@@ -37,8 +38,9 @@ DRIVE = {
     "*.plant.screw.lead_error": 7.67e-5,
     "*.plant.screw.wobble": 4e-6,
 }
-STEP, TRANSIENT = 0.01, 0.3
-"""Time between rows, and the initial transient of forces and errors, which is left out, in s."""
+STOP, STEP, TRANSIENT = 4.0, 0.01, 0.3
+"""Time at which the machine turns back, time between rows, and the initial transient of forces and errors,
+which is left out, in s."""
 
 VIEW = ((-0.5, 3.2), (-1.05, 1.75))
 """Limits of the drawing of the machine in m, horizontal and vertical."""
@@ -52,7 +54,7 @@ DARK, SMALL, LARGE, LINE = "#24292f", 11, 13, 2.0
 def run() -> Movement:
     """Return the movement of the excavator."""
     with ec.load("excavator").prepare() as simulation:
-        result = simulation.run(set=DRIVE, output_interval=STEP)
+        result = simulation.run(set=DRIVE, stop_time=STOP, output_interval=STEP)
     assert all(joint["held"] for joint in result.metrics["joints"].values())
     data: dict[str, Any] = {name: result[name] for name in recorded_signals(result)}
     movement = read_movement(result, {"time": np.asarray(result.time), **data})
@@ -61,9 +63,9 @@ def run() -> Movement:
 
 
 def draw_machine(axes: "Axes", movement: Movement, scene: Scene) -> None:
-    """Draw the machine as it starts, faintly half-way and where it turns back, with the path of its load."""
-    turn = len(movement.time) // 2
-    rows = [0, turn // 2, turn]
+    """Draw the machine at the start, faintly half-way and at the end, with the path of its load."""
+    last = len(movement.time) - 1
+    rows = [0, last // 2, last]
     without_box = np.zeros(len(rows))
     first, *others = scene.parts.postures(movement.strokes[rows], without_box, movement.passive[rows])
     scene.reach = []  # the picture is of the motion alone
@@ -72,8 +74,8 @@ def draw_machine(axes: "Axes", movement: Movement, scene: Scene) -> None:
         scene.draw_ghost(axes, posture)
     scene.paint(first).add_to(axes)
     path = scene.view.flatten(movement.path)
-    axes.plot(*path[: turn + 1].T, color=RED, linewidth=LINE, zorder=5)
-    axes.plot(*path[[0, turn]].T, "o", color=RED, markersize=6, zorder=6)
+    axes.plot(*path.T, color=RED, linewidth=LINE, zorder=5)
+    axes.plot(*path[[0, last]].T, "o", color=RED, markersize=6, zorder=6)
     axes.set_axis_off()
     axes.set(xlim=VIEW[0], ylim=VIEW[1])
     assert movement.forces is not None
@@ -82,11 +84,10 @@ def draw_machine(axes: "Axes", movement: Movement, scene: Scene) -> None:
         text = f"{name}\n{1e-3 * force:.0f} kN"
         axes.text(*LABELS[name], text, fontsize=LARGE, color=scene.colors[name], fontweight="bold")
     (x, y), payload = path[0], movement.payload[0]
-    start, middle, end = movement.time[[0, turn, -1]]
     axes.text(x + 0.25, y, f"{payload:g} kg", fontsize=LARGE, color=DARK, va="bottom", fontweight="bold")
-    axes.text(x + 0.25, y, f"{start:g} and {end:g} s", fontsize=SMALL, color=RED, va="top")
-    x, y = path[turn]
-    axes.text(x + 0.27, y, f"{middle:g} s", fontsize=SMALL, color=RED, va="center")
+    axes.text(x + 0.25, y, f"{movement.time[0]:g} s", fontsize=SMALL, color=RED, va="top")
+    x, y = path[last]
+    axes.text(x + 0.27, y, f"{movement.time[last]:g} s", fontsize=SMALL, color=RED, va="center")
 
 
 def draw_curves(
@@ -106,7 +107,7 @@ def draw() -> None:
     """Draw the machine on the left, and strokes and position errors on the right."""
     movement = run()
     scene = Scene(movement.machine)
-    figure = Figure(figsize=SIZE, dpi=DPI, layout="constrained", facecolor="white")
+    figure = Figure(figsize=SIZE, dpi=DPI, layout=ConstrainedLayoutEngine(w_pad=0.1, h_pad=0.1))
     grid = figure.add_gridspec(2, 2, width_ratios=(1.3, 1.0))
     draw_machine(figure.add_subplot(grid[:, 0]), movement, scene)
     upper, lower = (figure.add_subplot(grid[row, 1]) for row in range(2))

@@ -21,6 +21,13 @@ def test_the_readme_is_short() -> None:
     assert sum(line.startswith("![") for line in lines[:30]) == 1
 
 
+def test_the_start_page_names_every_page() -> None:
+    """So that a reader without the site's navigation gets everywhere."""
+    start = ROOT / "docs/index.md"
+    named = set(re.findall(r"\]\(([\w.-]+\.md)", start.read_text(encoding="utf-8")))
+    assert named == {page.name for page in ROOT.glob("docs/*.md")} - {start.name}
+
+
 def test_every_command_of_the_readme_is_executed() -> None:
     """By the test of pages, but for those that set up an environment, which `.ci/run` executes."""
     shown = [f for f in fences(README) if re.search(r"\bemla (?!cosim)", f.content)]
