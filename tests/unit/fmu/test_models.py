@@ -64,7 +64,6 @@ def test_key_changes_with_everything_in_the_fmu(tmp_path: Path, monkeypatch: pyt
     ]
     for owner, name, value in (
         (block, "default_experiment", MODELS["Reference"].default_experiment),
-        (recipe, "_version", lambda tool: "0" if tool == "ziglang" else "1"),
         (recipe, "_own_files", lambda: ("another shim",)),
     ):
         with monkeypatch.context() as patch:

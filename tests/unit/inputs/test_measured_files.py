@@ -346,7 +346,7 @@ def test_measurement_files_drive_signals(name: str, write, fmu_folder: Path, tmp
 def test_missing_package_is_named(fmu_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     write_mdf(tmp_path / "a.mf4")
     monkeypatch.setitem(sys.modules, "asammdf", None)
-    with pytest.raises(CommandError, match=r"needs the package asammdf; install it with .*\[mdf\]"):
+    with pytest.raises(CommandError, match=r"needs the extra mdf, .*\[mdf\]"):
         LoadedInput.of(Input(tmp_path / "a.mf4"))
 
 

@@ -1,6 +1,5 @@
 """Clusters without workers, versions or an answer end a sweep with one message; others lose one variant."""
 
-import importlib.util
 from collections.abc import Callable
 from concurrent.futures import Future
 from pathlib import Path
@@ -14,6 +13,7 @@ import emla_cosim as ec
 from emla_cosim.analyses.execution import executor
 from emla_cosim.analyses.execution.executor import LocalWorkers, WorkersLostError
 from emla_cosim.analyses.variants.data import DIED, DONE
+from emla_cosim.base import extras
 from emla_cosim.base.errors import CommandError, RunError
 
 R_S = "lift.plant.motor.R_s"
@@ -60,8 +60,8 @@ def test_missing_workers_are_waited_for(fmu_folder: Path) -> None:
 
 
 def test_missing_dask_is_reported(fmu_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    with pytest.raises(CommandError, match=r"needs Dask, .*: pip install 'emla-cosim\[cluster\]'\."):
+    monkeypatch.setattr(extras, "find_spec", lambda name: None)
+    with pytest.raises(CommandError, match=r"distributed is not .*: pip install 'emla-cosim\[cluster\]'\."):
         sweep(fmu_folder, "tcp://127.0.0.1:1")
 
 

@@ -1,0 +1,46 @@
+"""What is said where a package of an extra is missing."""
+
+import pickle
+import sys
+
+import pytest
+
+from emla_cosim.base.errors import CommandError
+from emla_cosim.base.extras import (
+    MissingExtraError,
+    explain_missing,
+    has_extra,
+    require_extra,
+    require_extras,
+)
+
+
+@pytest.fixture
+def without(monkeypatch: pytest.MonkeyPatch) -> None:
+    for module in ("PIL", "bokeh", "cma"):
+        monkeypatch.setitem(sys.modules, module, None)
+
+
+@pytest.mark.usefixtures("without")
+def test_messages_name_all_that_is_missing_and_the_command() -> None:
+    assert not has_extra("plots") and has_extra("build")
+    require_extra("build", "an FMU")
+    with pytest.raises(MissingExtraError) as raised:
+        require_extras(["plots", "build", "analyses"], "`emla move`")
+    assert str(raised.value) == (
+        "`emla move` needs the extras plots and analyses, because bokeh, pillow and cma are not installed; "
+        "run: pip install 'emla-cosim[plots,analyses]'."
+    )
+    assert raised.value.exit_code == 2
+    assert str(pickle.loads(pickle.dumps(raised.value))) == str(raised.value)
+
+
+@pytest.mark.usefixtures("without")
+def test_an_import_that_fails_is_explained() -> None:
+    with pytest.raises(ImportError) as raised:
+        from PIL import Image  # noqa: F401
+    explained = explain_missing(raised.value, "a picture")
+    assert isinstance(explained, CommandError)
+    assert "the extra plots, because pillow is not" in str(explained)
+    assert explain_missing(explained, "another") is explained  # type: ignore[arg-type]
+    assert explain_missing(ImportError("no", name="os.nothing"), "a picture") is None
