@@ -60,7 +60,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def release(output: Path, fmus: Path, platforms: Sequence[str], draft: bool = False) -> None:
     """Write all files of a release to a folder. Raises CosimError and OSError."""
-    number = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    number = project["version"]
     changes = section((ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), number, draft)
     if not draft and (changed := git("status", "--porcelain")):
         raise CosimError(f"these files are not as they were committed; commit them, or --draft:\n{changed}")
@@ -71,7 +72,8 @@ def release(output: Path, fmus: Path, platforms: Sequence[str], draft: bool = Fa
     write_archive(archive, fmu_files(fmus, platforms, number))
     notes = output / f"CHANGES-{number}.md"
     write(notes, changes.encode())
-    files = sorted([archive, notes, *packages(output, platforms)])
+    materials = bill_of_materials(output / f"emla_cosim-{number}.cdx.json", project["dependencies"])
+    files = sorted([archive, notes, materials, *packages(output, platforms)])
     sums = "".join(f"{hashlib.sha256(f.read_bytes()).hexdigest()}  {f.name}\n" for f in files)
     write(output / SUMS, sums.encode())
     for file in (*files, output / SUMS):
@@ -119,12 +121,34 @@ def fmu_files(folder: Path, platforms: Sequence[str], number: str) -> dict[str, 
 
 def packages(output: Path, platforms: Sequence[str]) -> list[Path]:
     """The wheel, which carries FMUs for these platforms, and the source distribution, dated by the commit."""
-    epoch = os.environ.get("SOURCE_DATE_EPOCH") or git("log", "-1", "--format=%ct")
     with TemporaryDirectory(dir=output) as folder:
         command = [sys.executable, "-m", "hatchling", "build", "-d", str(Path(folder).absolute())]
         wanted = "all" if set(platforms) == set(PLATFORMS) else ",".join(platforms)
-        run(command, {**os.environ, "SOURCE_DATE_EPOCH": epoch, "EMLA_COSIM_PLATFORMS": wanted})
+        run(command, dated() | {"EMLA_COSIM_PLATFORMS": wanted})
         return [file.replace(output / file.name) for file in Path(folder).iterdir()]
+
+
+def bill_of_materials(path: Path, requirements: Sequence[str]) -> Path:
+    """Write the packages that an installation without extras has, as CycloneDX. Raises CosimError.
+
+    Args:
+        path: The JSON file to write.
+        requirements: Requirements of the project, which pip resolves in an empty environment.
+    """
+    with TemporaryDirectory() as folder:
+        run([sys.executable, "-m", "venv", "--without-pip", folder])
+        python = str(Path(folder, "Scripts/python.exe" if os.name == "nt" else "bin/python"))
+        pip = [sys.executable, "-m", "pip", "--python", python, "--disable-pip-version-check"]
+        run([*pip, "install", "--quiet", "--no-compile", *requirements])
+        command = [sys.executable, "-m", "cyclonedx_py", "environment", "--output-reproducible"]
+        run([*command, "--pyproject", "pyproject.toml", "-o", str(path.absolute()), python], dated())
+    return path
+
+
+def dated() -> dict[str, str]:
+    """The environment of commands whose outputs are dated by the commit. Raises CosimError."""
+    epoch = os.environ.get("SOURCE_DATE_EPOCH") or git("log", "-1", "--format=%ct")
+    return {**os.environ, "SOURCE_DATE_EPOCH": epoch}
 
 
 def forget(output: Path) -> None:

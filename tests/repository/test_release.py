@@ -1,6 +1,7 @@
 """What `python .ci/release.py` makes, and what it refuses."""
 
 import hashlib
+import json
 import os
 import re
 import subprocess
@@ -19,13 +20,15 @@ from tests.support.paths import ROOT
 
 pytestmark = pytest.mark.slow
 
-VERSION = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+VERSION, REQUIREMENTS = PROJECT["version"], PROJECT["dependencies"]
 HEADING = re.compile(rf"^## {re.escape(VERSION)}, .*$", re.MULTILINE)
 DATED = f"## {VERSION}, {date(2026, 1, 31)}"
 if not (ROOT / ".git").exists():
     pytest.skip("A release is made of a commit, and this is no git repository.", allow_module_level=True)
 
 pytest.importorskip("hatchling", reason="The extra 'test' is not installed.")
+pytest.importorskip("cyclonedx_py", reason="The extra 'test' is not installed.")
 
 
 def cloned(folder: Path) -> Path:
@@ -73,7 +76,7 @@ def made(tree: Path, python_fmu_folder: Path, tmp_path_factory: pytest.TempPathF
 def test_the_sums_are_those_of_all_files(made: Path) -> None:
     sums = dict(reversed(x.split("  ")) for x in (made / "SHA256SUMS").read_text().splitlines())
     assert set(sums) | {"SHA256SUMS"} == {file.name for file in made.iterdir()}
-    assert len(sums) == 4
+    assert len(sums) == 5
     for name, expected in sums.items():
         assert hashlib.sha256((made / name).read_bytes()).hexdigest() == expected
 
@@ -131,6 +134,25 @@ def test_the_packages_are_whole(made: Path, tmp_path: Path) -> None:
     env = os.environ | {"SOURCE_DATE_EPOCH": "1769860800", "EMLA_COSIM_PLATFORMS": host_platform()}
     subprocess.run(command, cwd=tmp_path / f"emla_cosim-{VERSION}", env=env, check=True, capture_output=True)
     assert (tmp_path / wheel.name).read_bytes() == wheel.read_bytes()
+
+
+def test_bill_of_materials_has_the_base_requirements(made: Path) -> None:
+    """It is valid, dated by the commit, and has nothing random."""
+    text = (made / f"emla_cosim-{VERSION}.cdx.json").read_text(encoding="utf-8")
+    validation = pytest.importorskip("cyclonedx.validation.json")
+    schema = pytest.importorskip("cyclonedx.schema")
+    assert validation.JsonStrictValidator(schema.SchemaVersion.V1_6).validate_str(text) is None
+    bill = json.loads(text)
+    assert "serialNumber" not in bill
+    assert bill["metadata"]["timestamp"] == "2026-01-31T12:00:00+00:00"
+    assert (bill["metadata"]["component"]["name"], bill["metadata"]["component"]["version"]) == (
+        "emla-cosim",
+        VERSION,
+    )
+    names = {component["name"].lower().replace("_", "-") for component in bill["components"]}
+    required = {re.split(r"[^\w-]", requirement)[0].replace("_", "-") for requirement in REQUIREMENTS}
+    assert required <= names
+    assert not names & {"pip", "pytest", "emla-cosim"}
 
 
 @pytest.mark.parametrize(
