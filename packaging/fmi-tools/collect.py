@@ -12,6 +12,12 @@ from pathlib import Path, PurePosixPath
 MOST_SIGNALS = 10
 """The list recommends at most as many signals in a solution."""
 
+START_VALUES = """\
+The reference solution in {model}_ref.csv needs the start values in {model}_ref.toml, section [set]:
+set them before initialization. The section [tolerance] says how far a result may differ.
+
+"""
+
 
 def main(archive: Path, folder: Path) -> None:
     """Write a folder for each FMU of the archive. Raises OSError and zipfile.BadZipFile."""
@@ -22,14 +28,14 @@ def main(archive: Path, folder: Path) -> None:
                 continue  # not of a native FMU
             model, content = path.parent.name, release.read(name)
             match path.name.removeprefix(model):
-                case ".fmu" | "_ref.opt" as suffix:
+                case ".fmu" | "_ref.opt" | "_ref.toml" as suffix:
                     target = f"{model}{suffix}"
                 case "_in.csv" as suffix:
                     target, content = f"{model}{suffix}", quote_names(content)
                 case "_ref.csv" as suffix:
                     target, content = f"{model}{suffix}", quote_names(content, MOST_SIGNALS)
                 case "README.md":
-                    target = "Readme.txt"
+                    target, content = "Readme.txt", START_VALUES.format(model=model).encode() + content
                 case _:
                     continue
             (folder / model).mkdir(parents=True, exist_ok=True)

@@ -250,10 +250,13 @@ def test_example_files_for_the_fmi_site(collect: ModuleType, tmp_path: Path) -> 
         stream.writestr("emla-fmus-1/README.md", "")
     collect.main(archive, tmp_path / "made")
     (folder,) = (tmp_path / "made").iterdir()
-    expected = ["EmlaPlant.fmu", "EmlaPlant_in.csv", "EmlaPlant_ref.csv", "EmlaPlant_ref.opt", "Readme.txt"]
+    tables = ["EmlaPlant_in.csv", "EmlaPlant_ref.csv"]
+    expected = ["EmlaPlant.fmu", *tables, "EmlaPlant_ref.opt", "EmlaPlant_ref.toml", "Readme.txt"]
     assert sorted(f.name for f in folder.iterdir()) == expected
     assert (folder / "EmlaPlant.fmu").read_text() == "EmlaPlant.fmu"
-    assert (folder / "EmlaPlant_ref.opt").read_bytes() == (source / "EmlaPlant_ref.opt").read_bytes()
+    for name in ("EmlaPlant_ref.opt", "EmlaPlant_ref.toml"):
+        assert (folder / name).read_bytes() == (source / name).read_bytes()
+    assert "start values in EmlaPlant_ref.toml" in (folder / "Readme.txt").read_text(encoding="utf-8")
     for table, width in (("EmlaPlant_in.csv", None), ("EmlaPlant_ref.csv", 11)):
         made = (folder / table).read_text().splitlines()
         original = (source / table).read_text().splitlines()
