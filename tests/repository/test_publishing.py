@@ -265,7 +265,7 @@ def test_example_files_for_the_fmi_site(collect: ModuleType, tmp_path: Path) -> 
         assert (folder / table).stat().st_size < 1e6
 
 
-def test_papers_text_has_the_form_of_the_journal() -> None:
+def test_text_of_the_paper_has_the_form_of_the_journal() -> None:
     _, header, text = PAPER.read_text(encoding="utf-8").split("---\n", 2)
     metadata = yaml.safe_load(header)
     assert [author["name"] for author in metadata["authors"]] == [a["name"] for a in CITATION["authors"]]
@@ -287,7 +287,7 @@ def test_papers_text_has_the_form_of_the_journal() -> None:
     assert not faults, "\n" + "\n".join(faults)
 
 
-def test_papers_figures_are_those_of_the_benchmark() -> None:
+def test_figures_of_the_paper_are_those_of_the_benchmark() -> None:
     text = " ".join(PAPER.read_text(encoding="utf-8").split())
     table = (ROOT / "benchmarks/README.md").read_text(encoding="utf-8")
     rows = [
@@ -304,7 +304,7 @@ def test_papers_figures_are_those_of_the_benchmark() -> None:
         assert words in text
 
 
-def test_papers_bibliography_has_what_it_cites() -> None:
+def test_bibliography_has_what_the_paper_cites() -> None:
     bibtexparser = pytest.importorskip("bibtexparser", reason="The extra 'test' is not installed.")
     library = bibtexparser.parse_file(str(PAPER.with_name("paper.bib")))
     assert library.failed_blocks == []
