@@ -1,9 +1,25 @@
 """Run a compiler on the sources of an FMU."""
 
 import os
+import shutil
 import subprocess
+import sys
 from collections.abc import Sequence
+from importlib.util import find_spec
 from pathlib import Path
+
+NO_COMPILER = "There is no compiler here: neither `cc` nor the extra 'build' is installed."
+
+
+def find_machine_compiler() -> tuple[str, ...]:
+    """Return the command of this machine's C compiler; empty without one."""
+    found = shutil.which("cc")
+    return (found,) if found else ()
+
+
+def find_zig() -> tuple[str, ...]:
+    """Return the command of the compiler that the extra 'build' brings; empty without it."""
+    return (sys.executable, "-m", "ziglang", "cc") if find_spec("ziglang") else ()
 
 
 def run_compiler(

@@ -1,7 +1,6 @@
 """Check that the C sources of an FMU compile."""
 
 import re
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -10,7 +9,7 @@ from importlib.resources import as_file, files
 from pathlib import Path
 
 from ..check import check
-from ..compiler import find_inside, run_compiler
+from ..compiler import NO_COMPILER, find_inside, find_machine_compiler, find_zig, run_compiler
 from ..messages import Breach, join_few_names, judge_problems, shorten_sentence
 from ..sanitizer.compiling import find_sources
 from ..subject import Subject
@@ -123,11 +122,14 @@ def _compiled(
     macros: Sequence[str] = (),
 ) -> CheckOutcome | None:
     """Compile and link these files, with more include folders and macros. Return None on success."""
+    compiler = find_machine_compiler() or find_zig()
+    if not compiler:
+        return skipped(NO_COMPILER, gaps=(NO_COMPILER,))
     with (
         tempfile.TemporaryDirectory() as scratch,
         as_file(files("fmpy") / "c-code") as headers,
     ):
-        command = [*_compiler(), "-shared", "-fPIC", "-O0", "-w", "-I", str(headers), "-I", str(folder)]
+        command = [*compiler, "-shared", "-fPIC", "-O0", "-w", "-I", str(headers), "-I", str(folder)]
         command += [*(f"-I{path}" for path in includes), *macros]
         command += ["-Wl,--no-undefined"] if sys.platform == "linux" else []
         command += [str(folder / name) for name in names]
@@ -157,8 +159,3 @@ def _shipped(folder: Path, header: str) -> bool:
     """Return whether the FMU should have this header: its sources include it by a name in quotes."""
     include = re.compile(rb'#\s*include\s*"' + re.escape(header.encode()) + rb'"')
     return any(include.search(p.read_bytes()) for p in folder.rglob("*.[ch]"))
-
-
-def _compiler() -> list[str]:
-    found = shutil.which("cc")
-    return [found] if found else [sys.executable, "-m", "ziglang", "cc"]

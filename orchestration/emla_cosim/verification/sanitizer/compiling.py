@@ -1,8 +1,6 @@
 """Compile the sources of an FMU, and the host for it, with sanitizers."""
 
-import shutil
 import subprocess
-import sys
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -14,7 +12,7 @@ import fmpy
 from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 
 from ...base.untrusted_xml import parse_xml
-from ..compiler import find_inside, run_compiler
+from ..compiler import find_inside, find_machine_compiler, find_zig, run_compiler
 from ..subject import Subject
 
 _BUILD_DESCRIPTION = "buildDescription.xml"
@@ -56,9 +54,12 @@ class CompilerError(Exception):
 
 def list_compilers() -> list[Compiler]:
     """Return the compilers to try: the one of the machine, then zig, which has no AddressSanitizer."""
-    found = shutil.which("cc")
-    zig = Compiler((sys.executable, "-m", "ziglang", "cc"), _UNDEFINED_ONLY, has_address=False)
-    return [*([Compiler((found,), _ALL, has_address=True)] if found else []), zig]
+    compilers = []
+    if command := find_machine_compiler():
+        compilers.append(Compiler(command, _ALL, has_address=True))
+    if command := find_zig():
+        compilers.append(Compiler(command, _UNDEFINED_ONLY, has_address=False))
+    return compilers
 
 
 def find_sources(subject: Subject, kind: str) -> SourceSet | None:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from ...base.process import describe_exit
 from ...fmu.instance import ERROR, FATAL, STATUS
+from ..compiler import NO_COMPILER
 from ..compute_once import compute_once
 from ..messages import join_few_names, shorten_sentence
 from ..subject import Subject
@@ -86,7 +87,7 @@ def _build_and_run(subject: Subject) -> SanitizedRun:
 
 def _build_and_run_all(subject: Subject, sets: Mapping[str, SourceSet], scratch: Path) -> SanitizedRun:
     """Build and run all kinds of an FMU with the first compiler that has sanitizers."""
-    limit, problem = _COMPILE * subject.settings.seconds, ""
+    limit, problem = _COMPILE * subject.settings.seconds, NO_COMPILER
     plans = {kind: write_plan(subject, kind) for kind in sets}
     for compiler in list_compilers():
         try:
@@ -94,7 +95,8 @@ def _build_and_run_all(subject: Subject, sets: Mapping[str, SourceSet], scratch:
                 kind: compile_host(compiler, scratch / kind, plan, limit) for kind, plan in plans.items()
             }
         except CompilerError as error:
-            problem = problem or f"The compiler of this machine has no sanitizers: {error}."
+            if problem == NO_COMPILER:
+                problem = f"The compiler of this machine has no sanitizers: {error}."
             continue
         try:
             libraries = {
