@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping
 from html import escape
 
-from ..ssp.diagram import Box, ComponentLink, Diagram, DiagramLine, build_diagrams
+from ..ssp.diagram import Box, Diagram, DiagramLine, build_diagrams, link_components
 from ..system.model import Connection
 
 _COLORS = {
@@ -27,11 +27,7 @@ def draw_system(components: Mapping[str, str], connections: Iterable[Connection]
         components: Descriptions of the components by name.
         connections: The connections.
     """
-    ends: dict[tuple[str, str], list[tuple[str, str]]] = {}
-    for x in connections:
-        ends.setdefault((x.source, x.target), []).append((x.output, x.input))
-    links = [ComponentLink(a, b, tuple(signals)) for (a, b), signals in ends.items()]
-    diagrams = build_diagrams(components, links)
+    diagrams = build_diagrams(components, link_components(connections))
     return [(d.title, _draw(d, _ARROW if d is diagrams[0] else "")) for d in diagrams]
 
 

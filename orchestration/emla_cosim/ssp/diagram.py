@@ -4,6 +4,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from ..base.wording import format_count
+from ..system.model import Connection
 from .documents.ssd_data import Connector, Element, SsdConnection, SystemElement
 from .writer.layout import add_coordinates
 
@@ -62,6 +63,14 @@ class Diagram:
     boxes: tuple[Box, ...]
     lines: tuple[DiagramLine, ...]
     view: tuple[float, float, float, float]
+
+
+def link_components(connections: Iterable[Connection]) -> list[ComponentLink]:
+    """Return the connections of a system, grouped by their components."""
+    ends: dict[tuple[str, str], list[tuple[str, str]]] = {}
+    for x in connections:
+        ends.setdefault((x.source, x.target), []).append((x.output, x.input))
+    return [ComponentLink(a, b, tuple(signals)) for (a, b), signals in ends.items()]
 
 
 def group_connections(components: Iterable[str], connections: Sequence[str]) -> list[ComponentLink]:
