@@ -5,10 +5,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 
-from ..views.pages.text import make_visible
-from .system_info import Start, VariableInfo, format_start
+from ..views.pages.text import make_visible, shorten_text
+from .system_info import FmuInfo, Start, VariableInfo, format_start
 
 _ELEMENT = re.compile(r"(.*)\[([0-9]{1,9})\]", re.DOTALL)
+LONGEST = 300
+"""Most letters in a text of a table."""
+
 _MOST_STARTS = 4
 """Most different start values of an array's elements to show."""
 _USUAL = ("continuous", "fixed", "discrete")
@@ -82,6 +85,31 @@ def _row(elements: Sequence[VariableInfo]) -> DisplayRow:
         connected=tuple(map(format_line, ends)),
         first=first,
     )
+
+
+def list_fmu_facts(fmu: FmuInfo) -> list[tuple[str, str]]:
+    """Return what the model description says of an FMU, as labels and texts."""
+    experiment = {
+        "from": fmu.start_time,
+        "to": fmu.stop_time,
+        "step": fmu.step_size,
+        "tolerance": fmu.tolerance,
+    }
+    facts = {
+        "model": fmu.model,
+        "file": f"{fmu.path} ({fmu.size / 1024:.0f} KiB)",
+        "FMI": f"{fmu.fmi_version}, {' and '.join(fmu.kinds) or 'of no kind'}",
+        "capabilities": "; ".join(f"{kind}: {', '.join(f)}" for kind, f in fmu.capabilities.items() if f),
+        "terminals": ", ".join(fmu.terminals),
+        "binaries": ", ".join(fmu.platforms) or "none",
+        "experiment": ", ".join(f"{name} {x:g}" for name, x in experiment.items() if x is not None),
+        "made by": ", ".join(filter(None, (fmu.tool, fmu.author))),
+        "version": fmu.version,
+        "license": fmu.license,
+        "GUID": fmu.guid,
+        "SHA-256": fmu.sha256,
+    }
+    return [(label, shorten_text(format_line(text), LONGEST)) for label, text in facts.items() if text]
 
 
 def format_line(text: str) -> str:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from ..base.errors import CommandError, suggest_names
 from ..base.output_files import OutputFile, has_format
 from ..base.patterns import is_pattern, matches_pattern
+from ..base.wording import format_count
 from ..views.pages.plain import to_plain
 
 if TYPE_CHECKING:
@@ -158,7 +159,7 @@ class VariableInfo:
     interval_variability: str = ""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Info:
     """Content of an FMU, an SSP or a scenario. `info["lift.plant.x_L"]` is one of its variables.
 
@@ -187,6 +188,21 @@ class Info:
     connections: tuple[ConnectionInfo, ...]
     variables: tuple[VariableInfo, ...]
     machine: "MachineInfo | None" = None
+
+    def __repr__(self) -> str:
+        """Return one line: the name, and how much there is."""
+        counts = (
+            format_count(len(self.components), "component"),
+            format_count(len(self.connections), "connection"),
+            format_count(len(self.variables), "variable"),
+        )
+        return f"<Info on {self.name}: {', '.join(counts)}>"
+
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows: FMUs, connections and variables."""
+        from .info_cell import render_cell  # it needs this class
+
+        return render_cell(self)
 
     def __getitem__(self, name: str) -> VariableInfo:
         """Return the variable of this full name; raise CommandError if it does not exist."""

@@ -114,6 +114,12 @@ class Result:
 
         return format_result(self)
 
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows: verdict, metrics, what is idealised, and a picture."""
+        from ..views.run_page.result_cell import render_cell
+
+        return render_cell(self)
+
     def __getitem__(self, name: str) -> Vector:
         """Return a signal as an array of shape (rows,), in its unit.
 

@@ -92,6 +92,16 @@ def run_times(options: Options, name: str) -> CommunicationPoints:
     return make_communication_points(options.stop_time, options.step_size, options.start_time or 0.0)
 
 
+def describe_times(options: Options) -> list[str]:
+    """Return start, stop and step size of runs as short texts, as far as they are set."""
+    facts = list[str]()
+    if options.stop_time is not None:
+        facts.append(f"{options.start_time or 0.0:g} s to {options.stop_time:g} s")
+    if options.step_size is not None:
+        facts.append(f"step {options.step_size:g} s")
+    return facts
+
+
 def steps_per_row(options: Options, times: CommunicationPoints) -> int:
     """Return the number of fixed steps per output interval.
 

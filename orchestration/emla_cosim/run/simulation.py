@@ -28,7 +28,7 @@ from ..master.stepping.stepping_base import ROUNDING, Stepping
 from ..recorders.metrics import default_roles
 from ..recorders.recorder import Recorder
 from ..stepper.library import require_stepper
-from ..system.model import System
+from ..system.model import System, count_parts, render_cell
 from ..system.names import Names
 from .coupling_estimates import CouplingEstimates
 from .execution import ActiveRun
@@ -40,7 +40,7 @@ from .preparation import limit_to_data_end, prepare_system
 from .registered import following_values
 from .requirements import Requirement, resolve_stop_conditions
 from .result import Result
-from .run_setup import plan_run, select_components, select_signals
+from .run_setup import describe_times, plan_run, select_components, select_signals
 from .wiring import wire_run
 
 
@@ -114,6 +114,16 @@ class Simulation:
         self._lock, self._is_in_use = threading.RLock(), False
         require_stepper()  # which builds it if necessary, so that no run waits for it
         progress.advance(1)
+
+    def __repr__(self) -> str:
+        """Return one line: name, system, times, and whether it is closed."""
+        state = "" if self._finalizer.alive else "closed "
+        facts = [*count_parts(self.system), *describe_times(self.options)]
+        return f"<{state}Simulation of {self.name}: {', '.join(facts)}>"
+
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows: times, and the system with its inputs and faults."""
+        return render_cell(self.system, f"Simulation of {self.name}", facts=describe_times(self.options))
 
     def __enter__(self) -> "Simulation":
         return self

@@ -9,6 +9,7 @@ from typing import Any
 from ..base.errors import CommandError, join_names
 from ..base.units import IDENTITY, LinearTransformation, SiUnit
 from ..base.values import list_elements
+from ..base.wording import format_count
 from .bond import Bond
 
 Value = float | int | bool | str
@@ -124,7 +125,7 @@ class Connection:
         return f"{self.source}.{self.output} -> {self.target}.{self.input}"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class System:
     """Components and their connections. `System.of` makes one from names.
 
@@ -141,6 +142,14 @@ class System:
     bonds: Mapping[str, Bond] = field(default_factory=dict)
     main: str | None = field(default=None, compare=False)
     record: Mapping[str, Any] = field(default_factory=dict, compare=False)
+
+    def __repr__(self) -> str:
+        """Return one line: the numbers of components and connections."""
+        return f"<System of {', '.join(count_parts(self))}>"
+
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows: diagram, components and connections."""
+        return render_cell(self)
 
     @classmethod
     def of(
@@ -339,6 +348,27 @@ def _component(name: str, what: str | Path | type) -> Component:
     if isinstance(what, Path) or what.lower().endswith(".fmu"):
         return Component(name, fmu=Path(what))
     return Component(name, model=what)
+
+
+def count_parts(system: System) -> list[str]:
+    """Return the numbers of components and connections as short texts."""
+    return [
+        format_count(len(system.components), "component"),
+        format_count(len(system.connections), "connection"),
+    ]
+
+
+def render_cell(
+    system: System,
+    title: str = "System",
+    description: str = "",
+    facts: Sequence[str] = (),
+    notes: Sequence[str] = (),
+) -> str:
+    """Return what a notebook shows of a system, or of a scenario or simulation of it; see `render_system`."""
+    from ..views.pages.system_cell import render_system
+
+    return render_system(system, title, description, facts, notes)
 
 
 def find_main_component(record: Mapping[str, Any]) -> str:

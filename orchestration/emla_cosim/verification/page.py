@@ -17,6 +17,9 @@ from .repetition import format_command
 from .short_names import shorten_names
 from .verdict import Verdict
 
+_MOST_ROWS = 200
+"""Most findings and FMUs in a cell of a notebook."""
+
 
 def save(report: Findings, path: Path, overwrite: bool = False) -> None:
     """Write the report as an HTML page. Raise CommandError and RunError like `OutputFile`."""
@@ -41,10 +44,29 @@ def render_page(report: Findings) -> str:
         parts=parts,
         groups=groups,
         verdicts=list(Verdict),
-        headline=_headline(report),
+        headline=describe_verdict(report),
         thing=_thing(report),
         started=_moment(report.started),
         seconds=sum(one.seconds for one in report.examined),
+    )
+
+
+def render_cell(report: Findings) -> str:
+    """Return the HTML for a cell of a notebook, with failed checks and warnings."""
+    return render_template(
+        __package__ or "",
+        "report_cell.html",
+        Plots(),
+        report=report,
+        headline=describe_verdict(report),
+        verdicts=list(Verdict),
+        findings=[
+            (examined, verdict, finding)
+            for examined in report.examined
+            for verdict in (Verdict.FAILED, Verdict.WARNING)
+            for finding in examined.of(verdict)
+        ],
+        most=_MOST_ROWS,
     )
 
 
@@ -116,7 +138,8 @@ def _word(name: str) -> str:
     return re.sub(r"[^\w.-]", "_", name)
 
 
-def _headline(report: Findings) -> str:
+def describe_verdict(report: Findings) -> str:
+    """Return the verdict on all FMUs as a sentence without a full stop."""
     said = _verdict_of_all(report)
     return said if report.complete else f"Interrupted: {said[0].lower()}{said[1:]}"
 

@@ -8,9 +8,22 @@ from . import json_file
 from .findings import Findings
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Report(Findings):
     """Findings of `verify`. `report["x.fmu"]` has those of one FMU."""
+
+    def __repr__(self) -> str:
+        """Return one line: the verdict, and how many checks have each."""
+        from .page import describe_verdict
+
+        counts = ", ".join(f"{count} {verdict}" for verdict, count in self.counts.items())
+        return f"<Report: {describe_verdict(self)}; checks: {counts or 'none'}>"
+
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows: verdict, failed checks and warnings, and a row for each FMU."""
+        from .page import render_cell
+
+        return render_cell(self)
 
     def as_dict(self) -> dict[str, Any]:
         """Return the report as plain data, as `save_json` writes it."""

@@ -1,7 +1,9 @@
 """Format results as text for the terminal and for pages."""
 
 import json
+import math
 from collections.abc import Iterator, Mapping
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -57,6 +59,18 @@ def describe_stepping(result: "Result") -> Iterator[str]:
             f"{kept['factor']:g} x real time; "
             f"the longest delay was {1e3 * kept['worst_delay_s']:.2f} ms"
         )
+
+
+def list_signal_texts(
+    result: "Result", most: int
+) -> tuple[tuple[str, ...], list[tuple[str, tuple[str, ...], str]]]:
+    """Return the names of the metrics of signals, and for each of the first signals name, values and unit."""
+    names, rows = ("minimum", "maximum", "rms", "final"), list[tuple[str, tuple[str, ...], str]]()
+    for signal, figures in islice(result.signals.items(), most):
+        unit = result.units.get(signal)
+        values = ("none" if math.isnan(figures[name]) else format_rounded(figures[name], 5) for name in names)
+        rows.append((signal, tuple(values), "" if unit is None else str(unit)))
+    return names, rows
 
 
 PROFILE_COLUMNS = ("time / s", "share / %", "steps", "µs/step", "calls")

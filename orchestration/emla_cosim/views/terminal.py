@@ -1,13 +1,11 @@
 """Terminal output of a run: tables of results, messages, files."""
 
-import math
 import re
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from io import StringIO
-from itertools import islice
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, cast
 
@@ -17,8 +15,14 @@ from rich.segment import Segment
 from rich.table import Table
 
 from ..base.errors import CosimError
-from ..base.wording import format_count, format_rounded
-from .formatting import PROFILE_COLUMNS, describe_stepping, format_figure, list_profile_rows
+from ..base.wording import format_count
+from .formatting import (
+    PROFILE_COLUMNS,
+    describe_stepping,
+    format_figure,
+    list_profile_rows,
+    list_signal_texts,
+)
 from .pages.text import make_visible
 
 if TYPE_CHECKING:
@@ -237,16 +241,14 @@ def _figures(title: str, figures: "Figures", shown: "Sequence[MetricDisplay]") -
 
 def _list_signals(result: "Result", title: str) -> Iterator[Table | str]:
     """Yield a table with the metrics of the first signals, and how many more there are."""
-    names = ("minimum", "maximum", "rms", "final")
+    names, rows = list_signal_texts(result, _MOST_FIGURES)
     table = Table(title=escape(title), title_justify="left")
     table.add_column("", overflow="fold")
     for name in names:
         table.add_column(name, justify="right")
     table.add_column("")
-    for signal, figures in islice(result.signals.items(), _MOST_FIGURES):
-        unit = result.units.get(signal)
-        values = ("none" if math.isnan(figures[name]) else format_rounded(figures[name], 5) for name in names)
-        table.add_row(escape(signal), *values, escape(str(unit) if unit is not None else ""))
+    for signal, values, unit in rows:
+        table.add_row(escape(signal), *values, escape(unit))
     yield table
     if (more := len(result.signals) - _MOST_FIGURES) > 0:
         yield f"The metrics of {more} more signals are in metrics.json."

@@ -10,7 +10,8 @@ import polars
 from ...recorders.metrics import HELD, MetricDisplay
 from ...study.loads import LoadFigures, LoadMetrics
 from ...study.metrics import CONVERGENCE_TIME, SHOWN_WITH_LOAD, JointFigures, JointMetrics
-from ..frame.report import ReportTable
+from ..frame.report import Report, ReportTable
+from ..frame.reported import ReportedResult
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -59,8 +60,8 @@ SHOWN: dict[str, MetricDisplay] = {
 Row = Mapping[str, Any]
 
 
-@dataclass(frozen=True)
-class CompareResult:
+@dataclass(frozen=True, repr=False)
+class CompareResult(ReportedResult):
     """Rows and tables of a comparison of controllers.
 
     Attributes:
@@ -92,7 +93,12 @@ class CompareResult:
     complete: bool = True
     wall_s: float = 0.0
     folder: Path | None = None
-    plan: "ComparisonPlan | None" = field(default=None, compare=False, repr=False)
+    plan: "ComparisonPlan | None" = field(default=None, compare=False)
+
+    def _build_report(self) -> Report:
+        from .report import build_report  # it needs this class
+
+        return build_report(self)
 
     def group(self, *by: str) -> dict[tuple[Any, ...], list[Row]]:
         """Return the rows, grouped by the values of these columns."""

@@ -11,6 +11,7 @@ import numpy as np
 import polars
 from numpy.typing import NDArray
 
+from ..frame.reported import ReportedResult
 from .certainty import Estimate
 from .design import Candidate
 from .residuals import Fit
@@ -18,13 +19,15 @@ from .residuals import Fit
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from ..frame.report import Report
+
 
 SAMPLES = {"experiment": str, "signal": str, "time": float, "measured": float, "predicted": float}
 """Columns of the table of samples."""
 
 
-@dataclass(frozen=True)
-class IdentificationResult:
+@dataclass(frozen=True, repr=False)
+class IdentificationResult(ReportedResult):
     """Estimates with their certainty, and how well they predict what was measured.
 
     Attributes:
@@ -67,9 +70,14 @@ class IdentificationResult:
     notes: Sequence[str] = field(default_factory=list)
     folder: Path | None = None
     data_notes: Sequence[str] = ()
-    plan: Mapping[str, Any] = field(default_factory=dict, repr=False)
-    systems: Sequence[Mapping[str, Any]] = field(default=(), repr=False)
-    scenario: Mapping[str, Any] = field(default_factory=dict, repr=False)
+    plan: Mapping[str, Any] = field(default_factory=dict)
+    systems: Sequence[Mapping[str, Any]] = ()
+    scenario: Mapping[str, Any] = field(default_factory=dict)
+
+    def _build_report(self) -> "Report":
+        from .report import build_report  # it needs this class
+
+        return build_report(self)
 
     def __getitem__(self, name: str) -> Estimate:
         """Return the estimate of a parameter. Raises KeyError."""

@@ -2,13 +2,17 @@
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import polars
 
+from ..frame.reported import ReportedResult
 from .margins import Margins
 from .response import FrequencyResponse
 from .state_space import StateSpace
+
+if TYPE_CHECKING:
+    from ..frame.report import Report
 
 
 @dataclass(frozen=True)
@@ -35,8 +39,8 @@ class Measured:
     step_change: float | None = None
 
 
-@dataclass(frozen=True)
-class LinearizeResult:
+@dataclass(frozen=True, repr=False)
+class LinearizeResult(ReportedResult):
     """Frequency responses of a system at a time of a run.
 
     Attributes:
@@ -58,6 +62,11 @@ class LinearizeResult:
     remarks: tuple[str, ...] = ()
     matrices: StateSpace | None = None
     is_steady: bool = False
+
+    def _build_report(self) -> "Report":
+        from .report import build_report  # it needs this class
+
+        return build_report(self)
 
     def __getitem__(self, name: str) -> FrequencyResponse:
         """Return a response by name."""

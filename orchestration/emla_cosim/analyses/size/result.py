@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import polars
@@ -10,11 +10,15 @@ import polars
 from ...base.arrays import Vector
 from ...base.errors import CommandError
 from ...base.wording import format_count
+from ..frame.reported import ReportedResult
 from .cycle import Cycle
 from .figures import Losses, SizingFigures
 from .limits import Unexamined, Utilisation, format_percent
 from .motor import Winding
 from .tolerances import Tolerances, list_reasons
+
+if TYPE_CHECKING:
+    from ..frame.report import Report
 
 _MOST_ROWS = 20_000
 """Most rows of a table of a cycle."""
@@ -179,8 +183,8 @@ class Candidate:
         return [f"{joint}: {text}" for joint, one in self.joints.items() for text in one.reasons]
 
 
-@dataclass(frozen=True)
-class SizeResult:
+@dataclass(frozen=True, repr=False)
+class SizeResult(ReportedResult):
     """Whether actuators do the job of a scenario.
 
     `result["lift"]` is the joint of its first candidate that can be run.
@@ -200,6 +204,11 @@ class SizeResult:
     ambient: float
     life: float | None
     lead_in: float
+
+    def _build_report(self) -> "Report":
+        from .report import build_report  # it needs this class
+
+        return build_report(self)
 
     def __getitem__(self, joint: str) -> JointSizing:
         """Return the sizing of a joint.

@@ -16,12 +16,14 @@ from ...base.errors import CommandError, check_choice
 from ...base.files import read_text
 from ...base.values import convert_value
 from ...recorders.metrics import HELD, MetricDisplay
+from ..frame.reported import ReportedResult
 from ..variants.data import DONE, PROBLEM, STATUS, VARIANT
 from ..variants.targets import Target, assign_value, format_arguments, merge_options
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from ..frame.report import Report
     from .sensitivity import SobolIndices
 
 NOT_HELD = "not held"
@@ -40,8 +42,8 @@ ENDS = {VARIANT: polars.Int64, STATUS: polars.String, PROBLEM: polars.String, "e
 """Columns of every part, before those of the figures."""
 
 
-@dataclass(frozen=True)
-class SweepResult:
+@dataclass(frozen=True, repr=False)
+class SweepResult(ReportedResult):
     """Variants of a sweep with their metrics, and the signals that were kept.
 
     Attributes:
@@ -85,8 +87,13 @@ class SweepResult:
     targets: Mapping[str, Sequence[Target]] = field(default_factory=dict)
     wall_s: float = 0.0
     notes: Sequence[str] = ()
-    record: Mapping[str, Any] = field(default_factory=dict, repr=False)
-    resources: object = field(default=None, compare=False, repr=False)
+    record: Mapping[str, Any] = field(default_factory=dict)
+    resources: object = field(default=None, compare=False)
+
+    def _build_report(self) -> "Report":
+        from .report import build_report  # it needs this class
+
+        return build_report(self)
 
     @property
     def is_done(self) -> Mask:

@@ -16,17 +16,20 @@ from machine_fmu.spline import Spline
 
 from ...base.arrays import Vector
 from ...study.trajectory_file import check_trajectory
+from ..frame.reported import ReportedResult
 from .problem import describe_problem
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from ..frame.report import Report
+
 _TOOLS = ("casadi", "emla-cosim", "numpy", "scipy")
 """Packages that the motion depends on."""
 
 
-@dataclass(frozen=True)
-class TrajectoryResult:
+@dataclass(frozen=True, repr=False)
+class TrajectoryResult(ReportedResult):
     """The motion that costs least, and how it was found.
 
     Attributes:
@@ -50,6 +53,11 @@ class TrajectoryResult:
     discretisation: Discretisation
     solution: Solution
     starts: int = 1
+
+    def _build_report(self) -> "Report":
+        from .report import build_report  # it needs this class
+
+        return build_report(self)
 
     def course(self, times: Vector) -> Course:
         """Return strokes, speeds, accelerations and forces at times in s."""

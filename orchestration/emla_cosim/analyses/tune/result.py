@@ -10,10 +10,13 @@ import polars
 
 from ...system.model import Value
 from ..frame.confidence import describe_share
+from ..frame.reported import ReportedResult
 from .score import Score
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from ..frame.report import Report
 
 
 @dataclass(frozen=True)
@@ -43,8 +46,8 @@ class Tuned:
         return self.validation.objective / self.training.objective
 
 
-@dataclass(frozen=True)
-class TuneResult:
+@dataclass(frozen=True, repr=False)
+class TuneResult(ReportedResult):
     """First and best gains of a tuning, and everything it tried.
 
     Attributes:
@@ -84,9 +87,14 @@ class TuneResult:
     folder: Path | None = None
     notes: Sequence[str] = ()
     remarks: Sequence[str] = ()
-    plan: Mapping[str, Any] = field(default_factory=dict, repr=False)
-    system: Mapping[str, Any] = field(default_factory=dict, repr=False)
-    scenario: Mapping[str, Any] | None = field(default=None, repr=False)
+    plan: Mapping[str, Any] = field(default_factory=dict)
+    system: Mapping[str, Any] = field(default_factory=dict)
+    scenario: Mapping[str, Any] | None = field(default=None)
+
+    def _build_report(self) -> "Report":
+        from .report import build_report  # it needs this class
+
+        return build_report(self)
 
     @property
     def set(self) -> dict[str, Any]:

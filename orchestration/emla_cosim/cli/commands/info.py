@@ -1,6 +1,6 @@
 """`emla info`."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import groupby, islice
@@ -16,8 +16,8 @@ from ...base.files import check_output_files, report_write_errors
 from ...base.option import INFO, OTHERS, option
 from ...base.output_files import OutputFile
 from ...inspection.collector import info
-from ...inspection.display_rows import DisplayRow, build_display_rows, format_line
-from ...inspection.system_info import JSON_FILE, FmuInfo, Info, format_start, is_info
+from ...inspection.display_rows import LONGEST, DisplayRow, build_display_rows, format_line, list_fmu_facts
+from ...inspection.system_info import JSON_FILE, Info, format_start, is_info
 from ...study.loading import load
 from ...views.pages.text import shorten_text
 from ...views.plots.style import is_picture, to_png
@@ -36,8 +36,8 @@ _SCREEN = "-"
 
 _MOST_ROWS, _MOST_FMUS, _MOST_ENDS = 1000, 40, 20
 """Most rows to show; JSON has all of them."""
-_WIDEST_NAME, _LONGEST = 120, 300
-"""Most letters in a line of names, and in any other text."""
+_WIDEST_NAME = 120
+"""Most letters in a line of names."""
 _WIDE = 120
 """Fewest columns of a terminal to show all columns of a table side by side."""
 
@@ -136,7 +136,7 @@ def _show_header(found: Info) -> None:
     if not found.components:
         return
     if len(found.components) == 1:
-        for what, text in _about(found.fmus[0]):
+        for what, text in list_fmu_facts(found.fmus[0]):
             print_line(f"{what:<12} {text}")
         return
     names: list[list[str]] = [[] for _ in found.fmus]
@@ -150,32 +150,6 @@ def _show_header(found: Info) -> None:
         print_line(f"and {more} more FMUs; --json has all")
     counts = len(found.components), len(found.fmus), len(found.connections), len(found.variables)
     print_line("{} components of {} FMUs, {} connections, {} variables".format(*counts))
-
-
-def _about(fmu: FmuInfo) -> Iterator[tuple[str, str]]:
-    """Yield what the model description says of an FMU, as labels and texts."""
-    experiment = {
-        "from": fmu.start_time,
-        "to": fmu.stop_time,
-        "step": fmu.step_size,
-        "tolerance": fmu.tolerance,
-    }
-    said = ", ".join(f"{name} {value:g}" for name, value in experiment.items() if value is not None)
-    told = {
-        "model": fmu.model,
-        "file": f"{fmu.path} ({fmu.size / 1024:.0f} KiB)",
-        "FMI": f"{fmu.fmi_version}, {' and '.join(fmu.kinds) or 'of no kind'}",
-        "capabilities": "; ".join(f"{kind}: {', '.join(f)}" for kind, f in fmu.capabilities.items() if f),
-        "terminals": ", ".join(fmu.terminals),
-        "binaries": ", ".join(fmu.platforms) or "none",
-        "experiment": said,
-        "made by": ", ".join(filter(None, (fmu.tool, fmu.author))),
-        "version": fmu.version,
-        "license": fmu.license,
-        "GUID": fmu.guid,
-        "SHA-256": fmu.sha256,
-    }
-    return ((what, shorten_text(format_line(text), _LONGEST)) for what, text in told.items() if text)
 
 
 def _show_rows(rows: Sequence[DisplayRow]) -> None:
@@ -217,7 +191,7 @@ def _meaning(row: DisplayRow, about: str = "") -> Text:
     more = [f"and {len(row.connected) - _MOST_ENDS} more"] if len(row.connected) > _MOST_ENDS else []
     for added in filter(None, (about, *row.connected[:_MOST_ENDS], *more)):
         meaning.append("; " if meaning else "")
-        meaning.append(shorten_text(added, _LONGEST), style="dim")
+        meaning.append(shorten_text(added, LONGEST), style="dim")
     return meaning
 
 
@@ -228,4 +202,4 @@ def _table(*columns: Column | str) -> Table:
 
 def _cell(text: str) -> Text:
     """Return a text from a file as one line of limited length, without markup."""
-    return Text(shorten_text(format_line(text), _LONGEST))
+    return Text(shorten_text(format_line(text), LONGEST))

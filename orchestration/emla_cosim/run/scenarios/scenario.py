@@ -12,14 +12,14 @@ from ...base.extras import require_extra
 from ...base.faults import accept_faults
 from ...base.progress import Progress
 from ...recorders.metrics import TRACKED
-from ...system.model import System
+from ...system.model import System, render_cell
 from ..option_types import RunOptions
 from ..options import Options, list_options, read_options
 from ..origin import RunOrigin
 from ..preparation import limit_to_data_end, prepare_system
 from ..registered import list_roles
 from ..remarks import describe_disabled_event_mode, describe_lost_values
-from ..run_setup import run_times
+from ..run_setup import describe_times, run_times
 from ..simulation import Simulation
 
 SSP, FMU, C = ".ssp", ".fmu", ".c"
@@ -79,6 +79,10 @@ class Scenario:
     def __repr__(self) -> str:
         """Return one line: name, number of components and description."""
         return f"<Scenario {self.name}: {len(self.system.components)} components; {self.description}>"
+
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows: description, times, notes and system."""
+        return render_cell(self.system, self.name, self.description, describe_times(self.options), self.notes)
 
     def with_options(self, given: Mapping[str, Any]) -> "Scenario":
         """Return the scenario with other options, and with the notes that belong to them.

@@ -36,6 +36,9 @@ if TYPE_CHECKING:
 
     from ...run.result import Result
 
+_FEW_PANELS = 2
+"""Most panels of a summary."""
+
 _MOST_RUNS = 2 * MOST_LINES
 """Most runs that colours and dashes can distinguish."""
 
@@ -86,9 +89,25 @@ def plot_signals(
     for name in patterns:
         if not find_names(name, result.names, main):
             result.read([name])  # raises an error with a suggestion
+    return overlay_runs([_trace_result(result)], patterns, title=title, layout=layout).figure
+
+
+def plot_summary(result: "Result") -> "Figure":
+    """Plot what signals follow, with them, or the first signals, in few panels.
+
+    Raises:
+        CommandError: If no signal with numbers was recorded.
+    """
+    run = _trace_result(result)
+    names = [name for name in run.names if not run.types.get(name, REAL).is_text]
+    chosen, _ = _choose_default_signals([run], names, run.units, run.types, _FEW_PANELS)
+    return overlay_runs([run], chosen, title="").figure
+
+
+def _trace_result(result: "Result") -> Traces:
     units = {name: str(unit) for name, unit in result.units.items() if unit is not None}
-    run = Traces(result.name, result.names, units, result.types, result, result.roles, main=main)
-    return overlay_runs([run], patterns, title=title, layout=layout).figure
+    main = find_main_component(result.record)
+    return Traces(result.name, result.names, units, result.types, result, result.roles, main=main)
 
 
 def overlay_runs(
@@ -193,13 +212,14 @@ def _choose_default_signals(
     names: Sequence[str],
     units: Mapping[str, str],
     types: Mapping[str, SignalType],
+    panels: int = MOST_PANELS,
 ) -> tuple[list[str], list[str]]:
-    """Return the signals to plot without a pattern, and a remark if some are left out."""
+    """Return the signals to plot in so many panels without a pattern, and a remark if some are left out."""
     roles = {role: name for run in runs for role, name in run.roles.items()}
     found = [pair for find in TRACKED.values() for pair in find(names, roles).values()]
     chosen = list(dict.fromkeys(name for pair in found for name in pair)) or list(names)
     is_single = len(runs) == 1
-    kept = fit_panels(chosen, units, types, MOST_PANELS) if is_single else chosen[:MOST_PANELS]
+    kept = fit_panels(chosen, units, types, panels) if is_single else chosen[:panels]
     if len(kept) == len(names):
         return kept, []
     return kept, [f"{len(kept)} of {len(names)} signals are plotted; --signals selects others."]
