@@ -1,5 +1,6 @@
 """Notebooks as pages of the site, executed during the build, so that outputs are of this version."""
 
+import re
 import tempfile
 from base64 import b64decode
 from collections.abc import Iterator
@@ -15,6 +16,12 @@ from nbclient.exceptions import CellExecutionError
 
 LONGEST = 120
 """Time limit of a cell in s."""
+
+CELL = '<div class="emla-cosim">'
+"""Start of what notebooks show of systems, FMUs and results."""
+
+PICTURE = re.compile('src="data:image/png;base64,([^"]*)"')
+"""A picture in it, which becomes a file of the site."""
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
@@ -38,11 +45,18 @@ def _pages(notebook: File, config: MkDocsConfig) -> Iterator[File]:
         parts.append(_fenced("python", cell.source))
         for output in cell.outputs:
             data = output.get("data", {})
-            if "image/png" in data:
+            shown = data.get("text/html", "")
+            shown = shown if shown.startswith(CELL) else ""  # data frames are shown as text
+            embedded = PICTURE.search(shown)
+            encoded = embedded[1] if embedded else data.get("image/png")
+            if encoded:
                 pictures += 1
                 picture = f"{stem}-{pictures}.png"
-                yield File.generated(config, picture, content=b64decode(data["image/png"]))
-                parts.append(f"![What the lines above draw]({Path(picture).name})")
+                yield File.generated(config, picture, content=b64decode(encoded))
+            if shown:
+                parts.append(PICTURE.sub(f'src="{name}-{pictures}.png"', shown))
+            elif encoded:
+                parts.append(f"![What the lines above draw]({name}-{pictures}.png)")
             elif text := data.get("text/plain") or _printed(output):
                 parts.append(_fenced("text", text))
     parts.insert(1, f'<a href="{name}.ipynb" download>Download this page as a notebook.</a>')
