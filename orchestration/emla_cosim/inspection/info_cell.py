@@ -46,6 +46,7 @@ def render_cell(content: Info) -> str:
     start, stop, step = content.start_time or 0.0, content.stop_time, content.step_size
     connections = [f"{c.output} -> {c.input}" for c in content.connections]
     components = {c.name: c.model for c in content.components}
+    machine = content.machine
     is_fmu = len(components) == 1
     return render_template(
         __package__ or "",
@@ -59,6 +60,11 @@ def render_cell(content: Info) -> str:
                 else [format_count(len(components), "component"), format_count(len(names), "FMU")]
             ),
             format_count(len(content.variables), "variable"),
+            *(
+                []
+                if machine is None
+                else [f"{format_count(len(machine.bodies), 'body', 'bodies')} in .machine"]
+            ),
             *([] if stop is None else [f"{start:g} s to {stop:g} s"]),
             *([] if step is None else [f"step {step:g} s"]),
         ],

@@ -96,11 +96,11 @@ def test_run_without_metrics_shows_its_signals(fmu_folder: Path) -> None:
 def test_result_without_matplotlib_or_table(
     simulation: ec.Simulation, result: ec.Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert not list(parse(simulation.run(recorders=[])).iter("img"))
+    assert "No picture: the run has no table" in read(parse(simulation.run(recorders=[])))
     table = tmp_path / "table.csv"
     deleted = simulation.run(recorders=[ec.CsvFile(table)])
     table.unlink()
-    assert not list(parse(deleted).iter("img"))
+    assert "No picture: [Errno 2]" in read(parse(deleted))
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     cell = parse(result)
     assert not list(cell.iter("img"))

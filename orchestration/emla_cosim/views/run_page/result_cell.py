@@ -1,7 +1,6 @@
 """The result of a run as the output of a cell of a notebook: verdict, metrics and a picture."""
 
 from base64 import b64encode
-from importlib.util import find_spec
 
 from ...base.errors import CosimError
 from ...base.wording import format_count
@@ -20,6 +19,7 @@ _MOST_COLUMNS, _MOST_SIGNALS = 24, 20
 def render_cell(result: Result) -> str:
     """Return a result as HTML for a cell, with the texts and numbers that terminal and page show."""
     verdict, sentences = tables.describe_ending(result)
+    picture, reason = _draw(result)
     has_metrics = any(result.metrics.values())
     names, rows = list_signal_texts(result, _MOST_SIGNALS)
     return render_template(
@@ -43,17 +43,19 @@ def render_cell(result: Result) -> str:
         idealised=describe_idealisations(result),
         compared=len(result.comparisons),
         inside=sum(comparison.inside for comparison in result.comparisons),
-        picture=_draw(result),
-        can_draw=find_spec("matplotlib") is not None,
+        picture=picture,
+        reason=reason,
         most=_MOST_COLUMNS,
         counted=format_count,
     )
 
 
-def _draw(result: Result) -> str:
-    """Return the address of a picture of the main signals; empty without rows, or without Matplotlib."""
+def _draw(result: Result) -> tuple[str, str]:
+    """Return the address of a picture of the main signals, or why there is none."""
     try:
-        figure = plot_summary(result)
-        return f"data:image/png;base64,{b64encode(to_png(figure)).decode()}"
-    except (CosimError, ImportError, OSError):  # the table of the run may be deleted
-        return ""
+        picture = to_png(plot_summary(result))
+    except ImportError:
+        return "", "a picture needs the extra 'plots': pip install 'emla-cosim[plots]'."
+    except (CosimError, OSError) as error:  # the file of the table may be deleted
+        return "", str(error)
+    return f"data:image/png;base64,{b64encode(picture).decode()}", ""
