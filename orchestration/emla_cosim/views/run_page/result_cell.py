@@ -54,8 +54,6 @@ def _draw(result: Result) -> tuple[str, str]:
     """Return the address of a picture of the main signals, or why there is none."""
     try:
         picture = to_png(plot_summary(result))
-    except ImportError:
-        return "", "a picture needs the extra 'plots': pip install 'emla-cosim[plots]'."
     except (CosimError, OSError) as error:  # the file of the table may be deleted
         return "", str(error)
     return f"data:image/png;base64,{b64encode(picture).decode()}", ""
