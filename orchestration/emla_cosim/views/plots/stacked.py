@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from ...base.arrays import Vector
+from ...base.extras import require_extra
 from ...base.signal_types import REAL, SignalType
 from ..panels import Line, Plot
 from .panel_drawing import draw_line
@@ -130,6 +131,7 @@ def draw_stacked(panels: Sequence[Plot], title: str | None, layout: Layout = LAY
 
     If they have different subjects, each panel has its own title.
     """
+    require_extra("plots", "a picture")
     from matplotlib import rc_context
 
     columns = 2 if len(panels) > _TALLEST and not layout.above else 1
