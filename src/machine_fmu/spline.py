@@ -4,6 +4,7 @@ import json
 import reprlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -94,13 +95,26 @@ class Spline:
     def evaluated(self, times: "Iterable[float] | np.ndarray", derivative: int = 0) -> "np.ndarray":
         """Return the strokes in m, or a derivative, at times in s within the knots: one row per time."""
         import numpy as np
-        from scipy.interpolate import BSpline
 
-        values = np.column_stack([self.coefficients[joint] for joint in self.joints])
-        given = np.asarray(times, dtype=float)
-        if derivative > self.degree:
-            return np.zeros((len(given), len(self.joints)))
-        return BSpline(np.asarray(self.knots, dtype=float), values, self.degree)(given, nu=derivative)
+        t, knots, degree = np.asarray(times, float), np.asarray(self.knots, float), self.degree
+        values = np.column_stack([self.coefficients[joint] for joint in self.joints]).astype(float)
+        if derivative > degree:
+            return np.zeros((len(t), len(self.joints)))
+        for _ in range(derivative):
+            spans = (knots[degree + 1 : -1] - knots[1 : -degree - 1])[:, None]
+            spans[spans == 0.0] = np.inf  # of coefficients that no time within the knots uses
+            values, knots, degree = degree * np.diff(values, axis=0) / spans, knots[1:-1], degree - 1
+        first, last = np.searchsorted(knots, knots[0], "right"), np.searchsorted(knots, knots[-1], "left")
+        span = np.clip(np.searchsorted(knots, t, "right"), first, last) - 1
+        # de Boor's algorithm, which keeps equal coefficients as they are
+        points = [values[span - i] for i in range(degree, -1, -1)]
+        for width in range(degree, 0, -1):
+            shares = [
+                ((t - knots[i]) / (knots[i + width] - knots[i]))[:, None]
+                for i in (span - j for j in range(width - 1, -1, -1))
+            ]
+            points = [a + share * (b - a) for (a, b), share in zip(pairwise(points), shares, strict=True)]
+        return points[0]
 
     def _check_knots(self) -> None:
         ends = self.degree + 1

@@ -56,6 +56,22 @@ def test_the_block_is_scipys_spline(
         assert found[order] == pytest.approx(expected, rel=1e-9, abs=1e-9 / min(spans, 1.0) ** order)
 
 
+@given(st.integers(1, 5), st.lists(st.sampled_from([0.7, 2.0, 2.0 + 1e-3, 5.5, 9.0]), max_size=20))
+def test_all_derivatives_are_those_of_scipys_spline(degree: int, inner: list[float]) -> None:
+    """Also at knots, with up to as many equal ones as a spline can have."""
+    inner = [knot for knot in sorted(set(inner)) for _ in range(min(inner.count(knot), degree + 1))]
+    spline = a_spline(degree, inner)
+    times = np.array([*np.linspace(0.5, 9.5, 50), *inner])
+    table = np.column_stack([spline.coefficients[joint] for joint in JOINTS])
+    curve = BSpline(np.array(spline.knots), table, degree)
+    for order in range(degree + 1):
+        expected = curve(times, nu=order)
+        assert spline.evaluated(times, order) == pytest.approx(
+            expected, rel=1e-9, abs=1e-12 * np.abs(expected).max()
+        )
+    assert not spline.evaluated(times, degree + 1).any()
+
+
 def test_beyond_its_ends_it_holds_still() -> None:
     spline = a_spline(5, [3.0, 4.0])
     for time, end in ((0.0, 0), (0.5 - 1e-6, 0), (9.5 + 1e-6, -1), (1e6, -1)):
