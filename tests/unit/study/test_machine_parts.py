@@ -6,10 +6,13 @@ from itertools import product
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from matplotlib.path import Path
+from scipy.spatial import ConvexHull
 
 from emla_cosim.study.machines.schema import list_machine_names, load_machine
-from emla_cosim.study.sketch.painting import actuator_colors, paint
+from emla_cosim.study.sketch.painting import actuator_colors, convex_line, paint
 from emla_cosim.study.sketch.parts import MachineParts, Posture
 from emla_cosim.study.sketch.views import OBLIQUE, PLANE, THREE_SIDES, main_view
 from emla_cosim.study.sketch.workspace import Workspace, find_workspace
@@ -207,3 +210,17 @@ def test_what_swings_freely_hangs_at_rest() -> None:
     heavier = machine.holding_forces(q, 1000.0) - machine.holding_forces(q, 900.0)
     heights = np.array([(machine.tip(q + d) - machine.tip(q - d))[:, 1] for d in step]).T / 2e-6
     assert heavier == pytest.approx(100.0 * 9.81 * heights, rel=1e-6, abs=1e-3)
+
+
+@given(st.integers(0, 10_000), st.integers(3, 60))
+def test_convex_line_is_that_of_scipy(seed: int, count: int) -> None:
+    points = np.random.default_rng(seed).normal(size=(count, 2))
+    corners = convex_line(points)
+    expected = points[ConvexHull(points).vertices]  # anticlockwise, too
+    first = expected.tolist().index(corners[0].tolist())
+    assert corners.tolist() == np.roll(expected, -first, axis=0).tolist()
+
+
+def test_convex_line_of_points_in_a_row() -> None:
+    points = np.array([[0.0, 0.0], [1.0, 1.0], [2.0, 2.0], [1.0, 1.0]])
+    assert convex_line(points).tolist() == [[0.0, 0.0], [2.0, 2.0]]

@@ -10,7 +10,7 @@ from machine_fmu.optimisation.obstacles import Obstacle
 from machine_fmu.optimisation.problem import MotionProblem
 
 from ...base.arrays import Vector
-from ...study.sketch.painting import actuator_colors, paint
+from ...study.sketch.painting import actuator_colors, convex_line, paint
 from ...study.sketch.parts import MachineParts
 from ...study.sketch.views import PLANE, THREE_SIDES, View
 from ...views.plots.style import BLUE, GREY, ORANGE, RED, new_figure, tidy_axes
@@ -126,9 +126,7 @@ def _draw_path(result: TrajectoryResult, seen: Course) -> "Figure":
 
 
 def _draw_hull(axes: "Axes", corners: np.ndarray, color: str, label: str | None = None) -> None:
-    from scipy.spatial import ConvexHull
-
-    axes.fill(*corners[ConvexHull(corners).vertices].T, color=color, label=label)
+    axes.fill(*convex_line(corners).T, color=color, label=label)
 
 
 def _draw_obstacle(axes: "Axes", obstacle: Obstacle, view: View, label: str | None) -> None:

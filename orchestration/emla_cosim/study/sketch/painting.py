@@ -118,13 +118,33 @@ def _lines(part: Part, view: View) -> Iterable[tuple[Vector, float]]:
             yield flat[list(corners)], 0.82 + 0.18 * float(normal @ _LIGHT_FROM)
 
 
+def convex_line(points: Vector) -> Vector:
+    """Return the corners of the convex line around points in a view, one row each, anticlockwise.
+
+    SciPy has this, too, but the pictures of a run do without it (Andrew's monotone chain).
+    """
+    in_order = sorted(set(map(tuple, points.tolist())))
+
+    def follow(points: Sequence[Sequence[float]]) -> list[Sequence[float]]:
+        line = list[Sequence[float]]()
+        for x, y in points:
+            while len(line) > 1 and not _turns_left(line[-2], line[-1], (x, y)):
+                line.pop()
+            line.append((x, y))
+        return line[:-1]
+
+    return np.array([*follow(in_order), *follow(in_order[::-1])])
+
+
+def _turns_left(a: Sequence[float], b: Sequence[float], c: Sequence[float]) -> bool:
+    return (b[0] - a[0]) * (c[1] - a[1]) > (b[1] - a[1]) * (c[0] - a[0])
+
+
 def _outline(points: Vector, radii: Vector) -> Vector:
     """Return the convex line around discs."""
-    from scipy.spatial import ConvexHull
-
     circle = np.column_stack([np.cos(_CIRCLE), np.sin(_CIRCLE)])
     around = (points[:, None, :] + radii[:, None, None] * circle).reshape(-1, 2)
-    return around if len(points) == 1 else around[ConvexHull(around).vertices]
+    return around if len(points) == 1 else convex_line(around)
 
 
 def _look(part: Part, color: str) -> tuple[str, str, float]:
