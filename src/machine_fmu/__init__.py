@@ -1,6 +1,7 @@
 """Machines of bodies and actuators: kinematics and dynamics from a description.
 
-Numbers can be floats or symbols of CasADi, so that one text gives the functions here and the blocks' FMUs.
+Numbers can be floats, arrays of poses or symbols of CasADi, so that one text gives the functions here and the
+blocks' FMUs.
 """
 
 from .assembly import assemble

@@ -210,7 +210,7 @@ class Dynamics:
 
 def _native(values: Sequence[Any]) -> list[Any]:
     """Return scalars of NumPy as floats; their comparisons would not be Python's."""
-    return [x.item() if hasattr(x, "dtype") else x for x in values]
+    return [x.item() if getattr(x, "ndim", None) == 0 else x for x in values]
 
 
 def _wrench(pose: Pose, number: int, inertia: Inertia, motion: Motion) -> tuple[Vector, Vector]:

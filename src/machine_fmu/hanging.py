@@ -1,9 +1,11 @@
 """What swings freely, at rest: passive coordinates that the strokes determine, by the weight alone."""
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-import casadi
 import numpy as np
+
+if TYPE_CHECKING:
+    import casadi
 
 _LONGEST = 0.5
 """Largest change in rad or m of a coordinate in one step towards rest."""
@@ -18,12 +20,12 @@ _STIFF = 1e-6
 class Following(NamedTuple):
     """How unknowns follow the strokes: their derivatives by strokes, speeds and accelerations."""
 
-    slopes: casadi.SX
-    speeds: casadi.SX
-    growths: casadi.SX
+    slopes: "casadi.SX"
+    speeds: "casadi.SX"
+    growths: "casadi.SX"
 
 
-def follow(errors: casadi.SX, q: casadi.SX, x: casadi.SX, v: casadi.SX, a: casadi.SX) -> Following:
+def follow(errors: "casadi.SX", q: "casadi.SX", x: "casadi.SX", v: "casadi.SX", a: "casadi.SX") -> Following:
     """Return how unknowns x move while errors, which depend on strokes q and on them, remain zero.
 
     Args:
@@ -33,6 +35,8 @@ def follow(errors: casadi.SX, q: casadi.SX, x: casadi.SX, v: casadi.SX, a: casad
         v: Speeds of the strokes, m/s.
         a: Their accelerations, m/s2.
     """
+    import casadi  # slow to import, and most machines have nothing that swings
+
     at, n = casadi.vertcat(q, x), q.numel()
     jacobian = casadi.jacobian(errors, at)
     slopes = -casadi.solve(jacobian[:, n:], jacobian[:, :n])
@@ -43,8 +47,10 @@ def follow(errors: casadi.SX, q: casadi.SX, x: casadi.SX, v: casadi.SX, a: casad
     return Following(slopes, speeds, slopes @ a - casadi.solve(jacobian[:, n:], bend))
 
 
-def stiffness(torques: casadi.SX, errors: casadi.SX, x: casadi.SX, passive: casadi.SX) -> casadi.SX:
+def stiffness(torques: "casadi.SX", errors: "casadi.SX", x: "casadi.SX", passive: "casadi.SX") -> "casadi.SX":
     """Return the derivatives of torques of passive coordinates by these, while x closes the machine."""
+    import casadi
+
     direct = casadi.jacobian(torques, passive)
     if not x.numel():
         return direct

@@ -1,12 +1,14 @@
-"""The equations of a machine on symbols of CasADi, of strokes and of coordinates that no formula gives."""
+"""The equations of a machine, of strokes and of coordinates that no formula gives.
+
+Numbers are symbols of CasADi, or arrays with a value for each pose. Passive coordinates need symbols, because
+how they follow the strokes contains derivatives.
+"""
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import Any
-
-import casadi
+from typing import TYPE_CHECKING, Any
 
 from .assembly import assemble, locate_points
 from .closure import closure_errors, find_closure
@@ -16,6 +18,10 @@ from .exact import plain
 from .hanging import ANYWHERE, follow, stiffness
 from .mechanism import End
 from .naming import name_numbers
+from .vectors import dot
+
+if TYPE_CHECKING:
+    import casadi
 
 
 class Mechanics:
@@ -62,69 +68,73 @@ class Mechanics:
         """All points of bodies and of the ground, by BODY or BODY.POINT."""
         return locate_points(self.machine)
 
-    def at(self, q: casadi.SX, x: casadi.SX, payload: Any = None) -> Dynamics:
-        """Return the dynamics at symbols of strokes and of `unknowns`.
+    def at(self, q: Sequence[Any], x: Sequence[Any], payload: Any = None) -> Dynamics:
+        """Return the dynamics at numbers of strokes and of `unknowns`.
 
         They are those of the pose only where `errors` are zero. `payload` is in kg; that of the description
         without.
         """
         mechanism = self.mechanism if payload is None else assemble(self.machine, None, payload)
-        values = dict(zip(self.unknowns, casadi.vertsplit(x), strict=True))
+        values = dict(zip(self.unknowns, x, strict=True))
         guess = {i: values[i] for i in self.closure.iterated} or None
         held = [values[i] for i in mechanism.passive]
-        return Dynamics(mechanism, self.closure, casadi.vertsplit(q), held, guess, 0)
+        return Dynamics(mechanism, self.closure, q, held, guess, 0)
 
     def inverse(
-        self, q: casadi.SX, x: casadi.SX, v: casadi.SX, a: casadi.SX, payload: Any = None
-    ) -> casadi.SX:
+        self, q: Sequence[Any], x: Sequence[Any], v: Sequence[Any], a: Sequence[Any], payload: Any = None
+    ) -> list[Any]:
         """Return the forces of the actuators in N for speeds and accelerations of the strokes; see `at`."""
-        n, rows, slopes = len(self.names), *self.rows(q, x, v, a, payload)
+        n, (rows, slopes) = len(self.names), self.rows(q, x, v, a, payload)
         # what passive coordinates take to hang acts on the strokes, which move them: no energy is lost
-        return rows[:n] + slopes.T @ rows[n:] if self.mechanism.passive else rows
+        return [force + dot(rows[n:], [of[i] for of in slopes]) for i, force in enumerate(rows[:n])]
 
-    def energy_of(self, q: casadi.SX, x: casadi.SX, v: casadi.SX, payload: Any = None) -> casadi.SX:
+    def energy_of(self, q: Sequence[Any], x: Sequence[Any], v: Sequence[Any], payload: Any = None) -> Any:
         """Return the energy in J for speeds of the strokes; see `at`."""
         dynamics = self.at(q, x, payload)
-        speeds, *_ = self._motion(dynamics, q, x, v, 0.0 * v)
-        return dynamics.energy(casadi.vertsplit(speeds))
+        speeds, *_ = self._motion(dynamics, q, x, v, [0.0] * len(v))
+        return dynamics.energy(speeds)
 
     def rows(
-        self, q: casadi.SX, x: casadi.SX, v: casadi.SX, a: casadi.SX, payload: Any = None
-    ) -> tuple[casadi.SX, casadi.SX]:
+        self, q: Sequence[Any], x: Sequence[Any], v: Sequence[Any], a: Sequence[Any], payload: Any = None
+    ) -> tuple[list[Any], list[list[Any]]]:
         """Return the forces of strokes and passive coordinates, and the slopes of the latter by strokes."""
         dynamics = self.at(q, x, payload)
         speeds, growths, slopes = self._motion(dynamics, q, x, v, a)
-        rows = dynamics.inverse(casadi.vertsplit(speeds), casadi.vertsplit(growths))
-        return casadi.vertcat(*rows), slopes
+        return dynamics.inverse(speeds, growths), slopes
 
-    def errors(self, dynamics: Dynamics) -> casadi.SX:
+    def errors(self, dynamics: Dynamics) -> list[Any]:
         """Return how far `unknowns` are from their values: from lengths in m, and then from rest in rad or m.
 
         Coordinates that rest anywhere are as assembled.
         """
         closing = closure_errors(dynamics.pose, self.closure, dynamics.lengths)
-        if not self.mechanism.passive:
-            return casadi.vertcat(*closing)
-        assembled = [self.closure.assembly[i] for i in self.mechanism.passive]
-        off = casadi.vertcat(*dynamics.passive) - casadi.DM(assembled)
-        return casadi.vertcat(*closing, self._torques(dynamics) / self._weight + ANYWHERE * off)
+        passive = zip(self.mechanism.passive, dynamics.passive, self._torques(dynamics), strict=True)
+        assembly = self.closure.assembly
+        return [*closing, *(f / self._weight + ANYWHERE * (x - assembly[i]) for i, x, f in passive)]
 
-    def balance(self, q: casadi.SX, x: casadi.SX, payload: Any = None) -> tuple[casadi.SX, casadi.SX]:
-        """Return torques or forces of passive coordinates at rest, and their derivatives; see `at`."""
+    def balance(
+        self, q: Sequence["casadi.SX"], x: Sequence["casadi.SX"], payload: Any = None
+    ) -> list["casadi.SX"]:
+        """Return torques or forces of passive coordinates at rest, and then their derivatives, by column."""
+        import casadi
+
         dynamics, count = self.at(q, x, payload), len(self.closure.iterated)
         torques = self._torques(dynamics)
-        closing = casadi.vertcat(*closure_errors(dynamics.pose, self.closure, dynamics.lengths))
-        return torques, stiffness(torques, closing, x[:count], x[count:])
+        closing = closure_errors(dynamics.pose, self.closure, dynamics.lengths)
+        columns = (casadi.vertcat(*numbers) for numbers in (torques, closing, x[:count], x[count:]))
+        return [*torques, *casadi.vertsplit(casadi.vec(stiffness(*columns)))]
 
-    def locate(self, dynamics: Dynamics, ends: Sequence[End]) -> casadi.SX:
+    def locate(self, dynamics: Dynamics, ends: Sequence[End]) -> list[Any]:
         """Return the coordinates in m of points, such as those of `ends`, one after the other."""
         points = (dynamics.pose.point(end)[: self.dimensions] for end in ends)
-        return casadi.vertcat(*(plain(x) for point in points for x in point))
+        return [plain(x) for point in points for x in point]
 
-    def _torques(self, dynamics: Dynamics) -> casadi.SX:
+    def _torques(self, dynamics: Dynamics) -> list[Any]:
         """Return the torques or forces of passive coordinates at rest."""
+        if not self.mechanism.passive:
+            return []
         rest = [0.0] * dynamics.variables
-        return casadi.vertcat(*dynamics.inverse(rest, rest)[len(self.names) :])
+        return dynamics.inverse(rest, rest)[len(self.names) :]
 
     @cached_property
     def _weight(self) -> float:
@@ -133,12 +143,16 @@ class Mechanics:
         return 1.0 + masses * math.hypot(*(float(plain(x)) for x in self.mechanism.gravity))
 
     def _motion(
-        self, dynamics: Dynamics, q: casadi.SX, x: casadi.SX, v: casadi.SX, a: casadi.SX
-    ) -> tuple[casadi.SX, casadi.SX, casadi.SX]:
+        self, dynamics: Dynamics, q: Sequence[Any], x: Sequence[Any], v: Sequence[Any], a: Sequence[Any]
+    ) -> tuple[list[Any], list[Any], list[list[Any]]]:
         """Return speeds and accelerations of all variables, and slopes of passive coordinates by strokes."""
         count = len(self.mechanism.passive)
         if not count:
-            return v, a, casadi.SX(0, len(self.names))
-        slopes, *rates = follow(self.errors(dynamics), q, x, v, a)
-        speeds, growths = (rate[-count:] for rate in rates)
-        return casadi.vertcat(v, speeds), casadi.vertcat(a, growths), slopes[-count:, :]
+            return [*v], [*a], []
+        import casadi
+
+        columns = (casadi.vertcat(*numbers) for numbers in (self.errors(dynamics), q, x, v, a))
+        slopes, *rates = follow(*columns)
+        speeds, growths = (casadi.vertsplit(rate[-count:]) for rate in rates)
+        by_stroke = [casadi.horzsplit(row) for row in casadi.vertsplit(slopes[-count:, :])]
+        return [*v, *speeds], [*a, *growths], by_stroke

@@ -1,13 +1,13 @@
 """A machine with its numbers, and its mechanics as functions of many poses at once.
 
-Blocks do not use this: it needs CasADi and NumPy, and finds poses by as many iterations as they need.
+Blocks do not use this: it needs NumPy, and finds poses by as many iterations as they need. Only machines with
+Newton's method or passive coordinates need CasADi.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import casadi
 import numpy as np
 
 from .assembly import locate_outlines
@@ -18,6 +18,10 @@ from .exact import plain
 from .hanging import deflections, descend
 from .mechanics import Mechanics
 from .mechanism import Frame
+from .pose_array import join, split
+
+if TYPE_CHECKING:
+    import casadi
 
 _MANY = 50
 """Largest number of Newton's iterations for a pose."""
@@ -137,7 +141,7 @@ class MachineModel(Mechanics):
 
     def energy(self, q: np.ndarray, v: np.ndarray, payload: float | np.ndarray | None = None) -> np.ndarray:
         """Return the energy in J for each row; arguments as in `forces`."""
-        return self._evaluate("energy", self.energy_of, q, payload, v)[:, 0]
+        return self._evaluate("energy", lambda *args: [self.energy_of(*args)], q, payload, v)[:, 0]
 
     def holding_forces(self, q: np.ndarray, payload: float | np.ndarray | None = None) -> np.ndarray:
         """Return the forces in N that hold the machine at rest."""
@@ -192,9 +196,7 @@ class MachineModel(Mechanics):
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return torques of passive coordinates at rest, and their derivatives, one matrix per pose."""
         count = passive.shape[1]
-        found = self._evaluate(
-            "balance", lambda *args: casadi.veccat(*self.balance(*args)), q, payload, passive=passive
-        )
+        found = self._evaluate("balance", self.balance, q, payload, passive=passive)
         return found[:, :count], found[:, count:].reshape(-1, count, count)
 
     def tip(
@@ -207,7 +209,7 @@ class MachineModel(Mechanics):
         """
         end = self.mechanism.payload or list(self.ends.values())[-1]
         return self._evaluate(
-            "tip", lambda q, x, m: self.locate(self.at(q, x, m), [end]), q, payload, passive=passive
+            "tip", lambda q, x, m: self.locate(self.at(q, x), [end]), q, payload, passive=passive
         )
 
     def points(
@@ -231,7 +233,7 @@ class MachineModel(Mechanics):
         ends = [self.ends[name] for name in names]
         found = self._evaluate(
             " ".join(["points", *names]),
-            lambda q, x, m: self.locate(self.at(q, x, m), ends),
+            lambda q, x, m: self.locate(self.at(q, x), ends),
             q,
             payload,
             passive=passive,
@@ -255,12 +257,12 @@ class MachineModel(Mechanics):
         ends = {body: self.ends[body] for body in (GROUND, *self.machine.bodies)}
         n, size = self.dimensions, self.dimensions + self.dimensions**2
 
-        def equation(q: Any, x: Any, payload: Any) -> Any:
-            dynamics, rows = self.at(q, x, payload), []
+        def equation(q: Sequence[Any], x: Sequence[Any], payload: Any) -> list[Any]:
+            dynamics, rows = self.at(q, x), []
             for end in ends.values():
-                rows.append(self.locate(dynamics, [end]))
+                rows += self.locate(dynamics, [end])
                 rows += [plain(x) for row in dynamics.pose.rotation(end.frame)[:n] for x in row[:n]]
-            return casadi.vertcat(*rows)
+            return rows
 
         values = self._evaluate("frames", equation, q, payload, passive=passive).reshape(-1, len(ends), size)
         return {body: (values[:, i, :n], values[:, i, n:].reshape(-1, n, n)) for i, body in enumerate(ends)}
@@ -302,8 +304,13 @@ class MachineModel(Mechanics):
         return np.array(improved(strokes.T, x, held)).T
 
     @cached_property
-    def _improved(self) -> casadi.Function:
-        """One iteration of Newton's method: from strokes, a guess and passive coordinates to the others."""
+    def _improved(self) -> "casadi.Function":
+        """One iteration of Newton's method: from strokes, a guess and passive coordinates to the others.
+
+        It is compiled, because poses follow one another: an iteration of each is only for one pose.
+        """
+        import casadi  # slow to import
+
         q, passive = casadi.SX.sym("q", len(self.names)), casadi.SX.sym("p", len(self.mechanism.passive))
         x = casadi.SX.sym("x", len(self.closure.iterated))
         guess = dict(zip(self.closure.iterated, casadi.vertsplit(x), strict=True))
@@ -321,24 +328,36 @@ class MachineModel(Mechanics):
     def _evaluate(
         self,
         name: str,
-        equation: Callable[..., Any],
+        equation: Callable[..., Sequence[Any]],
         q: np.ndarray,
         payload: float | np.ndarray | None,
         *motion: np.ndarray,
         passive: np.ndarray | None = None,
     ) -> np.ndarray:
-        """Return a function of poses, unknowns, speeds and so on, and the payload; one row per pose."""
+        """Return numbers of poses, unknowns, speeds and so on, and the payload; one row per pose."""
         q = np.asarray(q, dtype=float)
-        if name not in self._functions:
-            symbols = [casadi.SX.sym(f"s{i}", len(self.names)) for i in range(1 + len(motion))]
-            symbols[1:1] = [casadi.SX.sym("x", len(self.unknowns))]
-            symbols.append(casadi.SX.sym("m"))
-            self._functions[name] = casadi.Function("f", symbols, [equation(*symbols)])
         unknowns = self.find_unknowns(q, payload, passive)
         loads = np.broadcast_to(self.payload if payload is None else payload, len(q))[:, None]
-        columns = [np.asarray(values, dtype=float).T for values in (q, unknowns, *motion, loads)]
-        return np.array(self._functions[name].map(len(q))(*columns)).T
+        columns = [np.asarray(values, dtype=float) for values in (q, unknowns, *motion, loads)]
+        if self.mechanism.passive:
+            function = self._function(name, equation, [values.shape[1] for values in columns])
+            return np.array(function.map(len(q))(*(values.T for values in columns))).T
+        with np.errstate(divide="ignore", invalid="ignore"):  # NaN where the machine does not close
+            *numbers, (mass,) = map(split, columns)
+            return join(equation(*numbers, mass), len(q))
+
+    def _function(
+        self, name: str, equation: Callable[..., Sequence[Any]], counts: Sequence[int]
+    ) -> "casadi.Function":
+        """Return a function of an equation, which may contain derivatives, for columns of numbers."""
+        import casadi
+
+        if name not in self._functions:
+            symbols = [casadi.SX.sym(f"s{i}", count) for i, count in enumerate(counts)]
+            *numbers, (mass,) = map(casadi.vertsplit, symbols)
+            self._functions[name] = casadi.Function("f", symbols, [casadi.vertcat(*equation(*numbers, mass))])
+        return self._functions[name]
 
     @cached_property
-    def _functions(self) -> dict[str, casadi.Function]:
+    def _functions(self) -> "dict[str, casadi.Function]":
         return {}

@@ -1,4 +1,4 @@
-"""Vectors and matrices in space, of floats, symbols, and exact numbers."""
+"""Vectors and matrices in space, of floats, arrays, symbols, and exact numbers."""
 
 from collections.abc import Sequence
 from typing import Any

@@ -29,7 +29,9 @@ def stage(problem: MotionProblem, tie_break: float, payload: float) -> casadi.Fu
     machine = problem.machine
     q, v, a = (casadi.SX.sym(name, len(problem.names)) for name in "qva")
     x = casadi.SX.sym("x", len(machine.unknowns))
-    force, errors = machine.inverse(q, x, v, a, payload), machine.errors(machine.at(q, x, payload))
+    strokes, unknowns, speeds, growths = map(casadi.vertsplit, (q, x, v, a))
+    force = casadi.vertcat(*machine.inverse(strokes, unknowns, speeds, growths, payload))
+    errors = casadi.vertcat(*machine.errors(machine.at(strokes, unknowns, payload)))
     power = casadi.dot(v, force) ** 2 + tie_break * casadi.sumsqr(v * force)
     return casadi.Function("stage", [q, v, a, x], [force, power, errors])
 
@@ -37,9 +39,11 @@ def stage(problem: MotionProblem, tie_break: float, payload: float) -> casadi.Fu
 def point_function(machine: MachineModel, names: Sequence[str], payload: float) -> casadi.Function:
     """Return a function of strokes and unknowns to points in m, in turn, and errors of the pose."""
     q, x = casadi.SX.sym("q", len(machine.names)), casadi.SX.sym("x", len(machine.unknowns))
-    dynamics = machine.at(q, x, payload)
+    dynamics = machine.at(casadi.vertsplit(q), casadi.vertsplit(x), payload)
     points = machine.locate(dynamics, [machine.ends[name] for name in names])
-    return casadi.Function("points", [q, x], [points, machine.errors(dynamics)])
+    return casadi.Function(
+        "points", [q, x], [casadi.vertcat(*points), casadi.vertcat(*machine.errors(dynamics))]
+    )
 
 
 def least_cost(problem: MotionProblem, duration: float, strokes: Sequence[Numbers] = ()) -> float:

@@ -5,9 +5,12 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from machine_fmu import MachineError, read_definition
 from machine_fmu.description import Machine
 from machine_fmu.exact import plain
+from machine_fmu.model import MachineModel
 from machine_fmu.naming import name_numbers
 
 from ...base.errors import CommandError
@@ -19,8 +22,6 @@ from .run_machine import COMPONENTS
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from machine_fmu.model import MachineModel
 
     from ..sketch.workspace import Workspace
 
@@ -125,7 +126,7 @@ class MachineInfo:
     payload_at: str
     unreachable: float
     parameters: Mapping[str, float]
-    _model: "MachineModel" = field(repr=False, compare=False)
+    _model: MachineModel = field(repr=False, compare=False)
     _workspace: "Workspace" = field(repr=False, compare=False)
 
     def as_dict(self) -> dict[str, Any]:
@@ -160,14 +161,10 @@ def collect_machine(
     Raises:
         MachineError: These numbers make no machine.
     """
-    import numpy as np
-
     from ..sketch.workspace import find_workspace
 
     if payload is not None and machine.payload is not None:
         machine = replace(machine, payload=replace(machine.payload, m=payload))
-    from machine_fmu.model import MachineModel  # importing it loads CasADi
-
     model = MachineModel(machine, values)
     workspace, start = find_workspace(model), np.array([model.start])
     forces, extremes = model.holding_forces(start)[0], find_extremes(model, workspace.strokes)
@@ -239,14 +236,14 @@ def _without_rounding(force: float) -> float:
     return 0.0 if abs(force) < _ROUNDING else force
 
 
-def _body(model: "MachineModel", name: str) -> BodyInfo:
+def _body(model: MachineModel, name: str) -> BodyInfo:
     body = model.machine.bodies[name]
     joint = body.joint
     on = f"{joint.parent}.{joint.at}" if joint.at else joint.parent
     return BodyInfo(name, joint.kind, on, model.machine.value(body.m), joint.is_passive)
 
 
-def _closures(model: "MachineModel") -> list[ClosureInfo]:
+def _closures(model: MachineModel) -> list[ClosureInfo]:
     mechanism, closure, found = model.mechanism, model.closure, []
     loops = list(model.machine.loops)
     for step in closure.steps:
@@ -259,6 +256,6 @@ def _closures(model: "MachineModel") -> list[ClosureInfo]:
     return found
 
 
-def _coordinate_names(model: "MachineModel", coordinates: "tuple[int, ...] | list[int]") -> tuple[str, ...]:
+def _coordinate_names(model: MachineModel, coordinates: "tuple[int, ...] | list[int]") -> tuple[str, ...]:
     frames = model.mechanism.frames
     return tuple(frames[model.mechanism.frame_of(i)].name for i in coordinates)

@@ -1,17 +1,14 @@
 """The machine of a run, with the values that its parameters had."""
 
 import json
-from typing import TYPE_CHECKING
 
 from machine_fmu import read_definition
 from machine_fmu.description import MachineError
+from machine_fmu.model import MachineModel
 from machine_fmu.naming import name_numbers
 
 from ...run.result import Result
 from .schema import load_machine
-
-if TYPE_CHECKING:
-    from machine_fmu.model import MachineModel
 
 COMPONENTS = ("machine.manipulator", "machine.plant")
 """Components that may be the machine."""
@@ -25,13 +22,11 @@ def find_component(result: Result) -> str | None:
     return next((name for name in COMPONENTS if name in result.record["components"]), None)
 
 
-def find_machine(result: Result) -> "MachineModel | None":
+def find_machine(result: Result) -> MachineModel | None:
     """Return the machine of a run, with the values of its parameters; None if it has none.
 
     It has none if its component is not one of our blocks, or if its parameters make no machine.
     """
-    from machine_fmu.model import MachineModel  # importing it loads CasADi
-
     component = find_component(result)
     if component is None:
         return None

@@ -17,6 +17,7 @@ from machine_fmu import (
     reach_pose,
 )
 from machine_fmu.exact import plain
+from machine_fmu.model import MachineModel
 
 from ...base.errors import CommandError
 
@@ -73,8 +74,6 @@ def _reach(mechanism: Mechanism, closure: Closure, strokes: Sequence[float], lab
 
 def _find_rest(machine: Machine, strokes: Sequence[float], label: str) -> list[float]:
     """Return the passive coordinates at rest; raise CommandError if there are none."""
-    from machine_fmu.model import MachineModel  # importing it loads CasADi
-
     model = MachineModel(machine)
     passive = model.hanging(np.array([strokes]))[0].tolist()
     if not all(map(math.isfinite, passive)):

@@ -1,0 +1,64 @@
+"""Equations of machines give the same on arrays of poses, on symbols, and on floats."""
+
+from collections.abc import Callable
+from typing import Any
+
+import casadi
+import numpy as np
+import pytest
+
+from emla_cosim.study.machines.schema import load_machine
+from fmublock import cos, sin, sqrt, where
+from machine_fmu.exact import MINUS_ONE, ONE, ZERO
+from machine_fmu.model import MachineModel
+from machine_fmu.pose_array import join, split
+
+ROWS = 20
+
+
+@pytest.mark.parametrize("name", ["excavator", "hdrm", "lift_table", "stewart"])
+def test_arrays_and_symbols_have_the_same_forces_and_energies(name: str) -> None:
+    model = MachineModel(load_machine(name))
+    n, draw = len(model.names), np.random.default_rng(5)
+    low, start, high = (np.array(x) for x in (model.q_LB, model.start, model.q_UB))
+    q = np.clip(start + 0.05 * (high - low) * draw.uniform(-1.0, 1.0, (ROWS, n)), low, high)
+    v, a = draw.uniform(-0.2, 0.2, (ROWS, n)), draw.uniform(-1.0, 1.0, (ROWS, n))
+    masses = draw.uniform(10.0, 500.0, ROWS)
+    x = model.find_unknowns(q, masses)
+    symbols = [casadi.SX.sym(f"s{i}", count) for i, count in enumerate((n, x.shape[1], n, n))]
+    (q_i, x_i, v_i, a_i), m = map(casadi.vertsplit, symbols), casadi.SX.sym("m")
+    forces = casadi.Function("f", [*symbols, m], [casadi.vertcat(*model.inverse(q_i, x_i, v_i, a_i, m))])
+    energy = casadi.Function("e", [*symbols[:3], m], [model.energy_of(q_i, x_i, v_i, m)])
+    columns = [values.T for values in (q, x, v, a)]
+    for found, function, arguments in (
+        (model.forces(q, v, a, masses), forces, columns),
+        (model.energy(q, v, masses)[:, None], energy, columns[:3]),
+    ):
+        expected = np.array(function.map(ROWS)(*arguments, masses[None])).T
+        assert found == pytest.approx(expected, rel=1e-13, abs=1e-13 * np.abs(expected).max())
+
+
+def test_exact_numbers_and_arrays() -> None:
+    x, y = split(np.array([[-0.5, 2.0], [0.25, 3.0]]))
+    assert (x * ZERO, ZERO * x) == (ZERO, ZERO)
+    assert [*(x + ONE)] == [*(ONE + x)] == [0.5, 1.25]
+    assert [*(MINUS_ONE * x)] == [*(ZERO - x)] == [0.5, -0.25]
+    assert [*(ONE / y)] == [0.5, 1.0 / 3.0]
+
+
+@pytest.mark.parametrize(
+    "function",
+    [sin, cos, sqrt, lambda x: where(x < 0.0, x, 2.0 * x), lambda x: where(x < 0.0, 1.0, 2.0), lambda x: 7.0],
+)
+def test_functions_on_arrays(function: Callable[[Any], Any]) -> None:
+    values = [-0.5, 0.25, 3.0]
+    with np.errstate(invalid="ignore"):
+        found = join([function(x) for x in split(np.array(values)[:, None])], 3)
+    assert found[:, 0] == pytest.approx([function(x) for x in values], rel=1e-15, nan_ok=True)
+
+
+def test_poses_that_do_not_close_are_nan_without_a_warning(recwarn: pytest.WarningsRecorder) -> None:
+    model = MachineModel(load_machine("hdrm"), {"screw.q_UB[1]": 0.9})
+    forces = model.holding_forces(np.array([[0.9, 0.1, 0.1], [0.1, 0.1, 0.1]]))
+    assert np.isnan(forces[0]).any() and np.isfinite(forces[1]).all()
+    assert not recwarn.list
