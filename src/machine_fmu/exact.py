@@ -1,8 +1,8 @@
 """The exact numbers 0, 1 and -1, with which calculations disappear.
 
 Mechanics in space is mostly zeros for a machine in the plane. `ZERO * x` is `ZERO` and `ZERO + x` is `x`
-for a float, an array and a symbol alike. So one text of the equations gives short code for symbols, and the same
-bits for floats. A float 0.0 has no such effect: it may be a value that happens to be zero.
+for a float, an array and a symbol alike. So one text of the equations gives short code for symbols, and the
+same bits for floats. A float 0.0 has no such effect: it may be a value that happens to be zero.
 """
 
 from typing import Any
