@@ -15,10 +15,10 @@ _NUMBER = (float, int)
 
 
 class Symbolic:
-    """Represents a float, such as one that is known only in a run, or one for each of many poses."""
+    """Represents a float while an FMU is built; its value is known only in a run."""
 
     def call(self, name: str, arguments: Sequence[Any]) -> Any:
-        """Call the function that has this name in CasADi; this number is one of the arguments."""
+        """Call CasADi's function of this name; this symbol is one of the arguments."""
         raise NotImplementedError
 
 

@@ -307,7 +307,8 @@ class MachineModel(Mechanics):
     def _improved(self) -> "casadi.Function":
         """One iteration of Newton's method: from strokes, a guess and passive coordinates to the others.
 
-        It is compiled, because poses follow one another: an iteration of each is only for one pose.
+        A pose begins from the one before, so that calls are for single poses. For these, a function of CasADi
+        is faster than the equations on arrays.
         """
         import casadi  # slow to import
 

@@ -17,7 +17,7 @@ _FUNCTIONS: Mapping[str, Callable[..., Any]] = {
 
 
 class PoseArray(np.ndarray, Symbolic):
-    """Values of a number, one for each pose."""
+    """Values of a number, one for each pose; functions of `fmublock` call it as they call a symbol."""
 
     def call(self, name: str, arguments: Sequence[Any]) -> Any:
         """Call the function that CasADi gives this name."""
