@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from fmublock.row_array import evaluate_rows
+
 from .assembly import locate_outlines
 from .closure import ITERATIONS
 from .description import GROUND
@@ -18,7 +20,6 @@ from .exact import plain
 from .hanging import deflections, descend
 from .mechanics import Mechanics
 from .mechanism import Frame
-from .pose_array import join, split
 
 if TYPE_CHECKING:
     import casadi
@@ -343,9 +344,7 @@ class MachineModel(Mechanics):
         if self.mechanism.passive:
             function = self._function(name, equation, [values.shape[1] for values in columns])
             return np.array(function.map(len(q))(*(values.T for values in columns))).T
-        with np.errstate(divide="ignore", invalid="ignore"):  # NaN where the machine does not close
-            *numbers, (mass,) = map(split, columns)
-            return join(equation(*numbers, mass), len(q))
+        return evaluate_rows(lambda *numbers: equation(*numbers[:-1], *numbers[-1]), *columns)
 
     def _function(
         self, name: str, equation: Callable[..., Sequence[Any]], counts: Sequence[int]

@@ -4,7 +4,7 @@ Signals are arrays of shape (rows,) in SI units: position `x`, speed `v` and acc
 force `load` on it, and disturbance `d_2` of its acceleration.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -15,6 +15,7 @@ import numpy as np
 from emla_fmu import EmlaPlant, electrics, friction, motion_law
 from emla_fmu.parameters import EmlaParameters
 from emla_fmu.plant import screw_acceleration
+from fmublock.row_array import evaluate_rows
 
 from ...base.arrays import Vector
 from ...base.errors import CommandError
@@ -76,16 +77,13 @@ class JointPlant:
     def _evaluate(
         self, equation: Callable[[Any], Any], signals: Mapping[str, Vector], **values: float
     ) -> Vector:
-        """Return an equation of the plant for each row of signals, shape (rows,).
+        """Return an equation of the plant for each row of signals, shape (rows,)."""
 
-        CasADi evaluates it, because the plant's functions take numbers or symbols, not arrays.
-        """
-        import casadi  # slow to import
+        def evaluate(numbers: Sequence[Any]) -> Sequence[Any]:
+            named = dict(zip(signals, numbers, strict=True))
+            return [equation(SimpleNamespace(**{**self.values, **values, **named}))]
 
-        symbols = {name: casadi.SX.sym(name) for name in signals}
-        result = casadi.SX(equation(SimpleNamespace(**{**self.values, **values, **symbols})))
-        function = casadi.Function("equation", list(symbols.values()), [result])
-        return np.asarray(function(*(row[np.newaxis] for row in signals.values())), dtype=float).ravel()
+        return evaluate_rows(evaluate, np.column_stack(list(signals.values())))[:, 0]
 
 
 def find_plant(
