@@ -19,8 +19,8 @@ from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 _VARIABLE = "EMLA_COSIM_PLATFORMS"
 
 _NEEDED = ("attrs", "filelock", "fmpy", "latex2mathml", "lazy-loader", "markdown-it-py", "mdit-py-plugins")
-_NEEDED += ("msgspec", "numpy", "platformdirs")
-"""Those of our requirements that building FMUs needs, besides the extra 'build'."""
+_NEEDED += ("msgspec", "numpy", "platformdirs", "casadi", "matplotlib", "ziglang")
+"""Those of our requirements, and of the extra 'build', that building native FMUs needs."""
 
 
 class PrebuildHook(BuildHookInterface):
@@ -29,8 +29,8 @@ class PrebuildHook(BuildHookInterface):
     def dependencies(self) -> list[str]:
         """Return the requirements of building."""
         core = self.metadata.core
-        needed = [r for r in core.dependencies if _normalize(r) in _NEEDED]
-        return needed + core.optional_dependencies["build"]
+        declared = [*core.dependencies, *core.optional_dependencies["build"]]
+        return [requirement for requirement in declared if _normalize(requirement) in _NEEDED]
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         """Build what the wheel carries; `version` is 'editable' for an editable installation."""

@@ -15,6 +15,7 @@ from pathlib import Path
 
 from emla_cosim.fmu.models import MODELS, PLATFORMS, build
 from emla_cosim.stepper.library import prebuild_stepper
+from emla_cosim.study.machines.blocks import read_machine_blocks
 from fmublock.cache import cache_folder
 from fmublock.platforms import host_platform
 from fmublock.table.building import prebuild_libraries
@@ -23,10 +24,14 @@ _LONGEST = ("EmlaCompliantAxis", "EmlaAxis", "EmlaCompliantPlant", "Trajectory")
 """Models to begin with, so that all cores are busy until the end."""
 
 
+_MACHINES = ("excavator",)
+"""Built-in machines besides the paper's that run without CasADi."""
+
+
 def main(folder: str, wanted: str = "") -> None:
     """Fill a folder for platforms of FMI 2.0: this machine's without a name, or `all`."""
     platforms = list(PLATFORMS) if wanted == "all" else wanted.split(",") if wanted else [host_platform()]
-    tasks = [*_LONGEST, "stepper", "tables", *(model for model in MODELS if model not in _LONGEST)]
+    tasks = [*_LONGEST, *_MACHINES, "stepper", "tables", *(name for name in MODELS if name not in _LONGEST)]
     with ProcessPoolExecutor(os.cpu_count(), get_context("spawn")) as pool:
         for paths in pool.map(_build, tasks, [platforms] * len(tasks)):
             for path in paths:
@@ -36,12 +41,13 @@ def main(folder: str, wanted: str = "") -> None:
 
 
 def _build(task: str, platforms: Sequence[str]) -> list[Path]:
-    """Build an FMU, the stepper or the tables, and return the files."""
+    """Build the FMU of a model, those of a machine, the stepper or the tables, and return the files."""
     if task == "stepper":
         return [prebuild_stepper(platform) for platform in platforms]
     if task == "tables":
         return prebuild_libraries(platforms)
-    return [build(task, "native", platforms)]
+    blocks = read_machine_blocks(task).all if task in _MACHINES else (task,)
+    return [build(block, "native", platforms) for block in blocks]
 
 
 if __name__ == "__main__":

@@ -93,7 +93,8 @@ def test_the_base_runs_exports_and_verifies_without_compilers(installed: Install
     assert not list((installed.folder / "results/study").glob("*.png"))
     installed.emla("info", "study")
     installed.emla("list")
-    installed.emla("run", "hdrm-coupled", "--stop-time", "0.1", "--output", "results/machine")
+    for machine in ("hdrm-coupled", "hdrm-replay", "hdrm-merged", "excavator"):
+        installed.emla("run", machine, "--stop-time", "0.05", "--output", f"results/{machine}")
     installed.emla("export", "lift", "lift.ssp")
     installed.emla("run", "lift.ssp", "--stop-time", "0.1")
     (installed.folder / "load.csv").write_text("time [s],F [kN]\n0,10\n1,20\n")

@@ -7,7 +7,7 @@ from .errors import CommandError, join_names
 
 EXTRAS = {
     "plots": ("matplotlib", "bokeh", "contourpy", "pillow"),
-    "build": ("casadi", "ziglang", "pythonfmu", "matplotlib"),
+    "build": ("casadi", "ziglang", "pythonfmu", "matplotlib", "scipy"),
     "analyses": ("scipy", "cma", "cloudpickle"),
     "cluster": ("distributed",),
     "control": ("control",),

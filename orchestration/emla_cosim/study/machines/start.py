@@ -20,6 +20,7 @@ from machine_fmu.exact import plain
 from machine_fmu.model import MachineModel
 
 from ...base.errors import CommandError
+from ...base.extras import require_extra
 
 _ITERATIONS = 30
 
@@ -44,6 +45,8 @@ def find_start(machine: Machine, strokes: Sequence[float], label: str) -> Start:
         CommandError: The machine cannot take this pose, or does not come to rest in it.
     """
     closure, mechanism = find_closure(machine), assemble(machine)
+    if closure.iterated or mechanism.passive:  # now, not when pictures are drawn after the run
+        require_extra("build", f"{label}, whose poses no formula gives,")
     guess = None
     if closure.iterated:
         pose = _reach(mechanism, closure, strokes, label)
