@@ -26,7 +26,7 @@ from fmublock.platforms import TARGETS, host_platform
 from fmublock.recipe import FLAVOURS, Documents, Producer, Recipe, RelatedFile
 
 from ..base.errors import CommandError, RunError, check_choice
-from ..base.extras import require_extra
+from ..base.extras import explain_missing
 from ..base.output_files import OutputFile
 
 
@@ -126,6 +126,7 @@ def build(
 
     Raises:
         CommandError: If a name or a value is wrong, or the file must not be replaced.
+        MissingExtraError: If the FMU must be built, and a package for it is not installed.
         RunError: If building or writing fails.
     """
     if isinstance(model, str):
@@ -142,6 +143,8 @@ def build(
         raise RunError(f"{name} could not be built: {error}") from error
     except OSError as error:
         raise RunError(f"{name} could not be built: {error}.") from error
+    except ImportError as error:
+        raise explain_missing(error, f"building {name}") or error from error
 
 
 def model_name(model: str | type[Block]) -> str:
@@ -211,7 +214,6 @@ def _build(
 ) -> Path:
     key, draft = recipe.key(), None
     if key is None:  # the key follows from the content
-        require_extra("build", f"building {recipe.model}")
         from fmublock.building import draft_of
 
         draft = draft_of(recipe)
@@ -235,7 +237,6 @@ def _build(
                 with write_atomically(path, check) as stream:
                     stream.write(prebuilt.read_bytes())
                 return path
-            require_extra("build", f"building {recipe.model}")
             from fmublock.building import draft_of, write_fmu
 
             wanted = platforms or sorted({host_platform(), *(built.platforms & set(PLATFORMS))})

@@ -13,7 +13,7 @@ from fmublock.cache import find_prebuilt
 from fmublock.platforms import TARGETS, host_platform
 
 from ..base.errors import RunError
-from ..base.extras import require_extra
+from ..base.extras import explain_missing
 from ..base.files import CacheError, cache_folder, temporary_folder, write_atomically
 from .event_layout import EVENT_SIZES
 from .layout import HALVES_SIZE, LANES_SIZES, SIZES
@@ -189,7 +189,6 @@ def _library_name(sources: dict[str, bytes], platform: str) -> str:
 
 
 def _build(sources: dict[str, bytes], platform: str) -> bytes:
-    require_extra("build", "compiling the C code that steps FMUs")
     from fmublock.compiling import compile_libraries  # slow to import, and rarely needed
     from fmublock.errors import BuildError
 
@@ -198,6 +197,8 @@ def _build(sources: dict[str, bytes], platform: str) -> bytes:
         (library,) = compile_libraries("stepper", _MAINS, content, [platform]).values()
     except BuildError as error:
         raise StepperBuildError(str(error)) from error
+    except ImportError as error:
+        raise explain_missing(error, "the C code that steps FMUs") or error from error
     return library
 
 
