@@ -1,15 +1,14 @@
 """Check the log messages of an FMU."""
 
-import ctypes
 import os
 import sys
 import tempfile
 from collections.abc import Sequence
-from typing import Any
 
 from ...fmu.instance import OK
 from ...fmu.log import LogLine
 from ..check import check
+from ..host.c_library import load_c_library
 from ..host.experiment import make_experiment
 from ..host.fresh_process import in_fresh_process, in_separate_process
 from ..host.hosted_instance import CallError, HostedInstance
@@ -131,6 +130,4 @@ def _flush() -> None:
     """Flush the output buffers of C and Python."""
     if sys.stdout is not None:
         sys.stdout.flush()
-    flush: Any = getattr(ctypes.CDLL(None), "fflush", None)
-    if flush is not None:
-        flush(None)
+    load_c_library().fflush(None)

@@ -1,6 +1,5 @@
 """Check that an FMU leaves the process, the files and the streams of its host as they were."""
 
-import ctypes
 import os
 import signal
 import tempfile
@@ -8,9 +7,9 @@ import zipfile
 import zlib
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 from ..check import check
+from ..host.c_library import load_c_library
 from ..host.experiment import make_experiment
 from ..host.fresh_process import EndedError, in_fresh_process, is_single_instance
 from ..host.hosted_instance import CallError, HostedInstance
@@ -239,9 +238,7 @@ def _written(subject: Subject) -> dict[str, tuple[int, str]]:
         for number, stream in streams.values():
             os.dup2(stream.fileno(), number)
         _run(subject)
-        flush: Callable[[Any], Any] | None = getattr(ctypes.CDLL(None), "fflush", None)
-        if flush is not None:
-            flush(None)
+        load_c_library().fflush(None)
         found = {}
         for name, (_, stream) in streams.items():
             size = stream.seek(0, os.SEEK_END)
@@ -283,7 +280,7 @@ def _how_it_ends(do: Callable[[Subject], None], subject: Subject) -> str:
 def _end(subject: Subject) -> None:
     """End this process as a program in C does."""
     note("ending the process")
-    ctypes.CDLL(None).exit(0)
+    load_c_library().exit(0)
 
 
 def _run_and_end(subject: Subject) -> None:

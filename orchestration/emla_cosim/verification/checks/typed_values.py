@@ -10,6 +10,7 @@ from typing import Any
 from fmpy.model_description import ModelVariable
 
 from ..check import check
+from ..host.c_library import load_c_library
 from ..host.experiment import make_experiment
 from ..host.fresh_process import in_fresh_process, is_single_instance
 from ..host.hosted_instance import CallError, HostedInstance
@@ -232,7 +233,7 @@ def _is_on_stack(place: int) -> bool:
 
 def _changes(place: int, text: bytes) -> bool:
     """Return whether a text changes when small blocks of memory are taken, as by any host."""
-    library: Any = ctypes.CDLL(None)
+    library = load_c_library()
     library.malloc.restype = ctypes.c_void_p
     blocks = [library.malloc(ctypes.c_size_t(size)) for size in range(8, 520, 16) for _ in range(9)]
     for k, block in enumerate(blocks):

@@ -5,6 +5,8 @@ import ctypes
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
+from .c_library import load_c_library
+
 
 class Junk(NamedTuple):
     """The byte that fills fresh memory, and how much memory to allocate first.
@@ -29,7 +31,7 @@ _OF_EACH_SIZE = 16
 def fill_memory(junk: Junk) -> Iterator[None]:
     """Fill the memory that the C library allocates next with junk, and shift its addresses, if possible."""
     kept = ctypes.create_string_buffer(junk.bytes)
-    library: Any = ctypes.CDLL(None)
+    library = load_c_library()
     with contextlib.suppress(AttributeError):  # not all systems have these
         library.malloc.restype = ctypes.c_void_p
         _blocks(library, junk.blocks)  # never freed: the process ends soon

@@ -3,8 +3,10 @@
 import contextlib
 import ctypes
 import gc
+import locale
 import os
 import platform
+import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -13,12 +15,16 @@ from typing import Any
 
 import psutil
 
+from .c_library import load_c_library
+
 _PROC = Path("/proc/self")
 _SETTLE = 1.0
 """Longest time in s for threads and children to end after their instance is freed."""
 
 _MASKS = {"SigBlk": "blocked signals", "SigIgn": "ignored signals", "SigCgt": "handled signals"}
-_LC_ALL, _SET_CHILD_SUBREAPER = 6, 36
+_SET_CHILD_SUBREAPER = 36
+_MXCSR = {"linux": 28, "darwin": 4}
+"""Offset of the register for floating-point numbers in the `fenv_t` of x86-64, by platform."""
 
 
 def can_list_resources() -> bool:
@@ -39,7 +45,7 @@ def count_resources() -> dict[str, int]:
 def adopt_orphans() -> None:
     """Become the parent of processes that an FMU leaves behind, if the system supports it."""
     with contextlib.suppress(AttributeError, OSError):
-        ctypes.CDLL(None).prctl(_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
+        load_c_library().prctl(_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
 
 
 def end_children() -> None:
@@ -62,11 +68,11 @@ def settle(wanted: Callable[[], bool]) -> None:
 
 def read_settings() -> dict[str, str]:
     """Return the settings of this process that concern all of its parts, by name."""
-    library: Any = ctypes.CDLL(None)
+    library = load_c_library()
     found = {"the working folder": _working_folder()}
     with contextlib.suppress(AttributeError):
         library.setlocale.restype = ctypes.c_char_p
-        found["the locale"] = (library.setlocale(_LC_ALL, None) or b"").decode(errors="replace")
+        found["the locale"] = (library.setlocale(locale.LC_ALL, None) or b"").decode(errors="replace")
     found.update(_floating_point())
     found.update(_environment(library))
     found.update(_limits())
@@ -130,14 +136,14 @@ def _working_folder() -> str:
 
 def _floating_point() -> dict[str, str]:
     """Return rounding, handling of tiny numbers, and exceptions that end the process."""
-    for name in ("libm.so.6", None):
+    for load in (lambda: ctypes.CDLL("libm.so.6"), load_c_library):
         with contextlib.suppress(OSError, AttributeError):
-            library = ctypes.CDLL(name)
+            library = load()
             found = {"the rounding of floating-point numbers": str(library.fegetround())}
-            if platform.machine() in ("x86_64", "AMD64"):
+            if platform.machine() == "x86_64" and (start := _MXCSR.get(sys.platform)) is not None:
                 state = (ctypes.c_ubyte * 64)()
                 library.fegetenv(state)
-                control = int.from_bytes(bytes(state[28:32]), "little")
+                control = int.from_bytes(bytes(state[start : start + 4]), "little")
                 found["the handling of tiny floating-point numbers"] = hex(control & 0x8040)
                 found["the mask of floating-point exceptions"] = hex(control & 0x1F80)
             return found
