@@ -229,11 +229,22 @@ def watch_parent(parent: int, end: Callable[[], None]) -> None:
     """
 
     def watch() -> None:
-        while os.getppid() == parent:
-            time.sleep(LOOK)
+        _wait_for_end(parent)
         end()
 
     threading.Thread(target=watch, daemon=True).start()
+
+
+def _wait_for_end(parent: int) -> None:
+    """Wait until a process has ended that started this one, perhaps through a launcher on Windows."""
+    if sys.platform == "win32":  # the interpreter of a virtual environment there is a launcher's child
+        import psutil
+
+        with suppress(psutil.NoSuchProcess):
+            psutil.Process(parent).wait()
+        return
+    while os.getppid() == parent:
+        time.sleep(LOOK)
 
 
 class ChildPool:
