@@ -14,7 +14,7 @@ from emla_cosim.master.stepping.timing import make_communication_points
 from emla_cosim.study.loading import load
 from emla_cosim.system.model import System
 from tests.interop.conftest import Compile
-from tests.support.c_programs import host_plan, needs_cc, run_program
+from tests.support.c_programs import host_plan, needs_cc, read_results, run_program
 from tests.support.simulated import simulated
 
 pytestmark = [needs_cc, pytest.mark.slow]
@@ -56,8 +56,7 @@ def test_closed_loop_has_the_bits_of_our_master(
         expected = simulated(assembly.network, Jacobi(), times)[:, 1:]
     plan = write_plan(tmp_path / "plan", unpacked_fmus, 500, printed=names)
     run_program(plain_host, "-m", tmp_path / "maps", plan, tmp_path / "results")
-    lines = (tmp_path / "results").read_text().splitlines()
-    found = np.array([[float.fromhex(value) for value in line.split()] for line in lines])
+    found = read_results(tmp_path / "results")
     same = (found.view("i8") == np.ascontiguousarray(expected).view("i8")).all(axis=0)
     assert [name for name, is_same in zip(names, same, strict=True) if not is_same] == []
     assert np.ptp(found, axis=0)[names.index("lift.plant.x_L")] > 0

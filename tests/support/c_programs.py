@@ -11,8 +11,10 @@ from functools import cache
 from importlib.resources import files
 from pathlib import Path
 
+import numpy as np
 import pytest
 from fmpy.model_description import ModelVariable
+from numpy.typing import NDArray
 
 from emla_cosim.fmu.file import FmuFile
 from emla_cosim.master.stepping.timing import CommunicationPoints
@@ -75,6 +77,22 @@ def build(sanitizer: str, programs: Sequence[str], fmus: Iterable[FmuFile], fold
 def _compile(arguments: Sequence[str]) -> None:
     run = subprocess.run([str(CC), *arguments], capture_output=True, text=True, check=False)
     assert run.returncode == 0, run.stderr
+
+
+def windows_host(folder: Path) -> Path:
+    """Compile host.c for Windows on x86-64."""
+    program = folder / "host.exe"
+    zig = [sys.executable, "-m", "ziglang", "cc", "-target", "x86_64-windows-gnu", *_FLAGS, "-g0"]
+    command = [*zig, str(_HERE / "host.c"), "-o", str(program), "-lpthread"]
+    run = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr
+    return program
+
+
+def read_results(path: Path) -> NDArray[np.float64]:
+    """Read what host.c has written: a row for each communication point, shape (points, printed)."""
+    lines = path.read_text().splitlines()
+    return np.array([[float.fromhex(value) for value in line.split()] for line in lines])
 
 
 def run_program(*command: str | Path, **environment: str) -> str:

@@ -15,7 +15,7 @@
  * other, and every run must give the bits of the first. MAPS gets what is mapped into the process.
  * The exit code is 0, or 1 with a message on stderr, also for any status above fmi2Warning.
  */
-#define _POSIX_C_SOURCE 200809L /* getline, getopt, threads, dlopen */
+#define _POSIX_C_SOURCE 200809L /* getopt, threads, dlopen */
 #include <pthread.h>
 #include <stdarg.h>
 #include <stdio.h>
@@ -147,12 +147,10 @@ static int read_statement(Plan *plan, const char *line) {
 static Plan *read_plan(const char *path) {
     Plan *plan = allocate(1, sizeof *plan);
     FILE *file = fopen(path, "r");
-    char *line = NULL;
-    size_t room = 0;
+    static char line[10000];
     if (file == NULL) fail("cannot read the plan %s", path);
-    while (getline(&line, &room, file) >= 0)
+    while (fgets(line, sizeof line, file) != NULL)
         if (!read_statement(plan, line)) fail("the plan has a line that cannot be used: %s", line);
-    free(line);
     fclose(file);
     return plan;
 }
