@@ -1,4 +1,4 @@
-"""The workflow that other repositories call: its steps as a runner does them, and what a linter finds."""
+"""The workflow that other repositories call, its steps as a runner does them; what a linter finds in all."""
 
 import json
 import os
@@ -17,7 +17,9 @@ from tests.support.pages import fences
 from tests.support.paths import ROOT
 from tests.support.pipelines import cut_fmu, good_fmu, strayed_fmu
 
-FILE = ROOT / ".github" / "workflows" / "verify-fmus.yml"
+FOLDER = ROOT / ".github" / "workflows"
+WORKFLOWS = pytest.mark.parametrize("file", sorted(FOLDER.glob("*.yml")), ids=lambda file: file.stem)
+FILE = FOLDER / "verify-fmus.yml"
 WORKFLOW = yaml.safe_load(FILE.read_text(encoding="utf-8"))
 STEPS = WORKFLOW["jobs"]["verify"]["steps"]
 INPUTS = WORKFLOW[True]["workflow_call"]["inputs"]  # `on` is a boolean in YAML 1.1
@@ -204,9 +206,15 @@ def test_missing_fmus_fail(pattern: str, words: str, workspace: Path, runner: di
     assert not (workspace.parent / "summary.md").exists()
 
 
-def test_scripts_have_no_expressions() -> None:
-    assert [step["name"] for step in STEPS if "${{" in step.get("run", "")] == []
-    assert WORKFLOW["permissions"] == {"contents": "read"}
+@WORKFLOWS
+def test_scripts_have_no_expressions_and_jobs_read_only(file: Path) -> None:
+    workflow = yaml.safe_load(file.read_text(encoding="utf-8"))
+    steps = [step for job in workflow["jobs"].values() for step in job["steps"]]
+    assert [step["name"] for step in steps if "${{" in step.get("run", "")] == []
+    assert workflow["permissions"] == {"contents": "read"}
+    writing = {name for name, job in workflow["jobs"].items() if "permissions" in job}
+    assert writing == ({"publish", "pypi"} if file.stem == "release" else set())
+    assert all("timeout-minutes" in job for job in workflow["jobs"].values())
 
 
 # ---- what GitHub makes of it ------------------------------------------------------------------
@@ -223,8 +231,9 @@ needs_actionlint = pytest.mark.skipif(
 
 
 @needs_actionlint
-def test_workflow_passes_actionlint() -> None:
-    done = linted(FILE, ROOT)
+@WORKFLOWS
+def test_workflows_pass_actionlint(file: Path) -> None:
+    done = linted(file, ROOT)
     assert (done.returncode, done.stdout) == (0, "")
 
 
