@@ -109,7 +109,7 @@ def test_scenario_files_and_the_terminal(name: str, emla: Emla, fmu_folder: Path
     (tmp_path / "my.toml").write_text(text, encoding="utf-8")
     done = emla("run", "my.toml", "--output", "[red]", "--signals", f"{name}.plant.x_L")
     assert done.exit_code == 0, done.output
-    assert any(name in line for line in done.stdout.splitlines() if line[:1] in "┃|")  # heads of the table
+    assert any(name in line for line in done.stdout.splitlines() if line[:1] in "┃│|")  # heads of the table
     assert "Wrote [red]/: results.csv" in done.stdout
     record = json.loads((tmp_path / "[red]/run.json").read_text())
     assert record["settings"]["set"] == {f"{name}.plant.motor.R_s": 0.15}

@@ -70,7 +70,7 @@ def test_run_records_the_table_and_rerun_notes_its_changes(emla: Emla, fmu_folde
     assert emla("run", "lift", *short, "--parameters", "levels.csv").exit_code == 0
     settings_, found = recorded("table")
     assert found.items() >= SAME.items()
-    digest = hashlib.sha256(TABLE.encode()).hexdigest()
+    digest = hashlib.sha256(table.read_bytes()).hexdigest()
     assert settings_["parameters"] == [{"file": "levels.csv", "sha256": digest}]
     again = emla("rerun", "table", "--fmus", str(fmu_folder), "--no-plots")
     assert again.exit_code == 0 and "to the last bit" in again.stdout
