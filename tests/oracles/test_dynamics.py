@@ -78,7 +78,6 @@ def test_any_manipulator_agrees_with_lagrange(m: Moment, p: Manipulator) -> None
 @settings(max_examples=15, deadline=None)
 def test_any_manipulator_agrees_with_pinocchio(m: Moment, p: Manipulator) -> None:
     """Default directions, because each chain can close in two ways; all else as it comes."""
-    pytest.importorskip("pinocchio", reason="Pinocchio has no package for Windows.")
     from dataclasses import replace
 
     from tests.support.pinocchio_machine import PinocchioMachine

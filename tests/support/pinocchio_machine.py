@@ -11,10 +11,12 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
+import pytest
 
 from machine_fmu import GROUND, Actuator, Machine, Strut
 from tests.support.reference_model import Vector
+
+pin: Any = pytest.importorskip("pinocchio", reason="Pinocchio has no package for Windows.")
 
 
 class PinocchioMachine:

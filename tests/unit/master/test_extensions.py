@@ -174,7 +174,7 @@ def test_added_format_is_read_like_csv(emla: Emla) -> None:
     with rows["jsonl"].open("a") as stream:
         stream.write("no row\n")
     text = sentence(emla("run", "lift", *SHORT, "--reference", "jsonl"), 2)
-    assert "the run to compare with 'jsonl/results.jsonl' cannot be read: " in text
+    assert f"the run to compare with '{rows['jsonl']}' cannot be read: " in text
 
 
 def test_format_without_a_reader_is_refused(emla: Emla, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -139,6 +139,6 @@ def test_terminal_record_and_report_show_the_profile(lift: ec.Simulation, tmp_pa
     assert any("master" in line for line in lines)
     result.save(tmp_path, plots=False, report=True)
     assert json.loads((tmp_path / "run.json").read_text())["profile"] == result.profile
-    page = (tmp_path / "report.html").read_text()
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "Where the time went" in page and "lift.controller" in page
     assert "Where the time went" not in str(lift.run(**SAME))

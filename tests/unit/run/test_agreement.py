@@ -91,7 +91,7 @@ def test_command_fails_with_a_table_and_a_message(emla: Emla, tmp_path: Path) ->
     assert emla("run", "lift", *SHORT, "--output", "a").exit_code == 0
     same = emla("run", "lift", *SHORT, "--output", "b", "--reference", "a")
     assert same.exit_code == 0
-    assert "50 of 50 signals agree with a/results.csv" in same.stdout
+    assert f"50 of 50 signals agree with {Path('a', 'results.csv')}" in same.stdout
     changed = ("--set", "lift.plant.motor.R_s=0.2")
     other = emla("run", "lift", *SHORT, "--output", "c", "--reference", "a", *changed)
     assert "signals do not agree with 'a/results.csv'" in sentence(other, 1)

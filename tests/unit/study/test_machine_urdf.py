@@ -4,13 +4,13 @@ import tomllib
 from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 from emla_cosim.base.errors import CommandError
 from emla_cosim.study.machines.schema import parse_machine
 from machine_fmu import Dynamics, assemble, find_closure
 
+pin = pytest.importorskip("pinocchio", reason="Pinocchio has no package for Windows.")
 pytest.importorskip("yourdfpy")
 
 URDF = """
