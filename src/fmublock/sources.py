@@ -123,7 +123,7 @@ class _Search:
         for root in [self._roots[top]] if top in self._roots else beside:
             place = root.joinpath(*module.split("."))
             for file in (place.with_name(f"{place.name}.py"), place / "__init__.py"):
-                if file.is_file():
+                if _has_file(root, file):
                     return file
         return None
 
@@ -131,6 +131,17 @@ class _Search:
         """Return whether a name that is not a file of the block is a foreign module."""
         top = name.split(".")[0]
         return top not in _ELSEWHERE and self.find(top) is None
+
+
+def _has_file(root: Path, file: Path) -> bool:
+    """Return whether a file exists below a folder under exactly this name.
+
+    On file systems that ignore case, `from fmublock import Block` would add `block.py` again as `Block.py`.
+    """
+    if not file.is_file():
+        return False
+    places = [file, *file.parents][: len(file.relative_to(root).parts)]
+    return all(place.name in (entry.name for entry in place.parent.iterdir()) for place in places)
 
 
 @cache

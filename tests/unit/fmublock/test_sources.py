@@ -15,13 +15,22 @@ from tests.support.toy import Toy
 from tests.support.toy_fmu import build_toy
 
 
-def test_everything_a_block_imports_is_gathered() -> None:
+@pytest.mark.parametrize("ignores_case", [False, True])
+def test_everything_a_block_imports_is_gathered(ignores_case: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Once, also if the file system finds `block.py` by the name `Block.py`."""
+    if ignores_case:
+        monkeypatch.setattr(Path, "is_file", _exists_in_any_case)
     assert set(gather_sources(Toy, "instance").texts) == {
         "tests/__init__.py", "tests/support/__init__.py", "tests/support/toy.py",
         "fmublock/__init__.py", "fmublock/block.py", "fmublock/functions.py", "fmublock/instance.py",
         "fmublock/noise.py", "fmublock/results.py", "fmublock/symbols.py",
         "fmublock/variables.py",
     }  # fmt: skip
+
+
+def _exists_in_any_case(path: Path) -> bool:
+    entries = path.parent.iterdir() if path.parent.is_dir() else ()
+    return path.name.casefold() in (entry.name.casefold() for entry in entries)
 
 
 CONDITIONAL = """
