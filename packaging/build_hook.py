@@ -27,7 +27,9 @@ class PrebuildHook(BuildHookInterface):
     """Builds the FMUs and the stepper, and adds them to the wheel."""
 
     def dependencies(self) -> list[str]:
-        """Return the requirements of building."""
+        """Return the requirements of building; none where nothing is built, as far as that is known here."""
+        if "get_requires_for_build_editable" in sys.argv or os.environ.get("HATCH_BUILD_NO_HOOKS"):
+            return []
         core = self.metadata.core
         declared = [*core.dependencies, *core.optional_dependencies["build"]]
         return [requirement for requirement in declared if _normalize(requirement) in _NEEDED]

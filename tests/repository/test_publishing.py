@@ -207,7 +207,7 @@ def test_conda_recipe_requires_what_the_base_requires() -> None:
     on_conda = {"lief": "py-lief"}
     names = [re.match(r"([\w-]+)(.*)", requirement) for requirement in PROJECT["dependencies"]]
     assert sorted(packages) == sorted(f"{on_conda.get(m[1], m[1])} {m[2]}" for m in names if m)
-    assert PROJECT["requires-python"] == python.split()[1].replace(
+    assert PROJECT["requires-python"] == python.partition(" ")[2].replace(
         "${{ python_min }}", recipe["context"]["python_min"]
     )
     assert recipe["context"]["version"] == PROJECT["version"]

@@ -10,8 +10,19 @@ from textwrap import dedent
 import pytest
 
 from emla_cosim.base.errors import CommandError, RunError
-from emla_cosim.fmu.models import MODELS, build, check_disclosure, fmu_path
-from fmublock import Block, Disclosure, Documents, Input, Output, Producer, load_block, recipe
+from emla_cosim.fmu.models import MODELS, PLATFORMS, build, check_disclosure, fmu_path
+from fmublock import (
+    Block,
+    Disclosure,
+    Documents,
+    Input,
+    Output,
+    Producer,
+    building,
+    compiling,
+    load_block,
+    recipe,
+)
 from fmublock import cache as cache_module
 from fmublock.archive import read_built
 from fmublock.recipe import Recipe
@@ -136,6 +147,36 @@ def test_fmus_of_the_current_folder_come_first_and_are_rebuilt(cache: Path, tmp_
     assert not (cache / "fmus").exists()
     # there is none of this flavour
     assert build(own(tmp_path), "python", []).is_relative_to(cache)
+
+
+def test_a_wheel_brings_fmus(cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """They are used where they are, copied elsewhere, and built only for further platforms."""
+    built = build(own(tmp_path), "native", [])
+    cache.rename(tmp_path / "wheel")
+    monkeypatch.setattr(cache_module, "PREBUILT", tmp_path / "wheel")
+    monkeypatch.setattr(building, "draft_of", lambda recipe: pytest.fail("it is built"))
+    used = build(own(tmp_path), "native", [])
+    assert used == tmp_path / "wheel" / built.relative_to(cache)
+    copied = build(own(tmp_path), "native", [], Path("x"))
+    assert copied.read_bytes() == used.read_bytes()
+    copied.write_bytes(b"mine")
+    with pytest.raises(CommandError, match=r"'x/Own/Own.fmu' was not written by emla"):
+        build(own(tmp_path), "native", [], Path("x"))
+    monkeypatch.undo()
+    monkeypatch.setenv(cache_module.VARIABLE, str(cache))
+    monkeypatch.setattr(cache_module, "PREBUILT", tmp_path / "wheel")
+    more = build(own(tmp_path), "native", [*PLATFORMS][:2])
+    assert more.is_relative_to(cache) and len(read_built(more).platforms) == 2
+    monkeypatch.setattr(cache_module, "has_musl", lambda: True)  # nothing brought fits
+    assert build(own(tmp_path), "native", []).is_relative_to(cache)
+
+
+def test_what_must_be_built_says_what_is_missing(
+    cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(compiling, "find_spec", lambda name: None)
+    with pytest.raises(CommandError, match=r"building Own needs the extra build, because ziglang is not"):
+        build(own(tmp_path), "native", [])
 
 
 def test_foreign_file_is_replaced_only_with_overwrite(cache: Path, tmp_path: Path) -> None:

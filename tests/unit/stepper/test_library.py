@@ -9,14 +9,17 @@ import pytest
 
 from emla_cosim.stepper import library
 from emla_cosim.stepper.library import StepperBuildError, StepperLibrary
+from fmublock import cache
+from fmublock.platforms import host_platform
 
 Load = Callable[[], StepperLibrary]
 
 
 @pytest.fixture
 def load(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Load:
-    """Load the stepper with an empty cache, as a new process would."""
+    """Load the stepper with an empty cache and nothing prebuilt, as a new process would."""
     monkeypatch.setenv("EMLA_COSIM_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr(cache, "PREBUILT", tmp_path / "prebuilt")
     return library.load_stepper.__wrapped__
 
 
@@ -45,6 +48,22 @@ def test_it_is_built_once_and_a_damaged_file_again(
     found = load()
     assert works(found) and len(builds) == 2
     assert found.why_not_kept == ""
+
+
+def test_a_wheel_brings_it(load: Load, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    prebuilt = library.prebuild_stepper(host_platform())
+    (tmp_path / "cache").rename(tmp_path / "prebuilt")
+    monkeypatch.setattr(library, "_build", lambda *arguments: pytest.fail("it is built"))
+    assert works(load())
+    assert not (tmp_path / "cache").exists()
+    monkeypatch.undo()
+    monkeypatch.setattr(cache, "PREBUILT", tmp_path / "wheel")  # what it has fits no machine
+    monkeypatch.setenv("EMLA_COSIM_CACHE", str(tmp_path / "another"))
+    damaged = tmp_path / "wheel" / "code" / prebuilt.name
+    damaged.parent.mkdir(parents=True)
+    damaged.write_bytes(b"no library")
+    assert works(load())
+    assert (tmp_path / "another" / "code" / prebuilt.name).is_file()
 
 
 @pytest.mark.skipif(os.name == "nt", reason="a link to a file of the system")
