@@ -4,6 +4,7 @@ The wheel of `pip install .` is for this machine. With EMLA_COSIM_PLATFORMS=all 
 Editable installations, and HATCH_BUILD_NO_HOOKS=true, bring nothing; FMUs are then built on first use.
 """
 
+import atexit
 import os
 import re
 import shutil
@@ -17,7 +18,6 @@ from typing import Any
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 _VARIABLE = "EMLA_COSIM_PLATFORMS"
-
 _NEEDED = ("attrs", "filelock", "fmpy", "latex2mathml", "lazy-loader", "markdown-it-py", "mdit-py-plugins")
 _NEEDED += ("msgspec", "numpy", "platformdirs", "casadi", "matplotlib", "ziglang")
 """Those of our requirements, and of the extra 'build', that building native FMUs needs."""
@@ -27,8 +27,8 @@ class PrebuildHook(BuildHookInterface):
     """Builds the FMUs and the stepper, and adds them to the wheel."""
 
     def dependencies(self) -> list[str]:
-        """Return the requirements of building; none where nothing is built, as far as that is known here."""
-        if "get_requires_for_build_editable" in sys.argv or os.environ.get("HATCH_BUILD_NO_HOOKS"):
+        """Return the requirements of building; none for editable installations (by the call of pip)."""
+        if "get_requires_for_build_editable" in sys.argv:
             return []
         core = self.metadata.core
         declared = [*core.dependencies, *core.optional_dependencies["build"]]
@@ -39,6 +39,7 @@ class PrebuildHook(BuildHookInterface):
         if version == "editable":
             return
         self._folder = Path(tempfile.mkdtemp(prefix="emla-prebuilt-"))
+        atexit.register(shutil.rmtree, self._folder, ignore_errors=True)
         wanted = os.environ.get(_VARIABLE, "")
         root, metadata, built = Path(self.root), self._folder / "metadata", self._folder / "cache"
         self._write_metadata(metadata)
@@ -47,16 +48,13 @@ class PrebuildHook(BuildHookInterface):
         environment = os.environ | {"PYTHONPATH": os.pathsep.join(path)}
         command = [sys.executable, str(root / "packaging" / "prebuild.py"), str(built), wanted]
         # in an empty folder, as FMUs of a folder fmus/ precede those of the cache
-        subprocess.run(command, env=environment, check=True, cwd=self._folder)
+        done = subprocess.run(command, env=environment, check=False, cwd=self._folder)
+        if done.returncode != 0:
+            self.app.abort("The FMUs of the wheel were not built; the error is above.")
         build_data["force_include"][str(built)] = "fmublock/prebuilt"
-        if wanted != "all":
+        if not wanted:  # otherwise it is for several machines
             build_data["pure_python"] = False
             build_data["tag"] = f"py3-none-{re.sub(r'[-.]', '_', sysconfig.get_platform())}"
-
-    def finalize(self, version: str, build_data: dict[str, Any], artifact_path: str) -> None:
-        """Remove the temporary folder."""
-        if version != "editable":
-            shutil.rmtree(self._folder, ignore_errors=True)
 
     def _write_metadata(self, folder: Path) -> None:
         """Let the sources find their version, which FMUs contain, before they are installed."""

@@ -5,13 +5,14 @@ import platform
 import sys
 from functools import cache
 
-# FMI platform -> zig target and file suffix; every Linux of the last decade has glibc 2.17
+# FMI platform -> zig target and file suffix. Every Linux of the last decade has glibc 2.17.
+# macOS 11 is the first on both processors; without a version, zig demands one of the newest.
 TARGETS = {
     "linux64": ("x86_64-linux-gnu.2.17", ".so"),
     "win64": ("x86_64-windows-gnu", ".dll"),
-    "darwin64": ("x86_64-macos", ".dylib"),
+    "darwin64": ("x86_64-macos.11.0", ".dylib"),
     "aarch64-linux": ("aarch64-linux-gnu.2.17", ".so"),
-    "aarch64-darwin": ("aarch64-macos", ".dylib"),
+    "aarch64-darwin": ("aarch64-macos.11.0", ".dylib"),
 }
 
 FMI_VERSIONS = (2, 3)

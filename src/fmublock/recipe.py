@@ -4,6 +4,7 @@ Nothing here imports CasADi, so that an FMU that is up to date costs little time
 """
 
 import hashlib
+import inspect
 import math
 import re
 from collections.abc import Sequence
@@ -190,7 +191,8 @@ def _declared(block: Block) -> list[str]:
     variables = dict.fromkeys(scalar.variable for scalar in layout.scalars)
     own = [{k: _by_name(x) for k, x in vars(v).items()} for v in variables]
     kinds = [type(v).__name__ for v in variables]
-    return [repr((type(block).__qualname__, block.__doc__, block.default_experiment, kinds)), repr(own)]
+    text = inspect.cleandoc(block.__doc__ or "")  # Python 3.13 removes indentation when it compiles
+    return [repr((type(block).__qualname__, text, block.default_experiment, kinds)), repr(own)]
 
 
 def _by_name(value: Any) -> Any:

@@ -60,15 +60,15 @@ def explain_missing(error: ImportError, what: str) -> CommandError | None:
     if isinstance(error, MissingExtraError):
         return error
     module = (error.name or "").partition(".")[0]
-    for extra, packages in EXTRAS.items():
-        for package in packages:
+    for extra in EXTRAS:
+        for package in _missing(extra):  # not those that are installed, but broken
             if module == _MODULES.get(package, package):
                 return _missing_error([extra], what, [package])
     return None
 
 
 def _missing(extra: str) -> list[str]:
-    return [package for package in EXTRAS[extra] if find_spec(_MODULES.get(package) or package) is None]
+    return [package for package in EXTRAS[extra] if find_spec(_MODULES.get(package, package)) is None]
 
 
 def _missing_error(extras: Sequence[str], what: str, packages: Sequence[str]) -> MissingExtraError:

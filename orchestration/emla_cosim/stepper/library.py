@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from fmublock.cache import find_prebuilt
-from fmublock.platforms import TARGETS, host_platform
+from fmublock.platforms import TARGETS, host_platform, zig_target
 
 from ..base.errors import RunError
 from ..base.extras import explain_missing
@@ -184,7 +184,7 @@ def _build_elsewhere(name: str, sources: dict[str, bytes], platform: str) -> Ste
 def _library_name(sources: dict[str, bytes], platform: str) -> str:
     """Return a file name that distinguishes builds: with a hash of the sources, and of what compiles them."""
     compiler = files("fmublock").joinpath("compiling.py").read_bytes()
-    content = repr((sorted(sources.items()), compiler, platform)).encode()
+    content = repr((sorted(sources.items()), compiler, zig_target(platform))).encode()
     return f"stepper-{hashlib.sha256(content).hexdigest()[:32]}{TARGETS[platform][1]}"
 
 

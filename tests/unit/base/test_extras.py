@@ -44,3 +44,8 @@ def test_an_import_that_fails_is_explained() -> None:
     assert "the extra plots, because pillow is not" in str(explained)
     assert explain_missing(explained, "another") is explained  # type: ignore[arg-type]
     assert explain_missing(ImportError("no", name="os.nothing"), "a picture") is None
+
+
+def test_a_broken_package_is_not_reported_as_missing() -> None:
+    assert explain_missing(ImportError("no name 'x'", name="casadi"), "an FMU") is None
+    assert explain_missing(ModuleNotFoundError("no module", name="scipy._lib.x"), "an FMU") is None

@@ -19,7 +19,6 @@ from fmublock import (
     Output,
     Producer,
     building,
-    compiling,
     load_block,
     recipe,
 )
@@ -82,6 +81,18 @@ def test_key_changes_with_everything_in_the_fmu(tmp_path: Path, monkeypatch: pyt
             keys.append(Recipe.of(block, "native").key())
     assert None not in keys
     assert len(set(keys)) == len(keys)
+
+
+def test_key_is_the_same_in_all_versions_of_python(tmp_path: Path) -> None:
+    block = own(tmp_path)
+    keys = set()
+    for docstring in (
+        "A block.\n\n    With details.\n    ",
+        "A block.\n\nWith details.\n",
+    ):  # of 3.12 and 3.13
+        block.__doc__ = docstring
+        keys.add(Recipe.of(block, "native").key())
+    assert len(keys) == 1
 
 
 def made(gain: float) -> type[Block]:
@@ -174,7 +185,7 @@ def test_a_wheel_brings_fmus(cache: Path, tmp_path: Path, monkeypatch: pytest.Mo
 def test_what_must_be_built_says_what_is_missing(
     cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(compiling, "find_spec", lambda name: None)
+    monkeypatch.setitem(sys.modules, "ziglang", None)
     with pytest.raises(CommandError, match=r"building Own needs the extra build, because ziglang is not"):
         build(own(tmp_path), "native", [])
 

@@ -85,6 +85,7 @@ def test_mac_binaries_need_the_system_library_only(fmu: Path, platform: str, arc
     identifiers = lief.MachO.LoadCommand.TYPE
     needed = [str(x.name) for x in macho.libraries if x.command != identifiers.ID_DYLIB]
     assert needed == ["/usr/lib/libSystem.B.dylib"]
+    assert macho.build_version is not None and macho.build_version.minos == [11, 0, 0]
     # without a signature, if only an ad-hoc one, macOS on ARM kills the process that loads it
     assert macho.has_code_signature or platform == "darwin64"
 
