@@ -3,12 +3,12 @@
 import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from .block import Block, Layout
 from .errors import BuildError
 from .recipe import Producer
-from .symbolic import SymbolicBlock, find_dependencies
 from .units import QUANTITIES, SiUnit, parse_unit
 from .variables import (
     Access,
@@ -21,6 +21,9 @@ from .variables import (
     State,
     Variable,
 )
+
+if TYPE_CHECKING:
+    from .symbolic import SymbolicBlock
 
 BUILD_TIME = "1980-01-01T00:00:00Z"
 """Fixed, because an FMU's bytes depend on its content alone; also the time of its zip entries."""
@@ -79,7 +82,7 @@ def describe_model(model: str, description: str, producer: Producer, guid: str, 
 
 
 def model_description(
-    block: Block, symbolic: SymbolicBlock, producer: Producer, guid: str, offers: FmuFeatures
+    block: Block, symbolic: "SymbolicBlock", producer: Producer, guid: str, offers: FmuFeatures
 ) -> bytes:
     """Return the model description as UTF-8 XML."""
     layout = block.layout()
@@ -315,7 +318,7 @@ class Structure:
 
 
 def find_structure(
-    block: Block, symbolic: SymbolicBlock, has_derivatives: bool, time: int | None = None
+    block: Block, symbolic: "SymbolicBlock", has_derivatives: bool, time: int | None = None
 ) -> Structure:
     """Return the dependencies of outputs, derivatives and initial unknowns.
 
@@ -330,6 +333,8 @@ def find_structure(
         has_derivatives: Whether the FMU has derivatives.
         time: Value reference of the time; None without a variable for it.
     """
+    from .symbolic import find_dependencies  # needs CasADi; tables are described without
+
     layout = block.layout()
     dependencies = find_dependencies(block, symbolic, time)
     states = layout.references(layout.states)

@@ -6,6 +6,7 @@ An array of a block is one variable, whose value reference is that of its first 
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import accumulate
+from typing import TYPE_CHECKING
 from xml.etree.ElementTree import Element, SubElement
 
 from .block import Block
@@ -25,12 +26,14 @@ from .description import (
     variable_attributes,
 )
 from .recipe import Producer
-from .symbolic import SymbolicBlock
 from .variables import Access, ScalarVariable, Variable
+
+if TYPE_CHECKING:
+    from .symbolic import SymbolicBlock
 
 
 def fmi3_model_description(
-    block: Block, symbolic: SymbolicBlock, producer: Producer, token: str, offers: FmuFeatures
+    block: Block, symbolic: "SymbolicBlock", producer: Producer, token: str, offers: FmuFeatures
 ) -> bytes:
     """Return the model description as UTF-8 XML."""
     layout = block.layout()
@@ -150,7 +153,9 @@ def _add_variables(
     set_type_attributes(element, time.variable)
 
 
-def _add_structure(structure: Element, block: Block, symbolic: SymbolicBlock, lengths: Sequence[int]) -> None:
+def _add_structure(
+    structure: Element, block: Block, symbolic: "SymbolicBlock", lengths: Sequence[int]
+) -> None:
     """Add the dependencies of outputs, derivatives and initial unknowns, each of whole variables."""
     first = list(accumulate(range(len(lengths)), lambda before, r: r if lengths[r] else before))
     found = find_structure(block, symbolic, True, time_reference(block))

@@ -402,6 +402,7 @@ HEAVY = {"matplotlib", "casadi", "networkx", "polars"}
         ("from emla_cosim.cli.app import app; app(['list'])", {"fmpy", *HEAVY}),
         (f"from emla_cosim.cli.app import app; app({UNKNOWN})", {"matplotlib", "casadi"}),
         ("import fmublock", {"numpy", *HEAVY}),
+        ("import fmublock.table.building", {"matplotlib", "casadi"}),
     ],
 )
 def test_imports_are_late(code: str, absent: set[str]) -> None:
