@@ -1,12 +1,15 @@
 """The packages as users install them: the wheel alone, with each extra, and the sources offline."""
 
 import os
+import runpy
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
+from emla_cosim.fmu.models import build
+from fmublock.archive import read_built
 from tests.support.paths import ROOT
 
 pytestmark = pytest.mark.slow
@@ -146,3 +149,33 @@ def test_the_sources_build_offline(packages: Path, tmp_path: Path) -> None:
     subprocess.run([*command, str(sources), "-w", str(tmp_path)], check=True, capture_output=True)
     (wheel,) = tmp_path.glob("*.whl")
     assert wheel.name == next(packages.glob("*.whl")).name
+
+
+PREBUILD = ROOT / "packaging" / "prebuild.py"
+
+
+def test_wheels_have_the_platforms_that_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("EMLA_COSIM_CACHE", str(tmp_path / "cache"))
+    build("Reference", "native", ["linux64", "win64"])
+    runpy.run_path(str(PREBUILD))["_build_fmu"]("Reference", ["linux64"], tmp_path)
+    (fmu,) = tmp_path.glob("fmus/*/Reference.fmu")
+    assert read_built(fmu).platforms == {"linux64"}
+
+
+@pytest.mark.parametrize(
+    ("platform", "cache", "message"),
+    [("amiga", "cache", "there is no platform 'amiga'"), ("linux64", "file", "cannot be written to")],
+)
+def test_failed_builds_of_fmus_give_one_message(
+    platform: str, cache: str, message: str, tmp_path: Path
+) -> None:
+    (tmp_path / "file").write_text("")
+    done = subprocess.run(
+        [sys.executable, str(PREBUILD), str(tmp_path / "built"), platform],
+        env=os.environ | {"EMLA_COSIM_CACHE": str(tmp_path / cache)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 1
+    assert done.stderr.startswith("Error: ") and message in done.stderr and done.stderr.count("\n") == 1
