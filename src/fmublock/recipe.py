@@ -142,8 +142,8 @@ class Recipe:
 
         These are the block's files and declarations, the documents, and fmublock. The versions of the tools
         do not count: where an FMU is ready, they need not be installed. None if other things count, too:
-        the block has instance attributes, is not at the top of a file, or imports modules that are not
-        known here.
+        the block has instance attributes, is not at the top of a file, reads files, or imports modules that
+        are not known here.
         """
         if vars(self.block):
             return None
@@ -151,7 +151,7 @@ class Recipe:
             sources = gather_sources(type(self.block))
         except BuildError:
             return None
-        if sources.foreign:
+        if sources.foreign or sources.reads_files:
             return None
         parts = [module_of(type(self.block)), repr(self._settings)]
         parts += [*_declared(self.block), *_own_files()]

@@ -16,6 +16,9 @@ from .errors import BuildError
 _OWN = "fmublock"
 _OWN_ROOT = Path(__file__).parents[1]
 _ELSEWHERE = {_OWN, *sys.stdlib_module_names}
+_READERS = {"configparser", "fileinput", "importlib", "io", "linecache", "os", "pathlib", "pkgutil", "shelve"}
+_READERS |= {"sqlite3", "subprocess", "urllib"}
+"""Modules that read files or the like."""
 
 
 @dataclass
@@ -23,11 +26,13 @@ class Sources:
     """Texts of Python files by path relative to the import root, and the other modules they import.
 
     `foreign` has the modules that are neither among the files nor in the standard library, by the name
-    of the module that imports them.
+    of the module that imports them. `reads_files` is whether a file outside the folder of fmublock seems to
+    read others, so that equations can have numbers from these.
     """
 
     texts: dict[str, str] = field(default_factory=dict)
     foreign: dict[str, set[str]] = field(default_factory=dict)
+    reads_files: bool = False
 
     def refuse_foreign(self) -> None:
         """Raise BuildError if a file imports a foreign module, which an FMU's host may not have."""
@@ -71,9 +76,13 @@ def gather_sources(block: type[Block], *more: str) -> Sources:
         path = "" if file is None else _path_of(module, file)
         if file is None or path in gathered.texts:  # a folder may be a package without a file
             continue
-        gathered.texts[path] = _read(file, None if module.split(".")[0] == _OWN else block.origin)
+        text = _read(file, None if module.split(".")[0] == _OWN else block.origin)
+        gathered.texts[path] = text
+        is_outside = not file.is_relative_to(_OWN_ROOT)
+        gathered.reads_files |= is_outside and re.search(r"\bopen\(", text) is not None
         package = module if file.name == "__init__.py" else module.rpartition(".")[0]
-        for name, inside in _list_imports(gathered.texts[path], package, file):
+        for name, inside in _list_imports(text, package, file):
+            gathered.reads_files |= is_outside and name.split(".")[0] in _READERS
             found = search.find(name)
             # a file, unlike a package, has no modules inside
             for one in [name] if found is not None and found.name != "__init__.py" else [name, *inside]:

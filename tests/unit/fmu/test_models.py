@@ -116,6 +116,19 @@ def test_block_with_unknown_sources_has_no_key(tmp_path: Path) -> None:
     assert Recipe.of(block, "native").key() is None
 
 
+READS = ("READ = open('gain.txt').read()", "from pathlib import Path; READ = Path('gain.txt').read_text()")
+
+
+@pytest.mark.parametrize("read", READS)
+def test_files_that_blocks_read_are_not_overlooked(read: str, cache: Path, tmp_path: Path) -> None:
+    text = TEXT.replace("import parts", read).replace("parts.GAIN", "float(READ)")
+    built = []
+    for gain in ("2.0", "3.0"):
+        Path("gain.txt").write_text(gain)
+        built.append(build(own(tmp_path, text=text), "native", []).read_bytes())
+    assert built[0] != built[1]
+
+
 def test_blocks_without_a_key_are_cached_by_content(cache: Path) -> None:
     one, two = (build(made(gain), "native", []) for gain in (1.0, 2.0))
     assert one.parent != two.parent and one.read_bytes() != two.read_bytes()
