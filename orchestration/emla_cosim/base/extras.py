@@ -68,7 +68,12 @@ def explain_missing(error: ImportError, what: str) -> CommandError | None:
 
 
 def _missing(extra: str) -> list[str]:
-    return [package for package in EXTRAS[extra] if find_spec(_MODULES.get(package, package)) is None]
+    return [package for package in EXTRAS[extra] if not _is_installed(_MODULES.get(package) or package)]
+
+
+def _is_installed(module: str) -> bool:
+    spec = find_spec(module)
+    return spec is not None and spec.origin is not None  # not a folder of users that has the name
 
 
 def _missing_error(extras: Sequence[str], what: str, packages: Sequence[str]) -> MissingExtraError:

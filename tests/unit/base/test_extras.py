@@ -2,6 +2,7 @@
 
 import pickle
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -49,3 +50,9 @@ def test_an_import_that_fails_is_explained() -> None:
 def test_a_broken_package_is_not_reported_as_missing() -> None:
     assert explain_missing(ImportError("no name 'x'", name="casadi"), "an FMU") is None
     assert explain_missing(ModuleNotFoundError("no module", name="scipy._lib.x"), "an FMU") is None
+
+
+def test_folders_of_users_are_not_packages(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "yourdfpy").mkdir()
+    monkeypatch.setattr(sys, "path", [str(tmp_path)])
+    assert not has_extra("urdf")
