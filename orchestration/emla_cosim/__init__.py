@@ -8,6 +8,17 @@ The public names are those of `__init__.pyi`. Each is imported when it is first 
 `import emla_cosim` costs next to nothing.
 """
 
+from typing import Any
+
 import lazy_loader
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+_import_name, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+
+
+def __getattr__(name: str) -> Any:
+    try:
+        return _import_name(name)
+    except ImportError as error:
+        from .base.extras import explain_missing
+
+        raise explain_missing(error, f"emla_cosim.{name}") or error from error

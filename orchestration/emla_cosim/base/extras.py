@@ -7,8 +7,8 @@ from .errors import CommandError, join_names
 
 EXTRAS = {
     "plots": ("matplotlib", "bokeh", "contourpy", "pillow"),
-    "build": ("casadi", "ziglang", "pythonfmu", "matplotlib", "scipy"),
     "analyses": ("scipy", "cma", "cloudpickle"),
+    "build": ("casadi", "ziglang", "pythonfmu", "matplotlib", "scipy"),
     "cluster": ("distributed",),
     "control": ("control",),
     "mdf": ("asammdf",),
@@ -16,7 +16,7 @@ EXTRAS = {
     "tdms": ("nptdms",),
     "urdf": ("yourdfpy",),
 }
-"""Packages by the extra that installs them, as in pyproject.toml."""
+"""Packages by the extra that installs them, as in pyproject.toml; a message names the first that has one."""
 
 _MODULES = {"pillow": "PIL"}
 """Modules of packages that have another name."""

@@ -174,7 +174,7 @@ def _show_missing_package(error: ImportError) -> int:
     from ..base.extras import explain_missing
     from ..views.terminal import show_error
 
-    explained = explain_missing(error, "what this command does")
+    explained = explain_missing(error, "this command")
     if explained is None:
         raise error
     show_error(str(explained))

@@ -1,6 +1,7 @@
 """What is said where a package of an extra is missing."""
 
 import pickle
+import subprocess
 import sys
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import pytest
 
 from emla_cosim.base.errors import CommandError
 from emla_cosim.base.extras import (
+    EXTRAS,
     MissingExtraError,
     explain_missing,
     has_extra,
@@ -56,3 +58,32 @@ def test_folders_of_users_are_not_packages(tmp_path: Path, monkeypatch: pytest.M
     (tmp_path / "yourdfpy").mkdir()
     monkeypatch.setattr(sys, "path", [str(tmp_path)])
     assert not has_extra("urdf")
+
+
+def test_scipy_is_of_the_extra_analyses() -> None:
+    assert "the extra analyses," in str(explain_missing(ImportError("no", name="scipy.stats"), "a spline"))
+
+
+BASE = """
+import sys
+
+sys.modules.update(dict.fromkeys({modules}))
+import emla_cosim as ec
+import fmublock.table.building  # tables of data have no equations
+
+lacking = {{}}
+for name in ec.__all__:
+    try:
+        getattr(ec, name)
+    except ImportError as error:
+        lacking[name] = str(error)
+assert {{"sweep", "compare", "tune", "identify", "linearize", "size", "trajectory"}} <= set(lacking)
+assert all("run: pip install 'emla-cosim[analyses" in message for message in lacking.values()), lacking
+assert "[analyses,build]" in lacking["trajectory"]
+"""
+
+
+def test_names_of_python_say_which_extra_they_lack() -> None:
+    packages = {package for extra in EXTRAS.values() for package in extra}
+    modules = sorted(packages - {"pillow"} | {"PIL"})
+    subprocess.run([sys.executable, "-c", BASE.format(modules=modules)], check=True)
