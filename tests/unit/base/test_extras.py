@@ -60,7 +60,8 @@ def test_folders_of_users_are_not_packages(tmp_path: Path, monkeypatch: pytest.M
     assert not has_extra("urdf")
 
 
-def test_scipy_is_of_the_extra_analyses() -> None:
+def test_scipy_is_of_the_extra_analyses(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "scipy", None)
     assert "the extra analyses," in str(explain_missing(ImportError("no", name="scipy.stats"), "a spline"))
 
 
