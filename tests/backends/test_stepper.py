@@ -32,6 +32,7 @@ from tests.support.faulty_systems import counts_of, faulty, loop_with_a_fault, o
 from tests.support.hand_written_fmus import Fault, build_faulty_fmu
 from tests.support.lanes import in_lanes
 from tests.support.plain_stepper import PlainSteps
+from tests.support.prebuilt import without_prebuilt
 from tests.support.simulated import Table, begun, recorded
 from tests.support.slaves import FakeSlave
 from tests.support.tiers import examples
@@ -306,7 +307,8 @@ print(*(name in sys.modules for name in ("fmublock.compiling", "networkx")))
 @pytest.mark.slow
 def test_the_second_start_needs_no_compiler(faulty_fmu: Path, tmp_path: Path) -> None:
     """Nor the library for loops of links, of which there are none."""
-    environment = {**os.environ, "EMLA_COSIM_CACHE": str(tmp_path)}
+    site = without_prebuilt(tmp_path / "site")
+    environment = {**os.environ, **site, "EMLA_COSIM_CACHE": str(tmp_path / "cache")}
     for imported in ("True False", "False False"):
         done = subprocess.run(
             [sys.executable, "-c", _START, str(faulty_fmu)],

@@ -22,6 +22,7 @@ from fmublock.files import write_atomically
 from fmublock.platforms import host_platform
 from tests.support.commands import Emla, sentence
 from tests.support.full_disk import files_of_at_most
+from tests.support.prebuilt import without_prebuilt
 from tests.support.processes import call
 from tests.support.tiers import mostly_slow
 from tests.support.whole_files import assert_whole, names
@@ -237,7 +238,7 @@ def test_commands_need_no_home(
 def test_unusable_cache_is_reported_once(fmu_folder: Path, tmp_path: Path) -> None:
     (tmp_path / "cache").mkdir()
     (tmp_path / "cache/code").write_text("not a folder")
-    environment = {cache.VARIABLE: str(tmp_path / "cache")}
+    environment = {cache.VARIABLE: str(tmp_path / "cache"), **without_prebuilt(tmp_path / "site")}
     code, output, _ = call(tmp_path, *RUN, "--fmus", fmu_folder, environment=environment)
     assert code == 0
     assert output.count("The stepper in C could not be stored; the next run compiles it again: ") == 1

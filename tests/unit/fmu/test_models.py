@@ -25,6 +25,7 @@ from fmublock import (
 from fmublock import cache as cache_module
 from fmublock.archive import read_built
 from fmublock.recipe import Recipe
+from tests.support.prebuilt import without_prebuilt
 from tests.support.tiers import mostly_slow
 
 TEXT = """
@@ -255,7 +256,12 @@ def test_without_a_home_the_cache_is_in_a_temporary_folder(homeless: Path) -> No
         print(os.environ["MPLCONFIGDIR"])
     """
     run = subprocess.run(
-        [sys.executable, "-c", dedent(code)], capture_output=True, text=True, check=False, cwd=homeless
+        [sys.executable, "-c", dedent(code)],
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=homeless,
+        env={**os.environ, **without_prebuilt(homeless.parent / "site")},
     )
     assert run.returncode == 0 and run.stderr == ""
     fmu, matplotlib = run.stdout.split()
@@ -307,12 +313,12 @@ def test_existing_fmu_needs_no_heavy_import(fmu_folder: Path, cache: Path) -> No
 
 
 @pytest.mark.slow
-def test_parallel_processes_build_an_fmu_once(cache: Path) -> None:
+def test_parallel_processes_build_an_fmu_once(cache: Path, tmp_path: Path) -> None:
     call = "build('Reference', 'native', [], advance=lambda: print('built'))"
     code = f"from emla_cosim.fmu.models import build; {call}"
-    runs = [
-        subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) for _ in range(3)
-    ]
+    environment = {**os.environ, **without_prebuilt(tmp_path / "site")}
+    command = [sys.executable, "-c", code]
+    runs = [subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) for _ in range(3)]
     said = [run.communicate()[0] for run in runs]
     assert [run.returncode for run in runs] == [0, 0, 0]
     assert sorted(said) == ["", "", "built\n"]
