@@ -2,7 +2,7 @@
 
     python packaging/prebuild.py FOLDER [all|PLATFORM,...]
 
-What is missing is built into the user's cache first. So the second call, which pip makes, takes a second.
+What is missing is built into the user's cache first, so that the next wheel takes a second.
 """
 
 import os
