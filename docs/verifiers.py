@@ -27,7 +27,7 @@ from pathlib import Path
 import fmpy
 from fmpy.validation import validate_fmu
 
-from emla_cosim.verification.verdict import Verdict
+from fmu_verify.verdict import Verdict
 from tests.support.broken.asking import examined_all
 from tests.support.broken.broken import Broken
 from tests.support.broken.dynamic import build_good_fmu

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from emla_cosim.verification.catalogue import CHECKS
+from fmu_verify.catalogue import CHECKS
 
 PLACE = "<!-- table of checks -->"
 

@@ -33,6 +33,9 @@ from .base.errors import CosimError as CosimError
 from .base.errors import RunError as RunError
 from .base.option import option as option
 from .base.progress import Progress as Progress
+from .base.tubes.signal_check import Comparison as Comparison
+from .base.tubes.tolerance import Tolerance as Tolerance
+from .base.tubes.tolerance import Tube as Tube
 from .base.units import LinearTransformation as LinearTransformation
 from .base.units import SiUnit as SiUnit
 from .base.version import __version__ as __version__
@@ -72,9 +75,6 @@ from .recorders.registry import RECORDERS as RECORDERS
 from .recorders.registry import TABLES as TABLES
 from .recorders.table import Table as Table
 from .recorders.table import TimeSeries as TimeSeries
-from .recorders.tubes.signal_check import Comparison as Comparison
-from .recorders.tubes.tolerance import Tolerance as Tolerance
-from .recorders.tubes.tolerance import Tube as Tube
 from .run.options import Options as Options
 from .run.result import Result as Result
 from .run.scenarios.scenario import Scenario as Scenario
@@ -97,10 +97,10 @@ from .system.model import Component as Component
 from .system.model import Connection as Connection
 from .system.model import Replacement as Replacement
 from .system.model import System as System
-from .verification.findings import Examined as Examined
-from .verification.findings import Finding as Finding
-from .verification.report import Report as Report
-from .verification.runner import verify as verify
-from .verification.settings import Recording as Recording
-from .verification.verdict import Verdict as Verdict
+from .verification import Examined as Examined
+from .verification import Finding as Finding
+from .verification import Recording as Recording
+from .verification import Report as Report
+from .verification import Verdict as Verdict
+from .verification import verify as verify
 from .views.progress_bars import BarProgress as BarProgress

@@ -15,11 +15,11 @@ import psutil
 import pytest
 
 import emla_cosim as ec
-from emla_cosim.verification import confinement
-from emla_cosim.verification.confinement import can_confine, confine, list_gaps
-from emla_cosim.verification.host.fresh_process import in_fresh_process
-from emla_cosim.verification.unexamined import list_unexamined
-from emla_cosim.verification.verdict import Verdict
+from fmu_verify import confinement
+from fmu_verify.confinement import can_confine, confine, list_gaps
+from fmu_verify.host.fresh_process import in_fresh_process
+from fmu_verify.unexamined import list_unexamined
+from fmu_verify.verdict import Verdict
 from tests.support.broken.examining import examine
 from tests.support.broken.wide import build_wide_fmu
 from tests.support.waiting import wait_for

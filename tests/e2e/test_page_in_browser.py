@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from emla_cosim.verification.report import Report
+from fmu_verify.report import Report
 from tests.support.browser import Page, chromium, figure_of
 from tests.support.reports import hostile, ordinary
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-import emla_cosim.verification.runner  # noqa: F401 - for pytest runs in this process
+import fmu_verify.runner  # noqa: F401 - for pytest runs in this process
 from tests.support.broken.editing import with_files
 from tests.support.broken.static import LIBRARY
 from tests.support.paths import ROOT
@@ -15,14 +15,14 @@ from tests.support.pipelines import cut_fmu, good_fmu, strayed_fmu
 
 pytest_plugins = "pytester"
 
-PLUGIN = "emla_cosim.verification.pytest_plugin"
+PLUGIN = "fmu_verify.pytest_plugin"
 VERIFYING = """
 import sys
 from dataclasses import replace
-import emla_cosim.verification.runner
-from emla_cosim.verification.verdict import warned
+import fmu_verify.runner
+from fmu_verify.verdict import warned
 
-module = sys.modules["emla_cosim.verification.runner"]
+module = sys.modules["fmu_verify.runner"]
 real = module.verify
 """
 """How a conftest.py begins that puts something between the plugin and `verify`."""
@@ -234,7 +234,7 @@ def test_plugin_imports_little() -> None:
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     modules, function = done.stdout.splitlines()
-    assert modules.split() == ["emla_cosim", "emla_cosim.verification", PLUGIN]
+    assert modules.split() == ["emla_cosim", "fmu_verify", PLUGIN]
     assert function == "True"
 
 

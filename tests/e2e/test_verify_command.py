@@ -22,10 +22,10 @@ import emla_cosim as ec
 from emla_cosim.base.errors import CommandError
 from emla_cosim.cli.commands import verify as commands_verify
 from emla_cosim.fmu.models import FLAVOURS, MODELS, build, fmu_path
-from emla_cosim.verification.catalogue import CHECKS, DYNAMIC
-from emla_cosim.verification.examination import select_checks, select_needed_checks
-from emla_cosim.verification.settings import Settings
-from emla_cosim.verification.verdict import Verdict
+from fmu_verify.catalogue import CHECKS, DYNAMIC
+from fmu_verify.examination import select_checks, select_needed_checks
+from fmu_verify.settings import Settings
+from fmu_verify.verdict import Verdict
 from fmublock import Block
 from tests.support.broken.dynamic import build_good_fmu
 from tests.support.broken.editing import setting, with_files

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from emla_cosim.recorders.tubes.signal_check import Comparison
-from emla_cosim.recorders.tubes.tolerance import Tube
-from emla_cosim.verification.findings import Examined, Finding
-from emla_cosim.verification.report import Report
-from emla_cosim.verification.verdict import CheckOutcome, Clause, failed, passed, skipped, warned
+from emla_cosim.base.tubes.signal_check import Comparison
+from emla_cosim.base.tubes.tolerance import Tube
+from fmu_verify.findings import Examined, Finding
+from fmu_verify.report import Report
+from fmu_verify.verdict import CheckOutcome, Clause, failed, passed, skipped, warned
 
 CLAUSE = Clause("2.1.5", "The function returns a new instance of an FMU.")
 STARTED = "2026-11-22T11:53:17+00:00"

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 
-from ..views.pages.text import make_visible, shorten_text
+from ..pages.text import make_visible, shorten_text
 from .system_info import FmuInfo, Start, VariableInfo, format_start
 
 _ELEMENT = re.compile(r"(.*)\[([0-9]{1,9})\]", re.DOTALL)

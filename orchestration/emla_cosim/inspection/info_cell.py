@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from ..base.wording import format_count
+from ..pages.page import Plots, render_template
 from ..ssp.diagram import build_diagrams, group_connections
-from ..views.pages.page import Plots, render_template
-from ..views.pages.system_cell import MOST, make_arrow_id
+from ..views.system_cell import MOST, make_arrow_id
 from .display_rows import DisplayRow, build_display_rows, list_fmu_facts
 from .system_info import Info
 

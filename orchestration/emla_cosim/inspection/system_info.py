@@ -10,7 +10,7 @@ from ..base.errors import CommandError, suggest_names
 from ..base.output_files import OutputFile, has_format
 from ..base.patterns import is_pattern, matches_pattern
 from ..base.wording import format_count
-from ..views.pages.plain import to_plain
+from ..pages.plain import to_plain
 
 if TYPE_CHECKING:
     import polars

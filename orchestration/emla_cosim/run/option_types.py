@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.option import FileOrObject
+from ..base.tubes.tolerance import Tolerance
 from ..inputs.input import Input
 from ..master.algorithms.algorithm import Algorithm
 from ..master.stepping.step_size_control import StepSizeControl
-from ..recorders.tubes.tolerance import Tolerance
 from ..system.fault import Fault
 from ..system.model import Replacement, Value
 

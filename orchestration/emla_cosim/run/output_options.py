@@ -23,8 +23,8 @@ from ..base.option import (
     VERIFY,
     option,
 )
+from ..base.tubes.tolerance import Tolerance, read_tolerances
 from ..recorders.registry import TABLES
-from ..recorders.tubes.tolerance import Tolerance, read_tolerances
 from .plot_formats import PLOT_FORMATS
 from .system_options import ALL
 

@@ -12,13 +12,13 @@ from ..base.errors import CommandError, check_choice
 from ..base.extras import LEFT_OUT, has_extra, require_extra
 from ..base.patterns import find_name
 from ..base.signal_types import REAL, SignalType
+from ..base.tubes.signal_check import Comparison, compare_signal
+from ..base.tubes.tolerance import Tolerance, find_tolerance
 from ..base.units import SiUnit
 from ..base.values import convert_value
 from ..master.stepping.timing import CommunicationPoints
 from ..recorders.metrics import Figures, MetricDisplay
 from ..recorders.table import Table
-from ..recorders.tubes.signal_check import Comparison, compare_signal
-from ..recorders.tubes.tolerance import Tolerance, find_tolerance
 from ..system.model import find_main_component
 from .agreement import align_values, find_common_signals
 from .plot_formats import PLOT_FORMATS

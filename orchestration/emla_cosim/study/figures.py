@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
-from ..views.panels import Limit
+from ..pages.panels import Limit
 from ..views.plots.pictures import Bound, Curve, Find, PanelSpec, Picture, RangeLimit
 from ..views.plots.style import GREEN, GREY, ORANGE, PURPLE, RED
 from .criteria import criteria_of

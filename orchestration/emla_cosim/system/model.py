@@ -366,7 +366,7 @@ def render_cell(
     notes: Sequence[str] = (),
 ) -> str:
     """Return what a notebook shows of a system, or of a scenario or simulation of it; see `render_system`."""
-    from ..views.pages.system_cell import render_system
+    from ..views.system_cell import render_system
 
     return render_system(system, title, description, facts, notes)
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ..base.wording import format_count, format_rounded
-from .pages.text import make_visible
+from ..pages.text import make_visible
 
 if TYPE_CHECKING:
     from ..recorders.metrics import MetricDisplay

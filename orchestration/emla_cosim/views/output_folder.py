@@ -17,6 +17,7 @@ from ..base.files import report_write_errors
 from ..base.output_files import UNFINISHED_STATUS
 from ..base.progress import Progress
 from ..base.signal_types import Texts
+from ..pages.plain import to_plain
 from ..recorders.bond_energies import COUPLING
 from ..recorders.metrics import SIGNALS
 from ..recorders.parquet_file import strange_parts
@@ -27,7 +28,6 @@ from ..run.plot_formats import PLOT_FORMATS
 from ..run.result import Result
 from .animation import ANIMATIONS, animate
 from .folder import Folder
-from .pages.plain import to_plain
 from .plots.pictures import FIGURES, drawn
 
 METRICS, RECORD, REPORT = "metrics.json", "run.json", "report.html"

@@ -16,6 +16,7 @@ from rich.table import Table
 
 from ..base.errors import CosimError
 from ..base.wording import format_count
+from ..pages.text import make_visible
 from .formatting import (
     PROFILE_COLUMNS,
     describe_stepping,
@@ -23,7 +24,6 @@ from .formatting import (
     list_profile_rows,
     list_signal_texts,
 )
-from .pages.text import make_visible
 
 if TYPE_CHECKING:
     from ..recorders.metrics import Figures, MetricDisplay
@@ -256,7 +256,7 @@ def _list_signals(result: "Result", title: str) -> Iterator[Table | str]:
 
 def _show_agreement(result: "Result") -> None:
     """Show how many signals agree with the reference, and a table of the others, earliest departure first."""
-    from ..recorders.tubes.signal_check import (
+    from ..base.tubes.signal_check import (
         select_outside,  # it loads NumPy, which most output does not need
     )
 

@@ -3,10 +3,10 @@
 from collections.abc import Iterable
 from pathlib import Path
 
-from emla_cosim.verification.examiner import ExaminerJob
-from emla_cosim.verification.findings import Examined
-from emla_cosim.verification.runner import examine_all
-from emla_cosim.verification.settings import Settings
+from fmu_verify.examiner import ExaminerJob
+from fmu_verify.findings import Examined
+from fmu_verify.runner import examine_all
+from fmu_verify.settings import Settings
 from tests.support.broken.broken import Broken
 
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import fmpy
 
-from emla_cosim.verification.settings import Settings
-from emla_cosim.verification.verdict import Verdict
+from fmu_verify.settings import Settings
+from fmu_verify.verdict import Verdict
 from fmublock.archive import write_archive
 
 

@@ -5,8 +5,8 @@ from functools import cache, partial
 from pathlib import Path
 from string import Template
 
-from emla_cosim.verification.settings import Settings
-from emla_cosim.verification.verdict import Verdict
+from fmu_verify.settings import Settings
+from fmu_verify.verdict import Verdict
 from tests.support.broken.broken import Broken, name_fault, write_fmu
 from tests.support.hand_written_fmus import compile_library
 

@@ -11,15 +11,15 @@ import lief  # noqa: F401  # once here, and not in each process of a check
 import pytest
 
 from emla_cosim.fmu.unpack import unpack
-from emla_cosim.verification import check_runner
-from emla_cosim.verification.catalogue import CHECKS, DYNAMIC
-from emla_cosim.verification.check import Check
-from emla_cosim.verification.examination import examine_fmu
-from emla_cosim.verification.findings import Examined
-from emla_cosim.verification.settings import Settings
-from emla_cosim.verification.subject import Subject
-from emla_cosim.verification.subprocess_run import ERROR_OF_CHECK, run_in_subprocess
-from emla_cosim.verification.verdict import CheckOutcome, Verdict, failed
+from fmu_verify import check_runner
+from fmu_verify.catalogue import CHECKS, DYNAMIC
+from fmu_verify.check import Check
+from fmu_verify.examination import examine_fmu
+from fmu_verify.findings import Examined
+from fmu_verify.settings import Settings
+from fmu_verify.subject import Subject
+from fmu_verify.subprocess_run import ERROR_OF_CHECK, run_in_subprocess
+from fmu_verify.verdict import CheckOutcome, Verdict, failed
 
 CALLING = frozenset(c.name for c in CHECKS if c in DYNAMIC or c.group == "binaries")
 """Checks that load the library or call it."""

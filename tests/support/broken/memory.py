@@ -7,7 +7,7 @@ import re
 from functools import cache
 from pathlib import Path
 
-from emla_cosim.verification.verdict import Verdict
+from fmu_verify.verdict import Verdict
 from tests.support.broken.broken import Broken, name_fault
 from tests.support.broken.dynamic import GUID, build_good_fmu
 from tests.support.hand_written_fmus import TOYS

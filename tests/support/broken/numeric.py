@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 
 import emla_cosim as ec
-from emla_cosim.verification.references.reference_files import read_columns
-from emla_cosim.verification.settings import Settings
+from fmu_verify.references.reference_files import read_columns
+from fmu_verify.settings import Settings
 from tests.support.broken.broken import Broken
 from tests.support.broken.dynamic import build_good_fmu
 from tests.support.broken.examining import examine

@@ -5,7 +5,7 @@
 
 import re
 
-from emla_cosim.verification.verdict import Verdict
+from fmu_verify.verdict import Verdict
 from tests.support.broken.broken import Broken
 from tests.support.broken.dynamic import DYNAMIC
 from tests.support.broken.memory import MEMORY

@@ -11,7 +11,7 @@ from pathlib import Path
 import fmpy
 from lxml import etree
 
-from emla_cosim.verification.verdict import Verdict
+from fmu_verify.verdict import Verdict
 from tests.support.broken.broken import Broken
 from tests.support.broken.editing import (
     Build,

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from functools import cache, partial
 from pathlib import Path
 
-from emla_cosim.verification.verdict import Verdict
+from fmu_verify.verdict import Verdict
 from tests.support.broken.broken import Broken, name_fault, write_fmu
 from tests.support.hand_written_fmus import compile_library
 

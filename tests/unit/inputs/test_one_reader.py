@@ -20,8 +20,8 @@ from emla_cosim.inputs.input import Input as DataInput
 from emla_cosim.inputs.stored_runs import open_stored_run
 from emla_cosim.inputs.table_files import read_table
 from emla_cosim.inputs.table_fmus import build_data_fmu
-from emla_cosim.verification.references.reference_files import read_columns
 from emla_cosim.views.plots.overlay import read_traces
+from fmu_verify.references.reference_files import read_columns
 from fmublock import Block, DiscreteState, Input, Output
 from fmublock.platforms import host_platform
 from tests.support.commands import Emla, sentence

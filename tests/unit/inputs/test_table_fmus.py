@@ -10,7 +10,7 @@ import emla_cosim as ec
 from emla_cosim.base.errors import CommandError
 from emla_cosim.fmu.interface import read_interface
 from emla_cosim.inputs.table_fmus import build_data_fmu
-from emla_cosim.verification.verdict import Verdict
+from fmu_verify.verdict import Verdict
 from fmublock.platforms import host_platform
 from tests.support.commands import Emla, sentence
 

@@ -13,7 +13,7 @@ from emla_cosim.fmu.python_exceptions import REMEDY, uses_python
 from emla_cosim.run.result import Result
 from emla_cosim.study.loading import load
 from emla_cosim.system.model import Component, System
-from emla_cosim.verification.verdict import LEAVES_EXCEPTION, Verdict
+from fmu_verify.verdict import LEAVES_EXCEPTION, Verdict
 from tests.support.broken.examining import examine
 from tests.support.commands import Emla, sentence
 from tests.support.faulty_systems import faulty, wired

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from emla_cosim.pages.panels import Limit, Line, Plot
 from emla_cosim.study.criteria import TOO_SHORT
 from emla_cosim.study.figures import JOINT_FIGURES
 from emla_cosim.study.joint_map import JointMap
 from emla_cosim.views.formatting import format_headline
-from emla_cosim.views.panels import Limit, Line, Plot
 from emla_cosim.views.plots.panel_drawing import draw_panels, has_changes
 from emla_cosim.views.plots.pictures import Curve, PanelSpec, Picture, RangeLimit
 

@@ -16,12 +16,12 @@ from selenium.webdriver import ActionChains, Keys
 from selenium.webdriver.common.actions.wheel_input import ScrollOrigin
 
 from emla_cosim.base.units import SiUnit
+from emla_cosim.pages.page import Plots
 from emla_cosim.recorders.recorder import Outline
 from emla_cosim.recorders.table import TimeSeries
 from emla_cosim.run.result import Result
 from emla_cosim.ssp.diagram import build_diagrams, group_connections
 from emla_cosim.study.loading import load
-from emla_cosim.views.pages.page import Plots
 from emla_cosim.views.run_page.page import render_page
 from emla_cosim.views.run_page.picture_plots import build_pictures
 from emla_cosim.views.run_page.signals import list_signal_rows

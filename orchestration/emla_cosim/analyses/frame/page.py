@@ -3,7 +3,7 @@
 from base64 import b64encode
 from collections.abc import Mapping
 
-from ...views.pages.page import Plots, render_template
+from ...pages.page import Plots, render_template
 from .report import Report
 
 

@@ -21,6 +21,6 @@ class ReportedResult(ABC):
 
     def _repr_html_(self) -> str:
         """Return what a notebook shows: the report without its pictures, which `plot` draws."""
-        from ...views.pages.page import Plots, render_template  # importing it loads jinja2
+        from ...pages.page import Plots, render_template  # importing it loads jinja2
 
         return render_template(__package__ or "", "report_cell.html", Plots(), report=self._build_report())

@@ -18,8 +18,8 @@ from ...base.output_files import OutputFile
 from ...inspection.collector import info
 from ...inspection.display_rows import LONGEST, DisplayRow, build_display_rows, format_line, list_fmu_facts
 from ...inspection.system_info import JSON_FILE, Info, format_start, is_info
+from ...pages.text import shorten_text
 from ...study.loading import load
-from ...views.pages.text import shorten_text
 from ...views.plots.style import is_picture, to_png
 from ...views.progress_bars import BarProgress
 from ...views.terminal import OUT, print_exactly, print_line, show, show_table

@@ -8,6 +8,8 @@ from typing import Any, NamedTuple
 import msgspec
 from rich.table import Table
 
+from fmu_verify.references.reference_files import ReferenceTable
+
 from ...analyses.frame.plan_files import plan_struct
 from ...analyses.identify.plan import IdentificationPlan
 from ...analyses.sweep.plan import Plan
@@ -20,7 +22,6 @@ from ...study.actuator.sheet_values import ACTUATOR
 from ...study.joints.joint_table import joint_struct
 from ...study.machines.machine_file import machine_struct
 from ...study.registration import register
-from ...verification.references.reference_files import ReferenceTable
 from ...views.terminal import print_exactly, show
 
 register()

@@ -9,6 +9,15 @@ from typing import Any
 from rich.markup import escape
 from rich.table import Column, Table
 
+from fmu_verify.catalogue import CHECKS
+from fmu_verify.findings import Examined
+from fmu_verify.marks import is_json, is_junit
+from fmu_verify.references.excitation import SHAPES
+from fmu_verify.repetition import format_command
+from fmu_verify.report import Report
+from fmu_verify.settings import Recording, Settings
+from fmu_verify.verdict import Verdict
+
 from ...base.errors import CommandError, CosimError, check_choice
 from ...base.extras import has_extra, require_extra
 from ...base.files import check_output_files
@@ -16,19 +25,11 @@ from ...base.interruption import catch_interrupts
 from ...base.option import OUTPUT, VERIFY, argument, option, switch
 from ...base.output_files import IsOurs, OutputFile, is_page
 from ...base.progress import Progress
+from ...base.tubes.tolerance import Tolerance, read_tolerances
 from ...base.wording import format_count
 from ...fmu.models import FLAVOURS, MODELS, build, documents_root
-from ...recorders.tubes.tolerance import Tolerance, read_tolerances
-from ...verification.catalogue import CHECKS
-from ...verification.findings import Examined
-from ...verification.marks import is_json, is_junit
-from ...verification.references.excitation import SHAPES
-from ...verification.repetition import format_command
-from ...verification.report import Report
-from ...verification.runner import verify
-from ...verification.settings import Recording, Settings
-from ...verification.verdict import Verdict
-from ...views.pages.text import make_visible
+from ...pages.text import make_visible
+from ...verification import verify
 from ...views.progress_bars import BarProgress
 from ...views.terminal import show
 

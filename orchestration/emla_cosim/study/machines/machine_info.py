@@ -14,8 +14,8 @@ from machine_fmu.model import MachineModel
 from machine_fmu.naming import name_numbers
 
 from ...base.errors import CommandError
+from ...pages.plain import to_plain
 from ...system.model import System
-from ...views.pages.plain import to_plain
 from ..roles import machine_roles
 from .force_map import ForceLimits, find_extremes, find_levers, read_limits
 from .run_machine import COMPONENTS

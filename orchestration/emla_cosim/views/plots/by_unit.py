@@ -6,7 +6,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from ...base.arrays import Vector
-from ..panels import Plot
+from ...pages.panels import Plot
 from .pictures import Drawing
 from .stacked import build_unit_panels, draw_stacked, fit_panels
 

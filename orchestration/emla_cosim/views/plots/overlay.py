@@ -14,9 +14,9 @@ from ...base.files import read_text
 from ...base.patterns import find_names, select_names
 from ...base.signal_types import COLUMN_TYPES, REAL, SignalType, read_types
 from ...inputs.stored_runs import StoredRun, open_stored_run
+from ...pages.panels import Line, Plot
 from ...recorders.metrics import TRACKED, default_roles
 from ...system.model import find_main_component
-from ..panels import Line, Plot
 from .panel_drawing import read_rows
 from .stacked import (
     LAYOUTS,

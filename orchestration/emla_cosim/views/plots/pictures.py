@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from ...base.arrays import Vector
+from ...pages.panels import Limit, Line, Plot
 from ...recorders.metrics import HELD
 from ..formatting import format_headline
-from ..panels import Limit, Line, Plot
 from .panel_drawing import draw_panels, has_changes, read_rows
 from .style import BLUE, GREY
 

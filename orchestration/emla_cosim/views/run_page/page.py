@@ -8,12 +8,12 @@ import numpy as np
 from ...base.arrays import Vector
 from ...base.signal_types import REAL
 from ...base.wording import format_count
+from ...pages.comparisons import build_comparison_rows
+from ...pages.page import Plots, render_template
 from ...run.result import Result
 from ...ssp.diagram import build_diagrams, group_connections
 from ..formatting import describe_stepping, format_short, list_overrides
 from ..idealisations import describe_idealisations, list_idealisations
-from ..pages.comparisons import build_comparison_rows
-from ..pages.page import Plots, render_template
 from . import picture_plots, signals, tables
 
 _VALUES = 20_000_000

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...base.arrays import Vector
+from ...pages.page import Plots
+from ...pages.panels import Plot
 from ...run.result import Result
-from ..pages.page import Plots
-from ..panels import Plot
 from ..plots.by_unit import groups
 from ..plots.panel_drawing import has_changes
 from ..plots.pictures import FIGURES, Picture

@@ -4,10 +4,10 @@ from base64 import b64encode
 
 from ...base.errors import CosimError
 from ...base.wording import format_count
+from ...pages.page import Plots, render_template
 from ...run.result import Result
 from ..formatting import describe_stepping, format_headline, list_signal_texts
 from ..idealisations import describe_idealisations
-from ..pages.page import Plots, render_template
 from ..plots.overlay import plot_summary
 from ..plots.style import to_png
 from . import tables

@@ -7,9 +7,7 @@ from typing import Any
 
 from ...base.arrays import Vector
 from ...base.signal_types import REAL, SignalType
-from ...recorders.signal_figures import NAMES
-from ...run.result import Result
-from ..pages.bokeh_plots import (
+from ...pages.bokeh_plots import (
     add_legend,
     add_line,
     add_values,
@@ -17,9 +15,11 @@ from ..pages.bokeh_plots import (
     describe_unit,
     new_figure,
 )
-from ..pages.curve_data import compact, condense_curves, mask_undrawable
-from ..pages.page import Plots
-from ..pages.text import make_visible
+from ...pages.curve_data import compact, condense_curves, mask_undrawable
+from ...pages.page import Plots
+from ...pages.text import make_visible
+from ...recorders.signal_figures import NAMES
+from ...run.result import Result
 from ..plots.stacked import group_by_unit, name_values, number_line
 
 MOST = 1000

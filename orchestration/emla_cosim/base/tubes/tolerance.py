@@ -1,0 +1,142 @@
+"""Tolerances of comparisons, and how users write them."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from ..arrays import Vector
+from ..errors import CommandError
+from ..patterns import matches_pattern
+
+
+@dataclass(frozen=True)
+class Tube:
+    """Size of the tube around a reference signal.
+
+    Attributes:
+        value: half height, in the unit of the signal.
+        time: half width, in s.
+    """
+
+    value: float
+    time: float
+
+    def edges(self, time: Vector, reference_time: Vector, reference: Vector) -> tuple[Vector, Vector]:
+        """Return the smallest and the largest value of the reference within the tube's `time`.
+
+        The reference is linear between its points, and constant before the first and after the last.
+        Two points at the same time are a jump.
+
+        Args:
+            time: Times in s at which to compute the edges, shape (n,).
+            reference_time: Times of the reference in s, shape (m,).
+            reference: The reference, shape (m,).
+
+        Returns:
+            Lower and upper edge without `value`, each of shape (n,).
+        """
+        low, high = time - self.time, time + self.time
+        at_low, at_high = (np.interp(ends, reference_time, reference) for ends in (low, high))
+        first = np.searchsorted(reference_time, low, side="left")
+        last = np.searchsorted(reference_time, high, side="right")
+        lower, upper = np.minimum(at_low, at_high), np.maximum(at_low, at_high)
+        some = last > first  # the reference has points within the tube's time
+        pairs = np.column_stack([first[some], last[some]]).ravel()
+        padded = np.append(reference, np.nan)  # so that `last` is a valid index
+        if some.any():
+            lower[some] = np.minimum(lower[some], np.fmin.reduceat(padded, pairs)[::2])
+            upper[some] = np.maximum(upper[some], np.fmax.reduceat(padded, pairs)[::2])
+        return lower, upper
+
+
+RELATIVE = 1e-3
+"""Default tolerance, as a fraction of a signal's range."""
+
+_LEAST = 1e-12
+"""Smallest tolerance of a signal that is always 0, in its unit."""
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """Allowed deviation of a signal from its reference.
+
+    None leaves a part to the tolerance of a more general pattern, or to the default: 1e-3 of the range, no
+    absolute part, half an interval of the reference.
+
+    Args:
+        relative: part of the range of the signal; of a constant signal, part of its value.
+        absolute: deviation in the unit of the signal, added to the relative one.
+        time: shift in time, in s.
+
+    Raises:
+        CommandError: a part is negative or not a number.
+    """
+
+    relative: float | None = None
+    absolute: float | None = None
+    time: float | None = None
+
+    def __post_init__(self) -> None:
+        """Raise CommandError for values that are negative, infinite or NaN."""
+        for part in fields(self):
+            value = getattr(self, part.name)
+            if value is not None and not 0.0 <= value < np.inf:
+                raise CommandError(f"the {part.name} tolerance {value:g} must be 0 or a positive number.")
+
+    def tube(self, time: Vector, reference: Vector) -> Tube:
+        """Return the tube around a reference with finite values at these times in s."""
+        scale = float(np.ptp(reference)) or float(np.abs(reference).max())
+        relative = RELATIVE if self.relative is None else self.relative
+        value = relative * scale + (self.absolute or 0.0)
+        intervals = np.diff(np.unique(time))
+        half = 0.5 * float(np.median(intervals)) if len(intervals) else 0.0
+        return Tube(value if scale > 0.0 else max(value, _LEAST), half if self.time is None else self.time)
+
+
+def find_tolerance(signal: str, tolerances: Mapping[str, Tolerance]) -> Tolerance:
+    """Return the tolerance of a signal.
+
+    Args:
+        signal: Name of the signal.
+        tolerances: Tolerances by name or pattern. Later entries override earlier ones, except for None.
+    """
+    found: dict[str, float] = {}
+    for pattern, tolerance in tolerances.items():
+        if matches_pattern(signal, pattern):
+            found |= {name: value for name, value in vars(tolerance).items() if value is not None}
+    return Tolerance(**found)
+
+
+def read_tolerances(texts: Sequence[str]) -> dict[str, Tolerance]:
+    """Read tolerances from the command line.
+
+    Args:
+        texts: For example `1e-4`, `x=1e-6` or `a.*=relative:1e-5,absolute:1e-9,time:0`. Without a name, the
+            tolerance applies to all signals.
+
+    Returns:
+        Tolerances by name or pattern.
+
+    Raises:
+        CommandError: A text has another form.
+    """
+    return dict(map(_read, texts))
+
+
+def _read(text: str) -> tuple[str, Tolerance]:
+    pattern, equals, value = text.rpartition("=")
+    known = [part.name for part in fields(Tolerance)]
+    found: dict[str, float] = {}
+    for part in value.split(","):
+        name, colon, number = part.rpartition(":")
+        try:
+            found[name.strip() if colon else known[0]] = float(number)
+        except ValueError:
+            found[""] = 0.0
+    if (equals and not pattern) or not found.keys() <= set(known):
+        raise CommandError(
+            f"--tolerance {text} cannot be read. Write NUMBER, SIGNAL=NUMBER or "
+            "SIGNAL=relative:NUMBER,absolute:NUMBER,time:NUMBER."
+        )
+    return pattern.strip() or "*", Tolerance(**found)

@@ -1,0 +1,167 @@
+"""Checks of the archive: safe to unpack, format, layout."""
+
+import zipfile
+from collections.abc import Sequence
+from pathlib import Path
+
+from emla_cosim.base.errors import find_machine_fault
+from emla_cosim.fmu.unpack import UnsafeArchiveError, unpack
+
+from ..check import check
+from ..declarations import find_repeated
+from ..messages import join_few_names, judge_problems, shorten_sentence
+from ..subject import Subject
+from ..verdict import CheckOutcome, Clause, failed, fmi3, passed
+
+_LARGEST = 256 * 2**20
+"""Size in bytes up to which the compression ratio is not checked."""
+_RATIO = 100
+"""Largest compression ratio of archives that unpack to more than `_LARGEST`."""
+_KNOWN = (
+    "modelDescription.xml",
+    "model.png",
+    "documentation",
+    "sources",
+    "binaries",
+    "resources",
+    "extra",
+    "terminalsAndIcons",
+)
+_STORED_OR_DEFLATED = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
+_VERSION = 20
+_STREAMED = 1 << 3
+_LFS = b"version https://git-lfs.github.com/spec/"
+
+
+@check(
+    "archive.safe",
+    "The archive can be unpacked safely",
+    Clause(
+        "2.3",
+        "All relevant files are stored in a ZIP file with a pre-defined structure.",
+        in_3=fmi3(
+            "2.5",
+            "An FMU consists of several files, that are stored in a ZIP file with a pre-defined structure.",
+        ),
+    ),
+    "Zip the FMU again with a tool that writes each entry once, with a relative name and forward slashes.",
+)
+def safe(subject: Subject) -> CheckOutcome:
+    """Check that it is a complete zip file with all entries inside its folder. Unpack it there."""
+    if not subject.path.is_file():
+        return failed("The file does not exist.", hint="Name an FMU file.")
+    if _is_lfs_pointer(subject.path):
+        return failed(
+            "The file is a pointer of Git LFS, not the FMU.",
+            hint="Run `git lfs pull`. In CI, check out with LFS: `lfs: true` for actions/checkout.",
+        )
+    try:
+        with zipfile.ZipFile(subject.path) as archive:
+            entries = archive.infolist()
+        _refuse(entries, subject.path)
+        unpack(subject.path, subject.folder)
+    except UnsafeArchiveError as error:
+        return failed(shorten_sentence(f"It {error}."))
+    except MemoryError:
+        raise
+    except Exception as error:  # whatever zip readers raise
+        if find_machine_fault(error) is not None:
+            raise
+        return failed(f"It cannot be unpacked: {_words(error)}.")
+    return judge_problems((), f"Its {len(entries)} entries were unpacked.", _colliding(entries))
+
+
+def _is_lfs_pointer(path: Path) -> bool:
+    try:
+        with path.open("rb") as stream:
+            return stream.read(len(_LFS)) == _LFS
+    except OSError:  # reported when it is unpacked
+        return False
+
+
+def _refuse(entries: Sequence[zipfile.ZipInfo], path: Path) -> None:
+    """Raise UnsafeArchiveError for repeated entries and zip bombs, which `unpack` allows."""
+    if twice := find_repeated(e.filename for e in entries if not e.is_dir()):
+        raise UnsafeArchiveError(f"has more than one entry '{twice[0]}'; tools differ in which one they read")
+    size, whole = sum(e.file_size for e in entries), path.stat().st_size
+    if size > max(_LARGEST, _RATIO * whole):
+        raise UnsafeArchiveError(
+            f"would unpack from {whole / 2**20:.3g} MiB to {size / 2**20:.4g} MiB, as zip bombs do"
+        )
+
+
+def _colliding(entries: Sequence[zipfile.ZipInfo]) -> list[str]:
+    """Return warnings about files that overwrite each other on case-insensitive file systems."""
+    together: dict[str, list[str]] = {}
+    for entry in entries:
+        if not entry.is_dir():
+            together.setdefault(entry.filename.casefold(), []).append(entry.filename)
+    return [
+        f"{' and '.join(names)} are the same file on case-insensitive systems such as Windows."
+        for names in together.values()
+        if len(names) > 1
+    ]
+
+
+@check(
+    "archive.format",
+    "Every zip tool can read the archive",
+    Clause(
+        "2.3",
+        "The compression method for all files stored in the ZIP archive must be either 8 (deflate), "
+        "or 0 (store).",
+        in_3=fmi3(
+            "2.5",
+            "The compression method for all files stored in the ZIP archive must be either 8 (deflate) or 0 "
+            "(store).",
+        ),
+    ),
+    "Zip the FMU's folder with the method `deflate`.",
+    needs=("archive.safe",),
+)
+def format_(subject: Subject) -> CheckOutcome:
+    """Check that entries are stored or deflated and need no version of the format newer than 2.0."""
+    with zipfile.ZipFile(subject.path) as archive:
+        entries = archive.infolist()
+    problems = [
+        f"{e.filename} is compressed with method {e.compress_type}."
+        for e in entries
+        if e.compress_type not in _STORED_OR_DEFLATED
+    ]
+    newer = [e.filename for e in entries if e.extract_version > _VERSION and not problems]
+    streamed = [
+        e.filename
+        for e in entries
+        if e.flag_bits & _STREAMED and e.compress_type == zipfile.ZIP_STORED and not e.is_dir()
+    ]
+    doubts = [f"{join_few_names(newer)} needs a newer version of the format than 2.0."] if newer else []
+    doubts += (
+        [f"{join_few_names(streamed)} is stored with its size behind the data (bit 3)."] if streamed else []
+    )
+    return judge_problems(problems, f"{len(entries)} entries are stored or deflated.", doubts)
+
+
+@check(
+    "archive.layout",
+    "Files are in the folders of the standard",
+    Clause(
+        "2.3",
+        "This ZIP file has the following structure:",
+        in_3=fmi3("2.5.1", "Structure of the ZIP file of an FMU"),
+    ),
+    "Zip the content of the FMU's folder, not the folder. Put other data into `resources` or `extra`.",
+    needs=("archive.safe",),
+)
+def layout(subject: Subject) -> CheckOutcome:
+    """Check that the top folder has only the entries of the standard."""
+    unknown = sorted(p.name for p in subject.folder.iterdir() if p.name not in _KNOWN)
+    if unknown:
+        return judge_problems(
+            (), "", [f"The top folder has {join_few_names(unknown)}, which is not in the standard."]
+        )
+    return passed("The top folder has only entries of the standard.")
+
+
+def _words(error: Exception) -> str:
+    said = error.strerror if isinstance(error, OSError) else str(error)
+    return shorten_sentence(said or type(error).__name__).rstrip(".")

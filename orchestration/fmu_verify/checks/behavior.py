@@ -1,0 +1,359 @@
+"""Check that steps compute something, and that inputs count."""
+
+import time as clock
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
+from typing import Any
+
+import numpy as np
+from fmpy.model_description import ModelVariable
+
+from emla_cosim.base.arrays import Vector
+
+from ..check import check
+from ..host.experiment import make_experiment, span
+from ..host.fresh_process import in_fresh_process, in_separate_process
+from ..host.hosted_instance import CallError, HostedInstance
+from ..host.limits import limits_of
+from ..host.other_values import Values, other_of, others, settable, start_of
+from ..messages import join_few_names, judge_problems, list_left_out
+from ..subject import Subject
+from ..verdict import CheckOutcome, Clause, failed, fmi3, noted, passed, skipped, warned
+
+_STEPS = 20
+_MOST_PAIRS = 100
+_MOST_INPUTS = 10
+_MOST_CHOICES = 5
+_FAR = 0.3
+"""Distance of the slopes of a state from its derivative, relative to both, that is too far."""
+
+_SOON = 1e-3
+"""Distance of the FMU's time from the end of a step, relative to the step, that counts."""
+
+_MARGIN = 0.05
+"""Allowed distance from the derivatives at both ends of a step, relative to the largest."""
+
+
+@check(
+    "steps.integrate",
+    "Steps integrate the declared derivatives",
+    Clause(
+        "4.2.2",
+        "The slave must integrate until time instant",
+        in_3=fmi3(
+            "4.2.1",
+            "The importer requests the computation of the next time step with the following function:",
+        ),
+    ),
+    "Let fmi2DoStep integrate the equations that fmi2GetReal evaluates, with the inputs that were set.",
+    needs=("run.finite",),
+    time_factor=2.0,
+)
+def integrate(subject: Subject) -> CheckOutcome:
+    """Compare slopes of states with their derivatives in runs with constant inputs, one moved in each."""
+    if subject.kinds[0] != "CoSimulation":
+        return skipped("The FMU is for Model Exchange: the host integrates it.")
+    if subject.has_clocks:
+        said = "Its Clocks may change derivatives within a step: only a reference shows what steps do."
+        return skipped(said, gaps=(said,))
+    pairs = [(v.derivative, v) for v in subject.description.modelVariables if v.derivative is not None]
+    pairs = [(x, d) for x, d in pairs if x.type == "Real"][:_MOST_PAIRS]
+    independent = [v for v in subject.description.modelVariables if v.causality == "independent"]
+    times = [v for v in independent if v.unit in (None, "s")]
+    if not pairs and not times:
+        said = "No variable is declared as time or a derivative: only a reference shows what steps do."
+        return skipped(said, gaps=(said,))
+    inputs = others(v for v in settable(subject, "input", most=None) if v.type == "Real")
+    runs = [{}, *({name: value} for name, value in list(inputs.items())[:_MOST_INPUTS])]
+    step = span(subject)[1]
+    names = [v.name for pair in pairs for v in pair] + [v.name for v in times]
+    still, late, wrong, moved, stays = set(), {}, {}, 0, False
+    for changes in _in_time(subject, runs):
+        moved += len(changes)
+        points, rows = in_separate_process(_held, subject, changes, names)
+        if len(rows) < 3:
+            continue
+        for k, time in enumerate(times, start=2 * len(pairs)):
+            off = np.abs(rows[:, k] - points) > _SOON * step
+            if np.all(off):
+                late[time.name] = f"{time.name} is {rows[0, k]:.9g} s after the step to {points[0]:.9g} s."
+        if np.any(np.diff(points) <= 0.0):
+            stays = True  # FMI 3.0 allows it: internal steps are longer
+            continue
+        for k, (state, derivative) in enumerate(pairs):
+            x, slopes = rows[:, 2 * k], rows[:, 2 * k + 1]
+            if np.all(x == x[0]) and np.all(np.abs(slopes) * step > np.spacing(np.abs(x[0]))):  # not rounded
+                still.add(state.name)
+            elif (apart := _apart(x, slopes, points)) > _FAR:
+                with_what = "".join(f" with {name} = {value:g}" for name, value in changes.items())
+                line = f"{state.name} does not follow {derivative.name}{with_what} ({apart:.0%} apart)."
+                wrong.setdefault(state.name, line)
+    if still:
+        which = join_few_names(sorted(still))
+        return failed(f"{which} stays the same in {_STEPS} steps, although its derivative is not 0.")
+    # internal steps may be longer
+    doubts = [*late.values(), *wrong.values()]
+    gaps = list_left_out(moved, len(inputs), "inputs were moved.")
+    if stays:
+        gaps += (
+            "The time that the FMU reaches stays the same in some steps, so that slopes have no length.",
+        )
+    return judge_problems((), f"{len(pairs)} states follow their derivatives.", doubts, gaps)
+
+
+def _in_time(subject: Subject, items: Iterable[Any]) -> Iterable[Any]:
+    """Yield items until half of the time is used."""
+    until = clock.monotonic() + 0.5 * subject.settings.seconds
+    for item in items:
+        if clock.monotonic() > until:
+            return
+        yield item
+
+
+def _held(subject: Subject, changes: Values, names: Sequence[str]) -> tuple[Vector, Vector]:
+    """Return times in s that the FMU reached, and values after each step to them, with constant inputs."""
+    instance, course = HostedInstance(subject), make_experiment(subject, _STEPS)
+    instance.initialize(changes, float(course.times[0]))
+    rows, points = [], []
+    for time in course.times[:-1]:
+        instance.set(changes)
+        instance.step(float(time), course.step)
+        if instance.terminated:
+            break
+        rows.append([float(value) for value in instance.get(names)])
+        points.append(float(course.times[len(rows)]) if instance.reached is None else instance.reached)
+    instance.free()
+    return np.array(points), np.array(rows, dtype=float).reshape(len(rows), len(names))
+
+
+def _apart(x: Vector, slopes: Vector, points: Vector) -> float:
+    """Return how far slopes of a state are outside of its derivatives at both ends, relative to all."""
+    moved, before, after = np.diff(x) / np.diff(points), slopes[:-1], slopes[1:]
+    low, high = np.minimum(before, after), np.maximum(before, after)
+    margin = (high - low) + _MARGIN * np.abs(slopes).max() + 1e-12
+    outside = np.maximum(np.maximum(low - margin - moved, moved - high - margin), 0.0)
+    total = np.maximum(np.abs(moved), np.maximum(np.abs(before), np.abs(after))).sum()
+    return float(outside.sum() / total) if total > 0.0 and np.isfinite(total) else 0.0
+
+
+@check(
+    "exchange.inputs",
+    "Inputs have an effect",
+    Clause(
+        "2.2.8",
+        "Otherwise the Unknown depends on the Knowns defined by the given ScalarVariable indices.",
+        in_3=fmi3(
+            "2.4.8", "Otherwise the unknown depends on the knowns defined by the given value references."
+        ),
+    ),
+    "Use the input in the equations, or remove it from the dependencies of outputs and derivatives.",
+    needs=("run.deterministic",),
+    time_factor=2.0,
+)
+def inputs(subject: Subject) -> CheckOutcome:
+    """Check that an input changes something, if outputs or derivatives are declared to depend on one."""
+    every = [v for v in settable(subject, "input", most=None) if other_of(v) is not None]
+    names = _results(subject)
+    if not every or not names:
+        return skipped("It has no input with another valid value, or nothing that could depend on it.")
+    effect = _has_effect(subject, every, names)
+    if effect is None:
+        said = "There was no time to move its inputs."
+        return skipped(said, gaps=(said,))
+    if not effect:
+        said, listed = f"No input changed anything in {_STEPS} steps", _listed(subject)
+        if wrong := [v.name for v in every if v.name in listed]:
+            return warned(f"{said}, although {wrong[0]} is a dependency.")
+        said = f"{said}: only a reference shows if one should."
+        return skipped(said, gaps=(said,))
+    found = every[:_MOST_INPUTS]
+    bases = _Cached(_bases(subject, found, names))
+    without, tried = [], 0
+    for variable in _in_time(subject, found):
+        tried += 1
+        if not any(
+            _differs(subject, {**base, variable.name: value}, names, wanted)
+            for base, wanted in bases
+            for value in _tried(variable, base)
+        ):
+            without.append(variable.name)
+    gaps = list_left_out(tried, len(every), "inputs were moved alone.")
+    said = f"{tried - len(without)} of {tried} inputs changed a result."
+    if without:  # parameters or states, such as the direction of a flow, may switch them off
+        return noted(f"{join_few_names(without)} changed nothing in {_STEPS} steps. {said}", gaps=gaps)
+    return passed(said, gaps=gaps)
+
+
+def _has_effect(subject: Subject, variables: Sequence[ModelVariable], names: Sequence[str]) -> bool | None:
+    """Return whether a run changes if inputs are moved, together or alone; None without time for two runs."""
+    compared, alone = False, [{v.name: other_of(v)} for v in variables]  # together, they may cancel out
+    for parameters, moves in _in_time(subject, _combinations(subject, variables)):
+        try:
+            still = in_separate_process(_observe, subject, parameters, names)
+        except CallError:  # the model does not bear these values together
+            continue
+        for values in _in_time(subject, moves if parameters else [*moves, *alone]):
+            compared = True
+            if _differs(subject, {**parameters, **values}, names, still):
+                return True
+    return False if compared else None
+
+
+def _combinations(
+    subject: Subject, variables: Sequence[ModelVariable]
+) -> Iterator[tuple[Values, list[Values]]]:
+    """Yield values of parameters, and values of all inputs for runs with them: others, then far ones.
+
+    Later ones have other values of parameters, which may switch inputs on: choices together and one by one,
+    then gains.
+    """
+    far: list[Values] = [{}, {}]
+    for variable in variables:
+        ends = _far(variable) or [other_of(variable)] * 2
+        for base, value in zip(far, ends, strict=True):
+            base[variable.name] = value
+    moved = {v.name: other_of(v) for v in variables}
+    parameters = settable(subject, "parameter")
+    choices = others(v for v in parameters if v.type in ("Boolean", "Enumeration"))
+    gains = others(v for v in parameters if v.type in ("Real", "Integer"))
+    one_by_one = [{name: value} for name, value in choices.items()] if len(choices) > 1 else []
+    switches = [choices, *one_by_one[:_MOST_CHOICES], gains, {**choices, **gains}]
+    yield {}, [moved, *far]
+    yield from ((values, [moved]) for values in switches if values)
+
+
+def _bases(
+    subject: Subject, variables: Sequence[ModelVariable], names: Sequence[str]
+) -> Iterator[tuple[Values, Any]]:
+    """Yield values of parameters and all inputs, with the run that they give: start values, then others."""
+    for parameters, moves in _combinations(subject, variables):
+        for values in moves if parameters else ({}, *moves):
+            base = {**parameters, **values}
+            with suppress(CallError):  # the model does not bear these values together
+                yield base, in_separate_process(_observe, subject, base, names)
+
+
+class _Cached:
+    """Iterates over items any number of times; each is computed once, when it is needed."""
+
+    def __init__(self, source: Iterator[Any]) -> None:
+        self._source, self._items = source, []
+
+    def __iter__(self) -> Iterator[Any]:
+        yield from self._items
+        for item in self._source:
+            self._items.append(item)
+            yield item
+
+
+def _far(variable: ModelVariable) -> list[float]:
+    """Return values of a Real far above and below the others."""
+    if variable.type != "Real":
+        return []
+    low, high = limits_of(variable)
+    far = 10.0 * max(abs(other_of(variable)), 1.0)
+    return [min(max(v, low), high) for v in (far, -far)]
+
+
+def _tried(variable: ModelVariable, base: Values) -> list[Any]:
+    """Return values to try in place of that of a base: another one, and far ones."""
+    start, other = start_of(variable), other_of(variable)
+    return [start if base.get(variable.name) == other else other, *_far(variable)]
+
+
+def _differs(subject: Subject, changes: Values, names: Sequence[str], wanted: Any) -> bool:
+    try:
+        return in_separate_process(_observe, subject, changes, names) != wanted
+    except CallError:  # the model does not bear this value, so it counts
+        return True
+
+
+def _observe(subject: Subject, changes: Values, names: Sequence[str]) -> list[list[Any]]:
+    """Return values after initialization and each step of a run with these inputs."""
+    start, step, count = span(subject)
+    instance = HostedInstance(subject)
+    instance.initialize(changes, start)
+    rows = [[str(v) for v in instance.get(names)]]
+    for k in range(min(count, _STEPS)):
+        instance.set({n: v for n, v in changes.items() if subject.variables[n].causality == "input"})
+        instance.step(start + k * step, step)
+        if instance.terminated:
+            break
+        rows.append([str(v) for v in instance.get(names)])
+    instance.free()
+    return rows
+
+
+def _results(subject: Subject) -> list[str]:
+    """Return the names of outputs and derivatives."""
+    description = subject.description
+    found = [v.name for v in description.modelVariables if v.causality == "output"]
+    states = [v.derivative.name for v in description.modelVariables if v.derivative is not None]
+    found += [u.variable.name for u in description.derivatives if u.variable is not None]
+    names = dict.fromkeys([*found, *states])
+    return list(names)[:_MOST_PAIRS]
+
+
+def _listed(subject: Subject) -> set[str]:
+    """Return the names of variables that outputs or derivatives are declared to depend on."""
+    description = subject.description
+    unknowns = [*description.outputs, *description.derivatives]
+    return {v.name for u in unknowns if u.dependencies for v in u.dependencies}
+
+
+@check(
+    "exchange.interpolation",
+    "Derivatives of inputs have an effect",
+    Clause(
+        "4.3.1",
+        "The slave is able to interpolate continuous inputs. Calling of fmi2SetRealInputDerivatives(..) has "
+        "an effect for the slave.",
+    ),
+    "Use the derivatives within the step, or set canInterpolateInputs to false.",
+    needs=("run.deterministic",),
+    only_for=2,
+)
+def interpolation(subject: Subject) -> CheckOutcome:
+    """Check that a derivative of the inputs changes a run in which other inputs would change it."""
+    if subject.kinds[0] != "CoSimulation" or not subject.has_capability("canInterpolateInputs"):
+        return skipped("canInterpolateInputs is not set.")
+    found = [v for v in settable(subject, "input") if v.type == "Real" and other_of(v) is not None]
+    found = [v for v in found if v.variability in (None, "continuous")]
+    names = _results(subject)
+    if not found or not names:
+        return skipped("It has no continuous Real input, or nothing that could depend on one.")
+    changes = {v.name: other_of(v) for v in found}
+    plain = {v.name: start_of(v) for v in found}
+    steady, sloped, other = (
+        in_fresh_process(_interpolated, subject, values, slopes, names)
+        for values, slopes in ((plain, {}), (plain, changes), (changes, {}))
+    )
+    if sloped != steady:
+        return passed("Derivatives of the inputs change a run.")
+    if other == steady:
+        return skipped("No input has an effect, so that no derivative can have one.")
+    # without states, nothing need happen within a step
+    judge = failed if any(v.derivative is not None for v in subject.description.modelVariables) else warned
+    return judge(
+        "fmi2SetRealInputDerivatives returns fmi2OK, but a run with derivatives is the same to the last bit "
+        "as one without."
+    )
+
+
+def _interpolated(subject: Subject, values: Values, slopes: Values, names: Sequence[str]) -> list[list[Any]]:
+    """Return values after each step of a run; inputs change by the difference to the start in one step."""
+    start, step, count = span(subject)
+    instance = HostedInstance(subject)
+    instance.initialize(values, start)
+    references = [instance.reference(name) for name in values]
+    rates = [(slopes[name] - values[name]) / step if slopes else 0.0 for name in values]
+    rows = []
+    for k in range(min(count, 3)):
+        instance.set(values)
+        with instance.calling():
+            instance.fmu.setRealInputDerivatives(references, [1] * len(references), rates)
+        instance.step(start + k * step, step)
+        if instance.terminated:
+            break
+        rows.append([str(v) for v in instance.get(names)])
+    return rows

@@ -1,0 +1,147 @@
+"""Checks of binaries: present, complete, loadable, with all functions."""
+
+import ctypes
+import os
+from collections.abc import Iterator
+from dataclasses import replace
+
+import fmpy
+
+from emla_cosim.fmu.shared_library import missing_bytes
+
+from ..build_description import list_source_files
+from ..check import check
+from ..fmi_functions import list_all_functions_3, list_required_functions
+from ..libraries import (
+    Library,
+    find_dependencies_file,
+    list_exports,
+    list_libraries,
+    list_platforms,
+    parse_library,
+)
+from ..messages import join_few_names, judge_problems, shorten_sentence
+from ..subject import Subject
+from ..subprocess_run import note
+from ..verdict import CheckOutcome, Clause, blocked, failed, fmi3, passed, skipped
+
+_HERE = (fmpy.platform_tuple, fmpy.platform)
+
+
+@check(
+    "binaries.present",
+    "Binaries or sources exist",
+    Clause(
+        "2.3",
+        "The FMU must be distributed with at least one implementation, in other words either sources or one "
+        "of the binaries for a particular machine.",
+        in_3=fmi3(
+            "2.5",
+            "The FMU must be distributed with at least one implementation, in other words, either sources or "
+            "one of the binaries for a particular machine.",
+        ),
+    ),
+    "Put `<modelIdentifier>.so`, `.dll` or `.dylib` into `binaries/<platform>`.",
+    needs=("description.schema",),
+)
+def present(subject: Subject) -> CheckOutcome:
+    """Check that there is a library for this or another platform, or sources."""
+    found = list_libraries(subject)
+    sources = list_source_files(subject)
+    without = [k for k in subject.kinds if not any(k in one.kinds for one in found)]
+    if without and not sources:
+        folders = ", ".join(p.name for p in list_platforms(subject)) or "no platform"
+        name = subject.tree.find(without[0]).get("modelIdentifier")
+        return failed(
+            f"There are binaries for {folders}, but none has the name {name}, and there are no sources."
+        )
+    names = join_few_names(sorted({one.platform for one in found}))
+    if not found:
+        return passed("There are sources only.")
+    if not any(one.platform in _HERE for one in found):
+        return passed(f"There are binaries for {names}, but none for {fmpy.platform}.")
+    return passed(f"There are binaries for {names}.")
+
+
+@check(
+    "binaries.symbols",
+    "Libraries export all functions",
+    Clause(
+        "2.3",
+        "Specifically it is required that all functions specified for Model Exchange and/or Co-Simulation "
+        "are present, even if they are only needed for capabilities that the FMU does not support.",
+        in_3=fmi3(
+            "2.5",
+            "The FMU must implement all API functions declared in fmi3Functions.h, even if they are only "
+            "needed for interface types or optional capabilities that the FMU does not support.",
+        ),
+    ),
+    "Export them without a prefix. Functions of unsupported capabilities may return fmi2Error.",
+    needs=("binaries.present",),
+)
+def symbols(subject: Subject) -> CheckOutcome:
+    """Check that each library exports every FMI function for the kinds of the FMU."""
+    found = list_libraries(subject)
+    if not found:
+        return skipped("There are no binaries.")
+    problems = [(one, p) for one in found for p in _lacking(one, subject.version)]
+    fine = f"All functions are exported by {join_few_names([str(one) for one in found])}."
+    outcome = judge_problems([p for _, p in problems], fine)
+    return replace(outcome, blocks=any(one.platform in _HERE for one, _ in problems))
+
+
+def _lacking(library: Library, version: int) -> Iterator[str]:
+    if missing := missing_bytes(library.path):
+        if library.platform not in _HERE:  # `binaries.loads` reports the others
+            yield f"{library} is truncated: its last {missing} bytes are missing."
+        return
+    note(f"reading {library}")
+    binary = parse_library(library.path)
+    if binary is None:
+        yield f"{library} is not a readable shared library."
+        return
+    names = list_exports(binary)
+    wanted = list_all_functions_3() if version == 3 else ()
+    wanted = wanted or dict.fromkeys(n for kind in library.kinds for n in list_required_functions(kind))
+    if lacking := [name for name in wanted if name not in names]:
+        yield f"{library} does not export {join_few_names(lacking)}."
+
+
+@check(
+    "binaries.loads",
+    "The library can be loaded here",
+    Clause(
+        "2.3",
+        "FMUs should contain all resources that are required to load and execute a shared library, link "
+        "against a static library, or compile from source.",
+        in_3=fmi3(
+            "2.5.1.4.1",
+            "FMUs should contain all resources that are required to load and execute a shared library, link "
+            "against a static library, or compile from source.",
+        ),
+    ),
+    "`ldd` lists what a library needs. Link it statically, or ship it and set the RPATH to $ORIGIN.",
+    needs=("binaries.symbols",),
+)
+def loads(subject: Subject) -> CheckOutcome:
+    """Check that the system can load the library for this platform."""
+    here = [one for one in list_libraries(subject) if one.platform in _HERE]
+    if not here:
+        return blocked(f"There is no binary for {fmpy.platform}.")
+    for library in here:
+        if missing := missing_bytes(library.path):
+            return failed(f"{library} is truncated: its last {missing} bytes are missing.")
+    for library in here:
+        note(f"loading {library}")
+        try:
+            ctypes.CDLL(str(library.path))
+        except UnicodeDecodeError:  # the loader's message quotes bytes of the library
+            return failed(f"{library} cannot be loaded; the loader's message is not readable text.")
+        except OSError as error:
+            said = str(error).replace(f"{library.path.parent}{os.sep}", "")
+            sentence = f"{library} cannot be loaded: {shorten_sentence(said).rstrip('.')}"
+            others = find_dependencies_file(subject)
+            return blocked(f"{sentence}; {others} lists what it needs.") if others else failed(f"{sentence}.")
+    if subject.description_problem:
+        return blocked(subject.description_problem)
+    return passed(f"{join_few_names([str(one) for one in here])} can be loaded.")

@@ -1,0 +1,330 @@
+"""Checks with calls that the standard forbids: wrong phase, values that are not finite."""
+
+import math
+import time
+from collections.abc import Callable, Iterator, Sequence
+from ctypes import c_bool, c_double, c_uint
+from typing import NamedTuple
+
+import numpy as np
+from fmpy.model_description import ModelVariable
+
+from emla_cosim.fmu.instance import FATAL, FINE
+
+from ..check import check
+from ..host.experiment import make_experiment, span
+from ..host.fresh_process import EndedError, in_fresh_process, in_separate_process
+from ..host.hosted_instance import CallError, HostedInstance
+from ..host.instance_runs import outputs
+from ..host.limits import parse_number
+from ..messages import list_left_out
+from ..subject import Subject
+from ..verdict import RETURNS, CheckOutcome, failed, fmi3, noted, own_rule, passed, warned
+
+_ILLEGAL = fmi3(
+    "2.2.4",
+    "When detecting illegal arguments or a function call not allowed in the current state according to the "
+    "respective state machine, the FMU must return fmi3Error.",
+)
+_PHASES = ("before initialization", "in initialization mode", "after initialization", "after fmi2Terminate")
+
+
+class _Forbidden(NamedTuple):
+    """A call that the standard's table of calling sequences does not allow in a phase."""
+
+    phase: str
+    function: str
+    call: Callable[[HostedInstance], int]
+
+
+def _enter(phase: str) -> _Forbidden:
+    return _Forbidden(
+        phase, "fmi2EnterInitializationMode", lambda i: i.enter_initialization_status(span(i.subject)[0])
+    )
+
+
+def _plain(phase: str, function: str) -> _Forbidden:
+    return _Forbidden(phase, function, lambda instance: instance.status(function))
+
+
+def _step(phase: str) -> _Forbidden:
+    def call(instance: HostedInstance) -> int:
+        start, step, _ = span(instance.subject)
+        return instance.step_status(start, step)
+
+    return _Forbidden(phase, "fmi2DoStep", call)
+
+
+def _set_up(instance: HostedInstance) -> int:
+    return instance.status("fmi2SetupExperiment", 0, 0.0, span(instance.subject)[0], 0, 0.0)
+
+
+_BEFORE, _INITIALIZING, _AFTER, _TERMINATED = _PHASES
+_OF_BOTH = (
+    _plain(_BEFORE, "fmi2ExitInitializationMode"),
+    _plain(_BEFORE, "fmi2Terminate"),
+    _enter(_INITIALIZING),
+    _enter(_AFTER),
+    _plain(_AFTER, "fmi2ExitInitializationMode"),
+    _Forbidden(_AFTER, "fmi2SetupExperiment", _set_up),
+    _enter(_TERMINATED),
+)
+_OF = {
+    "CoSimulation": (_step(_BEFORE), _step(_INITIALIZING), _step(_TERMINATED)),
+    "ModelExchange": (
+        _plain(_BEFORE, "fmi2EnterContinuousTimeMode"),
+        _plain(_INITIALIZING, "fmi2EnterContinuousTimeMode"),
+        _plain(_TERMINATED, "fmi2EnterContinuousTimeMode"),
+    ),
+}
+
+
+@check(
+    "calls.phases",
+    "Calls in the wrong phase are refused",
+    own_rule(
+        "calls.phases",
+        "A call in the wrong phase is refused. Its behavior is undefined (FMI 2.0.4, 3.2.3).",
+        in_3=_ILLEGAL,
+    ),
+    "Keep the phase in the instance. Return fmi2Error and log a message for calls that it does not allow.",
+    needs=("run.completes",),
+    time_factor=2.0,
+    advisory=True,
+)
+def phases(subject: Subject) -> CheckOutcome:
+    """Check that the FMU refuses calls that the state machine forbids, and does not crash.
+
+    FMI 2.0 leaves the behaviour undefined, so what does not is only noted.
+    """
+    judge = warned if subject.version == 3 else noted
+    try:
+        count, accepted = in_fresh_process(_find_accepted, subject)
+    except EndedError as error:
+        return judge(str(error))
+    if accepted:
+        return judge(
+            f"{len(accepted)} of {count} calls in a wrong phase returned fmi2OK: {accepted[0]}.",
+            details=tuple(f"{call} returned fmi2OK." for call in accepted),
+        )
+    return passed(f"The FMU refused {count} calls in a wrong phase.")
+
+
+def _find_accepted(subject: Subject) -> tuple[int, list[str]]:
+    """Return the number of calls, and those that returned fmi2OK."""
+    calls = [*_OF_BOTH, *_OF[subject.kinds[0]], *_parameters(subject), *_clocks(subject)]
+    calls = [f for f in calls if subject.version == 2 or f.call is not _set_up]
+    accepted = [f"{f.function} {f.phase}" for f in calls if in_separate_process(_answer, subject, f) in FINE]
+    return len(calls), accepted
+
+
+def _parameters(subject: Subject) -> Iterator[_Forbidden]:
+    """Yield the call that sets a fixed parameter after initialization, if there is one."""
+    fixed = [v for v in subject.of_causality("parameter") if v.variability == "fixed" and v.start is not None]
+    for variable in fixed[:1]:
+        values = {variable.name: parse_number(variable.start, 0.0)}
+        name = f"fmi2SetReal of the fixed parameter {variable.name}"
+        yield _Forbidden(_AFTER, name, lambda i, v=values: i.set_status(v))
+
+
+def _clocks(subject: Subject) -> Iterator[_Forbidden]:
+    """Yield the call that makes a Clock tick in step mode, if there is one."""
+    for clock in subject.input_clocks[:1]:
+        reference, active = (c_uint * 1)(clock.reference), (c_bool * 1)(True)
+        name = f"fmi3SetClock of {clock.name} in step mode"
+        yield _Forbidden(_AFTER, name, lambda i, r=reference, a=active: i.status("fmi3SetClock", r, 1, a))
+
+
+def _answer(subject: Subject, forbidden: _Forbidden) -> int:
+    """Return the status of a call in its phase. Then reset the instance, if it can be, and free it."""
+    instance, start = HostedInstance(subject), span(subject)[0]
+    reached = _PHASES.index(forbidden.phase)
+    if reached >= 1:
+        instance.begin_initialization(start)
+    if reached >= 2:
+        instance.exit_initialization()
+    if reached >= 3:
+        instance.terminate()
+    instance.circumstance = f" {forbidden.phase}"
+    status = forbidden.call(instance)
+    instance.circumstance = f" after {forbidden.function} {forbidden.phase}"
+    if status != FATAL:
+        instance.status("fmi2Reset")
+    instance.free()
+    return status
+
+
+_MOST_VARIABLES = 40
+_STEPS = 3
+
+
+@check(
+    "calls.nonfinite",
+    "NaN and infinity do no harm",
+    own_rule(
+        "calls.nonfinite", "NaN and infinity are refused, or have no effect. The standard does not say it."
+    ),
+    "Return fmi2Discard or fmi2Error for values that are not finite, and name the variable in the log.",
+    needs=("run.completes",),
+    advisory=True,
+)
+def nonfinite(subject: Subject) -> CheckOutcome:
+    """Check that NaN or infinity in an input or parameter is refused or has no effect, without a crash.
+
+    The standard does not say which values come out then, so that is only noted. But a function returns a
+    status for any value of its type.
+    """
+    variables = [*subject.of_causality("input"), *subject.of_causality("parameter")]
+    variables = [v for v in variables if v.variability != "constant" and v.start is not None]
+    try:
+        silent, tried = in_fresh_process(_find_silent, subject, variables[:_MOST_VARIABLES])
+    except EndedError as error:
+        return warned(str(error), clause=RETURNS)
+    gaps = list_left_out(tried, len(variables), "inputs and parameters were set to NaN.")
+    if silent:
+        said = f"The FMU accepted {len(silent)} values that are not finite, without a message: {silent[0]}"
+        return noted(said, details=tuple(silent), gaps=gaps)
+    return passed(f"{tried} inputs and parameters were set to NaN and infinity, without harm.", gaps=gaps)
+
+
+def _find_silent(subject: Subject, variables: Sequence[ModelVariable]) -> tuple[list[str], int]:
+    """Return values that were accepted without a message although NaN comes out, and how many were tried."""
+    until = time.monotonic() + 0.5 * subject.settings.seconds
+    silent: list[str] = []
+    for tried, variable in enumerate(variables):
+        for value in (math.nan, math.inf):
+            if time.monotonic() > until:
+                return silent, tried  # instantiation is slow
+            found = in_separate_process(_spoiled, subject, variable, value)
+            if found is None:
+                return silent, tried
+            silent += [
+                f"{variable.name} = {value} gives {name} = {got}, and every call returns fmi2OK."
+                for name, got in found
+            ]
+    return silent, len(variables)
+
+
+def _spoiled(subject: Subject, variable: ModelVariable, value: float) -> list[tuple[str, float]] | None:
+    """Return the first output that is not finite after this value was set, unless a call refused it.
+
+    After fmi2Fatal no function of the FMU can be called, so that the result is None.
+    """
+    course = make_experiment(subject, _STEPS)
+    instance = HostedInstance(subject)
+    instance.circumstance = f" with {variable.name} = {value}"
+    names = outputs(subject)
+    found: list[float] = []
+    try:
+        if variable.causality == "input":
+            instance.initialize(course.at(0), float(course.times[0]))
+            values = {variable.name: value}
+        else:
+            instance.initialize({**course.at(0), variable.name: value}, float(course.times[0]))
+            values = {}
+        for k in range(len(course.times) - 1):
+            instance.set({**course.at(k), **values})
+            instance.step(float(course.times[k]), course.step)
+            if instance.terminated:
+                break
+        found = [] if instance.terminated else instance.get(names)
+    except CallError as error:
+        if error.status == FATAL:
+            return None
+        found = []
+    instance.free()
+    wrong = ~np.isfinite(np.array(found, dtype=float))
+    return (
+        [(names[int(np.argmax(wrong))], float(np.array(found, dtype=float)[wrong][0]))] if wrong.any() else []
+    )
+
+
+_IGNORED = fmi3(
+    "2.3.1",
+    "If a NULL pointer is provided for argument instance, the function call is ignored (does not have an "
+    "effect).",
+)
+
+
+@check(
+    "calls.arguments",
+    "Wrong arguments are refused",
+    _ILLEGAL,
+    "Compare value references and numbers of values with the variables, and return fmi3Error.",
+    needs=("run.completes",),
+    time_factor=2.0,
+    only_for=3,
+)
+def arguments(subject: Subject) -> CheckOutcome:
+    """Check calls with wrong value references, types and numbers of values, and fmi3FreeInstance of NULL.
+
+    The standard requires an error only where an FMU detects them, so what is accepted only warns.
+    """
+    try:
+        in_fresh_process(_free_nothing, subject)
+    except EndedError as error:
+        return failed(str(error), clause=_IGNORED)
+    accepted, count = [], 0
+    for number in range(len(list(_wrong_calls(subject)))):
+        count += 1
+        try:
+            said = in_fresh_process(_accepted, subject, number)
+        except EndedError as error:
+            return warned(str(error))
+        accepted += [said] if said else []
+    if accepted:
+        first = f"{len(accepted)} of {count} calls with wrong arguments returned fmi3OK: {accepted[0]}"
+        return warned(first, details=tuple(accepted))
+    return passed(f"The FMU refused {count} calls with wrong arguments.")
+
+
+def _free_nothing(subject: Subject) -> None:
+    instance = HostedInstance(subject)
+    instance.circumstance = " of a NULL pointer"
+    instance.fmu.fmi3FreeInstance(None)
+
+
+class _WrongCall(NamedTuple):
+    """A call of `fmi3GetFloat64` or `fmi3SetFloat64` with a value reference and a number of values.
+
+    `size` is the number of values that the FMU may write if it does not look at the number.
+    """
+
+    function: str
+    reference: int
+    values: int
+    size: int
+    what: str
+
+
+def _wrong_calls(subject: Subject) -> Iterator[_WrongCall]:
+    """Yield calls that the declarations of the variables do not allow."""
+    declared = subject.declared.variables
+    unknown = max(v.reference for v in declared) + 1
+    for function in ("fmi3GetFloat64", "fmi3SetFloat64"):
+        yield _WrongCall(function, unknown, 1, 1, f"value reference {unknown}, which no variable has")
+    others = [v for v in declared if v.type in ("Int32", "Int64", "Boolean") and not v.dimensions]
+    for variable in others[:1]:
+        what = f"{variable}, which is of type {variable.type}"
+        yield _WrongCall("fmi3GetFloat64", variable.reference, 1, 1, what)
+    for v in [v for v in subject.of_causality("output", "local") if getattr(v, "data_type", "") == "Float64"][
+        :1
+    ]:
+        size = getattr(v, "size", 1)
+        for count in (0, size + 1):
+            what = f"{count} values for the {size} of {v.name.partition('[')[0]}"
+            yield _WrongCall("fmi3GetFloat64", int(v.valueReference), count, size, what)
+
+
+def _accepted(subject: Subject, number: int) -> str:
+    """Return what was accepted, as a sentence; empty if the FMU refuses the call with this number."""
+    wrong = list(_wrong_calls(subject))[number]
+    instance = HostedInstance(subject)
+    if wrong.function.startswith("fmi3Set"):
+        instance.begin_initialization(span(subject)[0])
+    else:
+        instance.initialize(None, span(subject)[0])
+    instance.circumstance = f" with {wrong.what}"
+    reference, values = (c_uint * 1)(wrong.reference), (c_double * (wrong.size + 1))()
+    status = instance.status(wrong.function, reference, 1, values, wrong.values)
+    return f"{wrong.function} with {wrong.what}." if status in FINE else ""

@@ -1,0 +1,316 @@
+"""Compare the derivatives that an FMU provides with finite differences."""
+
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from emla_cosim.base.arrays import Vector
+
+from ..check import check
+from ..host.experiment import make_experiment
+from ..host.fresh_process import EndedError, in_fresh_process
+from ..host.hosted_instance import CallError, HostedInstance
+from ..host.points import Point, in_event_mode, in_initialization
+from ..messages import list_left_out
+from ..subject import Subject
+from ..verdict import CheckOutcome, Clause, failed, fmi3, noted, passed, skipped, warned
+
+_FUNCTION = "fmi2GetDirectionalDerivative"
+_POINTS = 5
+_STEPS = (1e-3, 1e-4)
+"""Step sizes of two differences, relative to the scale of the known."""
+
+_AGREE = 1e-3
+"""Allowed relative error of a derivative; that of the differences is smaller."""
+
+_LOST = 1e-13
+"""Relative change of an unknown that is lost in rounding."""
+
+_KINK = 0.1
+"""Difference of the one-sided slopes, relative to their mean, from which there is no derivative."""
+
+
+class _Slope(NamedTuple):
+    """A derivative from the FMU, and the finite difference."""
+
+    unknown: str
+    direction: str
+    where: str
+    given: float
+    difference: float
+    right: bool
+
+
+class _Difference(NamedTuple):
+    """Slopes of all unknowns: central, forward, backward, and the rounding error."""
+
+    central: Vector
+    ahead: Vector
+    behind: Vector
+    lost: Vector
+
+
+@check(
+    "derivatives.directional",
+    "Directional derivatives are correct",
+    Clause(
+        "2.1.9",
+        "This function computes the directional derivatives of an FMU.",
+        in_3=fmi3("2.2.12", "fmi3GetDirectionalDerivative to compute the directional derivatives"),
+    ),
+    "Compare the derivatives with differences, or set providesDirectionalDerivative to false.",
+    needs=("run.finite",),
+    time_factor=3.0,
+)
+def directional(subject: Subject) -> CheckOutcome:
+    """Check directional derivatives against central differences, along each input and mixed directions."""
+    claimed = [k for k in subject.kinds if subject.has_capability("providesDirectionalDerivative", k)]
+    if not claimed:
+        return skipped("providesDirectionalDerivative is not set.")
+    found: list[_Slope] = []
+    try:
+        if "CoSimulation" in claimed:
+            found += _slopes(in_initialization(subject, _POINTS))
+    except CallError as error:  # the schema requires them at communication points only
+        if not error.call.startswith(_FUNCTION):
+            raise
+        return noted(f"In initialization mode {error}")
+    if "ModelExchange" in claimed and "ModelExchange" in subject.run_kinds:
+        found += _of_model(subject)
+    if not found:
+        return skipped("No directional derivative of a Real output by a Real input can be requested.")
+    return _judged(found)
+
+
+def _of_model(subject: Subject) -> list[_Slope]:
+    """Return the slopes in event mode. If another call fails, return none: another check reports it."""
+    try:
+        return in_fresh_process(_slopes_of_model, subject)
+    except (CallError, EndedError) as error:
+        if error.call.startswith(_FUNCTION):
+            raise
+        return []
+
+
+def _slopes_of_model(subject: Subject) -> list[_Slope]:
+    return _slopes(in_event_mode(subject, _POINTS))
+
+
+def _slopes(points: Iterable[Point]) -> list[_Slope]:
+    return [slope for point in points for slope in _at(point)]
+
+
+def _at(point: Point) -> Iterator[_Slope]:
+    if not point.unknowns:
+        return
+    random, variables = np.random.default_rng(1), point.instance.subject.variables
+    knowns = [name for name in point.knowns if variables[name].variability in (None, "continuous")]
+    for known in knowns:
+        yield from _along(point, {known: 1.0}, known)
+    if len(knowns) > 1:
+        for k in range(2):
+            seed = dict(zip(knowns, random.uniform(-1.0, 1.0, len(knowns)), strict=True))
+            scaled = {name: by * point.scale(name) for name, by in seed.items()}
+            yield from _along(point, scaled, f"direction {k + 1}")
+
+
+def _along(point: Point, seed: dict[str, float], direction: str) -> Iterator[_Slope]:
+    """Yield slopes along a direction, of the unknowns that may depend on all of its knowns."""
+    given = point.directional(list(seed), list(seed.values()))
+    size = min(point.scale(name) / abs(by) for name, by in seed.items() if by)
+    try:
+        wide, narrow = (_difference(point, seed, part * size) for part in _STEPS)
+    except CallError:  # outside of the values that the FMU accepts
+        return
+    # noise or curvature makes the two differences disagree
+    doubt = 2.0 * np.abs(wide.central - narrow.central) + narrow.lost
+    kinked = np.abs(narrow.ahead - narrow.behind) > _KINK * np.abs(narrow.central) + doubt
+    for i, dependency in enumerate(point.dependencies):
+        may_depend = all(not dependency.excludes(name) for name in seed)
+        if may_depend and np.isfinite(doubt[i]) and not kinked[i]:
+            wanted, got = float(narrow.central[i]), float(given[i])
+            right = abs(got - wanted) <= _AGREE * max(abs(got), abs(wanted)) + doubt[i]
+            yield _Slope(dependency.unknown, direction, point.where, got, wanted, bool(right))
+
+
+def _difference(point: Point, seed: dict[str, float], size: float) -> _Difference:
+    there, back, here = (
+        point.evaluate_shifted({name: by * way for name, by in seed.items()}) for way in (size, -size, 0.0)
+    )
+    ahead, behind = (there - here) / size, (here - back) / size
+    return _Difference(0.5 * (ahead + behind), ahead, behind, _LOST * np.abs(here) / size)
+
+
+def _judged(found: list[_Slope]) -> CheckOutcome:
+    """Fail if a derivative is wrong at most of the points where it was requested."""
+    pairs: dict[tuple[str, str], list[_Slope]] = {}
+    for slope in found:
+        pairs.setdefault((slope.unknown, slope.direction), []).append(slope)
+    wrong = [
+        next(s for s in slopes if not s.right)
+        for slopes in pairs.values()
+        if 2 * sum(not s.right for s in slopes) > len(slopes)
+    ]
+    if wrong:
+        lines = tuple(_line(s) for s in wrong)
+        return failed(
+            f"{len(wrong)} of {len(pairs)} directional derivatives are wrong: {lines[0]}", details=lines
+        )
+    return passed(f"{len(pairs)} directional derivatives agree with differences at {_POINTS} points.")
+
+
+def _line(slope: _Slope) -> str:
+    return (
+        f"that of {slope.unknown} along {slope.direction} {slope.where} is {slope.given:.6g}, "
+        f"the finite difference is {slope.difference:.6g}."
+    )
+
+
+_EXACT = 1e-9
+"""Allowed difference of both products, relative to the sum of their terms."""
+
+
+@check(
+    "derivatives.adjoint",
+    "Adjoint derivatives agree with directional ones",
+    fmi3("2.2.12", "fmi3GetAdjointDerivative to calculate the adjoint derivatives"),
+    "Compare both derivatives, or set providesAdjointDerivatives to false.",
+    needs=("run.finite",),
+    time_factor=2.0,
+    only_for=3,
+)
+def adjoint(subject: Subject) -> CheckOutcome:
+    """Compare adjoint derivatives of outputs by inputs with directional ones, or with differences."""
+    kind = subject.kinds[0]
+    if not subject.has_flag("providesAdjointDerivatives", kind):
+        return skipped("providesAdjointDerivatives is not set.")
+    directional = subject.has_flag("providesDirectionalDerivatives", kind)
+    wrong: list[str] = []
+    count = 0
+    points = in_initialization if kind == "CoSimulation" else in_event_mode
+    for point in points(subject, _POINTS):
+        if not point.unknowns or not point.knowns:
+            return skipped("No derivative of a Real output by a Real input can be requested.")
+        matrix, doubt = _matrix(point, directional)
+        for i, unknown in enumerate(point.unknowns):
+            seed = [float(k == i) for k in range(len(point.unknowns))]
+            found = np.array(point.instance.adjoint(point.unknowns, point.knowns, seed))
+            count += len(found)
+            limit = (_EXACT if directional else _AGREE) * np.maximum(
+                np.abs(found), np.abs(matrix[i])
+            ) + doubt[i]
+            for k in np.flatnonzero(~(np.abs(found - matrix[i]) <= limit) & np.isfinite(matrix[i])):
+                wrong.append(
+                    f"that of {unknown} by {point.knowns[k]} {point.where} is {found[k]:.6g}, not "
+                    f"{matrix[i][k]:.6g}."
+                )
+    if wrong:
+        return failed(
+            f"{len(wrong)} of {count} adjoint derivatives are wrong: {wrong[0]}", details=tuple(wrong)
+        )
+    return passed(
+        f"{count} adjoint derivatives agree with {'directional ones' if directional else 'differences'}."
+    )
+
+
+def _matrix(point: Point, directional: bool) -> tuple[Vector, Vector]:
+    """Return derivatives of the unknowns (rows) by the knowns (columns), and the uncertainty of each."""
+    if directional:
+        found = np.array([point.directional([known], [1.0]) for known in point.knowns]).T
+        return found, np.zeros_like(found)
+    columns, doubts = [], []
+    for known in point.knowns:
+        size = point.scale(known)
+        wide, narrow = (_difference(point, {known: 1.0}, part * size) for part in _STEPS)
+        columns.append(narrow.central)
+        doubts.append(2.0 * np.abs(wide.central - narrow.central) + narrow.lost)
+    return np.array(columns).T, np.array(doubts).T
+
+
+_MOST_ORDERS = 3
+_MARGIN = 0.05
+"""Allowed distance from the surrounding slopes, relative to the largest slope of the output."""
+
+
+@check(
+    "derivatives.outputs",
+    "Output derivatives match the slopes of the outputs",
+    Clause(
+        "4.3.1",
+        "Calling of fmi2GetRealOutputDerivatives(..) is allowed up to the order defined by "
+        "maxOutputDerivativeOrder.",
+        in_3=fmi3(
+            "4.4",
+            "Calling of fmi3GetOutputDerivatives is allowed up to the order defined by "
+            "maxOutputDerivativeOrder.",
+        ),
+    ),
+    "Return the slope at the end of the step, or set maxOutputDerivativeOrder to 0.",
+    needs=("run.finite",),
+)
+def of_outputs(subject: Subject) -> CheckOutcome:
+    """Check that fmi2GetRealOutputDerivatives is between the slopes before and after, at most points."""
+    if subject.kinds[0] != "CoSimulation":
+        return skipped("The FMU is not for Co-Simulation.")
+    declared = int(subject.tree.find("CoSimulation").get("maxOutputDerivativeOrder", "0"))
+    if not declared:
+        return skipped("maxOutputDerivativeOrder is 0.")
+    names = [v.name for v in subject.of_causality("output") if v.variability in (None, "continuous")]
+    if not names:
+        return skipped("It has no continuous output.")
+    most = min(declared, _MOST_ORDERS)
+    times, values = _slopes_on_the_way(subject, names, most)
+    wrong = []
+    for order in range(1, most + 1):
+        slopes = np.diff(values[order - 1], axis=0) / np.diff(times)[:, None]
+        beside = _beside(values[order], slopes).mean(axis=0)
+        wrong += [(name, order) for name, part in zip(names, beside, strict=True) if part > 0.5]
+    if wrong:
+        lines = tuple(f"The derivative of order {order} of {name} does not match." for name, order in wrong)
+        return warned(
+            f"{len(wrong)} of {most * len(names)} derivatives of outputs do not match their slopes, "
+            f"for example that of {wrong[0][0]}, of order {wrong[0][1]}.",
+            details=lines,
+            clause=Clause(
+                "4.2.1",
+                "Retrieves the n-th derivative of output values.",
+                in_3=fmi3(
+                    "4.1.2",
+                    "For example, after a successful call to fmi3DoStep, the returned values are related to "
+                    "the end of the communication step.",
+                ),
+            ),
+        )
+    gaps = list_left_out(most, declared, "orders of derivatives were compared.")
+    return passed(
+        f"The derivatives of {len(names)} outputs match their slopes, up to order {most}.", gaps=gaps
+    )
+
+
+def _slopes_on_the_way(subject: Subject, names: list[str], most: int) -> tuple[Vector, list[Vector]]:
+    """Return times, and outputs and derivatives by order, of a run with constant inputs.
+
+    A jump of an input has no slope.
+    """
+    instance, course = HostedInstance(subject), make_experiment(subject, 40)
+    instance.initialize(course.at(0), float(course.times[0]))
+    rows: list[list[list[float]]] = []
+    for k in range(len(course.times) - 1):
+        instance.set(course.at(len(course.times) // 3))
+        instance.step(float(course.times[k]), course.step)
+        row = [instance.get(names)]
+        row += [instance.output_derivatives(names, order) for order in range(1, most + 1)]
+        rows.append(row)
+        if instance.terminated:
+            break
+    values = [np.array([row[order] for row in rows], dtype=float) for order in range(most + 1)]
+    return course.times[1 : len(rows) + 1], values
+
+
+def _beside(given: Vector, slopes: Vector) -> Vector:
+    """Return where a derivative is outside of the slopes of the steps before and after it."""
+    inner = given[1:-1]
+    low, high = np.minimum(slopes[:-1], slopes[1:]), np.maximum(slopes[:-1], slopes[1:])
+    margin = (high - low) + _MARGIN * np.abs(slopes).max(axis=0, initial=0.0) + 1e-12
+    return ~((inner >= low - margin) & (inner <= high + margin))

@@ -1,0 +1,228 @@
+"""Checks of the model description: readable, valid, consistent."""
+
+from collections.abc import Iterator
+from functools import cache
+from importlib.resources import as_file, files
+from typing import Any
+
+from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
+
+from emla_cosim.fmu.document import DESCRIPTION
+
+from ..check import check
+from ..declarations import find_repeated
+from ..messages import Breach, Problem, judge_problems, shorten_sentence
+from ..subject import Subject
+from ..verdict import CheckOutcome, Clause, failed, fmi3, passed
+
+_ROOT = "fmiModelDescription"
+
+
+@check(
+    "description.readable",
+    "The model description can be read",
+    Clause(
+        "2.3",
+        "modelDescription.xml // Description of FMU (required file)",
+        in_3=fmi3("2.5.1", "modelDescription.xml                // description of FMU (required file)"),
+    ),
+    "Export the FMU again. `modelDescription.xml` must be well-formed XML for FMI 2.0 or 3.0.",
+    needs=("archive.safe",),
+)
+def readable(subject: Subject) -> CheckOutcome:
+    """Check that the model description exists, is XML for FMI 2.0 or 3.0, and declares the FMU's kinds."""
+    if not (subject.folder / DESCRIPTION).is_file():
+        return failed(f"The FMU has no {DESCRIPTION}.")
+    try:
+        root = subject.tree
+    except MemoryError:
+        raise
+    except Exception as error:  # lxml has many kinds, and the file may be hostile
+        return failed(f"{DESCRIPTION} cannot be read: {shorten_sentence(str(error)).rstrip('.')}.")
+    if root.tag != _ROOT:
+        return failed(
+            shorten_sentence(f"The root element of {DESCRIPTION} is {root.tag}; it must be {_ROOT}.")
+        )
+    version = root.get("fmiVersion")
+    if version != "2.0" and subject.version != 3:
+        return _other_version(version)
+    if root.getroottree().docinfo.internalDTD is not None:
+        return failed(f"{DESCRIPTION} has a document type definition, which FMI does not allow.")
+    if not subject.kinds:
+        return failed(
+            f"{DESCRIPTION} has no CoSimulation{', ScheduledExecution' if subject.version == 3 else ''} or "
+            "ModelExchange element."
+        )
+    return passed(
+        shorten_sentence(f"It describes {root.get('modelName')}, for {' and '.join(subject.kinds)}.")
+    )
+
+
+_VERSION = Clause(
+    "2.2.1",
+    "Version of “FMI for Model Exchange or Co-Simulation” that was used to generate the XML file. The value "
+    "for this version is “2.0”.",
+)
+
+
+def _other_version(version: str | None) -> CheckOutcome:
+    if version is None:
+        return failed(f"{DESCRIPTION} has no fmiVersion.", clause=_VERSION)
+    return failed(
+        shorten_sentence(f"It is an FMI {version} FMU; only FMI 2.0 and 3.0 are supported."),
+        hint="Use a tool for its FMI version, or export the model for FMI 2.0 or 3.0.",
+        clause=_VERSION,
+    )
+
+
+@check(
+    "description.schema",
+    "The model description is valid against the schema",
+    Clause(
+        "2.2",
+        "The normative definition are the above mentioned schema files.",
+        in_3=fmi3(
+            "2.4",
+            "All static information related to the core functionality of an FMU is stored in the text file "
+            "modelDescription.xml in XML format as specified by the XML schema file "
+            "fmi3ModelDescription.xsd.",
+        ),
+    ),
+    "Line numbers refer to `modelDescription.xml`. The schema files come with the standard.",
+    needs=("description.readable",),
+)
+def schema(subject: Subject) -> CheckOutcome:
+    """Validate the model description against the XML schema of its version of FMI."""
+    problems = find_schema_problems(subject.tree, f"fmi{subject.version}ModelDescription.xsd")
+    fine = f"The model description is valid against the XML schema of FMI {subject.version}.0."
+    return judge_problems(problems, fine)
+
+
+def find_schema_problems(root: Any, name: str) -> list[str]:
+    """Return where a document violates a schema of FMI, such as `fmi3TerminalsAndIcons.xsd`."""
+    found = _schema(name)
+    found.validate(root)
+    return [f"Line {e.line}: {e.message.strip().rstrip('.')}." for e in found.error_log]
+
+
+@cache
+def _schema(name: str) -> Any:
+    with as_file(files("fmpy") / "schema" / name[:4]) as folder:
+        return etree.XMLSchema(file=str(folder / name))
+
+
+@check(
+    "description.encoding",
+    "The model description is in UTF-8",
+    Clause(
+        "2.2",
+        "It is required that the encoding scheme is always UTF-8:",
+        in_3=fmi3("2.4", "It is required that the encoding scheme is always UTF-8:"),
+    ),
+    'Write the file in UTF-8, with `<?xml version="1.0" encoding="UTF-8"?>` as its first line.',
+    needs=("description.readable",),
+)
+def encoding(subject: Subject) -> CheckOutcome:
+    """Check that the encoding is UTF-8 and declared in the first line."""
+    said = subject.tree.getroottree().docinfo.encoding or "UTF-8"
+    start = (subject.folder / DESCRIPTION).read_bytes()[:200]
+    if said.upper() not in ("UTF-8", "UTF8"):
+        return failed(shorten_sentence(f"The encoding is {said}; it must be UTF-8."))
+    if b"encoding" not in start.partition(b"?>")[0]:
+        return judge_problems((), "", ["The first line does not declare the encoding."])
+    return passed("The encoding is UTF-8.")
+
+
+@check(
+    "description.capabilities",
+    "Capability flags are consistent",
+    Clause(
+        "4.3.1",
+        "If this is the case, then flag canGetAndSetFMUstate must be true as well.",
+        in_3=fmi3("2.4.2", "If true, the flag canGetAndSetFMUState must be true as well."),
+    ),
+    "An FMU that can serialize its state must also support getting and setting it.",
+    needs=("description.schema",),
+)
+def capabilities(subject: Subject) -> CheckOutcome:
+    """Check that the capabilities which others require are declared too."""
+    state = "State" if subject.version == 3 else "state"
+    problems: list[Problem] = [
+        f"{kind} declares canSerializeFMU{state}, but not canGetAndSetFMU{state}."
+        for kind in subject.kinds
+        if subject.has_flag(f"canSerializeFMU{state}", kind)
+        and not subject.has_flag(f"canGetAndSetFMU{state}", kind)
+    ]
+    if subject.version == 3 and "CoSimulation" in subject.kinds:
+        problems += _inconsistent(subject)
+    return judge_problems(problems, "The capability flags are consistent.")
+
+
+_EARLY = fmi3(
+    "4.4",
+    "canReturnEarlyAfterIntermediateUpdate may only be true, if providesIntermediateUpdate is true.",
+)
+_EVENT_MODE = fmi3("4.4", "If the FMU has clocks, then hasEventMode must be true.")
+
+
+def _inconsistent(subject: Subject) -> Iterator[Problem]:
+    """Yield contradictory flags of co-simulation in FMI 3.0."""
+    early, update = "canReturnEarlyAfterIntermediateUpdate", "providesIntermediateUpdate"
+    if subject.has_flag(early, "CoSimulation") and not subject.has_flag(update, "CoSimulation"):
+        yield Breach(f"CoSimulation declares {early}, but not {update}.", _EARLY)
+    clock = next((v for v in subject.declared.variables if v.type == "Clock"), None)
+    if clock is not None and not subject.has_flag("hasEventMode", "CoSimulation"):
+        yield Breach(
+            f"The FMU has the Clock {clock}, but CoSimulation does not declare hasEventMode.", _EVENT_MODE
+        )
+
+
+@check(
+    "description.categories",
+    "Log categories have unique names",
+    Clause(
+        "2.2.4",
+        'The "name" attribute of "Category" must be unique with respect to all other elements of the '
+        "LogCategories list.",
+        in_3=fmi3(
+            "2.4.5",
+            "The name attribute of <Category> must be unique with respect to all other elements of the "
+            "<LogCategories> list.",
+        ),
+    ),
+    "Remove or rename one of the categories.",
+    needs=("description.schema",),
+)
+def categories(subject: Subject) -> CheckOutcome:
+    """Check that log categories have names, all different."""
+    names = [e.get("name") for e in subject.tree.iterfind("LogCategories/Category")]
+    problems = [f"More than one log category has the name {name}." for name in find_repeated(names)]
+    problems += ["A log category has no name."] if "" in names else []
+    return judge_problems(problems, f"{len(names)} log categories have different names.")
+
+
+@check(
+    "description.identifier",
+    "The model identifier is a C identifier",
+    Clause(
+        "fmi2ModelDescription.xsd",
+        'Short class name according to C-syntax, e.g. "A_B_C".',
+        in_3=fmi3(
+            "2.2.2",
+            "Since modelIdentifier may be used as prefix of a C-function name it must fulfill the "
+            "restrictions on C-function names (only letters, digits and/or underscores are allowed).",
+        ),
+    ),
+    "Use only letters, digits and underscores, and begin with a letter or underscore.",
+    needs=("description.schema",),
+)
+def identifier(subject: Subject) -> CheckOutcome:
+    """Check that each modelIdentifier is a C identifier, and therefore no path either."""
+    given = {kind: subject.tree.find(kind).get("modelIdentifier") for kind in subject.kinds}
+    problems = [
+        f"The modelIdentifier '{name}' of {kind} is not a C identifier."
+        for kind, name in given.items()
+        if not (name.isascii() and name.isidentifier())
+    ]
+    names = " and ".join(sorted(set(given.values())))
+    return judge_problems(problems, shorten_sentence(f"The model identifier is {names}."))

@@ -1,0 +1,336 @@
+"""Checks of instances: creation, independence, reset, memory."""
+
+import time
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import numpy as np
+
+from emla_cosim.fmu.clocks import CLOCK, explain_unsupported_clock, is_triggered_input
+
+from ..check import check
+from ..host.experiment import Experiment, make_experiment
+from ..host.fresh_process import EndedError, in_fresh_process, is_single_instance
+from ..host.hosted_instance import CallError, HostedInstance
+from ..host.instance_runs import OutputTrajectory, outputs, run_alone, run_instance
+from ..host.log import LOG
+from ..host.process_state import can_read_memory, read_memory
+from ..subject import Subject
+from ..verdict import CheckOutcome, Clause, Verdict, blocked, failed, fmi3, noted, passed, skipped, warned
+from ._sameness import compare_runs
+
+_SEVERAL = Clause(
+    "2.1.5",
+    "An FMU can be instantiated many times (provided capability flag "
+    "canBeInstantiatedOnlyOncePerProcess = false).",
+    in_3=fmi3(
+        "2.3.1",
+        "An FMU can be instantiated many times (provided capability flag canBeInstantiatedOnlyOncePerProcess "
+        "= false).",
+    ),
+)
+_FREED = Clause(
+    "2.1.5",
+    "Disposes the given instance, unloads the loaded model, and frees all the allocated memory and "
+    "other resources that have been allocated by the functions of the FMU interface.",
+    in_3=fmi3(
+        "2.3.1",
+        "Disposes the given instance, unloads the loaded model, and frees all the allocated memory and other "
+        "resources that have been allocated by the functions of the FMU interface.",
+    ),
+)
+
+
+@check(
+    "instance.created",
+    "An instance can be created and freed",
+    Clause(
+        "2.1.5",
+        "The function returns a new instance of an FMU.",
+        in_3=fmi3("2.3.1", "If a NULL pointer is returned, then instantiation failed."),
+    ),
+    "See the log. Often, the GUID in the library is not that of modelDescription.xml.",
+    needs=("binaries.loads",),
+)
+def created(subject: Subject) -> CheckOutcome:
+    """Check that fmi2Instantiate returns an instance and fmi2FreeInstance frees it."""
+    if subject.version == 3 and (reason := _explain_not_run(subject)):
+        return blocked(reason)
+    HostedInstance(subject).free()
+    return passed("An instance was created and freed.")
+
+
+def _explain_not_run(subject: Subject) -> str:
+    """Return why an FMU of FMI 3.0 is not called; empty if it is."""
+    if subject.kinds[0] == "ScheduledExecution":
+        return "It is for Scheduled Execution only, which is not run."
+    if not subject.has_clocks:
+        return ""
+    if subject.kinds[0] != "CoSimulation":
+        return "It has Clocks, and is for Model Exchange only: such FMUs are not run."
+    if not subject.has_flag("hasEventMode"):
+        return "It has Clocks, but no event mode, which they need."
+    description = subject.read_description()
+    if (reason := explain_unsupported_clock(description)) is not None:
+        return f"It {reason}."
+    for clock in description.modelVariables:
+        if clock.type == CLOCK and clock.causality == "input" and (clock.clocks or is_triggered_input(clock)):
+            said = f"Its Clock '{clock.name}' is triggered from outside, or ticks with other Clocks"
+            return f"{said}: such FMUs are not run."
+    return ""
+
+
+@check(
+    "instance.guid",
+    "A wrong GUID is refused",
+    Clause(
+        "2.1.5",
+        "It must be identical to the one stored inside the fmi2Instantiate function.",
+        in_3=fmi3(
+            "2.4.1",
+            "The instantiationToken is a string that may be used by the FMU to check that the XML file is "
+            "compatible with the implementation of the FMU.",
+        ),
+    ),
+    "Compare the argument fmuGUID with the GUID of the library, and return NULL if they differ.",
+    needs=("instance.created",),
+)
+def guid(subject: Subject) -> CheckOutcome:
+    """Check that fmi2Instantiate refuses a GUID of another model."""
+    wrong = "{00000000-0000-0000-0000-000000000000}"
+    try:
+        HostedInstance(subject, guid=wrong)
+    except CallError:
+        return passed("fmi2Instantiate refused a wrong GUID.")
+    judge = noted if subject.version == 3 else warned  # FMI 3.0 only allows the comparison
+    return judge(f"fmi2Instantiate created an instance for the GUID {wrong}, which is not that of the FMU.")
+
+
+_ONLY_ONCE = "canBeInstantiatedOnlyOncePerProcess is set."
+_BATCHES = 5
+_WARM_UP = 0.02
+"""Duration in s of the cycles before memory is measured, and of each batch."""
+
+_FEWEST = 10
+"""Fewest cycles of a batch, unless they are slow."""
+
+_MOST = 41
+"""Most cycles of a batch: enough for the smallest leak that counts. More may take all addresses."""
+
+_LEAK = 200.0
+"""Bytes per cycle below which growth is ignored."""
+
+_SERIOUS = 2.0**14
+"""Bytes per cycle from which the check fails: hosts with many instances notice."""
+
+_PAGES = 2.0**13
+"""Bytes by which each batch must grow. A few pages are not a leak."""
+
+
+@check(
+    "instance.cycles",
+    "Instances free their memory",
+    _FREED,
+    "Run the FMU in a memory checker such as valgrind. Free all memory in fmi2FreeInstance.",
+    needs=("run.completes",),
+    time_factor=4.0,
+)
+def cycles(subject: Subject) -> CheckOutcome:
+    """Check that the process does not grow while instances are created, run, reset and freed."""
+    if is_single_instance(subject):
+        return skipped(_ONLY_ONCE)
+    if not can_read_memory():
+        said = "This system does not report how much memory a process uses."
+        return skipped(said, gaps=(f"Memory that instances keep: {said}",))
+    instance, course = HostedInstance(subject), make_experiment(subject, 2)
+    instance.free()
+    count, began = 0, time.monotonic()
+    while count < _MOST:
+        if (spent := time.monotonic() - began) > 1.0 or (spent > _WARM_UP and count >= _FEWEST):
+            break
+        _cycle(instance, course)
+        count += 1
+    grown = _growth(instance, course, count)
+    if _leaks(grown, count):  # measure again, for longer, to be sure
+        count *= 2
+        grown = _growth(instance, course, count)
+    figures = {"bytes_per_cycle": float(np.median(grown)) / count, "cycles": _BATCHES * count}
+    if _leaks(grown, count):
+        judge = failed if figures["bytes_per_cycle"] > _SERIOUS else warned
+        return judge(
+            f"The process grew by {figures['bytes_per_cycle']:.0f} bytes with each of {figures['cycles']} "
+            "instances that were created, run, reset, run again, terminated and freed.",
+            figures=figures,
+        )
+    return passed(f"{figures['cycles']} instances were created, run, reset and freed.", figures=figures)
+
+
+def _cycle(instance: HostedInstance, course: Experiment) -> None:
+    instance.instantiate()
+    run_instance(instance, course)
+    instance.reset()
+    run_instance(instance, course)
+    instance.close()
+    LOG.lines.clear()
+
+
+def _growth(instance: HostedInstance, course: Experiment, count: int) -> list[float]:
+    """Return the bytes by which the process grows in each batch."""
+    used = [read_memory()]
+    for _ in range(_BATCHES):
+        for _ in range(count):
+            _cycle(instance, course)
+        used.append(read_memory())
+    return list(np.diff(used))
+
+
+def _leaks(grown: list[float], count: int) -> bool:
+    least, middle = min(grown), float(np.median(grown))
+    return least > max(_PAGES, 0.5 * _LEAK * count) and middle > _LEAK * count
+
+
+@check(
+    "instance.independent",
+    "Instances share nothing",
+    _SEVERAL,
+    "Keep states in the instance, not in static variables, or set canBeInstantiatedOnlyOncePerProcess.",
+    needs=("run.deterministic",),
+    time_factor=6.0,
+)
+def independent(subject: Subject) -> CheckOutcome:
+    """Check that two instances that take turns, and one after them, give the same as each alone."""
+    if is_single_instance(subject):
+        return skipped(_ONLY_ONCE)
+    courses = _courses(subject, 2)
+    wanted = [run_alone(subject, course) for course in courses]
+    found = in_fresh_process(_in_turns, subject, courses)
+    what = "An instance that runs with another one"
+    outcomes = [compare_runs(f, w, what) for f, w in zip(found, wanted, strict=False)]
+    outcomes.append(compare_runs(found[-1], wanted[0], "An instance after others"))
+    return _worst(outcomes) or passed("Two instances that took turns gave the same as each alone.")
+
+
+def _courses(subject: Subject, count: int) -> list[Experiment]:
+    """Return experiments that begin with different inputs."""
+    course = make_experiment(subject)
+    shift = max(1, len(course.times) // (count + 1))
+    return [
+        replace(course, inputs={name: np.roll(v, k * shift) for name, v in course.inputs.items()})
+        for k in range(count)
+    ]
+
+
+def _in_turns(subject: Subject, courses: list[Experiment]) -> list[OutputTrajectory]:
+    """Run one instance for each course, each some steps behind the one before, and one more at the end."""
+    instances = [HostedInstance(subject, f"examined {k}") for k in range(len(courses))]
+    names = outputs(subject)
+    rows: list[list[list[float]]] = [[] for _ in courses]
+    last = len(courses[0].times) - 1
+    delay = min(3, last)
+    for turn in range(last + 1 + delay * (len(courses) - 1)):
+        for k, (instance, course) in enumerate(zip(instances, courses, strict=True)):
+            at = turn - k * delay
+            if at == 0:
+                instance.initialize(course.at(0), float(course.times[0]))
+            elif 0 < at <= last and not instance.terminated:
+                instance.set(course.at(at - 1))
+                instance.step(float(course.times[at - 1]), course.step)
+            else:
+                continue
+            if not instance.terminated:
+                rows[k].append(instance.get(names))
+    taken = [
+        OutputTrajectory(c.times[: len(r)], names, np.array(r, dtype=float).reshape(len(r), len(names)))
+        for c, r in zip(courses, rows, strict=True)
+    ]
+    for instance in instances:
+        instance.close()
+    return [*taken, run_instance(HostedInstance(subject), courses[0])]
+
+
+def _worst(outcomes: list[CheckOutcome]) -> CheckOutcome | None:
+    for verdict in (Verdict.FAILED, Verdict.WARNING):
+        for outcome in outcomes:
+            if outcome.verdict == verdict:
+                return outcome
+    return None
+
+
+_THREADS = 3
+
+
+@check(
+    "instance.threads",
+    "Instances can run in threads",
+    Clause(
+        "2.1",
+        "Additionally, they can be called in parallel provided the functions are called in different "
+        "process/threads.",
+        in_3=fmi3(
+            "2.2.1",
+            "Additionally, they can be called in parallel provided the functions are called in different "
+            "processes.",
+        ),
+    ),
+    "Keep buffers in the instance. Many hosts run each instance in its own thread.",
+    needs=("instance.independent",),
+    time_factor=9.0,
+    advisory=True,
+)
+def threads(subject: Subject) -> CheckOutcome:
+    """Check that instances in threads give the same as each alone, which the standard says in passing."""
+    courses = _courses(subject, _THREADS)
+    wanted = [run_alone(subject, course) for course in courses]
+    try:
+        found = in_fresh_process(_in_threads, subject, courses)
+    except (CallError, EndedError) as error:
+        return warned(f"With {_THREADS} instances, each in its own thread: {error}")
+    outcomes = [compare_runs(f, w, "An instance in a thread") for f, w in zip(found, wanted, strict=True)]
+    worse = _worst(outcomes)
+    return worse or passed(f"{_THREADS} instances, each in its own thread, gave the same as each alone.")
+
+
+def _in_threads(subject: Subject, courses: list[Experiment]) -> list[OutputTrajectory]:
+    instances = [HostedInstance(subject, f"examined {k}") for k in range(len(courses))]
+    with ThreadPoolExecutor(len(courses)) as pool:
+        return list(pool.map(run_instance, instances, courses))
+
+
+@check(
+    "instance.reset",
+    "Reset restores the initial state",
+    Clause(
+        "2.1.6",
+        "The FMU goes into the same state as if fmi2Instantiate would have been called.",
+        in_3=fmi3("2.3.1", "The FMU goes into the same state as if fmi3Instantiate would have been called."),
+    ),
+    "fmi2Reset must set every variable and hidden state as fmi2Instantiate does.",
+    needs=("run.deterministic",),
+    time_factor=5.0,
+)
+def reset(subject: Subject) -> CheckOutcome:
+    """Compare a run after fmi2Reset with that of a new instance, both after the same first run."""
+    wanted = run_alone(subject) if is_single_instance(subject) else in_fresh_process(_twice, subject, False)
+    again = in_fresh_process(_twice, subject, True)
+    return compare_runs(again, wanted, "A run after fmi2Reset", _ALLOWED)
+
+
+_ALLOWED = 1e-6
+"""Effect of solvers that begin to iterate at their last solution, relative to an output's range."""
+
+
+def _twice(subject: Subject, again: bool) -> OutputTrajectory:
+    """Return the second of two runs, of the same instance (`again`) or of a second one.
+
+    Static variables keep their values in both cases, since fmi2Reset does not concern them.
+    """
+    course = make_experiment(subject)
+    instance = HostedInstance(subject)
+    half = replace(course, inputs={name: np.flip(v) for name, v in course.inputs.items()})
+    run_instance(instance, half)
+    if again:
+        instance.reset()
+    else:
+        instance.close()
+        instance = HostedInstance(subject)
+    return run_instance(instance, course)

@@ -1,0 +1,134 @@
+"""Check the log messages of an FMU."""
+
+import os
+import sys
+import tempfile
+from collections.abc import Sequence
+
+from emla_cosim.fmu.instance import OK
+from emla_cosim.fmu.log import LogLine
+
+from ..check import check
+from ..host.c_library import load_c_library
+from ..host.experiment import make_experiment
+from ..host.fresh_process import in_fresh_process, in_separate_process
+from ..host.hosted_instance import CallError, HostedInstance
+from ..host.instance_runs import run_instance
+from ..host.log import LOG, format_message
+from ..messages import list_left_out
+from ..subject import Subject
+from ..verdict import RETURNS, CheckOutcome, Clause, failed, fmi3, noted, passed, warned
+
+_MOST_CATEGORIES = 6
+_ALL = "logAll"
+"""The category that section 2.2.4 proposes for all messages."""
+
+_STEPS = 10
+
+
+_DISABLED = Clause(
+    "2.1.5",
+    "If loggingOn = fmi2False, debug logging is disabled.",
+    in_3=fmi3(
+        "2.3.1",
+        "If loggingOn = fmi3False, then any logging is disabled and the logMessage callback function must "
+        "not be called by the FMU.",
+    ),
+)
+_ENABLED = Clause(
+    "2.1.5",
+    "If loggingOn = fmi2True, debug logging is enabled for the log categories specified in categories, "
+    "otherwise it is disabled.",
+    in_3=fmi3(
+        "2.3.1",
+        "The FMU must call the logMessage callback function only for categories which are turned on by this "
+        "function.",
+    ),
+)
+_ALLOWED = Clause(
+    "2.1.5",
+    "The allowed values for “category” are defined in the modelDescription.xml file via the element "
+    "“<fmiModelDescription><LogCategories>”",
+    in_3=fmi3(
+        "2.3.1",
+        "The allowed values for category are defined in the modelDescription.xml file via the element "
+        "<LogCategories>.",
+    ),
+)
+
+
+@check(
+    "log.categories",
+    "Debug messages follow the logging settings",
+    _DISABLED,
+    "Check loggingOn and the categories before you call the logger with fmi2OK. Do not print.",
+    needs=("run.completes",),
+    time_factor=2.0,
+)
+def categories(subject: Subject) -> CheckOutcome:
+    """Check that debug messages are only in enabled categories, and note what is printed.
+
+    Which categories `loggingOn` of fmi2Instantiate enables is left open by the standard. Therefore messages
+    count only once categories have been chosen with fmi2SetDebugLogging.
+    """
+    declared = [str(e.get("name")) for e in subject.tree.iterfind("LogCategories/Category")]
+    every = [c for c in declared if c != _ALL]
+    alone = every[:_MOST_CATEGORIES]
+    asked = [(False, []), (True, declared), *((True, [category]) for category in alone)]
+    try:
+        (quiet, everything, *apart), printed = in_fresh_process(_said, subject, asked)
+    except CallError as error:
+        if error.call == "fmi2SetDebugLogging" and error.has_status and not declared:
+            said = f"{error} No category is declared, but the call is part of the interface."
+            return warned(said, clause=RETURNS)
+        raise
+    for line in quiet:
+        if line.status == OK:
+            return failed(f"With debug logging off it logs in {_category(line)}: {format_message(line.text)}")
+    for category, lines in zip(alone, apart, strict=True):
+        for line in lines:
+            if line.status == OK and line.category != category:
+                where = f"With only {category} enabled it logs in {_category(line)}"
+                return failed(f"{where}: {format_message(line.text)}", clause=_ENABLED)
+    strange = sorted({_category(line) for line in [*quiet, *everything] if line.category not in declared})
+    if strange and declared:
+        said = f"It logs in {', '.join(strange)}, which modelDescription.xml does not declare."
+        return warned(said, clause=_ALLOWED)
+    if printed:
+        return noted(f"It writes to standard output: {format_message(printed)}")
+    gaps = list_left_out(len(alone), len(every), "categories were enabled alone.")
+    said = f"{len(everything)} messages in {len(declared)} categories follow the logging settings."
+    return passed(said, gaps=gaps)
+
+
+def _category(line: LogLine) -> str:
+    return f"category {line.category!r}" if line.category else "no category"
+
+
+def _said(subject: Subject, asked: Sequence[tuple[bool, list[str]]]) -> tuple[list[list[LogLine]], str]:
+    """Return the messages of a short run with each logging setting, and the first line that is printed."""
+    with tempfile.TemporaryFile() as stream:
+        os.dup2(stream.fileno(), 1)
+        found = [in_separate_process(_run, subject, logging, names) for logging, names in asked]
+        _flush()
+        stream.seek(0)
+        text = stream.read().decode(errors="replace").strip()
+    return found, text.partition("\n")[0]
+
+
+def _run(subject: Subject, logging: bool, names: list[str]) -> list[LogLine]:
+    LOG.lines.clear()
+    instance, course = HostedInstance(subject, logging=logging), make_experiment(subject, _STEPS)
+    instance.set_debug_logging(logging, names)
+    if logging:
+        LOG.lines.clear()
+    run_instance(instance, course)
+    instance.close()
+    return list(LOG.lines)
+
+
+def _flush() -> None:
+    """Flush the output buffers of C and Python."""
+    if sys.stdout is not None:
+        sys.stdout.flush()
+    load_c_library().fflush(None)

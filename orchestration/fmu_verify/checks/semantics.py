@@ -1,0 +1,61 @@
+"""Run FMPy's validator on the model description if no other check reports a problem."""
+
+import fmpy
+from fmpy.validation import validate_model_description
+
+from emla_cosim.fmu.attribute_faults import find_attribute_fault
+
+from ..check import check
+from ..messages import shorten_sentence
+from ..subject import Subject
+from ..verdict import CheckOutcome, Clause, Verdict, fmi3, noted, passed
+from . import description, starts, structure, types, units, variables
+
+_SAY_IT_BETTER = (
+    description.capabilities,
+    types.types,
+    units.defined,
+    variables.names,
+    variables.attributes,
+    variables.aliases,
+    starts.presence,
+    structure.outputs,
+    structure.derivatives,
+    structure.initial_unknowns,
+    structure.dependencies,
+)
+
+
+@check(
+    "description.semantics",
+    "FMPy reports no further problem",
+    Clause(
+        "2.2",
+        "All static information related to an FMU is stored in the text file modelDescription.xml in XML "
+        "format.",
+        in_3=fmi3(
+            "2.4",
+            "All static information related to the core functionality of an FMU is stored in the text file "
+            "modelDescription.xml in XML format as specified by the XML schema file "
+            "fmi3ModelDescription.xsd.",
+        ),
+    ),
+    "Tools that are based on FMPy may refuse the FMU.",
+    needs=("description.schema",),
+)
+def semantics(subject: Subject) -> CheckOutcome:
+    """Report problems that only FMPy's validator finds."""
+    if any(one.examine(subject).verdict != Verdict.PASSED for one in _SAY_IT_BETTER):
+        return passed("Other checks report problems; FMPy would repeat them.")
+    try:
+        read = subject.read_description()
+    except MemoryError:
+        raise
+    except Exception as error:
+        fault = find_attribute_fault(subject.path) or str(error)
+        return noted(f"FMPy cannot read the model description: {shorten_sentence(fault).rstrip('.')}.")
+    found = validate_model_description(read, validate_model_structure=True)
+    lines = tuple(shorten_sentence(f"FMPy reports: {line.strip().rstrip('.')}.") for line in found)
+    if lines:
+        return noted(lines[0], details=lines)
+    return passed(f"FMPy {fmpy.__version__} reports no further problem.")

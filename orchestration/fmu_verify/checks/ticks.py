@@ -1,0 +1,151 @@
+"""Checks of running Clocks: their intervals, and variables that only change while they tick."""
+
+import math
+from collections.abc import Sequence
+from ctypes import c_double, c_int, c_uint
+from typing import Any
+
+from fmpy.model_description import ModelVariable
+
+from emla_cosim.base.wording import format_count
+from emla_cosim.fmu.clocks import PERIODIC, InputClock, belongs
+from emla_cosim.fmu.instance import FINE
+
+from ..check import check
+from ..host.experiment import make_experiment, span
+from ..host.hosted_instance import CallError, HostedInstance
+from ..messages import Breach, Problem, join_few_names, judge_problems, list_left_out
+from ..subject import Subject
+from ..verdict import CheckOutcome, fmi3, passed, skipped, warned
+
+_SAME = 1e-9
+"""Relative difference of intervals that counts."""
+
+_MOST = 300
+"""Most clocked variables that a check reads."""
+
+_CONSTANT = fmi3(
+    "2.2.8.2",
+    "is a time-based periodic clock that defines its intervalDecimal and optionally intervalCounter, "
+    "shiftCounter and shiftDecimal in the modelDescription.xml.",
+)
+_DECLARED = fmi3(
+    "2.2.8.2",
+    "If the function is not called the value given in intervalDecimal and intervalCounter is used.",
+)
+_ACTIVE = fmi3(
+    "2.2.8.3",
+    "Clocked variables v_k can acquire new values and can be queried only when their Clock k is active, "
+    "except during Initialization Mode.",
+)
+_ALLOWED = fmi3(
+    "2.2.7.2",
+    "In addition to those state-specific restrictions, setting and getting of clocked variables is only "
+    "allowed during Event Mode when their respective Clocks are active, and during Initialization Mode "
+    "irrespective of Clock activation status.",
+)
+
+
+@check(
+    "clocks.intervals",
+    "Clocks have their declared intervals",
+    _DECLARED,
+    "Return in fmi3GetIntervalDecimal and fmi3GetShiftDecimal what modelDescription.xml declares.",
+    needs=("run.completes",),
+    only_for=3,
+)
+def intervals(subject: Subject) -> CheckOutcome:
+    """Compare what the FMU says about intervals and shifts of Clocks with modelDescription.xml."""
+    found = [c for c in subject.input_clocks if c.kind in PERIODIC and c.interval is not None]
+    if not found:
+        return skipped("It has no Clock with a declared interval.")
+    instance, problems, said = HostedInstance(subject), list[Problem](), 0
+    instance.begin_initialization(span(subject)[0])
+    for clock in found:
+        clause = _CONSTANT if clock.kind == "constant" else _DECLARED
+        answers = (
+            ("interval", clock.interval, _ask(instance, "fmi3GetIntervalDecimal", clock)),
+            ("shift", clock.shift, _ask(instance, "fmi3GetShiftDecimal", clock)),
+        )
+        for what, declared, answer in answers:
+            said += answer is not None
+            if answer is not None and not math.isclose(answer, declared or 0.0, rel_tol=_SAME, abs_tol=1e-15):
+                text = f"The Clock {clock.name} has the {what} {answer:.9g} s; declared are {declared:.9g} s."
+                problems.append(Breach(text, clause))
+    instance.free()
+    if not said:
+        return skipped("The FMU does not say the intervals of its Clocks, which are declared.")
+    return judge_problems(
+        problems, f"{format_count(len(found), 'Clock has its', 'Clocks have their')} declared intervals."
+    )
+
+
+def _ask(instance: HostedInstance, function: str, clock: InputClock) -> float | None:
+    """Return what a function says about a Clock, None if the FMU refuses the call."""
+    number, reference = (c_double * 1)(), (c_uint * 1)(clock.reference)
+    qualifier = ((c_int * 1)(),) if "Interval" in function else ()
+    status = instance.status(function, reference, 1, number, *qualifier)
+    return number[0] if status in FINE else None
+
+
+@check(
+    "clocks.ticks",
+    "Clocked variables change only while a Clock ticks",
+    _ACTIVE,
+    "Compute clocked variables in event mode, while the Clock is active. Refuse other accesses.",
+    needs=("run.completes",),
+    only_for=3,
+)
+def ticks(subject: Subject) -> CheckOutcome:
+    """Read clocked variables after each step. They must not change in steps in which no Clock ticks.
+
+    An FMU must refuse such calls only if it detects them, so that it is a warning if it does not.
+    """
+    clocks = [clock.reference for clock in subject.input_clocks]
+    every = [v for v in subject.variables.values() if v.causality in ("output", "local")]
+    every = [v for v in every if v.type != "String" and belongs(v, clocks)]
+    if not every:
+        return skipped("It has no clocked variables to read.")
+    variables = every[:_MOST]
+    instance, course = HostedInstance(subject), make_experiment(subject)
+    instance.initialize(course.at(0), float(course.times[0]))
+    assert instance.events is not None
+    readable, changed, before = variables, dict[str, str](), dict[str, float]()
+    for k, time in enumerate(course.times[:-1]):
+        ticks = sum(instance.events.ticks.values())
+        instance.set(course.at(k))
+        instance.step(float(time), course.step)
+        if instance.terminated or not readable:
+            break
+        found = {str(v.name): value for v in readable for value in _read(instance, v)}
+        readable = [v for v in readable if v.name in found]
+        if sum(instance.events.ticks.values()) == ticks:
+            for name, value in found.items():
+                if name in before and not _is_same(value, before[name]):
+                    text = (
+                        f"{name} changes from {before[name]:.9g} to {value:.9g} in the step to "
+                        f"t = {time + course.step:.9g} s, in which no Clock ticks."
+                    )
+                    changed.setdefault(name, text)
+        before = found
+    instance.free()
+    gaps = list_left_out(len(variables), len(every), "clocked variables were read between ticks.")
+    if changed:
+        return judge_problems([Breach(text, _ACTIVE) for text in changed.values()], "", gaps=gaps)
+    if readable:
+        said = f"{join_few_names([str(v.name) for v in readable])} can be read while no Clock ticks."
+        return warned(said, clause=_ALLOWED, gaps=gaps)
+    said = format_count(len(variables), "clocked variable", "clocked variables")
+    return passed(f"{said} can be read only while a Clock ticks.", gaps=gaps)
+
+
+def _read(instance: HostedInstance, variable: ModelVariable) -> Sequence[Any]:
+    """Return the present value of a variable, nothing if the FMU refuses it."""
+    try:
+        return instance.read([variable])
+    except CallError:
+        return ()
+
+
+def _is_same(one: float, other: float) -> bool:
+    return one == other or (math.isnan(one) and math.isnan(other))

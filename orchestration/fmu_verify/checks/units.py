@@ -1,0 +1,213 @@
+"""Checks of units: defined, and consistent with their names."""
+
+import math
+from collections.abc import Iterator, Mapping
+
+from emla_cosim.base.units import (
+    BASE_UNITS,
+    SiUnit,
+    define_display_unit,
+    explain_contradiction,
+    find_unit,
+    is_same_factor,
+)
+
+from ..check import check
+from ..declarations import Declarations, DeclaredUnit, DeclaredVariable, find_repeated
+from ..messages import Breach, Problem, judge_problems
+from ..subject import Subject
+from ..verdict import CheckOutcome, Clause, fmi3
+
+_RAD = BASE_UNITS.index("rad")
+
+_UNIQUE = Clause(
+    "2.2.2",
+    "which must be unique with respect to all other defined elements of the UnitDefinitions list.",
+    in_3=fmi3("2.4.3", "The name of a Unit must be unique with respect to all other <Unit> elements."),
+)
+_UNIQUE_DISPLAY = Clause(
+    "2.2.2",
+    "The attribute name must be unique with respect to all other names of the DisplayUnit definitions of the "
+    "same Unit",
+    in_3=fmi3(
+        "2.4.3",
+        "The attribute name must be unique with respect to all other names of the <DisplayUnit> definitions "
+        "of the same Unit.",
+    ),
+)
+_DEFINED = Clause(
+    "2.2.3",
+    "Unit of the variable defined with UnitDefinitions.Unit.name that is used for the model equations. "
+    '[For example, "N.m": in this case a Unit.name = "N.m" must be present under UnitDefinitions.',
+    in_3=fmi3(
+        "2.4.7.5",
+        "This attribute defines the unit of the variable by referencing a <UnitDefinitions><Unit> with the "
+        "same name, which must exist.",
+    ),
+)
+_NO_UNIT = Clause(
+    "2.2.3",
+    "It is an error if displayUnit is defined in element Real, but unit is not, or unit is not defined under "
+    "<UnitDefinitions><Unit>.",
+    in_3=fmi3("2.4.7.5", "If displayUnit is defined a unit must also be defined."),
+)
+_CONVERTED = Clause(
+    "2.2.2",
+    "Optionally, a value given in unit Unit can be converted to a value with respect to unit BaseUnit "
+    "utilizing the conversion factor and offset attributes:",
+    in_3=fmi3(
+        "2.4.3",
+        "A value v_unit in Unit is converted to a value v_display in DisplayUnit by the equation:",
+    ),
+)
+_INVERSE = fmi3("2.4.3", "inverse = true is only allowed if offset = 0.")
+
+
+@check(
+    "units.defined",
+    "Units are defined",
+    _DEFINED,
+    "Add a `Unit` with exponents to `UnitDefinitions` for every unit of a variable or type.",
+    needs=("description.schema",),
+)
+def defined(subject: Subject) -> CheckOutcome:
+    """Check that every used unit is defined once, and that a variable with a display unit has a unit."""
+    declared = subject.declared
+    problems = [*_repeated(declared), *_undefined(declared)]
+    return judge_problems(problems, f"{len(declared.units)} units are defined.")
+
+
+def _repeated(declared: Declarations) -> Iterator[Problem]:
+    for name in find_repeated(u.name for u in declared.units):
+        yield Breach(f"The unit {name} is defined more than once.", _UNIQUE)
+    for unit in declared.units:
+        for name in find_repeated(d["name"] for d in unit.display):
+            yield Breach(f"The unit {unit.name} has more than one display unit {name}.", _UNIQUE_DISPLAY)
+
+
+def _undefined(declared: Declarations) -> Iterator[Problem]:
+    used = [(v.name, v.own.get("unit")) for v in declared.variables]
+    used += [(f"the type {t.name}", t.attributes.get("unit")) for t in declared.types]
+    for who, unit in used:
+        if unit is not None and unit not in declared.units_by_name:
+            yield Breach(f"The unit {unit!r} of {who} is not defined.", _DEFINED)
+    for variable in declared.variables:
+        if variable.attributes.get("displayUnit") is not None and variable.unit is None:
+            yield Breach(f"{variable} has a display unit, but no unit.", _NO_UNIT)
+
+
+@check(
+    "units.consistent",
+    "Units match their names",
+    _CONVERTED,
+    "Correct the exponents and the factor, or the name. Masters convert connected values with them.",
+    needs=("units.defined",),
+)
+def consistent(subject: Subject) -> CheckOutcome:
+    """Check exponents and factors of units with well-known names, and of their display units.
+
+    The standard leaves names of units free, so that a name that contradicts them only warns.
+    """
+    units = subject.declared.units
+    problems = [Breach(p, _CONVERTED) for unit in units for p in _finite(unit)]
+    problems += [
+        Breach(f"{display['name']} (display of {unit.name}) is inverse, but has an offset.", _INVERSE)
+        for unit in units
+        for display in unit.display
+        if _is_inverse(display) and _number(display, "offset", 0.0) != 0.0
+    ]
+    doubts = [Breach(p, _CONVERTED) for u in units for p in _contradictions(u)]
+    known = sum(find_unit(u.name) is not None for u in units)
+    return judge_problems(
+        problems, f"{known} of {len(units)} units have well-known names; all of them match.", doubts
+    )
+
+
+def _is_inverse(display: Mapping[str, str]) -> bool:
+    """Return whether a display unit of FMI 3.0 divides by the value."""
+    return display.get("inverse") in ("true", "1")
+
+
+def _finite(unit: DeclaredUnit) -> Iterator[str]:
+    every = [
+        (unit.name, unit.base or {}),
+        *((f"{d['name']} (display of {unit.name})", d) for d in unit.display),
+    ]
+    for name, attributes in every:
+        factor, offset = _number(attributes, "factor", 1.0), _number(attributes, "offset", 0.0)
+        if not (math.isfinite(factor) and factor and math.isfinite(offset)):
+            yield f"The unit {name} has the factor {factor:g} and the offset {offset:g}."
+
+
+def _contradictions(unit: DeclaredUnit) -> Iterator[str]:
+    """Yield what contradicts the names of a unit and of its display units."""
+    base = unit.base
+    defined = find_unit(unit.name)
+    if base is not None:
+        factor, offset = _number(base, "factor", 1.0), _number(base, "offset", 0.0)
+        defined = SiUnit(unit.name, _exponents(base), factor, offset)
+        if (text := explain_contradiction(defined)) is not None:
+            yield f"{text[0].upper()}{text[1:]}."
+            return
+    for display in unit.display:
+        factor, offset = _number(display, "factor", 1.0), _number(display, "offset", 0.0)
+        if defined is None or not factor or _is_inverse(display):
+            continue
+        text = explain_contradiction(define_display_unit(defined, display["name"], factor, offset))
+        if text is not None:
+            yield f"In the display of {unit.name}, {text}."
+
+
+@check(
+    "units.derivatives",
+    "A derivative has the unit of its variable per second",
+    Clause(
+        "2.2.7",
+        'If present, this variable is the derivative of variable with ScalarVariable index "derivative".',
+        in_3=fmi3(
+            "2.4.7.5",
+            "If present, then the variable with this attribute is the derivative of the variable with value "
+            "reference given in derivative.",
+        ),
+    ),
+    "Set the unit of the derivative to that of its variable divided by `s`, with the same factor.",
+    needs=("units.consistent", "structure.derivatives"),
+)
+def derivatives(subject: Subject) -> CheckOutcome:
+    """Check that the unit of der(x) is that of x per second, if both have units."""
+    declared = subject.declared
+    pairs = [
+        (v, of)
+        for v in declared.variables
+        if (of := declared.variable(int(v.own.get("derivative", 0)))) is not None
+    ]
+    if any(v.causality == "independent" and v.unit not in (None, "s") for v in declared.variables):
+        pairs = []  # derivatives by something other than time
+    problems, doubts = [], []
+    for variable, of in pairs:
+        exponents, factors = _agree(declared, variable, of)
+        if not (exponents and factors):
+            line = f"{variable} is in {variable.unit}, but is the derivative of {of}, which is in {of.unit}."
+            (doubts if exponents else problems).append(line)
+    fine = f"The units of {len(pairs)} derivatives agree with those of their variables."
+    return judge_problems(problems, fine, doubts)
+
+
+def _agree(declared: Declarations, derivative: DeclaredVariable, of: DeclaredVariable) -> tuple[bool, bool]:
+    """Return whether exponents and whether factors of their units agree; True if one is unknown."""
+    bases = [u.base for v in (of, derivative) if (u := declared.unit_of(v))]
+    if len(bases) < 2 or bases[0] is None or bases[1] is None:
+        return True, True
+    expected, found = _exponents(bases[0], per_second=True), _exponents(bases[1])
+    one, other = (_number(base, "factor", 1.0) for base in (bases[0], bases[1]))
+    return expected[:_RAD] == found[:_RAD], is_same_factor(one, other)
+
+
+def _exponents(base: Mapping[str, str], per_second: bool = False) -> tuple[int, ...]:
+    found = [int(base.get(one, 0)) for one in BASE_UNITS]
+    found[BASE_UNITS.index("s")] -= per_second
+    return tuple(found)
+
+
+def _number(attributes: Mapping[str, str], name: str, otherwise: float) -> float:
+    return float(attributes.get(name, otherwise))

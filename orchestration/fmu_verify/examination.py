@@ -1,0 +1,199 @@
+"""Run all checks of one FMU."""
+
+import difflib
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+
+from emla_cosim.base.errors import CommandError
+from emla_cosim.base.files import hash_file
+
+from .catalogue import CHECKS, READING, RECORDED, VITAL
+from .check import Check
+from .check_runner import run_checks, skip_blocked
+from .findings import Examined, Finding
+from .gate import find_objections, is_selected_by
+from .settings import Settings
+from .subject import Subject
+from .subprocess_run import ERROR_OF_CHECK
+from .unexamined import list_unexamined
+from .verdict import Verdict
+
+_READ_AFTER = {"description.readable": ("tree", "description"), "description.schema": ("declared",)}
+"""Attributes of a subject to read once for all later checks, after a check that passed."""
+
+_UNPACKS = "archive.safe"
+"""The check that unpacks the FMU. It runs again when an examination is resumed."""
+
+_FEWEST_STEPS = 5
+"""Fewest steps of a run of a slow FMU."""
+
+
+def examine_fmu(
+    subject: Subject,
+    progress: Callable[[Finding], None] = lambda _: None,
+    done: Sequence[Finding] = (),
+) -> Examined:
+    """Examine an FMU.
+
+    Args:
+        subject: The FMU.
+        progress: Called with the finding of each completed check.
+        done: Findings of an earlier examination, whose process ended; these checks do not run again.
+    """
+    began = time.monotonic()
+    earlier = {f.check: f for f in done}
+    findings: dict[str, Finding] = {}
+    for together in _group_checks(select_needed_checks(subject.settings)):
+        left = [c for c in together if c.name not in earlier or c.name == _UNPACKS]
+        new = {f.check: f for f in _findings(left, subject, {**earlier, **findings})} if left else {}
+        for check in together:
+            found = earlier.get(check.name) or new[check.name]
+            if check.name not in earlier:
+                progress(found)
+            findings[found.check] = found
+            _take_over(found, subject)
+    names = {c.name for c in select_checks(subject.settings)} | _find_failed(findings, subject.settings)
+    others = {c.name for c in CHECKS if c.only_for not in (0, subject.known_version)}
+    shown = tuple(f for f in findings.values() if f.check in (names - others or names))
+    return Examined(
+        subject.path,
+        _facts(subject),
+        shown,
+        time.monotonic() - began,
+        objections=(*find_objections(shown, subject.settings), *_not_in_version(subject, others, shown)),
+        not_examined=list_unexamined(subject, findings),
+    )
+
+
+def _not_in_version(subject: Subject, others: Iterable[str], shown: Sequence[Finding]) -> Iterator[str]:
+    """Yield checks that must run, but are of what another version of FMI has."""
+    for pattern in subject.settings.must_run:
+        if any(is_selected_by(pattern, name) for name in others) and not any(
+            is_selected_by(pattern, f.check) for f in shown
+        ):
+            yield f"--must-run {pattern}: FMI {subject.known_version}.0 does not have what it is about."
+
+
+def _take_over(found: Finding, subject: Subject) -> None:
+    """Read what later checks need, and limit their runs, after a check that passed."""
+    if found.verdict == Verdict.PASSED:
+        for name in _READ_AFTER.get(found.check, ()):
+            with suppress(Exception):  # reading may fail here although it worked in the check's process
+                getattr(subject, name)
+        if found.check == "run.completes":
+            subject.most_steps = max(_FEWEST_STEPS, found.outcome.figures["steps"])
+
+
+def select_checks(settings: Settings) -> list[Check]:
+    """Return the checks that the settings select, in the order of the catalogue."""
+    if settings.recording is not None:
+        return [RECORDED]
+    return [
+        c
+        for c in CHECKS
+        if (not settings.only or any(_is_match(p, c) for p in settings.only))
+        and not any(_is_match(p, c) for p in settings.skip)
+    ]
+
+
+def check_names(patterns: Iterable[str]) -> None:
+    """Raise CommandError for a name or pattern that matches no check."""
+    for pattern in patterns:
+        if not any(_is_match(pattern, c) for c in CHECKS):
+            names = [c.name for c in CHECKS]
+            near = difflib.get_close_matches(pattern, names, n=3, cutoff=0.4)
+            meant = f"did you mean {' or '.join(near)}?" if near else "`emla verify --list` lists all checks."
+            raise CommandError(f"there is no check '{pattern}'; {meant}", name=pattern, choices=names)
+
+
+def _is_match(pattern: str, check: Check) -> bool:
+    return is_selected_by(pattern, check.name)
+
+
+def select_needed_checks(settings: Settings) -> list[Check]:
+    """Return the selected checks and all that they need, in the order of the catalogue."""
+    names = {c.name for c in select_checks(settings)}
+    for check in (RECORDED, *reversed(CHECKS)):  # needed checks come first in CHECKS
+        if check.name in names:
+            names.update(check.needs)
+    return [c for c in (*CHECKS, RECORDED) if c.name in names]
+
+
+def _find_failed(findings: Mapping[str, Finding], settings: Settings) -> set[str]:
+    """Return failed checks to report even if not selected: the checks that need them are only skipped."""
+    failed = {name for name, f in findings.items() if f.verdict == Verdict.FAILED}
+    return failed - {c.name for c in CHECKS if any(_is_match(p, c) for p in settings.skip)}
+
+
+def _group_checks(checks: Sequence[Check]) -> Iterator[list[Check]]:
+    """Yield groups of checks that can share a process."""
+    reading = [c for c in checks if c in READING]
+    for check in checks:
+        if check not in READING:
+            yield [check]
+        elif check is reading[0]:
+            yield reading
+
+
+def _findings(checks: Sequence[Check], subject: Subject, before: Mapping[str, Finding]) -> Iterator[Finding]:
+    """Run checks. Skip those that need a check which failed or was skipped."""
+    known, ready, skip = dict(before), [], subject.settings.skip
+    for check in checks:
+        if (missing := _missing(check, known, skip)) is not None:
+            known[check.name] = skip_blocked(check, missing, subject.known_version)
+        else:
+            ready.append(check)
+    found = {f.check: f for f in run_checks(ready, subject, subject.settings)} if ready else {}
+    for check in checks:
+        if check.name in found:  # a needed check may be in the same group
+            missing = _missing(check, known, skip) or _hindering(check, found[check.name], known)
+            known[check.name] = (
+                skip_blocked(check, missing, subject.known_version)
+                if missing is not None
+                else found[check.name]
+            )
+        yield known[check.name]
+
+
+def _missing(check: Check, before: Mapping[str, Finding], skip: Sequence[str]) -> Finding | None:
+    """Return a needed check that failed or was skipped, among those that have run.
+
+    A failed check that `skip` leaves out does not excuse those that need it, unless it is vital for them.
+    """
+    needed = [before[name] for name in check.needs if name in before]
+    for one in needed:
+        tried = one.check not in VITAL and any(is_selected_by(p, one.check) for p in skip)
+        failed = one.verdict == Verdict.FAILED and one.outcome.blocks and not tried
+        if failed or one.verdict == Verdict.SKIPPED:
+            return one
+    return None
+
+
+def _hindering(check: Check, found: Finding, before: Mapping[str, Finding]) -> Finding | None:
+    """Return a failed check without which this one, which was tried all the same, went wrong."""
+    if not found.sentence.startswith(ERROR_OF_CHECK):
+        return None
+    needed = list(check.needs)
+    for name in needed:  # grows: also what those need
+        needed += next((c.needs for c in CHECKS if c.name == name), ())
+    return next((before[n] for n in needed if n in before and before[n].verdict == Verdict.FAILED), None)
+
+
+def _facts(subject: Subject) -> dict[str, str]:
+    """Return facts about the FMU for the top of its report."""
+    facts = {}
+    with suppress(OSError):
+        facts["SHA-256"] = hash_file(subject.path)
+        facts["size"] = f"{subject.path.stat().st_size / 1024:.0f} KiB"
+    if "description" in vars(subject):
+        with suppress(Exception):
+            description = subject.description
+            facts["model"] = str(description.modelName)
+            facts["FMI"] = str(description.fmiVersion)
+            facts["kinds"] = " and ".join(subject.kinds)
+            facts["made by"] = str(description.generationTool or "an unnamed tool")
+            facts["variables"] = str(len(description.modelVariables))
+            folders = sorted(p.name for p in (subject.folder / "binaries").glob("*"))
+            facts["platforms"] = ", ".join(folders) or "none"
+    return {name: facts[name] for name in sorted(facts)}

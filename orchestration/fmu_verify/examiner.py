@@ -1,0 +1,71 @@
+"""The process that examines files: it gets jobs, and sends findings.
+
+Checks fork from it. It has no threads and few modules loaded, whatever the caller has.
+"""
+
+import gc
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+from emla_cosim.base.channel import Channel
+from emla_cosim.base.errors import RunError, find_machine_fault
+
+from .confinement import confine_signals
+from .examination import examine_fmu
+from .findings import Examined, Finding
+from .host.process_state import adopt_orphans, end_children
+from .settings import Settings
+from .subject import Subject
+from .systems import SystemKind, examine_system
+
+
+class ExaminerJob(NamedTuple):
+    """A file to examine, an FMU or a system; its name in reports, and its path as the user wrote it.
+
+    `done` has the findings of an examiner that ended before it was done.
+    """
+
+    path: Path
+    settings: Settings
+    name: str
+    given: Path
+    system: SystemKind | None = None
+    done: tuple[Finding, ...] = ()
+
+
+def examine_jobs(channel: Channel, folder: str) -> None:
+    """Examine the files of the jobs that arrive.
+
+    Args:
+        channel: Gets each finding as soon as its check is done, and then the report or an error.
+        folder: The folder for temporary files.
+    """
+    import lief  # noqa: F401  # slow to load: once, before forks
+
+    confine_signals()
+    adopt_orphans()
+    gc.freeze()  # forks then share memory that they only read
+    tempfile.tempdir = folder
+    for job in channel.requests():
+        answer = _examine(job, channel.send)
+        end_children()  # those of FMUs that lead sessions of their own
+        channel.send(answer)
+
+
+def _examine(job: ExaminerJob, tell: Callable[[Finding], None]) -> Examined | RunError:
+    try:
+        return _examine_file(job, tell)
+    except Exception as error:
+        if (fault := find_machine_fault(error)) is None:
+            raise
+        return RunError(f"'{job.name}' could not be verified on this machine: {fault.strerror}.")
+
+
+def _examine_file(job: ExaminerJob, tell: Callable[[Finding], None]) -> Examined:
+    with tempfile.TemporaryDirectory(prefix="emla-verify-", ignore_cleanup_errors=True) as folder:
+        if job.system is not None:
+            return examine_system(job.path, job.system, job.settings, Path(folder).resolve(), tell)
+        subject = Subject(job.path, Path(folder).resolve() / "fmu", job.settings)
+        return examine_fmu(subject, tell, job.done)

@@ -1,0 +1,63 @@
+"""Decide whether an FMU passes although no check failed."""
+
+from collections.abc import Iterator, Sequence
+from enum import StrEnum
+
+from emla_cosim.base.patterns import matches_pattern
+
+from .check import Check
+from .findings import Finding
+from .settings import Settings
+from .verdict import Verdict
+
+
+class Strictness(StrEnum):
+    """What makes an FMU fail in addition to failed checks."""
+
+    WARNING = "warning"
+    SKIP = "skip"
+
+
+_VERDICTS = {Strictness.WARNING: Verdict.WARNING, Strictness.SKIP: Verdict.SKIPPED}
+
+
+def is_selected_by(pattern: str, check: str) -> bool:
+    """Return whether a name, group or pattern selects a check."""
+    return check.partition(".")[0] == pattern or matches_pattern(check, pattern)
+
+
+def find_objections(findings: Sequence[Finding], settings: Settings) -> tuple[str, ...]:
+    """Return why an FMU does not pass, in addition to its failed checks."""
+    return (*_not_run(findings), *_too_strict(findings, settings), *_not_done(findings, settings))
+
+
+def _not_run(findings: Sequence[Finding]) -> Iterator[str]:
+    """Yield a message if checks apply, but could not run for a reason that no failed check reports."""
+    failed = {f"It needs {f.check}, which failed." for f in findings if f.verdict == Verdict.FAILED}
+    lost = [f for f in findings if f.outcome.blocked and f.sentence not in failed]
+    if lost:
+        count = "1 check" if len(lost) == 1 else f"{len(lost)} checks"
+        yield f"{count} could not run. {lost[0].check}: {lost[0].sentence}"
+
+
+def _too_strict(findings: Sequence[Finding], settings: Settings) -> Iterator[str]:
+    for one in settings.fail_on:
+        if found := [f.check for f in findings if f.verdict == _VERDICTS[Strictness(one)]]:
+            word = "warned" if one == Strictness.WARNING else "was skipped"
+            yield f"--fail-on {one}: {found[0]} {word}{_and_others(found)}."
+
+
+def _not_done(findings: Sequence[Finding], settings: Settings) -> Iterator[str]:
+    for pattern in settings.must_run:
+        for f in findings:
+            if f.verdict == Verdict.SKIPPED and is_selected_by(pattern, f.check):
+                yield f"--must-run {pattern}: {f.check} was skipped. {f.sentence}"
+
+
+def _and_others(names: Sequence[str]) -> str:
+    return f", and {len(names) - 1} more" if len(names) > 1 else ""
+
+
+def list_unselected(patterns: Sequence[str], selected: Sequence[Check]) -> list[str]:
+    """Return the patterns of `--must-run` that select no check that runs."""
+    return [p for p in patterns if not any(is_selected_by(p, c.name) for c in selected)]

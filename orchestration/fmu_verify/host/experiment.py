@@ -1,0 +1,63 @@
+"""The experiment for dynamic checks: communication points, and inputs that vary within their ranges."""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from fmpy.model_description import ModelVariable
+
+from emla_cosim.base.arrays import Vector
+
+from ..subject import Subject
+from .limits import limits_of, parse_number
+
+MOST_STEPS = 100
+"""Most steps of one run. References reveal later problems."""
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """Communication points in s, and the values of the inputs at each of them."""
+
+    times: Vector
+    inputs: dict[str, Vector]
+
+    @property
+    def step(self) -> float:
+        """The communication step in s."""
+        return float(self.times[1] - self.times[0])
+
+    def at(self, k: int) -> dict[str, Any]:
+        """Return the inputs by name at communication point `k`, in the types of their columns."""
+        return {name: values[k].item() for name, values in self.inputs.items()}
+
+
+def make_experiment(subject: Subject, steps: int = MOST_STEPS) -> Experiment:
+    """Return the first steps of the FMU's default experiment, at most `steps`."""
+    start, step, count = span(subject)
+    times = start + step * np.arange(min(steps, count, subject.most_steps) + 1, dtype=np.float64)
+    inputs = subject.of_causality("input")
+    return Experiment(times, {v.name: _vary_input(v, i, times) for i, v in enumerate(inputs)})
+
+
+def span(subject: Subject) -> tuple[float, float, int]:
+    """Return the start and step in s, and the number of steps, of the FMU's default experiment."""
+    given = subject.description.defaultExperiment
+    start = parse_number(given.startTime if given else None, 0.0)
+    stop = parse_number(given.stopTime if given else None, start + 1.0)
+    stop = stop if stop > start else start + 1.0
+    step = parse_number(given.stepSize if given else None, (stop - start) / MOST_STEPS)
+    step = step if 0.0 < step <= stop - start else (stop - start) / MOST_STEPS
+    return start, step, max(1, round((stop - start) / step))
+
+
+def _vary_input(variable: ModelVariable, index: int, times: Vector) -> Vector:
+    """Return a sine around the start value, a tenth of the range wide, with a different period per input."""
+    middle = parse_number(variable.start, 0.0)
+    low, high = limits_of(variable)
+    typical = abs(parse_number(variable.nominal, middle or 1.0))
+    width = 0.1 * (high - low if math.isfinite(high - low) else typical)
+    periods = 2.0 + 0.5 * (index % 7)
+    phase = 2.0 * np.pi * periods * (times - times[0]) / (times[-1] - times[0])
+    return np.clip(middle + width * np.sin(phase), low, high)

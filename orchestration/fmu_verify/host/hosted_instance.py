@@ -1,0 +1,499 @@
+"""One instance of an FMU. Every call is noted before and checked after."""
+
+import time as clock
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from ctypes import byref, c_bool, c_double, c_int, c_size_t, c_uint
+from typing import Any
+
+from fmpy.fmi1 import FMICallException
+from fmpy.fmi2 import fmi2DoStepStatus
+from fmpy.fmi3 import FMU3Slave
+from fmpy.model_description import ModelVariable
+
+from emla_cosim.fmu.instance import DISCARD, ERROR, FINE, OK, PENDING, STATUS, WARNING, FmiInstance, load
+from emla_cosim.fmu.log import LogLine
+from emla_cosim.fmu.python_exceptions import find_left_exception
+
+from ..subject import Subject
+from ..subprocess_run import last_note, note
+from ..verdict import LEAVES_EXCEPTION, Clause, left_exception
+from .arrays import Arrays, ElementDependency, ElementLayout, get_elements, set_elements
+from .event_mode import EARLY, EventState, HostedEvents, RunEndedError
+from .integration import Integration
+from .log import LOG, format_message
+
+RETURNS_EARLY = "mightReturnEarlyFromDoStep"
+"""The flag of FMUs whose steps can end before their end."""
+
+_LARGEST_STATE = 2**28
+"""Largest plausible size of a state in bytes."""
+
+
+class CallError(Exception):
+    """A call that failed. Message: `fmi2DoStep at t = 1 s answered fmi2Error: ...`."""
+
+    def __init__(self, call: str, status: int, lines: Iterable[LogLine] = ()) -> None:
+        said = " ".join(line.text for line in list(lines)[-2:])
+        self.call, self.status = call, status
+        self.clause: Clause | None = None
+        name = STATUS[status] if self.has_status else f"{status}, which is not a valid status"
+        super().__init__(f"{call} answered {name}{f': {format_message(said)}' if said else '.'}")
+
+    @property
+    def has_status(self) -> bool:
+        """Whether the answer is one of the statuses of the standard."""
+        return 0 <= self.status < (PENDING if self.call.startswith("fmi3") else len(STATUS))
+
+    def __reduce__(self) -> Any:
+        """Pickle the message instead of the log lines."""
+        return _rebuild_error, (str(self), self.call, self.status, self.clause)
+
+
+def _rebuild_error(sentence: str, call: str, status: int, clause: Clause | None = None) -> CallError:
+    error = CallError(call, status)
+    error.clause = clause
+    error.args = (sentence,)
+    return error
+
+
+class SerializedState(bytes):
+    """The bytes of a state, with what is known of the instance beside it."""
+
+    events: EventState | None = None
+
+
+class HostedInstance(FmiInstance):
+    """An instance, from its instantiation until `close`. Its name must be unique in the process.
+
+    FMUs with Clocks use event mode: clocked variables are set at the next tick of their Clocks, and have the
+    values of the last one.
+
+    `kind` is `CoSimulation` or `ModelExchange`; default: the first kind of the FMU. `terminated` is true
+    after the FMU asked to end the run. `claim` is what a step said that no host without event mode expects,
+    and `reached` the time in s that it said it reached. `circumstance` is added to the note of every call:
+    ` with u = nan`.
+    """
+
+    circumstance = ""
+    claim = ""
+    reached: float | None = None
+
+    def __init__(
+        self,
+        subject: Subject,
+        name: str = "examined",
+        kind: str | None = None,
+        logging: bool = False,
+        guid: str | None = None,
+        events: bool | None = None,
+        early: bool | None = None,
+    ) -> None:
+        """Load the library and instantiate. Raise CallError on failure.
+
+        `events` and `early` let an FMU of FMI 3.0 use event mode, and return early from steps. By default,
+        one with Clocks does as it declares.
+        """
+        self.subject, self.name = subject, name
+        self.kind = kind or subject.kinds[0]
+        ticks = self.kind == "CoSimulation" and subject.has_clocks
+        self._uses_events = ticks if events is None else events
+        self._returns = ticks and subject.has_flag(RETURNS_EARLY, self.kind) if early is None else early
+        library = subject.library(self.kind)
+        note("loading its library")
+        try:
+            assert library is not None, "There is no library for this machine."
+            self.fmu = load(
+                self.kind,
+                library,
+                subject.folder,
+                subject.find_kind_element(self.kind).modelIdentifier,
+                subject.description.guid if guid is None else guid,
+                f"{subject.version}.0",
+            )
+        except Exception as error:  # fmpy raises bare ones
+            if find_left_exception(error) is not None:
+                raise self.python_error("dlopen", error) from error
+            raise _rebuild_error(
+                f"Its library cannot be loaded: {format_message(str(error))}", "dlopen", ERROR
+            ) from error
+        self.fmu.instance, self.fmu.instanceName = self, name
+        self._is_3, self._arrays = subject.version == 3, Arrays()
+        self._integration = Integration(self.fmu, subject) if self.kind == "ModelExchange" else None
+        self.events: HostedEvents | None = None
+        """What steps the instance with event mode or early returns, if it does."""
+        if self._uses_events or self._returns:
+            self.events = HostedEvents(self, self._uses_events, self._returns)
+        self._known: dict[int | None, EventState] = {}
+        """What was known when a state was saved, by the address of the state."""
+        self._start = 0.0
+        self.instantiate(logging)
+
+    def instantiate(self, logging: bool = False) -> None:
+        """Instantiate again after `free`, with the loaded library."""
+        self._forget()
+        try:
+            if self.events is not None:
+                self._instantiate_with_events(logging)
+            else:
+                self.fmu.instantiate(callbacks=LOG.callbacks, loggingOn=logging)
+        except CallError:
+            raise
+        except Exception as error:  # fmpy raises a bare one for NULL
+            raise _null(LOG.of(self.name)) from error
+
+    def _instantiate_with_events(self, logging: bool) -> None:
+        name = self.name.encode()
+
+        def hear(environment: Any, status: int, category: bytes, message: bytes) -> None:
+            LOG.hear(environment, name, status, category, message)
+
+        FMU3Slave.instantiate(
+            self.fmu,
+            loggingOn=logging,
+            eventModeUsed=self._uses_events,
+            earlyReturnAllowed=self._returns,
+            logMessage=hear,
+        )
+
+    def announce(self, function: str, arguments: Sequence[Any] = ()) -> None:
+        """Note the next call."""
+        at = f" at t = {arguments[1]:.9g} s" if function in ("fmi2DoStep", "fmi3DoStep") else ""
+        note(f"{function}{at}{self.circumstance}")
+
+    def status(self, name: str, *arguments: Any) -> int:
+        """Call a function, named as in FMI 2.0, with the component and these arguments; return its status."""
+        return super().status(name.replace("fmi2", "fmi3", 1) if self._is_3 else name, *arguments)
+
+    def step_status(self, time: float, length: float) -> int:
+        """Call the function that steps, whatever the phase; return its status."""
+        if not self._is_3:
+            return self.status("fmi2DoStep", time, length, 0)
+        flags, reached = [c_bool() for _ in range(3)], c_double()
+        return self.status(
+            "fmi3DoStep", time, length, False, *(byref(flag) for flag in flags), byref(reached)
+        )
+
+    def enter_initialization_status(self, start: float) -> int:
+        """Call the function that enters initialization mode, whatever the phase; return its status."""
+        arguments = (False, 0.0, start, False, 0.0) if self._is_3 else ()
+        return self.status("fmi2EnterInitializationMode", *arguments)
+
+    def set_status(self, values: Mapping[str, Any]) -> int:
+        """Set variables by name, whatever the phase; return the status."""
+        try:
+            self.set(values)
+        except CallError as error:
+            return error.status
+        return OK
+
+    def error(self, call: str, status: int) -> CallError:
+        """Return the error for a call with this status."""
+        return CallError(call, status, LOG.of(self.name, WARNING))
+
+    def python_error(self, function: str, error: Exception) -> CallError:
+        """Return the error for a call that left an exception of Python."""
+        return _rebuild_error(left_exception(last_note(), error), function, ERROR, LEAVES_EXCEPTION)
+
+    def violation(self, sentence: str, clause: Clause) -> CallError:
+        """Return the error for what a function said against a clause of the standard."""
+        return _rebuild_error(sentence, sentence.split()[0], ERROR, clause)
+
+    def save_state(self) -> Any:
+        """Return a new copy of the state."""
+        with self.calling():
+            state = self.fmu.getFMUState() if self._is_3 else self.fmu.getFMUstate()
+        self._keep_events(state)
+        return state
+
+    def save_state_again(self, state: Any) -> None:
+        """Save the state in the memory of an earlier one."""
+        name = "fmi3GetFMUState" if self._is_3 else "fmi2GetFMUstate"
+        with self.calling():
+            getattr(self.fmu, name)(self.fmu.component, byref(state))
+        self._keep_events(state)
+
+    def _keep_events(self, state: Any) -> None:
+        if self.events is not None:
+            self._known[state.value] = self.events.save()
+
+    def restore_state(self, state: Any) -> None:
+        """Continue from a saved state."""
+        with self.calling():
+            (self.fmu.setFMUState if self._is_3 else self.fmu.setFMUstate)(state)
+        self.terminated = False
+        if self.events is not None and (known := self._known.get(state.value)) is not None:
+            self.events.restore(known)
+
+    def free_state(self, state: Any) -> None:
+        """Free a saved state."""
+        self._known.pop(state.value, None)
+        with self.calling():
+            self.fmu.freeFMUstate(state)
+
+    def serialize(self, state: Any) -> bytes | int:
+        """Return the bytes of a state, or the size that the FMU reports if it is not plausible."""
+        size = c_size_t()
+        with self.calling():
+            self.fmu.fmi2SerializedFMUstateSize(self.fmu.component, state, byref(size))
+            if not 0 < size.value <= _LARGEST_STATE:
+                return size.value
+            content = self.fmu.serializeFMUState(state) if self._is_3 else self.fmu.serializeFMUstate(state)
+        serialized = SerializedState(content)
+        serialized.events = self._known.get(state.value)
+        return serialized
+
+    def deserialize(self, data: bytes) -> Any:
+        """Return a state from its bytes."""
+        with self.calling():
+            state = self.fmu.deSerializeFMUstate(data)
+        if isinstance(data, SerializedState) and data.events is not None:
+            self._known[state.value] = data.events
+        return state
+
+    def set_debug_logging(self, logging: bool, categories: Sequence[str]) -> None:
+        """Enable or disable the log messages of some categories, or of all."""
+        with self.calling():
+            if self._is_3 and not categories:  # fmpy (0.3.32) does not pass NULL
+                self.fmu.fmi3SetDebugLogging(self.fmu.component, logging, 0, None)
+                return
+            if self._is_3:
+                self.fmu.fmi3SetDebugLogging(self.fmu.component, not logging, 0, None)
+            self.fmu.setDebugLogging(logging, categories)
+
+    def directional(
+        self, unknowns: Sequence[str], knowns: Sequence[str], seed: Sequence[float]
+    ) -> list[float]:
+        """Return the derivatives of unknowns along a direction in the knowns, all by name."""
+        call: Any = self.fmu.getDirectionalDerivative
+        with self.calling():
+            if not self._is_3:
+                return list(call(self._references(unknowns), self._references(knowns), list(seed)))
+            return self._derive(call, unknowns, knowns, seed)
+
+    def adjoint(self, unknowns: Sequence[str], knowns: Sequence[str], seed: Sequence[float]) -> list[float]:
+        """Return the products of the seed and the derivatives of the unknowns, for each of the knowns."""
+        with self.calling():
+            return self._derive(self.fmu.getAdjointDerivative, unknowns, knowns, seed, adjoint=True)
+
+    def _derive(
+        self,
+        call: Any,
+        unknowns: Sequence[str],
+        knowns: Sequence[str],
+        seed: Sequence[float],
+        adjoint: bool = False,
+    ) -> list[float]:
+        """Call with whole arrays, of which only some elements have a seed."""
+        variables = self.subject.variables
+        found, given = (ElementLayout(variables[n] for n in names) for names in (unknowns, knowns))
+        wanted, source = (given, found) if adjoint else (found, given)
+        answer = call(found.references, given.references, source.spread(seed), wanted.size)
+        return wanted.pick(answer)
+
+    def dependencies(self, reference: int) -> list[ElementDependency]:
+        """Return the dependencies of the elements of a variable."""
+        count = c_size_t()
+        with self.calling():
+            self.fmu.fmi3GetNumberOfVariableDependencies(self.fmu.component, reference, byref(count))
+            size = count.value
+            elements, of_independents = (c_size_t * size)(), (c_size_t * size)()
+            independents, kinds = (c_uint * size)(), (c_int * size)()
+            self.fmu.fmi3GetVariableDependencies(
+                self.fmu.component, reference, elements, independents, of_independents, kinds, size
+            )
+        return [
+            ElementDependency(*entry) for entry in zip(elements, independents, of_independents, strict=True)
+        ]
+
+    def output_derivatives(self, names: Sequence[str], order: int) -> list[float]:
+        """Return the derivatives of outputs of an order, by name."""
+        with self.calling():
+            if not self._is_3:
+                call: Any = self.fmu.getRealOutputDerivatives
+                return list(call(self._references(names), [order] * len(names)))
+            layout = ElementLayout(self.subject.variables[n] for n in names)
+            return layout.pick(self._output_derivatives(layout, order))
+
+    def _output_derivatives(self, layout: ElementLayout, order: int) -> list[float]:
+        count = len(layout.references)  # fmpy (0.3.32) takes scalars only
+        references, orders = (c_uint * count)(*layout.references), (c_int * count)(*[order] * count)
+        values = (c_double * layout.size)()
+        self.fmu.fmi3GetOutputDerivatives(self.fmu.component, references, count, orders, values, layout.size)
+        return list(values)
+
+    def terminate(self) -> None:
+        """End the run."""
+        with self.calling():
+            self.fmu.terminate()
+
+    def initialize(
+        self, values: Mapping[str, Any] | None = None, start: float = 0.0, stop: float | None = None
+    ) -> None:
+        """Set up the experiment, set values by name, and go through initialization mode."""
+        tolerance = self.subject.interface.tolerance
+        self.begin_initialization(start, stop, tolerance, lambda: self.set(values or {}))
+        self.exit_initialization()
+
+    def begin_initialization(
+        self,
+        start_time: float,
+        stop_time: float | None = None,
+        tolerance: float | None = None,
+        set_values: Callable[[], None] = lambda: None,
+    ) -> None:
+        """Set up the experiment, set start values and enter initialization mode; see `FmiInstance`."""
+        self._start = start_time
+        super().begin_initialization(start_time, stop_time, tolerance, set_values)
+
+    def exit_initialization(self) -> None:
+        """Leave initialization mode. For Model Exchange, handle the first events and stay in event mode."""
+        if self.events is not None:
+            self.events.start_clocks(self._start)
+        super().exit_initialization()
+        if self.events is not None:
+            self.events.begin()
+        if self._integration is not None:
+            with self.calling():
+                self._integration.begin()
+            self.terminated = self._integration.terminated
+
+    def set(self, values: Mapping[str, Any]) -> None:
+        """Set variables by name, in this order, with one call for each type.
+
+        In step mode, discrete inputs wait for the events at the start of the next step, and clocked variables
+        for their Clocks, if the instance uses event mode.
+        """
+        if self.events is not None and self.events.is_stepping:
+            values = self.events.take(values)
+        self.set_now(values)
+
+    def set_now(self, values: Mapping[str, Any]) -> None:
+        """Set variables by name, without waiting for events."""
+        typed = [(self.subject.variables[name], value) for name, value in values.items()]
+        with self.calling():
+            if self._is_3:
+                set_elements(self.fmu, typed, self._arrays)
+            else:
+                self.set_typed(typed)
+
+    def get(self, names: Iterable[str]) -> list[Any]:
+        """Return the values of variables by name, with one call for each type, and for each String.
+
+        If all Strings of a call are in one buffer, only the check of Strings fails.
+        """
+        variables = [self.subject.variables[name] for name in names]
+        with self.calling():
+            others = iter(self._get([v for v in variables if v.type != "String"]))
+            return [self._get([v])[0] if v.type == "String" else next(others) for v in variables]
+
+    def get_together(self, names: Iterable[str]) -> list[Any]:
+        """Return the values of variables by name, with one call for each type."""
+        with self.calling():
+            return self._get([self.subject.variables[name] for name in names])
+
+    def _get(self, variables: Sequence[ModelVariable]) -> list[Any]:
+        if self.events is not None and self.events.is_stepping:
+            return self.events.get(variables)
+        return self.read(variables)
+
+    def read(self, variables: Sequence[ModelVariable]) -> list[Any]:
+        """Return the values that the FMU has now, with one call for each type."""
+        with self.calling():
+            return self._read(variables)
+
+    def _read(self, variables: Sequence[ModelVariable]) -> list[Any]:
+        return get_elements(self.fmu, variables) if self._is_3 else self.get_typed(variables)
+
+    def step(self, time: float, length: float) -> None:
+        """Step from `time` by `length`, both in s. Raise CallError also for a discarded step.
+
+        For Model Exchange, integrate, from event mode to event mode.
+        """
+        if self.events is not None:
+            try:
+                self.events.step(time, length)
+            except RunEndedError:
+                self.terminated = True
+            return
+        with self.calling():
+            if self._integration is not None:
+                self._integrate(self._integration, time, length)
+                return
+            if self._is_3:
+                self._step_3(time, length)
+                return
+            try:
+                self.fmu.doStep(time, length, noSetFMUStatePriorToCurrentPoint=0)
+            except FMICallException as error:
+                if error.status == PENDING and self.subject.has_capability("canRunAsynchronuously"):
+                    self._wait()
+                elif error.status == DISCARD and self.asks_to_end():
+                    self.terminated = True
+                else:
+                    raise self.error(f"fmi2DoStep at t = {time:.9g} s", error.status) from error
+
+    def _step_3(self, time: float, length: float) -> None:
+        """Step an FMU of FMI 3.0, without event mode and early return."""
+        event, terminates, early, reached = self.fmu.doStep(
+            time, length, noSetFMUStatePriorToCurrentPoint=False
+        )
+        self.terminated, self.reached = bool(terminates), float(reached)
+        at = f"fmi3DoStep at t = {time:.9g} s"
+        if early and not terminates:
+            said = f"{at} returned early at t = {reached:.9g} s, which was not allowed."
+            raise _rebuild_error(said, "fmi3DoStep", ERROR, EARLY)
+        if event and not self.claim:
+            self.claim = f"{at} asked for event mode, which is not used."
+
+    def _integrate(self, integration: Integration, time: float, length: float) -> None:
+        try:
+            integration.step(time, length)
+        except RuntimeError as error:  # of the solver
+            sentence = (
+                f"The model cannot be integrated from t = {time:.9g} s on: {format_message(str(error))}"
+            )
+            raise _rebuild_error(sentence, "the solver", ERROR) from error
+        self.terminated = integration.terminated
+
+    def _wait(self) -> None:
+        """Wait until a pending step is completed."""
+        answer = c_int(PENDING)
+        while answer.value == PENDING:
+            clock.sleep(0.001)
+            self.fmu.fmi2GetStatus(self.fmu.component, fmi2DoStepStatus, byref(answer))
+        if answer.value not in FINE:
+            raise FMICallException("fmi2DoStep", answer.value)
+
+    def reset(self) -> None:
+        """Reset the instance to its initial state."""
+        super().reset()
+        self._forget()
+
+    def _forget(self) -> None:
+        """Forget the run."""
+        self.terminated = False
+        self._arrays.clear()
+        if self.events is not None:
+            self.events.reset()
+
+    def close(self) -> None:
+        """Terminate and free the instance. The library stays loaded."""
+        self.terminate()
+        self.free()
+        if self._integration is not None:
+            self._integration.close()
+
+    def reference(self, name: str) -> int:
+        """Return the value reference of a variable."""
+        return self.subject.variables[name].valueReference
+
+    def _references(self, names: Sequence[str]) -> list[int]:
+        return [self.reference(name) for name in names]
+
+
+def _null(lines: Iterable[LogLine]) -> CallError:
+    """Return the error for a failed instantiation, with the last log messages."""
+    said = " ".join(line.text for line in list(lines)[-2:])
+    error = CallError("fmi2Instantiate", ERROR)
+    error.args = (f"fmi2Instantiate answered NULL{f': {format_message(said)}' if said else '.'}",)
+    return error

@@ -1,0 +1,109 @@
+"""Run an instance through an experiment and collect its outputs."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from emla_cosim.base.arrays import Vector
+
+from ..subject import Subject
+from .experiment import Experiment, make_experiment
+from .fresh_process import in_fresh_process
+from .hosted_instance import HostedInstance
+
+NUMERIC = ("Real", "Integer", "Boolean", "Enumeration")
+
+
+@dataclass(frozen=True)
+class OutputTrajectory:
+    """Values of outputs at communication points: a row for each of `times`, a column for each name.
+
+    It is shorter than its experiment if the FMU asked to end the run.
+    """
+
+    times: Vector
+    names: list[str]
+    values: Vector
+
+    def same(self, other: "OutputTrajectory") -> bool:
+        """Return whether both are bitwise equal."""
+        return self.values.tobytes() == other.values.tobytes()
+
+    def first_difference(self, other: "OutputTrajectory") -> tuple[str, float]:
+        """Return the name and time in s of the first value that is not bitwise equal."""
+        rows = min(len(self.times), len(other.times))
+        differs = self.values[:rows].view(np.int64) != other.values[:rows].view(np.int64)
+        if not differs.any():
+            return "the end of the run", float(self.times[rows - 1])
+        k = int(np.argmax(differs.any(axis=1)))
+        return self.names[int(np.argmax(differs[k]))], float(self.times[k])
+
+    def until(self, rows: int) -> "OutputTrajectory":
+        """Return the first rows."""
+        return OutputTrajectory(self.times[:rows], self.names, self.values[:rows])
+
+    def distance(self, other: "OutputTrajectory") -> Vector:
+        """Return the largest difference of each output, relative to its range in both runs.
+
+        The distance of NaN to anything but NaN is infinite. So is that of runs of different length.
+        """
+        if len(self.times) != len(other.times):
+            return np.full(len(self.names), np.inf)
+        both = np.concatenate([self.values, other.values])
+        with np.errstate(invalid="ignore", over="ignore"):
+            known = np.where(np.isfinite(both), both, 0.0)
+            # an output that hardly moves is scaled by its magnitude
+            scale = np.maximum(np.ptp(known, axis=0), 1e-6 * np.abs(known).max(axis=0))
+            apart = np.abs(self.values - other.values)
+            apart[self.values == other.values] = 0.0
+            apart[np.isnan(self.values) & np.isnan(other.values)] = 0.0
+            apart[np.isnan(apart)] = np.inf
+            return apart.max(axis=0) / np.where(scale > 0.0, scale, 1.0)
+
+
+def outputs(subject: Subject) -> list[str]:
+    """Names of all outputs that are numbers."""
+    found = subject.description.modelVariables
+    return [v.name for v in found if v.causality == "output" and v.type in NUMERIC]
+
+
+def run_instance(instance: HostedInstance, course: Experiment) -> OutputTrajectory:
+    """Initialize an instance with the first inputs and run it through an experiment."""
+    instance.initialize(course.at(0), float(course.times[0]), None)
+    return step_instance(instance, course)
+
+
+def step_instance(
+    instance: HostedInstance,
+    course: Experiment,
+    first: int = 0,
+    last: int | None = None,
+    names: list[str] | None = None,
+) -> OutputTrajectory:
+    """Step an instance from the communication point `first` to `last`; default: to the end.
+
+    `names` are the variables to read; default: all outputs.
+    """
+    names = outputs(instance.subject) if names is None else names
+    rows: list[list[Any]] = [instance.get(names)]
+    steps = range(first, len(course.times) - 1 if last is None else last)
+    for k in steps if not instance.terminated else ():
+        instance.set(course.at(k))
+        instance.step(float(course.times[k]), course.step)
+        if instance.terminated:
+            break  # before the end of the step
+        rows.append(instance.get(names))
+    times = course.times[first : first + len(rows)]
+    return OutputTrajectory(times, names, np.array(rows, dtype=float).reshape(len(rows), len(names)))
+
+
+def run_alone(
+    subject: Subject, course: Experiment | None = None, kind: str | None = None
+) -> OutputTrajectory:
+    """Run an instance in its own process."""
+    return in_fresh_process(_whole_run, subject, course or make_experiment(subject), kind)
+
+
+def _whole_run(subject: Subject, course: Experiment, kind: str | None) -> OutputTrajectory:
+    return run_instance(HostedInstance(subject, kind=kind), course)

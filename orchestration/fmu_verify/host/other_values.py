@@ -1,0 +1,135 @@
+"""Values of variables of all types: their start values, and other valid ones."""
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+from fmpy.model_description import ModelVariable
+
+from emla_cosim.fmu.elements import number_range
+from emla_cosim.fmu.instance import kind_of
+
+from ..subject import Subject
+from .fresh_process import EndedError, in_fresh_process
+from .hosted_instance import CallError
+from .limits import limits_of, parse_number
+
+MOST = 300
+"""Most variables that a check changes or reads."""
+
+_PATIENCE = 0.25
+"""Part of the time limit that an FMU may take with other values: they need not make sense to the model."""
+
+_CLOSE = 1e-5
+"""Relative difference of Reals that counts: tools round start values that they write."""
+
+Values = dict[str, Any]
+
+
+def start_of(variable: ModelVariable) -> Any:
+    """Return the start value in the type of the variable; None if there is none that can be read."""
+    text = variable.start
+    if text is None:
+        return None
+    try:
+        if variable.type == "Real":
+            return float(text)
+        if variable.type in ("Integer", "Enumeration"):
+            return int(text)
+    except ValueError:
+        return None
+    return str(text).strip().lower() in ("true", "1") if variable.type == "Boolean" else str(text)
+
+
+def other_of(variable: ModelVariable) -> Any:
+    """Return a valid value that is not the start value; None if there is none."""
+    start = start_of(variable)
+    if start is None:
+        return None
+    if variable.type == "Boolean":
+        return not start
+    if variable.type == "String":
+        return f"{start}2"
+    if variable.type == "Enumeration":
+        return next((value for value in items_of(variable) if value != start), None)
+    low, high = limits_of(variable)
+    if variable.type == "Integer":
+        least, most = number_range(variable)
+        values = (v for v in (start + 1, start - 1) if low <= v <= high and least <= v <= most)
+        return next(values, None)
+    width = high - low if math.isfinite(high - low) else abs(parse_number(variable.nominal, start or 1.0))
+    step = 0.1 * width
+    return next((v for v in (start + step, start - step) if low <= v <= high and v != start), None)
+
+
+def items_of(variable: ModelVariable) -> list[int]:
+    """Return the values of the items of an Enumeration."""
+    declared = variable.declaredType
+    return [int(item.value or 0) for item in declared.items or ()] if declared is not None else []
+
+
+def settable(
+    subject: Subject, *causalities: str, tunable: bool = False, most: int | None = MOST
+) -> list[ModelVariable]:
+    """Return variables of these causalities that can be set and have a start value, without aliases.
+
+    With `tunable`, parameters must be tunable. `most` limits the number; None: no limit.
+    """
+    found: dict[tuple[str, int], ModelVariable] = {}
+    for variable in subject.description.modelVariables:
+        right = variable.causality in causalities and variable.variability != "constant"
+        if tunable and variable.causality == "parameter":
+            right = right and variable.variability == "tunable"
+        if right and variable.start is not None:
+            found.setdefault((kind_of(variable), int(variable.valueReference)), variable)
+    return list(found.values())[:most]
+
+
+def others(variables: Iterable[ModelVariable]) -> Values:
+    """Return another valid value for each variable that has one, by name."""
+    return {v.name: value for v in variables if (value := other_of(v)) is not None}
+
+
+def same(found: Any, wanted: Any) -> bool:
+    """Return whether two values of a variable are equal, Reals within rounding, Strings but for spaces."""
+    found, wanted = (v.decode(errors="replace") if isinstance(v, bytes) else v for v in (found, wanted))
+    if isinstance(found, str) and isinstance(wanted, str):
+        return " ".join(found.split()) == " ".join(wanted.split())
+    if isinstance(found, float) or isinstance(wanted, float):
+        return found == wanted or math.isclose(float(found), float(wanted), rel_tol=_CLOSE, abs_tol=1e-300)
+    return found == wanted
+
+
+def differences(found: Mapping[str, Any], wanted: Mapping[str, Any], names: Iterable[str]) -> list[str]:
+    """Return the names of variables whose values differ."""
+    return [name for name in names if not same(found[name], wanted[name])]
+
+
+def show(value: Any) -> str:
+    """Return a value for a message."""
+    if isinstance(value, bytes):
+        return repr(value[:60].decode(errors="replace"))
+    return f"{value:.9g}" if isinstance(value, float) else repr(value)
+
+
+def where_accepted(do: Callable[[Subject, Values], Any], subject: Subject, changes: Values) -> list[Any]:
+    """Call `do` in a new process with all changes, or with those of each type if the FMU refuses them.
+
+    Returns:
+        The results of the calls that the FMU did not refuse. An FMU may refuse valid values, for example a
+        name of a file that does not exist.
+    """
+    patience = _PATIENCE * subject.settings.seconds
+    by_type: dict[str, Values] = {}
+    for name, value in changes.items():
+        by_type.setdefault(str(subject.variables[name].type), {})[name] = value
+    for parts in ([changes], list(by_type.values())):
+        found = []
+        for part in parts:
+            try:
+                found.append(in_fresh_process(do, subject, part, timeout=patience))
+            except (CallError, EndedError):
+                continue
+        if found:
+            return found
+    return []

@@ -1,0 +1,94 @@
+"""Points at which an FMU can be evaluated repeatedly for values and derivatives."""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from emla_cosim.base.arrays import Vector
+
+from ..subject import Subject
+from . import declared_dependencies
+from .declared_dependencies import Dependency
+from .experiment import make_experiment
+from .fresh_process import is_single_instance
+from .hosted_instance import HostedInstance
+from .limits import limits_of, parse_number
+
+_STEPS = 20
+"""Steps of the run for Model Exchange."""
+
+
+@dataclass(frozen=True)
+class Point:
+    """An instance in a mode that allows setting knowns and getting unknowns in any order.
+
+    `values` are those of the knowns. Methods that change a known restore it.
+    """
+
+    instance: HostedInstance
+    dependencies: list[Dependency]
+    knowns: list[str]
+    values: dict[str, float]
+    where: str
+
+    @property
+    def unknowns(self) -> list[str]:
+        """Names of the unknowns."""
+        return [d.unknown for d in self.dependencies]
+
+    def scale(self, known: str) -> float:
+        """Return the typical magnitude of a known, from which step sizes derive."""
+        variable = self.instance.subject.variables[known]
+        nominal = abs(parse_number(variable.nominal, 0.0))
+        low, high = limits_of(variable)
+        width = 0.1 * (high - low)
+        return max(nominal, abs(self.values[known]), width if math.isfinite(width) else 0.0) or 1.0
+
+    def evaluate_shifted(self, changes: dict[str, float]) -> Vector:
+        """Return the unknowns with some knowns changed by these amounts. Restore the knowns."""
+        old = {name: self.values[name] for name in changes}
+        self.instance.set({name: old[name] + by for name, by in changes.items()})
+        try:
+            return np.array(self.instance.get(self.unknowns), dtype=float)
+        finally:
+            self.instance.set(old)
+
+    def directional(self, knowns: Sequence[str], seed: Sequence[float]) -> Vector:
+        """Return the result of fmi2GetDirectionalDerivative for the unknowns."""
+        return np.array(self.instance.directional(self.unknowns, knowns, seed))
+
+
+def in_initialization(subject: Subject, count: int) -> Iterator[Point]:
+    """Yield instances in initialization mode, with the inputs at several times of the experiment."""
+    course = make_experiment(subject)
+    knowns = [v.name for v in subject.of_causality("input")]
+    places = np.linspace(0, len(course.times) - 1, 1 if is_single_instance(subject) else count)
+    for k in np.unique(places.astype(int)):
+        instance = HostedInstance(subject)
+        first, values = course.at(0), course.at(int(k))
+        instance.begin_initialization(float(course.times[0]), set_values=partial(instance.set, first))
+        instance.set(values)
+        found = declared_dependencies.at_initialization(subject)
+        yield Point(instance, found, knowns, values, f"in initialization mode (inputs {k})")
+        instance.free()
+
+
+def in_event_mode(subject: Subject, count: int) -> Iterator[Point]:
+    """Yield a model in event mode at several times of the experiment."""
+    course = make_experiment(subject, _STEPS)
+    knowns = [v.name for v in subject.of_causality("input") if v.variability in (None, "continuous")]
+    instance = HostedInstance(subject, kind="ModelExchange")
+    instance.initialize(course.at(0), float(course.times[0]))
+    wanted = set(np.linspace(0, len(course.times) - 1, count).astype(int))
+    for k, time in enumerate(course.times):
+        instance.set(course.at(k))
+        if k in wanted:
+            values = {n: course.at(k)[n] for n in knowns}
+            found = declared_dependencies.at_events(subject)
+            yield Point(instance, found, knowns, values, f"of the model at t = {time:.9g} s")
+        if instance.terminated or k == len(course.times) - 1:
+            return
+        instance.step(float(time), course.step)

@@ -1,0 +1,123 @@
+"""The report as JSON, for programs.
+
+    {
+      "format": "emla-verify", "version": 1,           increases if a field changes or is removed
+      "made_by": "emla-cosim 0.1.0", "started": "2026-01-31T12:00:00+00:00",
+      "passed": true,                                  all FMUs passed
+      "complete": true,                                false after an interruption
+      "counts": {"passed": 8, "warning": 1, "failed": 0, "skipped": 2},
+      "examined": [
+        {
+          "name": "build/Plant.fmu",                   name in reports
+          "path": "build/Plant.fmu",                   as the user wrote it
+          "passed": true, "verdict": "warning",        the worst verdict
+          "objections": [],                            why it does not pass, besides failed checks
+          "not_examined": ["..."],                     what could not be judged
+          "seconds": 1.5,
+          "facts": {"FMI": "2.0", ...},                texts by name
+          "findings": [
+            {
+              "check": "reference.tube", "title": "...", "verdict": "passed",
+              "sentence": "...", "details": ["..."], "hint": "...", "seconds": 0.2,
+              "done": "...",                           what was done
+              "repeat": "emla verify ...",             the command that repeats the check
+              "clause": {"document": "FMI 2.0.4", "section": "4.2.2", "sentence": "..."},
+              "figures": {"steps": 1000, ...},         numbers that the check measures
+              "comparisons": [
+                {
+                  "signal": "x", "unit": "m",
+                  "inside": false, "left_at": 0.7,     null if it stays in its tube
+                  "worst": 0.01, "worst_at": 0.9,      in the unit of the signal, and in s
+                  "tube": {"value": 0.001, "time": 0.005}
+                }
+              ]
+            }
+          ]
+        }
+      ]
+    }
+
+Infinite numbers and NaN are null. Verdicts are passed, warning, failed and skipped.
+"""
+
+import json
+from pathlib import Path
+from typing import Any
+
+from emla_cosim.base.output_files import OutputFile
+from emla_cosim.base.tubes.signal_check import Comparison
+from emla_cosim.pages.plain import to_plain
+
+from .findings import Examined, Finding, Findings, worst
+from .marks import JSON_FORMAT, is_json
+from .repetition import format_command
+from .verdict import Verdict
+
+VERSION = 1
+"""Version of the format."""
+
+
+def as_dict(report: Findings) -> dict[str, Any]:
+    """Return the report as dictionaries, lists, strings, finite numbers, booleans and None."""
+    return to_plain(
+        {
+            "format": JSON_FORMAT,
+            "version": VERSION,
+            "made_by": f"emla-cosim {report.version}",
+            "started": report.started,
+            "passed": report.passed,
+            "complete": report.complete,
+            "counts": {verdict.value: report.counts[verdict] for verdict in Verdict},
+            "examined": [_examined(one) for one in report.examined],
+        }
+    )
+
+
+def save(report: Findings, path: Path, overwrite: bool = False) -> None:
+    """Write the report as JSON. Raise CommandError and RunError like `OutputFile`."""
+    text = json.dumps(as_dict(report), indent=2, allow_nan=False) + "\n"
+    OutputFile(path, "the JSON report", is_json, overwrite).write(text.encode("utf-8", "replace"))
+
+
+def _examined(one: Examined) -> dict[str, Any]:
+    return {
+        "name": one.label,
+        "path": str(one.path),
+        "passed": one.passed,
+        "verdict": worst(one.findings).value,
+        "objections": one.objections,
+        "not_examined": one.not_examined,
+        "seconds": one.seconds,
+        "facts": one.facts,
+        "findings": [_finding(one, finding) for finding in one.findings],
+    }
+
+
+def _finding(one: Examined, finding: Finding) -> dict[str, Any]:
+    clause, outcome = finding.clause, finding.outcome
+    return {
+        "check": finding.check,
+        "title": finding.title,
+        "verdict": finding.verdict.value,
+        "sentence": finding.sentence,
+        "done": finding.done,
+        "details": outcome.details,
+        "clause": {"document": clause.document, "section": clause.section, "sentence": clause.sentence},
+        "hint": finding.hint,
+        "repeat": format_command(one, finding),
+        "seconds": finding.seconds,
+        "figures": outcome.figures,
+        "comparisons": [_comparison(one) for one in outcome.comparisons],
+    }
+
+
+def _comparison(one: Comparison) -> dict[str, Any]:
+    return {
+        "signal": one.signal,
+        "unit": one.unit,
+        "inside": one.inside,
+        "worst": one.worst,
+        "worst_at": one.worst_at,
+        "left_at": one.left_at,
+        "tube": {"value": one.tube.value, "time": one.tube.time},
+    }

@@ -1,0 +1,99 @@
+"""Write the report as JUnit XML for CI systems: a suite for each FMU, a case for each check."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
+
+from emla_cosim.base.output_files import OutputFile
+from emla_cosim.pages.text import make_visible
+
+from .findings import Examined, Finding, Findings
+from .marks import is_junit
+from .repetition import format_command
+from .short_names import shorten_names
+from .verdict import Verdict
+
+
+def save(report: Findings, path: Path, overwrite: bool = False) -> None:
+    """Write the report as JUnit XML. Raise CommandError and RunError like `OutputFile`."""
+    names = shorten_names([one.label for one in report.examined])
+    suites = [_suite(one, name, report) for one, name in zip(report.examined, names, strict=True)]
+    root = _element(
+        "testsuites",
+        name="emla verify",
+        tests=sum(report.counts.values()) + sum(len(one.objections) for one in report.examined),
+        failures=report.counts[Verdict.FAILED] + sum(len(one.objections) for one in report.examined),
+        errors=0,
+        time=_time(sum(one.seconds for one in report.examined)),
+    )
+    root.extend(suites)
+    etree.indent(root)
+    text = f'<?xml version="1.0" encoding="UTF-8"?>\n{etree.tostring(root, encoding="unicode")}\n'
+    OutputFile(path, "the JUnit report", is_junit, overwrite).write(text.encode("utf-8", "replace"))
+
+
+def _suite(one: Examined, name: str, report: Findings) -> Any:
+    suite = _element(
+        "testsuite",
+        name=one.label,
+        tests=len(one.findings) + len(one.objections),
+        failures=len(one.of(Verdict.FAILED)) + len(one.objections),
+        errors=0,
+        skipped=len(one.of(Verdict.SKIPPED)),
+        time=_time(one.seconds),
+        timestamp=report.started,
+    )
+    properties = _element("properties")
+    facts = {"emla-cosim": report.version, **one.facts}
+    properties.extend(_element("property", name=fact, value=value) for fact, value in facts.items())
+    suite.append(properties)
+    suite.extend(_case(one, finding, _class_name(name)) for finding in one.findings)
+    suite.extend(_objection(objection, _class_name(name)) for objection in one.objections)
+    if one.not_examined:
+        suite.append(_element("system-out", "\n".join(["Not examined:", *one.not_examined])))
+    return suite
+
+
+def _objection(sentence: str, class_name: str) -> Any:
+    """Return a failed case for an FMU that does not pass although no check failed."""
+    case = _element("testcase", classname=class_name, name="fully verified", time=_time(0.0))
+    case.append(_element("failure", sentence, type="not passed", message=sentence))
+    return case
+
+
+def _class_name(label: str) -> str:
+    """Return the class name by which CI systems group cases: folders as packages, no other dots."""
+    return label.removesuffix(".fmu").replace(".", "_").replace("/", ".")
+
+
+def _case(one: Examined, finding: Finding, class_name: str) -> Any:
+    case = _element("testcase", classname=class_name, name=finding.check, time=_time(finding.seconds))
+    if finding.verdict == Verdict.FAILED:
+        case.append(_element("failure", _explain(one, finding), type=finding.check, message=finding.sentence))
+    elif finding.verdict == Verdict.SKIPPED:
+        case.append(_element("skipped", message=finding.sentence))
+    elif finding.verdict == Verdict.WARNING:
+        case.append(_element("system-out", f"Warning: {_explain(one, finding)}"))
+    return case
+
+
+def _time(seconds: float) -> str:
+    return f"{seconds if math.isfinite(seconds) else 0.0:.3f}"
+
+
+def _explain(one: Examined, finding: Finding) -> str:
+    """Return message, details, clause, what was done, hint and the command to repeat it, as paragraphs."""
+    clause = f"{finding.clause}: \u201c{finding.clause.sentence}\u201d"
+    done = f"What was done: {finding.done}" if finding.done else ""
+    repeat = f"Repeat it: {format_command(one, finding)}"
+    parts = (finding.sentence, "\n".join(finding.outcome.details), clause, done, finding.hint, repeat)
+    return "\n\n".join(part for part in parts if part)
+
+
+def _element(tag: str, text: str | None = None, **attributes: Any) -> Any:
+    element = etree.Element(tag, {name: make_visible(value) for name, value in attributes.items()})
+    if text is not None:
+        element.text = make_visible(text)
+    return element

@@ -1,0 +1,112 @@
+"""List and parse the shared libraries of an FMU."""
+
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from emla_cosim.fmu.shared_library import missing_bytes
+
+from .binary_headers import NAMES_OF_VERSION_2, wanted_target
+from .subject import Subject
+
+_EXTERNAL, _DEBUG_OR_PRIVATE, _TYPE, _IN_SECTION = 0x01, 0xF0, 0x0E, 0x0E
+"""Bits of `n_type` in the symbol table of Mach-O: N_EXT, N_STAB and N_PEXT, N_TYPE, N_SECT."""
+
+_OF_SYSTEM = {"linux": ".so", "windows": ".dll", "darwin": ".dylib"}
+_SUFFIXES = tuple(_OF_SYSTEM.values())
+
+
+@dataclass(frozen=True)
+class Library:
+    """A library with the name of a model identifier, and the kinds of FMU that it is for."""
+
+    path: Path
+    kinds: tuple[str, ...]
+
+    @property
+    def platform(self) -> str:
+        """Name of the platform's folder: `linux64`."""
+        return self.path.parent.name
+
+    def __str__(self) -> str:
+        return f"{self.platform}/{self.path.name}"
+
+
+def list_libraries(subject: Subject) -> list[Library]:
+    """Return the libraries that model identifiers name, for all platforms."""
+    by_path: dict[Path, list[str]] = {}
+    for kind in subject.kinds:
+        name = subject.tree.find(kind).get("modelIdentifier")
+        for folder in list_platforms(subject):
+            if subject.version == 3 and folder.name in NAMES_OF_VERSION_2:
+                continue  # no tool looks there for a library of FMI 3.0
+            for path in sorted(folder.iterdir()):
+                if path.is_file() and path.stem == name and path.suffix in _find_suffixes(folder.name):
+                    by_path.setdefault(path, []).append(kind)
+    return [Library(path, tuple(kinds)) for path, kinds in by_path.items()]
+
+
+def _find_suffixes(folder: str) -> tuple[str, ...]:
+    """Return the suffixes of libraries in the folder of a platform."""
+    target = wanted_target(folder)
+    return _SUFFIXES if target is None else (_OF_SYSTEM[target[0]],)
+
+
+def list_platforms(subject: Subject) -> list[Path]:
+    """Return the folders of platforms with binaries."""
+    binaries = subject.folder / "binaries"
+    return sorted(p for p in binaries.iterdir() if p.is_dir()) if binaries.is_dir() else []
+
+
+def find_dependencies_file(subject: Subject) -> str:
+    """Return the file that lists the FMU's external dependencies, or an empty string."""
+    names = [f"documentation/externalDependencies.{kind}" for kind in ("txt", "html")]
+    return next((name for name in names if (subject.folder / name).is_file()), "")
+
+
+def parse_library(path: Path) -> Any:
+    """Parse a library with LIEF. Return None if it is not a library, or truncated."""
+    import lief  # slow to load, and only three checks need it
+
+    lief.logging.disable()
+    if missing_bytes(path):
+        return None
+    with suppress(Exception):  # LIEF raises several kinds
+        found = lief.parse(str(path))
+        if isinstance(found, lief.MachO.FatBinary):
+            return found.at(0)
+        return found
+    return None
+
+
+def list_exports(binary: Any) -> set[str]:
+    """Return the C names of the functions that a library exports."""
+    import lief
+
+    names = {str(f.name) for f in binary.exported_functions} | set(_symbols(binary))
+    if isinstance(binary, lief.MachO.Binary):
+        names |= {str(s.name) for s in binary.symbols if _is_defined(s)}  # older linkers write no export trie
+        return {name.removeprefix("_") for name in names}
+    return names
+
+
+def _is_defined(symbol: Any) -> bool:
+    """Return whether a symbol of a Mach-O library is defined in it and visible outside."""
+    return bool(symbol.raw_type & _EXTERNAL) and symbol.raw_type & (_DEBUG_OR_PRIVATE | _TYPE) == _IN_SECTION
+
+
+def list_needed_libraries(binary: Any) -> list[str]:
+    """Return the names of the libraries that a library loads."""
+    import lief
+
+    if not isinstance(binary, lief.MachO.Binary):
+        return [str(name) for name in binary.libraries]
+    own = lief.MachO.LoadCommand.TYPE.ID_DYLIB
+    return [str(command.name) for command in binary.libraries if command.command != own]
+
+
+def _symbols(binary: Any) -> Iterator[str]:
+    for symbol in getattr(binary, "exported_symbols", ()):
+        yield str(symbol.name)

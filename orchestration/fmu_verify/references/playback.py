@@ -1,0 +1,85 @@
+"""Run an FMU with the inputs, start values and times of a reference."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from fmpy.model_description import ModelVariable
+
+from emla_cosim.base.arrays import Vector
+from emla_cosim.base.errors import CommandError
+from emla_cosim.fmu.variables import convert_start_values
+
+from ..host.experiment import Experiment, span
+from ..host.hosted_instance import HostedInstance
+from ..host.instance_runs import OutputTrajectory, step_instance
+from ..subject import Subject
+from .reference_files import ReferenceSolution
+
+_SLIVER = 1e-6
+"""Tolerance for equal times, relative to a step."""
+
+
+def build_course(subject: Subject, reference: ReferenceSolution) -> Experiment:
+    """Return the communication points of a reference and its inputs. Raise CommandError on a mismatch."""
+    intervals = np.diff(np.unique(reference.solution["time"]))
+    step = reference.step or min(span(subject)[1], float(intervals.min(initial=np.inf)))
+    count = round((reference.stop - reference.start) / step)
+    if count < 1 or abs(reference.start + count * step - reference.stop) > 1e-3 * step:
+        raise CommandError(
+            f"the reference covers {reference.start:g} s to {reference.stop:g} s, which is not a whole "
+            f"number of steps of {step:g} s."
+        )
+    times = np.asarray(reference.start + step * np.arange(count + 1), dtype=np.float64)
+    return Experiment(times, inputs_at(subject, reference.inputs, times))
+
+
+def inputs_at(subject: Subject, columns: Mapping[str, Vector], times: Vector) -> dict[str, Vector]:
+    """Return the input columns at these times in s. Raise CommandError if a column is not an input.
+
+    Continuous inputs are linear between rows. Others hold the value of the last row, and have the type of
+    their variable. Of rows at the same time, which are an event, the last one counts.
+    """
+    found = {}
+    for name, values in columns.items():
+        variable = subject.variables.get(name)
+        if name == "time":
+            continue
+        if variable is None or variable.causality != "input":
+            raise CommandError(f"the inputs have the column '{name}', but the FMU has no such input.")
+        found[name] = _sampled(variable, columns["time"], values, times)
+    return found
+
+
+def run_reference(subject: Subject, reference: ReferenceSolution) -> OutputTrajectory:
+    """Run the FMU along a reference. Return the columns of the reference, at its output interval.
+
+    Raises:
+        CallError: A call failed.
+        CommandError: The reference does not match the FMU.
+    """
+    along = build_course(subject, reference)
+    instance = HostedInstance(subject)
+    values = read_start_values(subject, reference.start_values) | along.at(0)
+    instance.initialize(values, reference.start, reference.stop)
+    names = [n for n in reference.solution if n != "time" and n in subject.variables]
+    found = step_instance(instance, along, names=names)
+    instance.close()
+    every = max(1, round((reference.interval or 0.0) / along.step))
+    return OutputTrajectory(found.times[::every], found.names, found.values[::every])
+
+
+def read_start_values(subject: Subject, given: Mapping[str, Any]) -> dict[str, Any]:
+    """Convert start values to the types of their variables. Raise CommandError for invalid ones."""
+    typed = convert_start_values(subject.path.stem, subject.interface, given)
+    return {str(variable.name): value for variable, value in typed}
+
+
+def _sampled(variable: ModelVariable, rows: Vector, values: Vector, times: Vector) -> Vector:
+    ahead = _SLIVER * float(times[1] - times[0])
+    last = np.maximum(np.searchsorted(rows, times + ahead, side="right") - 1, 0)
+    if variable.type == "Real" and variable.variability in (None, "continuous"):
+        at_event = (np.abs(rows[last] - times) <= ahead) & (rows[np.maximum(last - 1, 0)] == rows[last])
+        return np.where(at_event & (last > 0), values[last], np.interp(times, rows, values))
+    types = {"Real": np.float64, "Boolean": np.bool_}
+    return values[last].astype(types.get(str(variable.type), np.int64))

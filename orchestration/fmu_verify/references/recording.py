@@ -1,0 +1,157 @@
+"""Record reference files from a run of the FMU itself, to detect later changes."""
+
+import csv
+import json
+from collections.abc import Iterable
+from importlib.metadata import version
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from emla_cosim.base.arrays import Vector
+from emla_cosim.base.errors import CommandError
+from emla_cosim.base.files import resolve_output_path, write_atomically
+from emla_cosim.base.output_files import OutputFile
+
+from ..confinement import confine
+from ..host.experiment import span
+from ..host.fresh_process import in_fresh_process
+from ..host.instance_runs import OutputTrajectory, outputs
+from ..settings import Recording
+from ..subject import Subject
+from .excitation import excite_inputs
+from .playback import inputs_at, read_start_values, run_reference
+from .reference_files import OPTIONS, ReferenceSolution, read_columns
+
+MOST_STEPS = 100_000
+"""Most steps of a recorded run."""
+
+_ROWS = 1000
+"""Approximate number of rows of generated inputs and recorded outputs."""
+
+
+def check_recording(recording: Recording, fmus: Iterable[Path]) -> None:
+    """Raise CommandError if files exist and must not be overwritten, or cannot be written.
+
+    Check also that the FMUs have the start values and inputs, if their model descriptions are readable.
+    """
+    try:
+        recording.folder.mkdir(parents=True, exist_ok=True)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise CommandError(f"the folder '{recording.folder}' cannot be created: {reason}.") from error
+    written: set[str] = set()
+    for fmu in fmus:
+        for path in recording.files(fmu.stem):
+            place = resolve_output_path(path, "the reference")
+            if str(place).casefold() in written:  # some file systems ignore case
+                raise CommandError(f"two FMUs have the name {fmu.stem}; record one at a time.")
+            if place.exists() and not recording.overwrite:
+                raise CommandError(f"'{path}' already exists; to replace it, add --overwrite.")
+            written.add(str(place).casefold())
+        subject = Subject(fmu, recording.folder)
+        try:
+            _ = subject.description
+        except Exception:  # the checks report it with more detail
+            continue
+        _course(subject, recording)
+        read_start_values(subject, recording.values)
+        if recording.inputs is not None:
+            inputs_at(
+                subject, read_columns(recording.inputs, "the inputs", subject.interface)[0], np.zeros(2)
+            )
+
+
+def record_reference(subject: Subject, recording: Recording) -> list[Path]:
+    """Run the FMU, write its reference files, and return their paths.
+
+    Raises:
+        CallError: A call failed.
+        CommandError: The inputs do not match the FMU.
+        OSError: A file cannot be written.
+    """
+    start, step, count = _course(subject, recording)
+    stop = start + count * step
+    every = max(1, count // _ROWS)
+    times = np.asarray(start + step * np.arange(0, count + 1, every), dtype=np.float64)
+    if recording.inputs is not None:
+        inputs, _ = read_columns(recording.inputs, "the inputs", subject.interface, start)
+    else:
+        inputs = excite_inputs(subject, recording.shape, times)
+    names = outputs(subject)
+    wanted = {"time": times} | dict.fromkeys(names, times)
+    plan = ReferenceSolution(wanted, inputs, start, stop, step, every * step, recording.values)
+    found = in_fresh_process(_run_confined, subject, plan)
+    rows = {"time": found.times} | {n: found.values[:, i] for i, n in enumerate(found.names)}
+    options = zip(OPTIONS, (start, stop, step, every * step), strict=True)
+    texts = {
+        "ref.csv": _csv(subject, rows),
+        "ref.opt": "".join(f"{name}, {value!r}\n" for name, value in options),
+        "ref.toml": _about(subject, recording),
+    }
+    if len(inputs) > 1:
+        texts["in.csv"] = _csv(subject, inputs)
+    else:  # the file of an earlier recording would be used as inputs
+        (recording.folder / f"{subject.path.stem}_in.csv").unlink(missing_ok=True)
+    written = {recording.folder / f"{subject.path.stem}_{kind}": text for kind, text in texts.items()}
+    for path, text in written.items():
+        file = OutputFile(path, "the reference", lambda _: False, recording.overwrite)
+        with write_atomically(file.place, file.check_again) as stream:
+            stream.write(text.encode())
+    return list(written)
+
+
+def _run_confined(subject: Subject, plan: ReferenceSolution) -> OutputTrajectory:
+    """Run the FMU where it cannot write to the folder of the references."""
+    confine([subject.scratch])
+    return run_reference(subject, plan)
+
+
+def _course(subject: Subject, recording: Recording) -> tuple[float, float, int]:
+    """Return start and step in s, and the number of steps. Raise CommandError for invalid settings."""
+    start, step, count = span(subject)
+    if recording.step is not None:
+        if not recording.step > 0.0:
+            raise CommandError(f"the step size {recording.step:g} s must be a positive number.")
+        step, count = recording.step, max(1, round(count * step / recording.step))
+    if recording.stop is not None:
+        if not recording.stop > start:
+            raise CommandError(f"the stop time {recording.stop:g} s must be after the start, {start:g} s.")
+        count = max(1, round((recording.stop - start) / step))
+    if count > MOST_STEPS:
+        raise CommandError(
+            f"{count} steps of {step:g} s are too many to record; set --stop-time or --step-size."
+        )
+    return start, step, count
+
+
+def _csv(subject: Subject, columns: dict[str, Vector]) -> str:
+    """Format columns as CSV: Reals with all digits, other types as whole numbers, Booleans as 0 and 1."""
+    variables = [subject.variables.get(name) for name in columns]
+    convert = [float if v is None or v.type == "Real" else int for v in variables]
+    text = StringIO(newline="")
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows(
+        [repr(to(value)) for to, value in zip(convert, row, strict=True)]
+        for row in zip(*columns.values(), strict=True)
+    )
+    return text.getvalue()
+
+
+def _about(subject: Subject, recording: Recording) -> str:
+    driven = f"inputs of {recording.inputs.name}" if recording.inputs else f"{recording.shape} as inputs"
+    description = subject.description
+    made_by = (
+        f"emla verify --record, {version('emla-cosim')}: {subject.path.name} (GUID {description.guid}, "
+        f"{description.generationTool or 'unnamed tool'}) with {driven}"
+    )
+    values = "".join(f"{_write_toml(n)} = {_write_toml(v)}\n" for n, v in recording.values.items())
+    return f"made_by = {_write_toml(made_by)}\n" + (f"\n[set]\n{values}" if values else "")
+
+
+def _write_toml(value: Any) -> str:
+    text = json.dumps(value, ensure_ascii=False)  # TOML has the numbers and escapes of JSON
+    return "".join(c if c.isprintable() else f"\\U{ord(c):08x}" for c in text)

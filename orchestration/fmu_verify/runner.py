@@ -1,0 +1,294 @@
+"""Verify files with one examiner process per core."""
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor, wait
+from contextlib import ExitStack, suppress
+from dataclasses import replace
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+
+from emla_cosim.base.channel import LOOK
+from emla_cosim.base.errors import CommandError, RunError, check_choice
+from emla_cosim.base.files import temporary_folder
+from emla_cosim.base.process import Child, ChildEndedError, ChildPool, count_cores
+from emla_cosim.base.progress import Progress
+from emla_cosim.base.tubes.tolerance import Tolerance
+from emla_cosim.base.values import convert_value
+
+from .check import Check
+from .check_runner import make_finding
+from .examination import check_names, select_checks, select_needed_checks
+from .examiner import ExaminerJob, examine_jobs
+from .findings import Examined, Finding
+from .gate import Strictness, find_objections, list_unselected
+from .references.recording import check_recording
+from .repetition import list_options
+from .report import Report
+from .settings import Recording, Settings
+from .systems import SystemKind
+from .verdict import RETURNS, CheckOutcome, Verdict, failed
+
+
+def verify(
+    paths: str | Path | Sequence[str | Path] | Mapping[str, str | Path],
+    *,
+    reference: str | Path | None = None,
+    only: Sequence[str] = (),
+    skip: Sequence[str] = (),
+    tolerance: float | Mapping[str, Tolerance | float] | None = None,
+    seconds: float = Settings.seconds,
+    memory: float = Settings.memory / 2**20,
+    record: Recording | None = None,
+    fail_on: Sequence[str] = (),
+    must_run: Sequence[str] = (),
+    progress: Progress | None = None,
+    interrupted: Callable[[], bool] | None = None,
+    systems: SystemKind | None = None,
+) -> Report:
+    """Check FMUs and systems of FMUs: do they follow the standard, and do they behave as before?
+
+    Args:
+        paths: FMU and SSP files; a mapping has them by the names that the report uses.
+        reference: folder of reference files, for a system a folder of results. Default: the references of
+            each FMU.
+        only: names, groups or patterns of the checks to run. Default: all.
+        skip: names, groups or patterns of checks to leave out.
+        tolerance: deviation that is allowed, relative to the range of each signal: a number, or by name and
+            pattern.
+        seconds: time limit of each check, in s.
+        memory: memory limit of each check, in MiB.
+        record: record reference files instead of checking.
+        fail_on: what makes an FMU fail in addition to failed checks: `"warning"`, `"skip"`.
+        must_run: names, groups or patterns of checks that must not be skipped.
+        progress: receives the number of finished checks.
+        interrupted: called often; once it returns true, the report has what is finished until then, and is
+            marked as not complete. Default: run all checks.
+        systems: how to verify files with systems of FMUs; `emla_cosim.verify` knows SSPs. Default: FMUs only.
+
+    Returns:
+        The findings for each file.
+
+    Raises:
+        CommandError: a file does not exist, or an argument is wrong.
+        RunError: the machine has no space or memory for it. All other problems are findings.
+    """
+    named = _name_paths(paths, systems)
+    settings = _settings(reference, only, skip, tolerance, seconds, memory, record, fail_on, must_run)
+    progress = progress or Progress()
+    with ExitStack() as held:
+        jobs = [job for name, path in named.items() for job in _jobs(name, path, settings, systems, held)]
+        if record is not None:
+            check_recording(record, [job.path for job in jobs])
+        count = sum(len(_list_checks(job)) for job in jobs)
+        progress.begin("verifying", count, "checks")
+        folder = held.enter_context(temporary_folder("verify"))
+        examined, is_complete = examine_all(jobs, folder, lambda: progress.advance(1), interrupted)
+    started = datetime.now(UTC).isoformat(timespec="seconds")
+    return Report(examined, version("emla-cosim"), started, complete=is_complete)
+
+
+def _name_paths(
+    paths: str | Path | Sequence[str | Path] | Mapping[str, str | Path], systems: SystemKind | None
+) -> dict[str, Path]:
+    """Return paths by their names in reports. Raise CommandError if one is not a file."""
+    if isinstance(paths, (str, Path)):
+        paths = [paths]
+    given = paths if isinstance(paths, Mapping) else {str(path): path for path in paths}
+    given = {name: path for one in given.items() for name, path in _expand_folder(*one, systems)}
+    if not given:
+        raise CommandError("there is nothing to verify; name at least one FMU.")
+    found = {name: convert_value(path, Path, "the FMU") for name, path in given.items()}
+    for path in found.values():
+        with suppress(OSError, ValueError):  # invalid file names
+            if path.is_file() or _is_system(path, systems):
+                continue
+        raise CommandError(f"the FMU file '{path}' does not exist.", path=str(path))
+    return found
+
+
+def _is_system(path: Path, systems: SystemKind | None) -> bool:
+    return systems is not None and path.suffix.lower() in systems.suffixes
+
+
+def _expand_folder(name: str, path: str | Path, systems: SystemKind | None) -> list[tuple[str, str | Path]]:
+    """Return a path by its name; for a folder, all FMUs and packages in it and its subfolders.
+
+    Raises:
+        CommandError: The folder has none.
+    """
+    if not isinstance(path, (str, Path)):
+        return [(name, path)]
+    folder = Path(path)
+    try:
+        is_folder = folder.is_dir()
+    except (OSError, ValueError):  # invalid file names
+        is_folder = False
+    if not is_folder or _is_system(folder, systems):
+        return [(name, path)]
+    suffixes = (".fmu", *(systems.suffixes[:1] if systems is not None else ()))
+    found = sorted(f for f in folder.rglob("*") if f.suffix.lower() in suffixes and f.is_file())
+    if not found:
+        raise CommandError(f"the folder '{path}' has no FMU and no SSP.", path=str(path))
+    return [(f"{name.rstrip('/')}/{f.relative_to(folder).as_posix()}", f) for f in found]
+
+
+def _settings(
+    reference: str | Path | None,
+    only: Sequence[str],
+    skip: Sequence[str],
+    tolerance: float | Mapping[str, Tolerance | float] | None,
+    seconds: float,
+    memory: float,
+    record: Recording | None,
+    fail_on: Sequence[str],
+    must_run: Sequence[str],
+) -> Settings:
+    only = convert_value([only] if isinstance(only, str) else list(only), Sequence[str], "'only'")
+    skip = convert_value([skip] if isinstance(skip, str) else list(skip), Sequence[str], "'skip'")
+    must_run = [must_run] if isinstance(must_run, str) else list(must_run)
+    must_run = convert_value(must_run, Sequence[str], "'must_run'")
+    fail_on = convert_value(
+        [fail_on] if isinstance(fail_on, str) else list(fail_on), Sequence[str], "'fail_on'"
+    )
+    check_names([*only, *skip, *must_run])
+    for word in fail_on:
+        check_choice("value of fail-on", word, list(Strictness))
+    for name, value in (("seconds", seconds), ("memory", memory)):
+        if not 0.0 < convert_value(value, float, f"'{name}'") < 1e9:
+            raise CommandError(f"'{name}' is {value:g}; it must be a positive number.")
+    folder = None if reference is None else convert_value(reference, Path, "the reference")
+    if folder is not None and not folder.exists():
+        raise CommandError(f"the folder of references '{folder}' does not exist.")
+    wide = {"*": tolerance} if isinstance(tolerance, (int, float)) else tolerance or {}
+    settings = Settings(
+        only=only,
+        skip=skip,
+        reference=folder.absolute() if folder is not None else None,
+        tolerance=convert_value(wide, Mapping[str, Tolerance], "the tolerance"),
+        seconds=float(seconds),
+        memory=round(memory * 2**20),
+        recording=record,
+        fail_on=fail_on,
+        must_run=must_run,
+    )
+    if left_out := list_unselected(must_run, select_checks(settings)):
+        raise CommandError(f"'{left_out[0]}' must run, but `only` and `skip` leave it out.")
+    if not select_checks(settings):
+        raise CommandError("`only` and `skip` select no check.")
+    return settings
+
+
+def _jobs(
+    name: str, path: Path, settings: Settings, systems: SystemKind | None, held: ExitStack
+) -> list[ExaminerJob]:
+    """Return the jobs for a path: one for an FMU; for a system, one for each of its FMUs and itself."""
+    if systems is None or not _is_system(path, systems):
+        return [ExaminerJob(path.absolute(), settings, name, path)]
+    if settings.recording is not None:
+        raise CommandError(f"only references of FMUs can be recorded; '{path}' is a system.")
+    alone = replace(settings, reference=None)
+    files = held.enter_context(systems.unpack(path))
+    inside = [ExaminerJob(file, alone, f"{name}/{file.name}", path / file.name) for file in files]
+    return [*inside, ExaminerJob(path.absolute(), settings, name, path, systems)]
+
+
+def examine_all(
+    jobs: Sequence[ExaminerJob],
+    folder: Path,
+    advance: Callable[[], None] = lambda: None,
+    interrupted: Callable[[], bool] | None = None,
+) -> tuple[tuple[Examined, ...], bool]:
+    """Examine files with one process for each core.
+
+    Args:
+        jobs: The files.
+        folder: The folder for temporary files.
+        advance: Called after each check.
+        interrupted: Called often; once it returns true, no further check runs.
+
+    Returns:
+        The findings in the order of the jobs, and whether all checks ran.
+    """
+    pool = ChildPool(lambda: Child(examine_jobs, str(folder)))
+    with ThreadPoolExecutor(min(count_cores(), len(jobs))) as threads:
+        examined = [threads.submit(_examine, job, pool, advance) for job in jobs]
+        left = set(examined)
+        try:
+            while left:
+                done, left = wait(left, LOOK)
+                for job in done:
+                    job.result()
+                if left and not pool.is_closed and interrupted is not None and interrupted():
+                    pool.close()
+            is_complete = not pool.is_closed
+        finally:
+            pool.close()
+            if left:  # an error or a second Ctrl-C; checks notice it before their folder is removed
+                time.sleep(2.0 * LOOK)
+    return tuple(job.result() for job in examined), is_complete
+
+
+def _examine(job: ExaminerJob, pool: ChildPool, advance: Callable[[], None]) -> Examined:
+    """Return the findings of a job. If an FMU ends the examiner, a new one continues after the lost check."""
+    done: list[Finding] = []
+    while not pool.is_closed:
+        try:
+            with pool.member() as examiner:
+                examiner.send(job._replace(done=tuple(done)))
+                while isinstance(answer := examiner.receive(), Finding):
+                    done.append(answer)
+                    advance()
+                if isinstance(answer, RunError):
+                    raise answer
+                return replace(answer, path=job.given, name=job.name, options=list_options(job.settings))
+        except ChildEndedError as error:
+            if pool.is_closed:
+                break
+            lost = _find_lost_check(job, done)
+            if lost is None:
+                return _report_without_examiner(job, done)
+            done.append(make_finding(lost, _describe_loss(str(error))))
+            advance()
+    return _report_interrupted(job, done)
+
+
+def _report_interrupted(job: ExaminerJob, done: Sequence[Finding]) -> Examined:
+    """Return what was found about an FMU until its examination was interrupted; it does not pass."""
+    count = len(_list_checks(job))
+    selected = {c.name for c in (_list_checks(job) if job.system else select_checks(job.settings))}
+    shown = tuple(f for f in done if f.check in selected or f.verdict == Verdict.FAILED)
+    said = f"The examination was interrupted: {count - len(done)} of {count} checks did not run."
+    seconds = sum(f.seconds for f in done)
+    return Examined(
+        job.given,
+        {},
+        shown,
+        seconds,
+        job.name,
+        (*find_objections(shown, job.settings), said),
+        options=list_options(job.settings),
+    )
+
+
+def _find_lost_check(job: ExaminerJob, done: Sequence[Finding]) -> Check | None:
+    """Return the check during which the examiner ended, or None if all were done."""
+    names = {f.check for f in done}
+    return next((c for c in _list_checks(job) if c.name not in names), None)
+
+
+def _list_checks(job: ExaminerJob) -> list[Check]:
+    """Return the checks that run for a job."""
+    return [job.system.select_check(job.settings)] if job.system else select_needed_checks(job.settings)
+
+
+def _describe_loss(how: str) -> CheckOutcome:
+    sentence = f"It ended the process of emla verify that runs the checks ({how})."
+    return failed(sentence, clause=RETURNS, hint="Look for signals that the FMU sends to other processes.")
+
+
+def _report_without_examiner(job: ExaminerJob, done: Sequence[Finding]) -> Examined:
+    """Return the findings of an FMU whose examiner ended after the last check."""
+    objections = find_objections(done, job.settings)
+    return Examined(job.given, {}, tuple(done), 0.0, job.name, objections, options=list_options(job.settings))

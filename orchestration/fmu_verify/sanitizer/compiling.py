@@ -1,0 +1,134 @@
+"""Compile the sources of an FMU, and the host for it, with sanitizers."""
+
+import subprocess
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from importlib.resources import as_file, files
+from pathlib import Path
+from typing import Any
+
+import fmpy
+from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
+
+from emla_cosim.base.untrusted_xml import parse_xml
+
+from ..compiler import find_inside, find_machine_compiler, find_zig, run_compiler
+from ..subject import Subject
+
+_BUILD_DESCRIPTION = "buildDescription.xml"
+_FLAGS = ("-g", "-O0", "-w", "-fno-omit-frame-pointer", "-fno-common")
+_LESS = "-fno-sanitize=null,object-size,pointer-overflow,nonnull-attribute"
+"""Parts of UBSan that take long to compile, for accesses that AddressSanitizer sees. The last one reports
+what is common and harmless: a NULL pointer with a length of 0."""
+
+_ALL = ("-fsanitize=address,undefined", _LESS)
+_UNDEFINED_ONLY = ("-fsanitize=undefined", "-fno-sanitize-trap=undefined", _LESS)
+
+
+@dataclass(frozen=True)
+class Compiler:
+    """A command that compiles, its options for sanitizers, and whether it has AddressSanitizer."""
+
+    command: tuple[str, ...]
+    flags: tuple[str, ...]
+    has_address: bool
+
+
+@dataclass(frozen=True)
+class SourceSet:
+    """Sources to compile to one library: files, include folders, and macros as options."""
+
+    files: tuple[Path, ...]
+    includes: tuple[Path, ...]
+    macros: tuple[str, ...] = ()
+
+    @property
+    def is_c(self) -> bool:
+        """Whether all files are C."""
+        return all(path.suffix == ".c" for path in self.files)
+
+
+class CompilerError(Exception):
+    """A compiler failed. The message is its first error."""
+
+
+def list_compilers() -> list[Compiler]:
+    """Return the compilers to try: the one of the machine, then zig, which has no AddressSanitizer."""
+    compilers = []
+    if command := find_machine_compiler():
+        compilers.append(Compiler(command, _ALL, has_address=True))
+    if command := find_zig():
+        compilers.append(Compiler(command, _UNDEFINED_ONLY, has_address=False))
+    return compilers
+
+
+def find_sources(subject: Subject, kind: str) -> SourceSet | None:
+    """Return the sources for a kind of an FMU, from SourceFiles or the build description; None if none."""
+    folder = subject.folder / "sources"
+    names = [e.get("name") for e in subject.tree.iterfind(f"{kind}/SourceFiles/File")]
+    includes, macros = [folder], list[str]()
+    built = folder / _BUILD_DESCRIPTION
+    if built.is_file() and (chosen := _read_configuration(subject, kind, built)) is not None:
+        names = [e.get("name") for e in chosen.iterfind("SourceFileSet/SourceFile")]
+        includes += [folder / str(e.get("name")) for e in chosen.iterfind("SourceFileSet/IncludeDirectory")]
+        macros = [_macro(e) for e in chosen.iterfind("SourceFileSet/PreprocessorDefinition")]
+    paths = [find_inside(folder, str(name)) for name in names]
+    if not paths or None in paths:
+        return None
+    # folders of headers: some tools list theirs in files of their own
+    includes += sorted({p.parent for p in folder.rglob("*.h")} - {folder})
+    return SourceSet(tuple(p for p in paths if p is not None), tuple(includes), tuple(macros))
+
+
+def _read_configuration(subject: Subject, kind: str, path: Path) -> Any:
+    """Return the element of the build description for the model identifier of a kind."""
+    wanted = subject.tree.find(kind).get("modelIdentifier")
+    with suppress(etree.XMLSyntaxError, OSError):
+        root = parse_xml(path.read_bytes())
+        found = root.findall("BuildConfiguration")
+        mine = [e for e in found if e.get("modelIdentifier") == wanted]
+        platforms = (fmpy.platform_tuple, fmpy.platform, None)
+        return next((e for p in platforms for e in mine if e.get("platform") == p), None)
+    return None
+
+
+def _macro(element: Any) -> str:
+    value = element.get("value")
+    return f"-D{element.get('name')}" + (f"={value}" if value is not None else "")
+
+
+def compile_host(compiler: Compiler, folder: Path, plan: str, seconds: float) -> Path:
+    """Compile the host with a plan into a folder. Raise CompilerError if there is no such sanitizer."""
+    folder.mkdir(exist_ok=True)
+    (folder / "plan.h").write_text(plan, encoding="utf-8")
+    target = folder / "host"
+    with as_file(files(__package__ or "").joinpath("host.c")) as source:
+        _compile(compiler, [f"-I{folder}", str(source), "-ldl"], target, folder, seconds)
+    return target
+
+
+def compile_library(compiler: Compiler, folder: Path, sources: SourceSet, seconds: float) -> Path:
+    """Compile the sources of an FMU into a folder. Raise CompilerError if they do not compile."""
+    folder.mkdir(exist_ok=True)
+    target = folder / f"{len(list(folder.iterdir()))}.so"
+    options = ["-shared", "-fPIC", *sources.macros, *(f"-I{path}" for path in sources.includes)]
+    _compile(compiler, [*options, *map(str, sources.files), "-lm"], target, folder, seconds)
+    return target
+
+
+def _compile(
+    compiler: Compiler, arguments: Sequence[str], target: Path, folder: Path, seconds: float
+) -> None:
+    with as_file(files("fmpy") / "c-code") as headers:
+        command = [*compiler.command, *_FLAGS, *compiler.flags, *arguments, f"-I{headers}", "-o", str(target)]
+        try:
+            done = run_compiler(command, folder, seconds)
+        except subprocess.TimeoutExpired:
+            raise CompilerError(f"the compiler takes more than {seconds:g} s") from None
+        except OSError as error:
+            raise CompilerError(str(error.strerror)) from error
+    if done.returncode != 0:
+        lines = done.stderr.strip().splitlines() or ["the compiler failed"]
+        errors = [line for line in lines if "error" in line or "cannot find" in line]
+        raise CompilerError([*errors, lines[-1]][0].strip().rstrip("."))

@@ -1,0 +1,162 @@
+"""Write plan.h, the data of an FMU that the host in C is compiled with."""
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from fmpy.model_description import ModelVariable
+
+from emla_cosim.fmu.clocks import PERIODIC, InputClock
+from emla_cosim.fmu.elements import ElementVariable
+from emla_cosim.fmu.fmi_3_calls import NUMBER_TYPES
+from emla_cosim.fmu.instance import kind_of
+
+from ..host.experiment import span
+from ..host.fresh_process import is_single_instance
+from ..host.other_values import settable, start_of
+from ..subject import Subject
+
+_STEPS = 20
+_TYPES = {
+    2: ("Real", "Integer", "Boolean", "String"),
+    3: (*NUMBER_TYPES, "Boolean", "String"),
+}
+"""Types in the names of functions, by version of FMI."""
+
+_PART_OF_STEP = 0.01
+"""Step of Model Exchange relative to the communication step: the host integrates by Euler's rule."""
+
+
+def write_plan(subject: Subject, kind: str) -> str:
+    """Return the text of plan.h for a kind of an FMU."""
+    start, step, _ = span(subject)
+    description = subject.description
+    model = kind == "ModelExchange"
+    version, clocks = subject.version, [] if model else _periodic_clocks(subject)
+    real = "Float64" if version == 3 else "Real"
+    continuous = [v for v in settable(subject, "input") if kind_of(v) == real and not v.clocks]
+    outputs = [v for v in description.modelVariables if v.causality == "output" and kind_of(v) == real]
+    outputs = [v for v in outputs if not v.clocks]
+    defined: dict[str, Any] = {
+        "VERSION": version,
+        "IS_MODEL": int(model),
+        "EVENTS": int(not model and subject.has_clocks and subject.has_flag("hasEventMode", kind)),
+        "CLOCKS": len(clocks),
+        "PREFIX": _quote(f"{subject.find_kind_element(kind).modelIdentifier}_"),
+        "GUID": _quote(str(description.guid)),
+        "RESOURCES": _quote((subject.folder / "resources").as_uri()),
+        "START_TIME": _real(start),
+        "STEP": _real(step * _PART_OF_STEP if model else step),
+        "STEPS": min(_STEPS, subject.most_steps),
+        "INSTANCES": 1 if is_single_instance(subject) else 2,
+        "STATES": len(description.derivatives) if model else 0,
+        "INDICATORS": int(description.numberOfEventIndicators or 0) if model else 0,
+        "HAS_STATES": int(subject.has_capability("canGetAndSetFMUstate", kind)),
+        "SERIALIZES": int(subject.has_capability("canSerializeFMUstate", kind)),
+        "PROVIDES_DERIVATIVES": int(
+            bool(continuous) and subject.has_capability("providesDirectionalDerivative", kind)
+        ),
+    }
+    lines = [f'#include "fmi{version}FunctionTypes.h"']
+    lines += [f"#define {name} {value}" for name, value in defined.items()]
+    lines += _references(version, "UNKNOWN", outputs)
+    lines += _references(version, "KNOWN", continuous)
+    lines += [
+        _array(_c_type(version, "ValueReference"), "CLOCK", [clock.reference for clock in clocks]),
+        _array("double", "CLOCK_INTERVAL", [_real(clock.interval or 0.0) for clock in clocks]),
+        _array("double", "CLOCK_SHIFT", [_real(clock.shift) for clock in clocks]),
+    ]
+    every = description.modelVariables
+    lines += _group(version, "START", [v for v in _with_start(subject) if v.causality != "input"])
+    inputs = [v for v in settable(subject, "input") if start_of(v) is not None]
+    if model:  # the others cannot be set in continuous-time mode
+        inputs = [v for v in inputs if v.type == "Real" and v.variability in (None, "continuous")]
+    lines += _group(version, "INPUT", [v for v in inputs if not v.clocks])
+    lines += _group(version, "TICK", [v for v in inputs if v.clocks])
+    lines += _group(version, "ALL", [v for v in every if not v.clocks], values=False)
+    lines += _group(version, "TICKED", [v for v in every if v.clocks], values=False)
+    return "\n".join([*lines, ""])
+
+
+def list_still_clocks(subject: Subject, kind: str) -> list[str]:
+    """Return the names of the Clocks that do not tick when the host in C runs a kind of the FMU."""
+    moving = [] if kind == "ModelExchange" else _periodic_clocks(subject)
+    return [clock.name for clock in subject.input_clocks if clock not in moving]
+
+
+def _periodic_clocks(subject: Subject) -> list[InputClock]:
+    """Return the Clocks whose ticks follow from the model description."""
+    return [clock for clock in subject.input_clocks if clock.kind in PERIODIC and clock.interval]
+
+
+def _with_start(subject: Subject) -> list[ModelVariable]:
+    """Return the variables that can be set before initialization, without aliases."""
+    found: dict[tuple[str, int], ModelVariable] = {}
+    for v in subject.description.modelVariables:
+        allowed = v.variability != "constant" and v.initial in ("exact", "approx")
+        if allowed and v.causality != "independent" and start_of(v) is not None:
+            found.setdefault((kind_of(v), int(v.valueReference)), v)
+    return list(found.values())
+
+
+def _group(version: int, name: str, variables: Iterable[ModelVariable], values: bool = True) -> list[str]:
+    """Return the arrays of a group of variables, for each type."""
+    lines = []
+    for kind in _TYPES[version]:
+        found, own = [v for v in variables if kind_of(v) == kind], f"{name}_{kind.upper()}"
+        lines += _references(version, own, found)
+        if values:
+            literals = [_literal(value) for v in _once(found) for value in _starts(v)]
+            lines.append(_array(_c_type(version, kind), f"{own}_VALUES", literals))
+    return lines
+
+
+def _references(version: int, name: str, variables: Iterable[ModelVariable]) -> list[str]:
+    """Return the value references of variables, the number of these, and that of values."""
+    found = _once(variables)
+    return [
+        f"#define {name}_REFERENCES {len(found)}",
+        f"#define {name}_COUNT {sum(getattr(v, 'size', 1) for v in found)}",
+        _array(_c_type(version, "ValueReference"), name, [v.valueReference for v in found]),
+    ]
+
+
+def _once(variables: Iterable[ModelVariable]) -> list[ModelVariable]:
+    """Return one element of each array of FMI 3.0; all variables of FMI 2.0, of which some are aliases."""
+    found: dict[Any, ModelVariable] = {}
+    for v in variables:
+        found.setdefault(v.valueReference if isinstance(v, ElementVariable) else id(v), v)
+    return list(found.values())
+
+
+def _starts(variable: ModelVariable) -> Sequence[Any]:
+    """Return the start values of the whole array of an element, or that of a scalar."""
+    if isinstance(variable, ElementVariable) and variable.size > 1:
+        return variable.array_start
+    return [start_of(variable)]
+
+
+def _c_type(version: int, name: str) -> str:
+    return f"fmi{version}{name}"
+
+
+def _array(ctype: str, name: str, values: Sequence[Any]) -> str:
+    return f"static const {ctype} {name}[] = {{{', '.join(map(str, values)) or '0'}}};"
+
+
+def _literal(value: Any) -> str:
+    """Return a value of any type in C."""
+    if isinstance(value, bool):
+        return str(int(value))
+    if isinstance(value, float):
+        return _real(value)
+    return _quote(value) if isinstance(value, str) else str(value)
+
+
+def _real(value: float) -> str:
+    return value.hex() if math.isfinite(value) else "0.0"
+
+
+def _quote(text: str) -> str:
+    """Return a C string literal with all bytes as octal numbers, safe for any text."""
+    return '"' + "".join(f"\\{byte:03o}" for byte in text.encode()) + '"'

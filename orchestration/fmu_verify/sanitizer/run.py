@@ -1,0 +1,215 @@
+"""Build an FMU with sanitizers, run it, and collect what they report."""
+
+import os
+import subprocess
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from emla_cosim.base.process import describe_exit
+from emla_cosim.fmu.instance import ERROR, FATAL, STATUS
+
+from ..compiler import NO_COMPILER
+from ..compute_once import compute_once
+from ..messages import join_few_names, shorten_sentence
+from ..subject import Subject
+from .compiling import (
+    Compiler,
+    CompilerError,
+    SourceSet,
+    compile_host,
+    compile_library,
+    find_sources,
+    list_compilers,
+)
+from .plan import list_still_clocks, write_plan
+from .reports import NO_LEAKS, Leak, MemoryFault, read_leaks, read_memory_error, read_undefined
+
+TIME_FACTOR = 5.0
+"""Multiplies the time limit of a check that builds and runs an FMU."""
+
+_COMPILE, _RUN = 1.5, 1.0
+"""Most time to compile a library, and to run an instance, relative to the time limit of a check."""
+
+_EXIT_CODE = 99
+
+_PREFIXES = ("fmi2", "fmi3")
+"""Beginnings of names of functions."""
+
+
+@dataclass(frozen=True)
+class SanitizedRun:
+    """What sanitizers report about one kind of an FMU, or about all of them.
+
+    Attributes:
+        missing: Why there is no such build, as a sentence; empty if there is one.
+        has_sources: Whether the FMU lists sources.
+        has_address: Whether AddressSanitizer was there.
+        ran: Whether steps were made.
+        judges_leaks: Whether instances were freed, so that what is left is a leak.
+        memory: Errors of AddressSanitizer.
+        leaks: Memory that is left.
+        undefined: Messages of UBSan.
+        gaps: What the run did not reach, as sentences.
+    """
+
+    missing: str = ""
+    has_sources: bool = True
+    has_address: bool = False
+    ran: bool = False
+    judges_leaks: bool = False
+    memory: tuple[MemoryFault, ...] = ()
+    leaks: tuple[Leak, ...] = ()
+    undefined: tuple[str, ...] = ()
+    gaps: tuple[str, ...] = ()
+
+
+def run_sanitized(subject: Subject) -> SanitizedRun:
+    """Return what sanitizers report about an FMU. Build and run it once for all checks of an examination."""
+    return compute_once(subject.folder.parent / "sanitized" / "run.pickle", lambda: _build_and_run(subject))
+
+
+def _build_and_run(subject: Subject) -> SanitizedRun:
+    kinds = [kind for kind in subject.kinds if kind != "ScheduledExecution"]
+    if not kinds:
+        return SanitizedRun("It is for Scheduled Execution only, which is not run.")
+    by_kind = {kind: find_sources(subject, kind) for kind in kinds}
+    sets = {kind: sources for kind, sources in by_kind.items() if sources is not None}
+    if not sets:
+        return SanitizedRun("The FMU has no sources that it lists.", has_sources=False)
+    if not all(sources.is_c for sources in sets.values()):
+        return SanitizedRun("Not all of its sources are C.")
+    if subject.description_problem:
+        return SanitizedRun(subject.description_problem)
+    with tempfile.TemporaryDirectory(dir=subject.folder.parent) as scratch:
+        return _build_and_run_all(subject, sets, Path(scratch))
+
+
+def _build_and_run_all(subject: Subject, sets: Mapping[str, SourceSet], scratch: Path) -> SanitizedRun:
+    """Build and run all kinds of an FMU with the first compiler that has sanitizers."""
+    limit, problem = _COMPILE * subject.settings.seconds, NO_COMPILER
+    plans = {kind: write_plan(subject, kind) for kind in sets}
+    for compiler in list_compilers():
+        try:
+            hosts = {
+                kind: compile_host(compiler, scratch / kind, plan, limit) for kind, plan in plans.items()
+            }
+        except CompilerError as error:
+            if problem == NO_COMPILER:
+                problem = f"The compiler of this machine has no sanitizers: {error}."
+            continue
+        try:
+            libraries = {
+                s: compile_library(compiler, scratch / "library", s, limit) for s in {*sets.values()}
+            }
+        except CompilerError as error:
+            return SanitizedRun(f"Its sources do not compile with sanitizers: {error}.")
+        return _join([_run(subject, k, compiler, hosts[k], libraries[s]) for k, s in sets.items()])
+    return SanitizedRun(problem)
+
+
+def _join(found: list[SanitizedRun]) -> SanitizedRun:
+    """Return what was found for all kinds."""
+    if first := next((run for run in found if run.missing), None):
+        return first
+    return SanitizedRun(
+        has_address=found[0].has_address,
+        ran=all(run.ran for run in found),
+        judges_leaks=all(run.judges_leaks for run in found),
+        memory=tuple(dict.fromkeys(e for run in found for e in run.memory)),
+        leaks=tuple({leak.place: leak for run in found for leak in run.leaks}.values()),
+        undefined=tuple(dict.fromkeys(line for run in found for line in run.undefined)),
+        gaps=tuple(dict.fromkeys(gap for run in found for gap in run.gaps)),
+    )
+
+
+def _run(subject: Subject, kind: str, compiler: Compiler, host: Path, library: Path) -> SanitizedRun:
+    folder, sources = host.parent, subject.folder / "sources"
+    trace, limit, ended = folder / "calls.txt", _RUN * subject.settings.seconds, ""
+    with (folder / "errors.txt").open("wb") as errors:
+        try:
+            code = subprocess.run(
+                [str(host), str(library), str(trace)],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=errors,
+                check=False,
+                timeout=limit,
+                env={**os.environ, **_options(folder, subject.settings.memory)},
+            ).returncode
+        except subprocess.TimeoutExpired:
+            code, ended = 0, f"It did not end within {limit:g} s."
+        except OSError as error:
+            return SanitizedRun(f"The host does not start: {error.strerror}.")
+    calls = trace.read_text(errors="replace").splitlines() if trace.is_file() else []
+    # AddressSanitizer writes to files with this name; UBSan writes to standard error
+    text = "\n".join(_read(path) for path in [*sorted(folder.glob("report*")), folder / "errors.txt"])
+    memory = read_memory_error(text, sources, _last_call(calls)) if compiler.has_address else None
+    undefined = read_undefined(text, sources)
+    complete = calls[-1:] == ["end"]
+    gaps = [f"{kind}: {reason}" for reason in _refused(calls)]
+    if not complete and memory is None and (compiler.has_address or not undefined):
+        gaps.append(f"{kind}: {ended or _describe_end(calls, code)}")
+    if still := list_still_clocks(subject, kind):
+        gaps.append(f"{kind}: {join_few_names(still)} did not tick.")
+    leaks = read_leaks(text, sources) if complete else []
+    return SanitizedRun(
+        has_address=compiler.has_address,
+        ran=any(call[:4] in _PREFIXES and call[4:] in ("DoStep", "SetTime") for call in calls),
+        judges_leaks=compiler.has_address and complete and NO_LEAKS not in text,
+        memory=(memory,) if memory is not None else (),
+        leaks=tuple(leaks),
+        undefined=tuple(undefined),
+        gaps=tuple(gaps),
+    )
+
+
+def _refused(calls: list[str]) -> list[str]:
+    """Return the calls that failed, with the message before: `fmi2DoStep answered fmi2Error: ...`."""
+    found, call, said = [], "", ""
+    for line in calls:
+        if line.startswith("#"):
+            said = f": {line.removeprefix('# ')}"
+        elif not line.isdecimal():
+            call, said = line, ""
+        elif int(line) in (ERROR, FATAL):
+            found.append(shorten_sentence(f"{call} answered {STATUS[int(line)]}{said.rstrip('. ')}."))
+    return found
+
+
+def _last_call(calls: list[str]) -> str:
+    return next((line for line in reversed(calls) if line.startswith(_PREFIXES)), "")
+
+
+def _describe_end(calls: list[str], code: int) -> str:
+    """Return why a run did not come to its end."""
+    said = next((line.removeprefix("# ") for line in reversed(calls) if line.startswith("#")), "")
+    call = _last_call(calls)
+    if calls[-1:] == ["NULL"]:
+        reason = f"fmi2Instantiate answered NULL: {said}" if call else "it does not export fmi2Instantiate"
+        return shorten_sentence(f"{reason.rstrip(': .')}.")
+    return f"It ended the process in {call or 'its first call'} ({describe_exit(code)})."
+
+
+def _options(folder: Path, memory: int) -> dict[str, str]:
+    """Return environment variables for the sanitizers."""
+    common = {
+        "log_path": str(folder / "report"),
+        "exitcode": _EXIT_CODE,
+        "print_stacktrace": 1,
+        "symbolize": 1,
+        "detect_leaks": 1,
+        "detect_stack_use_after_return": 1,
+        "detect_odr_violation": 0,
+        "allocator_may_return_null": 1,
+        "hard_rss_limit_mb": max(1, memory >> 20),
+    }
+    text = ":".join(f"{name}={value}" for name, value in common.items())
+    return {"ASAN_OPTIONS": text, "UBSAN_OPTIONS": text, "LSAN_OPTIONS": "print_suppressions=0"}
+
+
+def _read(path: Path) -> str:
+    """Return the first MiB of a file."""
+    with path.open("rb") as stream:
+        return stream.read(2**20).decode(errors="replace")

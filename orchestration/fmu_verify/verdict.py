@@ -1,0 +1,149 @@
+"""The outcome of a check."""
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any
+
+from emla_cosim.base.tubes.signal_check import Comparison
+from emla_cosim.fmu.python_exceptions import describe_left_exception
+
+
+class Verdict(StrEnum):
+    """Verdict of a check: passed, warning, failed or skipped."""
+
+    PASSED = "passed"
+    WARNING = "warning"
+    """The standard allows it, but it causes problems for some users."""
+    FAILED = "failed"
+    SKIPPED = "skipped"
+    """The check could not run or does not apply; the message gives the reason."""
+
+
+@dataclass(frozen=True)
+class Clause:
+    """A quotation of FMI 2.0.4 with its section: `Clause("2.1.5", "The function ...")`.
+
+    `document` names another document that is quoted, `in_3` is what FMI 3.0 says instead.
+    """
+
+    section: str
+    sentence: str
+    document: str = "FMI 2.0.4"
+    in_3: "Clause | None" = None
+
+    def __str__(self) -> str:
+        return f"{self.document}, {self.section}"
+
+    def of(self, version: int) -> "Clause":
+        """Return the clause for FMUs of a version of FMI, 2 or 3."""
+        return self.in_3 if version == 3 and self.in_3 is not None else self
+
+
+def fmi3(section: str, sentence: str) -> Clause:
+    """Return a quotation of FMI 3.0.2."""
+    return Clause(section, sentence, document="FMI 3.0.2")
+
+
+_OWN = "emla verify"
+
+
+def own_rule(check: str, sentence: str, in_3: Clause | None = None) -> Clause:
+    """Return a rule of this program, for which the standard, or only FMI 2.0, has no sentence."""
+    return Clause(check, sentence, document=_OWN, in_3=in_3)
+
+
+def is_own_rule(clause: Clause) -> bool:
+    """Return whether a clause is a rule of this program."""
+    return clause.document == _OWN
+
+
+RETURNS = Clause(
+    "2.1.3",
+    "This section defines the “status” flag [...] that is returned by all functions to indicate the success "
+    "of the function call:",
+    in_3=fmi3(
+        "2.2.4",
+        "This section defines the return values the C-API functions indicating success or failure of the "
+        "function call.",
+    ),
+)
+"""A function that crashes, ends the process or never returns violates this clause."""
+
+
+LEAVES_EXCEPTION = own_rule(
+    "exceptions of Python", "A function leaves no exception of Python set in the interpreter of its host."
+)
+"""The rule for FMUs that use Python; hosts in Python end with such an exception, and others ignore it."""
+
+
+def left_exception(doing: str, error: BaseException) -> str:
+    """Return the message for an FMU that left an exception of Python in a call."""
+    return f"{doing} left an exception of Python: {describe_left_exception(error)}."
+
+
+class NotRunError(Exception):
+    """A check cannot run, although nothing is wrong with the FMU. The message is a sentence."""
+
+
+@dataclass(frozen=True)
+class CheckOutcome:
+    """The verdict and message of a check.
+
+    Attributes:
+        verdict: The verdict.
+        sentence: The message.
+        details: One line for each problem, if there are several.
+        comparisons: Signals compared with their references.
+        figures: Numbers by name, for programs.
+        hint: What to do; replaces the hint of the check.
+        clause: The clause that is violated; replaces the clause of the check.
+        blocked: Whether the check applies, but could not run. Such an FMU does not pass.
+        blocks: Whether checks that need this one cannot run if it fails.
+        gaps: What the check could not judge, as sentences for the section *Not examined*.
+        lines: Details before `terms.in_terms_of` writes them: messages, each with its clause if it has one.
+    """
+
+    verdict: Verdict
+    sentence: str
+    details: tuple[str, ...] = ()
+    comparisons: tuple[Comparison, ...] = ()
+    figures: dict[str, Any] = field(default_factory=dict)
+    hint: str = ""
+    clause: Clause | None = None
+    blocked: bool = False
+    blocks: bool = True
+    gaps: tuple[str, ...] = ()
+    lines: tuple[tuple[str, Clause | None], ...] = ()
+
+
+def passed(sentence: str, **more: Any) -> CheckOutcome:
+    """Return an outcome: the FMU passes the check."""
+    return CheckOutcome(Verdict.PASSED, sentence, **more)
+
+
+def failed(sentence: str, **more: Any) -> CheckOutcome:
+    """Return an outcome: the FMU violates the standard or differs from a reference."""
+    return CheckOutcome(Verdict.FAILED, sentence, **more)
+
+
+def warned(sentence: str, **more: Any) -> CheckOutcome:
+    """Return an outcome: allowed, but probably not intended."""
+    return CheckOutcome(Verdict.WARNING, sentence, **more)
+
+
+def noted(sentence: str, *, gaps: tuple[str, ...] = (), **more: Any) -> CheckOutcome:
+    """Return an outcome: no sentence of the standard judges what was found, so that it passes with a note.
+
+    `gaps` are further notes.
+    """
+    return CheckOutcome(Verdict.PASSED, sentence, gaps=(sentence, *gaps), **more)
+
+
+def skipped(sentence: str, **more: Any) -> CheckOutcome:
+    """Return an outcome: the check does not apply. `sentence` is the reason."""
+    return CheckOutcome(Verdict.SKIPPED, sentence, **more)
+
+
+def blocked(sentence: str, **more: Any) -> CheckOutcome:
+    """Return an outcome: the check applies, but cannot run. `sentence` is the reason."""
+    return CheckOutcome(Verdict.SKIPPED, sentence, blocked=True, **more)

@@ -1,0 +1,247 @@
+"""The host of examined FMUs: runs beside exact solutions, and processes that end."""
+
+import ctypes
+import os
+import signal
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from fmpy.fmi1 import FMICallException
+from fmpy.model_description import ModelVariable, SimpleType
+from scipy.linalg import expm
+
+from emla_cosim.fmu.elements import ElementVariable
+from fmu_verify.checks._sameness import compare_runs
+from fmu_verify.examination import examine_fmu
+from fmu_verify.host.experiment import Experiment, make_experiment
+from fmu_verify.host.fresh_process import EndedError, in_fresh_process
+from fmu_verify.host.hosted_instance import CallError, HostedInstance
+from fmu_verify.host.instance_runs import OutputTrajectory, run_alone, step_instance
+from fmu_verify.host.junk import FIRST, SECOND, Junk, fill_memory
+from fmu_verify.host.other_values import other_of
+from fmu_verify.settings import Settings
+from fmu_verify.subject import Subject
+from fmu_verify.verdict import Verdict
+from tests.support.broken.dynamic import build_good_fmu
+from tests.support.broken.examining import examine, list_problems, unpacked
+from tests.support.hand_written_fmus import build_integrated_fmu, build_trigger_fmu
+
+
+def _subject(folder: Path, fault: str = "") -> Subject:
+    return unpacked(build_good_fmu(folder, fault))
+
+
+def _integer(data_type: str, start: int) -> ElementVariable:
+    return ElementVariable("n", 1, type="Integer", start=str(start), data_type=data_type)
+
+
+@pytest.mark.parametrize(
+    ("variable", "other"),
+    [
+        (_integer("UInt8", 255), 254),
+        (_integer("UInt64", 2**64 - 1), 2**64 - 2),
+        (_integer("Int8", -128), -127),
+        (ModelVariable("n", 1, type="Integer", start=str(2**31 - 1)), 2**31 - 2),
+        (ElementVariable("x", 1, type="Real", start="2", data_type="Float32"), pytest.approx(2.2)),
+    ],
+)
+def test_other_values_fit_into_the_type(variable: ModelVariable, other: object) -> None:
+    assert other_of(variable) == other
+
+
+def test_inputs_vary_within_the_limits_of_their_declared_type() -> None:
+    declared = SimpleType("Angle", "Real", min="-1", max="1")
+    subject: Any = SimpleNamespace(
+        of_causality=lambda _: [ModelVariable("u", 1, type="Real", start="0.99", declaredType=declared)],
+        description=SimpleNamespace(defaultExperiment=None),
+        most_steps=100,
+    )
+    assert (
+        -1.0 <= min(make_experiment(subject).inputs["u"]) < max(make_experiment(subject).inputs["u"]) == 1.0
+    )
+
+
+def _levels(subject: Subject) -> list[float]:
+    """The number of ticks of an output clock, which belongs to it, after each step of 0.05 s."""
+    instance = HostedInstance(subject)
+    instance.initialize({"period": 0.1}, 0.0)
+    found = []
+    for k in range(10):
+        instance.step(0.05 * k, 0.05)
+        found.append(instance.get(["level"])[0])
+    instance.close()
+    return found
+
+
+def test_variables_of_output_clocks_are_read_when_they_tick(tmp_path: Path) -> None:
+    subject = unpacked(build_trigger_fmu(tmp_path / "Triggers.fmu"))
+    assert in_fresh_process(_levels, subject) == [0, 1, 1, 2, 2, 3, 3, 4, 4, 5]
+
+
+def _exact(course: Experiment) -> np.ndarray:
+    """Position and speed of a mass on a spring under a force that is held over each step."""
+    matrix = np.array([[0.0, 1.0, 0.0], [-40.0, -1.0, 2.0], [0.0, 0.0, 0.0]])
+    step = expm(course.step * matrix)
+    state = np.array([0.01, 0.0, 0.0])
+    rows = [state[:2]]
+    for k in range(len(course.times) - 1):
+        state[2] = course.inputs["u"][k]
+        state = step @ state
+        rows.append(state[:2])
+    return np.array(rows)
+
+
+@pytest.mark.parametrize("kind", ["CoSimulation", "ModelExchange"])
+def test_run_is_the_exact_solution(tmp_path: Path, kind: str) -> None:
+    """Inputs reach the FMU at the right times, and outputs are those of the end of each step."""
+    subject = _subject(tmp_path)
+    course = make_experiment(subject)
+    found = run_alone(subject, course, kind)
+    assert found.names[:2] == ["position", "speed"]
+    np.testing.assert_allclose(found.values[:, :2], _exact(course), atol=2e-7)
+
+
+def test_run_ends_where_the_fmu_asks_to(tmp_path: Path) -> None:
+    """The step that it did not do has no row."""
+    found = run_alone(_subject(tmp_path, "ASKS_TO_END"))
+    assert found.times[-1] == pytest.approx(0.5)
+
+
+def test_error_comes_back_from_another_process(tmp_path: Path) -> None:
+    with pytest.raises(CallError, match="fmi2ExitInitializationMode answered fmi2Error") as caught:
+        run_alone(_subject(tmp_path, "INITIALIZATION_ERROR"))
+    assert (caught.value.call, caught.value.status) == ("fmi2ExitInitializationMode", 3)
+
+
+def test_signal_that_ends_another_process_is_named() -> None:
+    with pytest.raises(EndedError) as caught:
+        in_fresh_process(_end)
+    assert caught.value.how == "SIGKILL"
+
+
+def _end() -> None:
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def _integrate(subject: Subject) -> np.ndarray:
+    """Rows of time, x, h, stair and resets of the FMU for Model Exchange with events, with u = 1.2."""
+    course = Experiment(0.0095 * np.arange(100.0), {"u": np.full(100, 1.2)})
+    instance = HostedInstance(subject)
+    instance.initialize({"limit": 1.1, **course.at(0)}, 0.0)
+    run = step_instance(instance, course, names=["x", "h", "stair", "resets"])
+    return np.column_stack([run.times, run.values])
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_events_of_model_exchange_happen_where_they_are(version: int, tmp_path: Path) -> None:
+    """Steps of the stair, the bounce of the ball, and the reset of x above its limit."""
+    subject = unpacked(build_integrated_fmu(tmp_path / "Integrated.fmu", version=version))
+    time, x, h, stair, resets = in_fresh_process(_integrate, subject).T
+    np.testing.assert_array_equal(stair, np.floor(time / 0.1))
+    bounce = np.sqrt(2.0 / 9.81)
+    later = time - bounce
+    flight = 0.7 * 9.81 * bounce * later - 0.5 * 9.81 * later**2
+    np.testing.assert_allclose(h, np.where(later > 0.0, flight, 1.0 - 0.5 * 9.81 * time**2), atol=1e-6)
+    limited = time >= np.log(2.0)  # x = 1.2 - 0.2 exp(-t) reaches 1.1
+    np.testing.assert_allclose(x[~limited], 1.2 - 0.2 * np.exp(-time[~limited]), atol=1e-6)
+    np.testing.assert_array_equal(resets, limited)
+
+
+def _refuse(*_: Any) -> None:
+    raise FMICallException("fmi2GetDerivatives", 3)
+
+
+def _ask_for_an_event_now() -> tuple[bool, bool, bool, bool, bool, float]:
+    return False, False, False, False, True, 0.0
+
+
+@pytest.mark.parametrize(
+    ("function", "replacement", "message"),
+    [
+        ("getDerivatives", _refuse, "fmi2GetDerivatives answered fmi2Error"),
+        ("newDiscreteStates", _ask_for_an_event_now, "more than 1000 events"),
+    ],
+)
+def test_failed_integration_has_its_cause(
+    function: str, replacement: Callable[..., Any], message: str, tmp_path: Path
+) -> None:
+    instance = HostedInstance(_subject(tmp_path), kind="ModelExchange")
+    instance.initialize()
+    setattr(instance.fmu, function, replacement)
+    with pytest.raises(CallError, match=message):
+        instance.step(0.0, 1.0)
+    instance.free()
+
+
+def test_run_can_be_cut() -> None:
+    run = OutputTrajectory(np.arange(3.0), ["y"], np.arange(3.0)[:, None])
+    assert run.until(2).values.tolist() == [[0.0], [1.0]]
+
+
+@pytest.mark.slow
+def test_checks_run_in_processes_that_share_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As on Windows, where processes cannot divide."""
+    monkeypatch.delattr(os, "fork", raising=False)
+    settings = Settings(only=("run.finite", "run.ranges", "calls.phases"))
+    found = examine_fmu(Subject(build_good_fmu(tmp_path), tmp_path / "fmu", settings))
+    assert {f.check: f.verdict for f in found.findings} == dict.fromkeys(settings.only, Verdict.PASSED)
+
+
+def _run(values: list[list[float]]) -> OutputTrajectory:
+    rows = np.array(values)
+    return OutputTrajectory(np.arange(len(rows), dtype=float), ["y", "z"], rows)
+
+
+def test_runs_that_differ_by_rounding_only_warn() -> None:
+    """The last bit is worth a warning; more than the tolerance fails; NaN is like NaN alone."""
+    wanted = _run([[0.0, 1.0], [1.0, 1.0]])
+    assert compare_runs(wanted, wanted, "It").verdict == Verdict.PASSED
+    rounded = compare_runs(_run([[0.0, 1.0], [1.0 + 2e-16, 1.0]]), wanted, "It")
+    assert rounded.verdict == Verdict.WARNING
+    assert "from y at t = 1 s on" in rounded.sentence
+    assert compare_runs(_run([[0.0, 1.0], [1.001, 1.0]]), wanted, "It").verdict == Verdict.FAILED
+    shorter = compare_runs(_run([[0.0, 1.0]]), wanted, "It")
+    assert (shorter.verdict, shorter.sentence) == (Verdict.FAILED, "It ended at t = 0 s, not at t = 1 s.")
+    negative = compare_runs(_run([[-0.0, 1.0], [1.0, 1.0]]), wanted, "It")
+    assert (negative.verdict, negative.sentence) == (Verdict.PASSED, "It gave the same 2 x 2 values.")
+    spoiled = _run([[0.0, 1.0], [np.nan, 1.0]])
+    assert compare_runs(spoiled, wanted, "It").verdict == Verdict.FAILED
+    assert compare_runs(spoiled, spoiled, "It").verdict == Verdict.PASSED
+
+
+def test_difference_is_relative_to_the_range_of_an_output() -> None:
+    """A difference of 0.001 is much where an output moves by 0.01, and little where it moves by 100."""
+    one, other = _run([[0.0, 0.0], [0.01, 100.0]]), _run([[0.001, 0.001], [0.01, 100.0]])
+    np.testing.assert_allclose(one.distance(other), [0.1, 1e-5])
+
+
+@pytest.mark.slow
+def test_fmu_of_one_instance_per_process_gets_no_second_one(tmp_path: Path) -> None:
+    """Its second instance in a process fails, which `canBeInstantiatedOnlyOncePerProcess` allows."""
+    names = ("instance.independent", "instance.reset", "values.shared", "values.reset", "state.serialized")
+    assert list_problems(examine(build_good_fmu(tmp_path, "ONLY_ONCE"), *names)) == {}
+
+
+def _read_fresh_memory(junk: Junk) -> list[int]:
+    """Return how many fresh blocks have junk: of 16 of two sizes that are reused, and of a new one."""
+    library: Any = ctypes.CDLL(None)
+    library.malloc.restype = ctypes.c_void_p
+    sizes, expected = [304] * 16 + [1008] * 16 + [40 * 2**20], bytes([junk.byte] * 200)
+    with fill_memory(junk):
+        blocks = [library.malloc(ctypes.c_size_t(size)) for size in sizes]
+    filled = [ctypes.string_at(block + 32, 200) == expected for block in blocks]
+    return [sum(filled[:16]), sum(filled[16:32]), sum(filled[32:])]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="Only this C library fills memory.")
+@pytest.mark.parametrize("junk", [FIRST, SECOND])
+def test_fresh_memory_has_junk(junk: Junk) -> None:
+    """An FMU that reads memory before it is written gives something else in a second run."""
+    small, medium, large = in_fresh_process(_read_fresh_memory, junk)
+    assert small >= 4 and medium >= 4  # Python frees blocks of its own meanwhile: 9 of 16 were left
+    assert large == 1

@@ -1,0 +1,103 @@
+"""Outcomes that come from the process of an FMU."""
+
+import contextlib
+import os
+import pickle
+import stat
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from emla_cosim.base.tubes.signal_check import Comparison
+from emla_cosim.base.tubes.tolerance import Tube
+from fmu_verify.plain_outcome import read_outcome, write_outcome
+from fmu_verify.subprocess_run import run_in_subprocess
+from fmu_verify.verdict import RETURNS, CheckOutcome, Verdict, failed, passed
+
+
+def test_outcome_survives_writing_and_reading() -> None:
+    values = np.array([0.1, np.nan, -np.inf, 5e-324])
+    outside = Comparison(
+        "x\udc80", "m", values, values, values, values, values, values, Tube(0.1, 0.2), 1 / 3, np.inf, None
+    )
+    sent = failed(
+        "line\nof \x00 and \udcff",
+        details=("a", "ä"),
+        comparisons=(outside,),
+        figures={"steps": np.int64(3), "worst": np.float64(0.1)},
+        clause=RETURNS,
+        gaps=("not judged",),
+        blocks=False,
+    )
+    text = write_outcome(sent)
+    assert b"\n" not in text
+    found = read_outcome(text)
+    (compared,) = found.comparisons
+    assert np.array_equal(compared.lower, values, equal_nan=True)
+    assert (compared.signal, compared.tube, compared.worst) == ("x\udc80", Tube(0.1, 0.2), 1 / 3)
+    shown = {name: getattr(found, name) for name in ("verdict", "sentence", "details", "figures", "clause")}
+    assert shown == {name: getattr(sent, name) for name in shown}
+    assert (found.gaps, found.blocks, found.blocked) == (sent.gaps, False, False)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [b"", b"{}", b"[" * 100_000, b"\xff", b'{"verdict": "good", "sentence": ""}', pickle.dumps(passed("!"))],
+)
+def test_invalid_outcomes(text: bytes) -> None:
+    with pytest.raises(ValueError):
+        read_outcome(text)
+
+
+def _open_files() -> set[int]:
+    return {int(path.name) for path in Path("/dev/fd").iterdir()}
+
+
+def _write_to_examiner(others: set[int], text: bytes) -> None:
+    """Write into everything that leads to the examiner, as an FMU could."""
+    for number in _open_files() - others:
+        with contextlib.suppress(OSError):
+            if stat.S_ISFIFO(os.fstat(number).st_mode):
+                os.write(number, text)
+
+
+class _Touch:
+    """Makes a file when it is unpickled."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+
+    def __reduce__(self) -> tuple[Callable[..., None], tuple[Path]]:
+        return Path.touch, (self._path,)
+
+
+def _send_a_program(others: set[int], path: Path) -> CheckOutcome:
+    content = pickle.dumps(_Touch(path))
+    _write_to_examiner(others, len(content).to_bytes(4, "big") + content)
+    return passed("It did no harm.")
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="Pipes have no number there.")
+def test_answer_of_a_process_is_not_executed(tmp_path: Path) -> None:
+    found = run_in_subprocess(_send_a_program, (_open_files(), tmp_path / "here"), 20.0, 2**31)
+    assert not (tmp_path / "here").exists()
+    assert found.verdict == Verdict.FAILED
+    assert found.sentence.startswith("It wrote into a file of this program")
+
+
+def _begin_an_answer(others: set[int]) -> CheckOutcome:
+    _write_to_examiner(others, b"\x00")
+    time.sleep(60.0)
+    return passed("It came to an end.")
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="Pipes have no number there.")
+def test_unfinished_answer_times_out() -> None:
+    began = time.monotonic()
+    found = run_in_subprocess(_begin_an_answer, (_open_files(),), 1.0, 2**31)
+    assert time.monotonic() - began < 20.0
+    assert found.verdict == Verdict.SKIPPED
+    assert found.sentence.startswith("It did not finish within 1 s")
