@@ -6,7 +6,7 @@ import tempfile
 from contextlib import suppress
 from pathlib import Path
 
-from emla_cosim.base.errors import RunError
+from emla_cosim.base.errors import CosimError
 from emla_cosim.base.files import CacheError, cache_folder
 from emla_cosim.stepper.library import require_stepper
 
@@ -24,8 +24,8 @@ def list_writable(subject: Subject | WholeSystem, records: bool = False) -> list
     folder of the user is writable, and the user's cache is not found.
     """
     subject.scratch.mkdir(parents=True, exist_ok=True)
-    if isinstance(subject, WholeSystem):
-        _copy_stepper(subject.scratch / _CACHE)
+    if _needs_stepper(subject) and not (cache := subject.scratch / _CACHE).exists():
+        _copy_stepper(cache)
     recording = subject.settings.recording
     return [subject.scratch, *([recording.folder.absolute()] if recording is not None and records else [])]
 
@@ -57,13 +57,20 @@ def _link_home(home: Path) -> None:
                 (home / path.name).symlink_to(path)
 
 
+def _needs_stepper(subject: Subject | WholeSystem) -> bool:
+    """Return whether a system runs, or the events of an FMU are handled."""
+    if isinstance(subject, WholeSystem):
+        return True
+    return subject.known_version == 3 and "CoSimulation" in subject.kinds
+
+
 def _copy_stepper(folder: Path) -> None:
-    """Copy the compiled stepper, which runs of whole systems need, to another cache folder.
+    """Copy the compiled stepper to another cache folder.
 
     It is built now if necessary: the compiler cannot rename files in a confined process.
     """
     folder.mkdir(exist_ok=True)
-    with suppress(OSError, CacheError, RunError):
+    with suppress(OSError, CacheError, CosimError):
         require_stepper()
         source = cache_folder() / _CODE
         if source.is_dir():

@@ -131,13 +131,9 @@ class Subject:
         return read_input_clocks(self.folder, self.path)
 
     @cached_property
-    def output_clocks(self) -> list[int]:
-        """The value references of the Clocks that the FMU ticks itself, output and local ones."""
-        return [
-            int(v.valueReference)
-            for v in self.read_description().modelVariables
-            if v.type == CLOCK and v.causality != "input"
-        ]
+    def clocks(self) -> list[ModelVariable]:
+        """All Clocks, which `variables` lack."""
+        return [v for v in self.read_description().modelVariables if v.type == CLOCK]
 
     @property
     def variables(self) -> dict[str, ModelVariable]:

@@ -4,7 +4,7 @@ import ctypes
 import importlib
 from collections.abc import Callable
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -61,6 +61,20 @@ Function = Callable[[float, int, int], int]
 
 It returns 0, `RECOVERABLE` or `FAILED`. An exception ends the step, which raises it.
 """
+
+
+class IntegratorSettings(NamedTuple):
+    """How models are integrated.
+
+    Attributes:
+        tolerance: Relative tolerance. The absolute ones are its products with the states' nominal values.
+        method: One of `METHODS`.
+        largest: Largest step in s; None for no limit but the communication step.
+    """
+
+    tolerance: float = 1e-5
+    method: str = "bdf"
+    largest: float | None = None
 
 
 class SolverError(Exception):

@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import attrs
@@ -191,6 +191,39 @@ def _number(text: str | None, general: str) -> float:
 def place_in_array(variable: ModelVariable) -> int:
     """Return the position of an element in its array; 0 for a scalar."""
     return variable.place if isinstance(variable, ElementVariable) else 0
+
+
+class ElementLayout:
+    """Where variables are in the values of one call for their type, which has whole arrays.
+
+    Attributes:
+        references: Value references; that of an array once.
+        places: The position of each variable in the values.
+        size: The number of values.
+    """
+
+    def __init__(self, variables: Iterable[ModelVariable]) -> None:
+        begins = dict[int, int]()
+        self.references, self.places, self.size = list[int](), list[int](), 0
+        for variable in variables:
+            reference, size = int(variable.valueReference), getattr(variable, "size", 1)
+            begin = begins.get(reference) if size > 1 else None
+            if begin is None:
+                begin = begins[reference] = self.size
+                self.references.append(reference)
+                self.size += size
+            self.places.append(begin + place_in_array(variable))
+
+    def pick(self, values: Sequence[Any]) -> list[Any]:
+        """Return the values of the variables."""
+        return [values[place] for place in self.places]
+
+    def spread(self, values: Iterable[float]) -> list[float]:
+        """Return all values, of which those of other elements are 0."""
+        found = [0.0] * self.size
+        for place, value in zip(self.places, values, strict=True):
+            found[place] = value
+        return found
 
 
 def value_type(variable: ModelVariable) -> np.dtype:

@@ -13,7 +13,7 @@ from fmpy.fmi2 import FMU2Model, FMU2Slave, fmi2LastSuccessfulTime, fmi2Terminat
 from fmpy.model_description import ModelVariable
 
 from ..base.files import restore_working_folder
-from .elements import ElementVariable
+from .elements import ElementLayout, ElementVariable
 from .variables import TypedValue
 from .version_3 import Model3, Slave3
 
@@ -119,18 +119,12 @@ class FmiInstance(ABC):
         """Return values of variables, with one call per type; raises fmpy's exceptions."""
         found: list[Any] = [None] * len(variables)
         for kind, positions in by_type(variables):
-            if any(isinstance(variables[i], ElementVariable) for i in positions):
-                for i in positions:
-                    found[i] = self._element(kind, variables[i])
-                continue
-            got = getattr(self.fmu, f"get{kind}")([variables[i].valueReference for i in positions])
-            for i, value in zip(positions, got, strict=True):
+            layout = ElementLayout(variables[i] for i in positions)
+            count = () if layout.size == len(layout.references) else (layout.size,)
+            got = getattr(self.fmu, f"get{kind}")(layout.references, *count)
+            for i, value in zip(positions, layout.pick(got), strict=True):
                 found[i] = value
         return found
-
-    def _element(self, kind: str, variable: ModelVariable) -> Any:
-        size, place = getattr(variable, "size", 1), getattr(variable, "place", 0)
-        return getattr(self.fmu, f"get{kind}")([variable.valueReference], size)[place]
 
     def asks_to_end(self) -> bool:
         """Return whether the FMU discarded a step because it wants the run to end."""

@@ -111,12 +111,20 @@ class Slave3(FMU3Slave):
         """Set Strings."""
         return self.fmi3SetString(component, references, count, texts, count)
 
-    def getString(self, vr: Sequence[int], nValues: int | None = None) -> list[str | None]:
-        """Return Strings; None for those that the FMU does not have, on which fmpy (0.3.32) fails."""
+    def getString(self, vr: Sequence[int], nValues: int | None = None) -> list[bytes | None]:
+        """Return Strings as bytes, as in FMI 2.0; None for a NULL pointer, on which fmpy (0.3.32) fails."""
         references, count = (ctypes.c_uint32 * len(vr))(*vr), nValues or len(vr)
         texts = (ctypes.c_char_p * count)()
         self.fmi3GetString(self.component, references, len(vr), texts, count)
-        return [None if text is None else text.decode("utf-8", "replace") for text in texts]
+        return list(texts)
+
+    def getBoolean(self, vr: Sequence[int], nValues: int | None = None) -> list[int]:
+        """Return Booleans as numbers, which need not be 0 or 1."""
+        references, count = (ctypes.c_uint32 * len(vr))(*vr), nValues or len(vr)
+        found = (ctypes.c_uint8 * count)()
+        place = ctypes.cast(found, ctypes.POINTER(ctypes.c_bool))
+        self.fmi3GetBoolean(self.component, references, len(vr), place, count)
+        return list(found)
 
     def newDiscreteStates(self) -> Any:
         """Update the discrete states."""

@@ -13,6 +13,7 @@ from ..base.errors import CommandError
 from ..base.files import temporary_folder
 from ..base.units import IDENTITY, LinearTransformation
 from ..fmu.clocks import is_triggered_input
+from ..fmu.cvode import IntegratorSettings
 from ..fmu.elements import BINARY
 from ..fmu.file import FmuFile, open_fmu
 from ..fmu.interface import KINDS, Interface
@@ -29,7 +30,6 @@ from .coupling.sampling import Sampling, find_sampling
 from .grouping import arrange, connect, find_groups
 from .instances.described_instance import DescribedInstance
 from .instances.instance_kinds import make_instance
-from .instances.integrator_settings import IntegratorSettings
 from .instances.isolated_instance import IsolatedInstance
 from .network import Link, OpaqueLink
 from .observer import Observer

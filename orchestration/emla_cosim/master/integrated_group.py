@@ -10,11 +10,12 @@ from fmpy.model_description import ModelVariable
 from ..base.arrays import Indices, Vector
 from ..base.errors import join_names
 from ..fmu.elements import place_in_array
+from ..fmu.integrator import MOST_ITERATIONS
 from .algorithms.initialization import settle_initial_values
 from .algorithms.newton import Newton, NoSolutionError
 from .algorithms.scale import Scale
 from .instances.fmu_instance import FmuInstance
-from .instances.integrated_instance import MOST_ITERATIONS, IntegratedInstance
+from .instances.integrated_instance import IntegratedInstance
 from .instances.model_exchange_instance import ModelExchangeInstance
 from .network import Link, Network
 

@@ -17,12 +17,12 @@ from ..base.option import SHARING, SHOWING
 from ..base.progress import Progress
 from ..base.units import IDENTITY, SiUnit
 from ..base.values import convert_value
+from ..fmu.cvode import IntegratorSettings
 from ..fmu.variables import convert_start_value
 from ..inputs.loaded_input import DataSpan
 from ..master.assembly import Assembly
 from ..master.coupling.estimate import CouplingError
 from ..master.instances.in_process_instance import is_dead
-from ..master.instances.integrator_settings import IntegratorSettings
 from ..master.stepping.fixed_steps import FixedSteps
 from ..master.stepping.stepping_base import ROUNDING, Stepping
 from ..recorders.metrics import default_roles

@@ -1,7 +1,6 @@
-"""Get and set variables of FMI 3.0: arrays as a whole, with one call for each type."""
+"""Elements of arrays of FMI 3.0: set as a whole, with one call for each type; dependencies of them."""
 
-import ctypes
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from fmpy.model_description import ModelVariable
@@ -11,37 +10,6 @@ from emla_cosim.fmu.instance import by_type
 
 Arrays = dict[int, list[Any]]
 """Values of arrays by value reference, in the order of their elements."""
-
-
-class ElementLayout:
-    """Where elements of arrays are in the values of one call.
-
-    Attributes:
-        references: Value references, each once.
-        size: Number of values.
-    """
-
-    def __init__(self, variables: Iterable[ModelVariable]) -> None:
-        begins: dict[int, int] = {}
-        self.size = 0
-        self._places: list[int] = []
-        for variable in variables:
-            if (reference := int(variable.valueReference)) not in begins:
-                begins[reference] = self.size
-                self.size += getattr(variable, "size", 1)
-            self._places.append(begins[reference] + place_in_array(variable))
-        self.references = list(begins)
-
-    def pick(self, values: Sequence[Any]) -> list[Any]:
-        """Return the values of the elements."""
-        return [values[place] for place in self._places]
-
-    def spread(self, values: Iterable[float]) -> list[float]:
-        """Return all values, of which those of other elements are 0."""
-        found = [0.0] * self.size
-        for place, value in zip(self._places, values, strict=True):
-            found[place] = value
-        return found
 
 
 class ElementDependency(NamedTuple):
@@ -58,39 +26,6 @@ class ElementDependency(NamedTuple):
             and self.independent == int(known.valueReference)
             and self.element_of_independent in (0, place_in_array(known) + 1)
         )
-
-
-def get_elements(fmu: Any, variables: Sequence[ModelVariable]) -> list[Any]:
-    """Return the values of variables or elements of arrays; raise fmpy's exceptions."""
-    found: list[Any] = [None] * len(variables)
-    for kind, positions in by_type(variables):
-        layout = ElementLayout(variables[i] for i in positions)
-        if kind == "String":
-            got = _strings(fmu, layout.references)
-        elif kind == "Boolean":
-            got = _booleans(fmu, layout)
-        else:
-            got = getattr(fmu, f"get{kind}")(layout.references, layout.size)
-        for i, value in zip(positions, layout.pick(got), strict=True):
-            found[i] = value
-    return found
-
-
-def _strings(fmu: Any, references: Sequence[int]) -> list[bytes | None]:
-    """Return Strings as bytes, which need not be UTF-8; None for a NULL pointer."""
-    pointers = (ctypes.c_char_p * len(references))()
-    numbers = (ctypes.c_uint * len(references))(*references)
-    fmu.fmi3GetString(fmu.component, numbers, len(references), pointers, len(references))
-    return list(pointers)
-
-
-def _booleans(fmu: Any, layout: ElementLayout) -> list[int]:
-    """Return Booleans as numbers, which need not be 0 or 1."""
-    found = (ctypes.c_uint8 * layout.size)()
-    numbers = (ctypes.c_uint * len(layout.references))(*layout.references)
-    place = ctypes.cast(found, ctypes.POINTER(ctypes.c_bool))
-    fmu.fmi3GetBoolean(fmu.component, numbers, len(numbers), place, layout.size)
-    return list(found)
 
 
 def set_elements(fmu: Any, values: Sequence[tuple[ModelVariable, Any]], arrays: Arrays) -> None:

@@ -7,9 +7,9 @@ from typing import Any
 
 from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import fmi2DoStepStatus
-from fmpy.fmi3 import FMU3Slave
 from fmpy.model_description import ModelVariable
 
+from emla_cosim.fmu.elements import ElementLayout
 from emla_cosim.fmu.instance import DISCARD, ERROR, FINE, OK, PENDING, STATUS, WARNING, FmiInstance, load
 from emla_cosim.fmu.log import LogLine
 from emla_cosim.fmu.python_exceptions import find_left_exception
@@ -17,9 +17,9 @@ from emla_cosim.fmu.python_exceptions import find_left_exception
 from ..subject import Subject
 from ..subprocess_run import last_note, note
 from ..verdict import LEAVES_EXCEPTION, Clause, left_exception
-from .arrays import Arrays, ElementDependency, ElementLayout, get_elements, set_elements
-from .event_mode import EARLY, EventState, HostedEvents, RunEndedError
-from .integration import Integration
+from .arrays import Arrays, ElementDependency, set_elements
+from .event_mode import EARLY, EventState, HostedEvents
+from .integration import HostedIntegration, IntegrationError, RunEndedError
 from .log import LOG, format_message
 
 RETURNS_EARLY = "mightReturnEarlyFromDoStep"
@@ -32,12 +32,18 @@ _LARGEST_STATE = 2**28
 class CallError(Exception):
     """A call that failed. Message: `fmi2DoStep at t = 1 s answered fmi2Error: ...`."""
 
-    def __init__(self, call: str, status: int, lines: Iterable[LogLine] = ()) -> None:
-        said = " ".join(line.text for line in list(lines)[-2:])
-        self.call, self.status = call, status
-        self.clause: Clause | None = None
-        name = STATUS[status] if self.has_status else f"{status}, which is not a valid status"
-        super().__init__(f"{call} answered {name}{f': {format_message(said)}' if said else '.'}")
+    def __init__(
+        self,
+        call: str,
+        status: int,
+        lines: Iterable[LogLine] = (),
+        sentence: str = "",
+        clause: Clause | None = None,
+    ) -> None:
+        """Say what a call answered, and the last lines of the log; or a sentence on what is wrong."""
+        self.call, self.status, self.clause = call, status, clause
+        answer = STATUS[status] if self.has_status else f"{status}, which is not a valid status"
+        super().__init__(sentence or f"{call} answered {answer}{_quote(lines)}")
 
     @property
     def has_status(self) -> bool:
@@ -46,14 +52,13 @@ class CallError(Exception):
 
     def __reduce__(self) -> Any:
         """Pickle the message instead of the log lines."""
-        return _rebuild_error, (str(self), self.call, self.status, self.clause)
+        return CallError, (self.call, self.status, (), str(self), self.clause)
 
 
-def _rebuild_error(sentence: str, call: str, status: int, clause: Clause | None = None) -> CallError:
-    error = CallError(call, status)
-    error.clause = clause
-    error.args = (sentence,)
-    return error
+def _quote(lines: Iterable[LogLine]) -> str:
+    """Return the end of a sentence, with the last log messages."""
+    said = " ".join(line.text for line in list(lines)[-2:])
+    return f": {format_message(said)}" if said else "."
 
 
 class SerializedState(bytes):
@@ -96,8 +101,9 @@ class HostedInstance(FmiInstance):
         self.subject, self.name = subject, name
         self.kind = kind or subject.kinds[0]
         ticks = self.kind == "CoSimulation" and subject.has_clocks
-        self._uses_events = ticks if events is None else events
-        self._returns = ticks and subject.has_flag(RETURNS_EARLY, self.kind) if early is None else early
+        uses_events = ticks if events is None else events
+        returns = ticks and subject.has_flag(RETURNS_EARLY, self.kind) if early is None else early
+        self.instantiation = {"eventModeUsed": uses_events, "earlyReturnAllowed": returns}
         library = subject.library(self.kind)
         note("loading its library")
         try:
@@ -113,18 +119,15 @@ class HostedInstance(FmiInstance):
         except Exception as error:  # fmpy raises bare ones
             if find_left_exception(error) is not None:
                 raise self.python_error("dlopen", error) from error
-            raise _rebuild_error(
-                f"Its library cannot be loaded: {format_message(str(error))}", "dlopen", ERROR
-            ) from error
+            sentence = f"Its library cannot be loaded: {format_message(str(error))}"
+            raise CallError("dlopen", ERROR, sentence=sentence) from error
         self.fmu.instance, self.fmu.instanceName = self, name
         self._is_3, self._arrays = subject.version == 3, Arrays()
-        self._integration = Integration(self.fmu, subject) if self.kind == "ModelExchange" else None
+        self._integration = HostedIntegration(self.fmu, subject) if self.kind == "ModelExchange" else None
         self.events: HostedEvents | None = None
         """What steps the instance with event mode or early returns, if it does."""
-        if self._uses_events or self._returns:
-            self.events = HostedEvents(self, self._uses_events, self._returns)
-        self._known: dict[int | None, EventState] = {}
-        """What was known when a state was saved, by the address of the state."""
+        if uses_events or returns:
+            self.events = HostedEvents(self, uses_events, returns)
         self._start = 0.0
         self.instantiate(logging)
 
@@ -132,28 +135,12 @@ class HostedInstance(FmiInstance):
         """Instantiate again after `free`, with the loaded library."""
         self._forget()
         try:
-            if self.events is not None:
-                self._instantiate_with_events(logging)
-            else:
-                self.fmu.instantiate(callbacks=LOG.callbacks, loggingOn=logging)
+            self.fmu.instantiate(callbacks=LOG.callbacks, loggingOn=logging)
         except CallError:
             raise
         except Exception as error:  # fmpy raises a bare one for NULL
-            raise _null(LOG.of(self.name)) from error
-
-    def _instantiate_with_events(self, logging: bool) -> None:
-        name = self.name.encode()
-
-        def hear(environment: Any, status: int, category: bytes, message: bytes) -> None:
-            LOG.hear(environment, name, status, category, message)
-
-        FMU3Slave.instantiate(
-            self.fmu,
-            loggingOn=logging,
-            eventModeUsed=self._uses_events,
-            earlyReturnAllowed=self._returns,
-            logMessage=hear,
-        )
+            sentence = f"fmi2Instantiate answered NULL{_quote(LOG.of(self.name))}"
+            raise CallError("fmi2Instantiate", ERROR, sentence=sentence) from error
 
     def announce(self, function: str, arguments: Sequence[Any] = ()) -> None:
         """Note the next call."""
@@ -192,16 +179,16 @@ class HostedInstance(FmiInstance):
 
     def python_error(self, function: str, error: Exception) -> CallError:
         """Return the error for a call that left an exception of Python."""
-        return _rebuild_error(left_exception(last_note(), error), function, ERROR, LEAVES_EXCEPTION)
+        return CallError(function, ERROR, (), left_exception(last_note(), error), LEAVES_EXCEPTION)
 
-    def violation(self, sentence: str, clause: Clause) -> CallError:
+    def violation(self, sentence: str, clause: Clause | None) -> CallError:
         """Return the error for what a function said against a clause of the standard."""
-        return _rebuild_error(sentence, sentence.split()[0], ERROR, clause)
+        return CallError(sentence.split()[0], ERROR, (), sentence, clause)
 
     def save_state(self) -> Any:
         """Return a new copy of the state."""
         with self.calling():
-            state = self.fmu.getFMUState() if self._is_3 else self.fmu.getFMUstate()
+            state = self.fmu.getFMUState()
         self._keep_events(state)
         return state
 
@@ -213,20 +200,18 @@ class HostedInstance(FmiInstance):
         self._keep_events(state)
 
     def _keep_events(self, state: Any) -> None:
-        if self.events is not None:
-            self._known[state.value] = self.events.save()
+        state.events = None if self.events is None else self.events.save()
 
     def restore_state(self, state: Any) -> None:
         """Continue from a saved state."""
         with self.calling():
-            (self.fmu.setFMUState if self._is_3 else self.fmu.setFMUstate)(state)
+            self.fmu.setFMUState(state)
         self.terminated = False
-        if self.events is not None and (known := self._known.get(state.value)) is not None:
+        if self.events is not None and (known := getattr(state, "events", None)) is not None:
             self.events.restore(known)
 
     def free_state(self, state: Any) -> None:
         """Free a saved state."""
-        self._known.pop(state.value, None)
         with self.calling():
             self.fmu.freeFMUstate(state)
 
@@ -239,15 +224,14 @@ class HostedInstance(FmiInstance):
                 return size.value
             content = self.fmu.serializeFMUState(state) if self._is_3 else self.fmu.serializeFMUstate(state)
         serialized = SerializedState(content)
-        serialized.events = self._known.get(state.value)
+        serialized.events = getattr(state, "events", None)
         return serialized
 
     def deserialize(self, data: bytes) -> Any:
         """Return a state from its bytes."""
         with self.calling():
             state = self.fmu.deSerializeFMUstate(data)
-        if isinstance(data, SerializedState) and data.events is not None:
-            self._known[state.value] = data.events
+        state.events = getattr(data, "events", None)
         return state
 
     def set_debug_logging(self, logging: bool, categories: Sequence[str]) -> None:
@@ -264,31 +248,21 @@ class HostedInstance(FmiInstance):
         self, unknowns: Sequence[str], knowns: Sequence[str], seed: Sequence[float]
     ) -> list[float]:
         """Return the derivatives of unknowns along a direction in the knowns, all by name."""
-        call: Any = self.fmu.getDirectionalDerivative
+        wanted, source = self._lay_out(unknowns), self._lay_out(knowns)
+        count = (wanted.size,) if self._is_3 else ()
         with self.calling():
-            if not self._is_3:
-                return list(call(self._references(unknowns), self._references(knowns), list(seed)))
-            return self._derive(call, unknowns, knowns, seed)
+            call: Any = self.fmu.getDirectionalDerivative
+            return wanted.pick(call(wanted.references, source.references, source.spread(seed), *count))
 
     def adjoint(self, unknowns: Sequence[str], knowns: Sequence[str], seed: Sequence[float]) -> list[float]:
         """Return the products of the seed and the derivatives of the unknowns, for each of the knowns."""
+        source, wanted = self._lay_out(unknowns), self._lay_out(knowns)
         with self.calling():
-            return self._derive(self.fmu.getAdjointDerivative, unknowns, knowns, seed, adjoint=True)
+            call: Any = self.fmu.getAdjointDerivative
+            return wanted.pick(call(source.references, wanted.references, source.spread(seed), wanted.size))
 
-    def _derive(
-        self,
-        call: Any,
-        unknowns: Sequence[str],
-        knowns: Sequence[str],
-        seed: Sequence[float],
-        adjoint: bool = False,
-    ) -> list[float]:
-        """Call with whole arrays, of which only some elements have a seed."""
-        variables = self.subject.variables
-        found, given = (ElementLayout(variables[n] for n in names) for names in (unknowns, knowns))
-        wanted, source = (given, found) if adjoint else (found, given)
-        answer = call(found.references, given.references, source.spread(seed), wanted.size)
-        return wanted.pick(answer)
+    def _lay_out(self, names: Sequence[str]) -> ElementLayout:
+        return ElementLayout(self.subject.variables[name] for name in names)
 
     def dependencies(self, reference: int) -> list[ElementDependency]:
         """Return the dependencies of the elements of a variable."""
@@ -307,19 +281,15 @@ class HostedInstance(FmiInstance):
 
     def output_derivatives(self, names: Sequence[str], order: int) -> list[float]:
         """Return the derivatives of outputs of an order, by name."""
-        with self.calling():
-            if not self._is_3:
-                call: Any = self.fmu.getRealOutputDerivatives
-                return list(call(self._references(names), [order] * len(names)))
-            layout = ElementLayout(self.subject.variables[n] for n in names)
-            return layout.pick(self._output_derivatives(layout, order))
-
-    def _output_derivatives(self, layout: ElementLayout, order: int) -> list[float]:
-        count = len(layout.references)  # fmpy (0.3.32) takes scalars only
+        layout, name = self._lay_out(names), "fmi3GetOutputDerivatives"
+        count, size = len(layout.references), (layout.size,)
+        if not self._is_3:
+            name, size = "fmi2GetRealOutputDerivatives", ()
         references, orders = (c_uint * count)(*layout.references), (c_int * count)(*[order] * count)
         values = (c_double * layout.size)()
-        self.fmu.fmi3GetOutputDerivatives(self.fmu.component, references, count, orders, values, layout.size)
-        return list(values)
+        with self.calling():  # fmpy's own method takes scalars only (0.3.32)
+            getattr(self.fmu, name)(self.fmu.component, references, count, orders, values, *size)
+        return layout.pick(list(values))
 
     def terminate(self) -> None:
         """End the run."""
@@ -353,9 +323,7 @@ class HostedInstance(FmiInstance):
         if self.events is not None:
             self.events.begin()
         if self._integration is not None:
-            with self.calling():
-                self._integration.begin()
-            self.terminated = self._integration.terminated
+            self._integrate(self._integration.begin, self._start)
 
     def set(self, values: Mapping[str, Any]) -> None:
         """Set variables by name, in this order, with one call for each type.
@@ -399,10 +367,7 @@ class HostedInstance(FmiInstance):
     def read(self, variables: Sequence[ModelVariable]) -> list[Any]:
         """Return the values that the FMU has now, with one call for each type."""
         with self.calling():
-            return self._read(variables)
-
-    def _read(self, variables: Sequence[ModelVariable]) -> list[Any]:
-        return get_elements(self.fmu, variables) if self._is_3 else self.get_typed(variables)
+            return self.get_typed(variables)
 
     def step(self, time: float, length: float) -> None:
         """Step from `time` by `length`, both in s. Raise CallError also for a discarded step.
@@ -415,10 +380,10 @@ class HostedInstance(FmiInstance):
             except RunEndedError:
                 self.terminated = True
             return
+        if self._integration is not None:
+            self._integrate(self._integration.step, time, length)
+            return
         with self.calling():
-            if self._integration is not None:
-                self._integrate(self._integration, time, length)
-                return
             if self._is_3:
                 self._step_3(time, length)
                 return
@@ -441,19 +406,22 @@ class HostedInstance(FmiInstance):
         at = f"fmi3DoStep at t = {time:.9g} s"
         if early and not terminates:
             said = f"{at} returned early at t = {reached:.9g} s, which was not allowed."
-            raise _rebuild_error(said, "fmi3DoStep", ERROR, EARLY)
+            raise self.violation(said, EARLY)
         if event and not self.claim:
             self.claim = f"{at} asked for event mode, which is not used."
 
-    def _integrate(self, integration: Integration, time: float, length: float) -> None:
+    def _integrate(self, do: Callable[..., None], time: float, *length: float) -> None:
+        """Do a part of the integration, from a time in s on."""
         try:
-            integration.step(time, length)
-        except RuntimeError as error:  # of the solver
+            with self.calling():
+                do(time, *length)
+        except RunEndedError:
+            self.terminated = True
+        except IntegrationError as error:
             sentence = (
                 f"The model cannot be integrated from t = {time:.9g} s on: {format_message(str(error))}"
             )
-            raise _rebuild_error(sentence, "the solver", ERROR) from error
-        self.terminated = integration.terminated
+            raise CallError("the solver", ERROR, sentence=sentence) from error
 
     def _wait(self) -> None:
         """Wait until a pending step is completed."""
@@ -486,14 +454,3 @@ class HostedInstance(FmiInstance):
     def reference(self, name: str) -> int:
         """Return the value reference of a variable."""
         return self.subject.variables[name].valueReference
-
-    def _references(self, names: Sequence[str]) -> list[int]:
-        return [self.reference(name) for name in names]
-
-
-def _null(lines: Iterable[LogLine]) -> CallError:
-    """Return the error for a failed instantiation, with the last log messages."""
-    said = " ".join(line.text for line in list(lines)[-2:])
-    error = CallError("fmi2Instantiate", ERROR)
-    error.args = (f"fmi2Instantiate answered NULL{f': {format_message(said)}' if said else '.'}",)
-    return error

@@ -163,7 +163,7 @@ def _ask_for_an_event_now() -> tuple[bool, bool, bool, bool, bool, float]:
 @pytest.mark.parametrize(
     ("function", "replacement", "message"),
     [
-        ("getDerivatives", _refuse, "fmi2GetDerivatives answered fmi2Error"),
+        ("fmi2GetDerivatives", _refuse, "fmi2GetDerivatives answered fmi2Error"),
         ("newDiscreteStates", _ask_for_an_event_now, "more than 1000 events"),
     ],
 )

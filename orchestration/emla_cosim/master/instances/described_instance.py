@@ -10,13 +10,13 @@ from fmpy.model_description import ModelVariable
 from numpy.typing import NDArray
 
 from ...fmu.clocks import is_clocked
+from ...fmu.cvode import IntegratorSettings
 from ...fmu.elements import is_plain
 from ...fmu.file import FmuFile
 from ...fmu.interface import MODEL_EXCHANGE
 from ...fmu.tables import find_span_references
 from ...fmu.variables import TypedValue
 from .fmu_instance import FmuInstance
-from .integrator_settings import IntegratorSettings
 from .start_values import LostValue
 
 

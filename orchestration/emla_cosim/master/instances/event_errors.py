@@ -48,12 +48,12 @@ def explain_problem(instance: InProcessInstance, tables: EventTables) -> RunErro
             f"the step to t = {record.value:.9g} s; less than {MOST_UPDATES} are supported. Use a "
             "smaller step size."
         )
-    call, answer = _describe_answer(problem, record, tables)
+    call, answer = describe_answer(problem, record, tables)
     return InstanceError(name, call, answer, instance.messages())
 
 
-def _describe_answer(problem: Problem, record: Events, tables: EventTables) -> tuple[str, str]:
-    """Return the call that gave a wrong answer, and the answer."""
+def describe_answer(problem: Problem, record: Events, tables: EventTables) -> tuple[str, str]:
+    """Return the call that gave a wrong answer, with its time, and the answer."""
     step, update = _at(DO_STEP, record.time), _at(UPDATE, record.time)
     if problem in _REFUSED:
         return step, f"{_REFUSED[problem]}, which is not allowed here"

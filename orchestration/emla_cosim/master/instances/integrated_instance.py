@@ -1,40 +1,20 @@
 """Integration of FMUs that run as Model Exchange, by CVode between communication points."""
 
 import contextlib
-import ctypes
 import math
 import struct
 from collections.abc import Collection, Iterator, Sequence
-from itertools import accumulate
 from typing import Any
 
 import numpy as np
 from fmpy.model_description import ModelVariable
 
 from ...base.arrays import Vector
-from ...fmu.cvode import RECOVERABLE, CVode, SolverError
+from ...fmu.cvode import SolverError
+from ...fmu.integrator import CLOSE, Integrator
 from .fmu_instance import FmuInstance, InstanceError
-from .model_exchange_instance import DiscardedCallError, ModelExchangeInstance
+from .model_exchange_instance import ModelExchangeInstance
 
-SAFETY = 0.02
-"""The tolerance of CVode per tolerance of the results: the errors of its steps add up."""
-
-RESTARTED = 1e-3
-"""The same where the master makes the integrator start anew: each start adds an error, in each step."""
-
-_SMALLEST = 1e-13
-"""Smallest tolerance of CVode."""
-
-_CLOSE = 4.0 * float(np.finfo(float).eps)
-"""Times that differ by less, relative to the larger one, are equal."""
-
-MOST_ITERATIONS = 1000
-"""Most iterations of an event, and most events at one time."""
-
-_MOST_STEPS = 10**6
-"""Most steps of the integrator in one communication step."""
-
-_BYTES = ctypes.sizeof(ctypes.c_double)
 _LENGTH = struct.Struct("<Q")
 
 
@@ -44,7 +24,7 @@ class IntegrationError(InstanceError):
     did = "cannot be integrated {call}: {status}"
 
 
-class IntegratedInstance(FmuInstance):
+class IntegratedInstance(Integrator[ModelExchangeInstance], FmuInstance):
     """FMUs that run as Model Exchange, with one integrator; see `FmuInstance`.
 
     This class steps one FMU; `IntegratedGroup` steps several. Between two calls the FMUs are in
@@ -65,12 +45,9 @@ class IntegratedInstance(FmuInstance):
         self.interpolates = all(m.interpolates for m in members)
         self.rolls_back = all(m.rolls_back for m in members)
         self.serializes = all(m.serializes for m in members)
-        self._states, self._count = _offsets([m.state_count for m in members])
-        self._marks, self._indicators = _offsets([m.indicator_count for m in members])
         moving = [v for v, moves in zip(first.read, first.continuous_inputs, strict=True) if moves]
         self._moved = np.zeros(len(moving))
         self._write_moved = first.writer(moving, self._moved)
-        self._solver: CVode | None = None
         self._restarts_always = False
         self._begin(math.nan)
 
@@ -81,15 +58,10 @@ class IntegratedInstance(FmuInstance):
 
     def _begin(self, time: float) -> None:
         """Forget everything about earlier runs; `time` in s."""
+        super()._begin(time)
         self._is_integrating = False
-        self._time, self._next_event = time, math.inf
         self._passed = np.full(len(self.inputs), math.nan)
         self._slopes: Vector | None = None
-        self._is_discontinuous, self._is_interrupted = True, False
-        self._tolerance = min(m.settings.tolerance for m in self.members)
-        self._largest = self.members[0].settings.largest or 0.0
-        self._method = self.members[0].settings.method
-        self._free_solver()
 
     def bind(self, inputs: Vector, outputs: Vector) -> None:
         """Use this memory for inputs and outputs."""
@@ -150,7 +122,7 @@ class IntegratedInstance(FmuInstance):
         """Integrate from `time` by `step`, both in s."""
         if self._restarts_always or self._slopes is not None:
             self._is_discontinuous = self._is_interrupted = True
-        if not abs(self._time - time) <= _CLOSE * abs(time):
+        if not abs(self._time - time) <= CLOSE * abs(time):
             self._time, self._is_discontinuous = time, True
         self._begun, self._held = self._time, self._passed[self.continuous_inputs]
         try:
@@ -203,13 +175,6 @@ class IntegratedInstance(FmuInstance):
         """Free the solver; the FMUs have their own `close`."""
         self._free_solver()
 
-    def read_states(self) -> Vector:
-        """Return the present states of the FMUs."""
-        found = np.empty(self._count)
-        for member, offset in zip(self.members, self._states, strict=True):
-            member.read_states(found.ctypes.data + offset)
-        return found
-
     def derivatives(self, states: Vector) -> Vector:
         """Set the states, and return their derivatives at the present time, per s."""
         found = np.empty(self._count)
@@ -251,10 +216,6 @@ class IntegratedInstance(FmuInstance):
     def _connect(self) -> None:
         """Pass continuous values between the FMUs until they agree."""
 
-    def _exchange(self) -> Collection[ModelExchangeInstance]:
-        """Pass all values between the FMUs, which are in event mode; return those that got other inputs."""
-        return ()
-
     def _kept(self) -> list[Vector]:
         """Return arrays that are part of the state."""
         return [self._passed]
@@ -273,42 +234,6 @@ class IntegratedInstance(FmuInstance):
         self._next_event, self._slopes = float(events.min()), None
         self._is_discontinuous = self._is_interrupted = True
 
-    def _advance(self, end: float) -> None:
-        """Integrate to a time in s, with all events up to it."""
-        events, last_event = 0, -math.inf
-        while not _reaches(self._time, end):
-            is_event, steps = False, 0
-            while not is_event and not _reaches(self._time, end):
-                target = self._next_event if _reaches(end, self._next_event) else end
-                is_event = self._integrate(max(target, self._time))
-                is_event = is_event or self._time >= self._next_event
-                steps += 1
-                if steps > _MOST_STEPS:
-                    raise self._integration_error(f"this takes more than {_MOST_STEPS} steps.")
-            if is_event:
-                self._enter_event_mode()
-                self._finish_event()
-                events = events + 1 if _reaches(last_event, self._time) else 0
-                last_event = self._time
-                if events > MOST_ITERATIONS:
-                    raise self._integration_error(f"it has more than {MOST_ITERATIONS} events there.")
-
-    def _integrate(self, target: float) -> bool:
-        """Do one step of the integrator to at most `target`; return whether an event follows."""
-        found = False
-        if (self._count or self._indicators) and not _reaches(self._time, target):
-            solver = self._ready_solver()
-            self._time, found = solver.step(target)
-            if not np.isfinite(solver.states).all():
-                raise self._integration_error("a state became infinite or NaN.")
-            states = solver.states
-        else:
-            self._time, states = target, self.read_states()
-        self._place(self._time, states.ctypes.data)
-        for member in self.members:
-            found = member.complete_step() or found
-        return found
-
     @contextlib.contextmanager
     def _event(self) -> Iterator[None]:
         """Surround a change that may cause an event."""
@@ -317,102 +242,18 @@ class IntegratedInstance(FmuInstance):
         self._finish_event()
         self._is_interrupted = True
 
-    def _enter_event_mode(self) -> None:
-        for member in self.members:
-            member.enter_event_mode()
-
-    def _finish_event(self) -> None:
-        """Iterate an event until the discrete states settle, and enter continuous-time mode."""
-        self._exchange()
-        waiting: Collection[ModelExchangeInstance] = self.members
-        for _ in range(MOST_ITERATIONS):
-            again = [m for m in waiting if m.find_discrete_states()]
-            changed = self._exchange()
-            waiting = [m for m in self.members if m in again or m in changed]
-            if not waiting:
-                break
-        else:
-            raise self._integration_error(
-                f"the discrete states do not settle in {MOST_ITERATIONS} iterations."
-            )
-        self._next_event = min(m.next_event for m in self.members)
-        for member in self.members:
-            member.enter_continuous_time_mode()
-        self._is_discontinuous = True
-
-    def _ready_solver(self) -> CVode:
-        """Return the solver, which starts anew from the FMUs' states after a discontinuity."""
-        solver, fresh = self._solver, self._solver is None
-        if solver is None:
-            # without states, CVode looks for events along one that stays at 0
-            solver = self._solver = CVode(
-                max(self._count, 1), self._indicators, self._derive, self._indicate, self._method
-            )
-        if self._is_discontinuous:
-            share = RESTARTED if self._is_interrupted else SAFETY
-            tolerance = max(share * self._tolerance, _SMALLEST)
-            if self._count:
-                solver.states[:] = self.read_states()
-                if fresh or any(m.has_new_nominals for m in self.members):
-                    self._nominals = np.concatenate([m.read_nominals() for m in self.members])
-                solver.absolute[:] = tolerance * self._nominals
-            solver.restart(self._time, tolerance, self._largest)
-            self._is_discontinuous = self._is_interrupted = False
-        return solver
-
-    def _place(self, time: float, states: int) -> None:
-        """Set the time in s, the states from an address, and the inputs that follow."""
-        for member, offset in zip(self.members, self._states, strict=True):
-            member.place(time, states + offset)
+    def _follow(self, time: float) -> None:
+        """Set the inputs that follow their slopes, and connect the FMUs."""
         if self._slopes is not None:
             self._set_moving_inputs(self._moving(time))
         self._connect()
-
-    def _derive(self, time: float, states: int, result: int) -> int:
-        """Compute the derivatives of the states for CVode."""
-        if not self._count:
-            ctypes.memset(result, 0, _BYTES)
-            return 0
-        try:
-            self._place(time, states)
-            for member, offset in zip(self.members, self._states, strict=True):
-                member.derive(result + offset)
-        except DiscardedCallError:
-            return RECOVERABLE
-        return 0
-
-    def _indicate(self, time: float, states: int, result: int) -> int:
-        """Compute the event indicators for CVode."""
-        try:
-            self._place(time, states)
-            for member, offset in zip(self.members, self._marks, strict=True):
-                member.indicate(result + offset)
-        except DiscardedCallError:
-            return RECOVERABLE
-        return 0
 
     def _moving(self, time: float) -> Vector:
         """Return the continuous inputs, which follow their slopes, at a time in s."""
         assert self._slopes is not None
         return self._held + (time - self._begun) * self._slopes
 
-    def _free_solver(self) -> None:
-        if self._solver is not None:
-            self._solver.close()
-            self._solver = None
-
     def _integration_error(self, reason: str) -> IntegrationError:
         at = f"at t = {self._time:.9g} s"
         said = [line for m in self.members for line in m.messages()]
         return IntegrationError(self.name, at, reason.rstrip("."), said)
-
-
-def _reaches(time: float, other: float) -> bool:
-    """Whether a time is at or after another one, apart from rounding."""
-    return time >= other or (other < math.inf and other - time <= _CLOSE * max(abs(time), abs(other)))
-
-
-def _offsets(counts: Sequence[int]) -> tuple[list[int], int]:
-    """Return where the doubles of each member begin, in bytes, and how many doubles there are."""
-    ends = [0, *accumulate(counts)]
-    return [_BYTES * end for end in ends[:-1]], ends[-1]

@@ -13,13 +13,13 @@ from ...base.arrays import Vector
 from ...base.crash_page import CrashPageFile
 from ...base.errors import CommandError, RunError
 from ...base.process import Child, ChildEndedError
+from ...fmu.cvode import IntegratorSettings
 from ...fmu.file import FmuFile
 from ...fmu.interface import MODEL_EXCHANGE
 from ...fmu.variables import TypedValue
 from .call_codes import code_of, decode_call
 from .described_instance import DescribedInstance
 from .fmu_instance import InstanceError
-from .integrator_settings import IntegratorSettings
 from .measured_calls import Effort
 from .request import Request
 

@@ -8,10 +8,10 @@ import numpy as np
 from ...base import crash_page
 from ...base.channel import Channel
 from ...base.errors import CosimError, RunError
+from ...fmu.cvode import IntegratorSettings
 from ...fmu.log import FmuLog
 from .in_process_instance import InProcessInstance
 from .instance_kinds import make_instance, make_stepped
-from .integrator_settings import IntegratorSettings
 from .measured_calls import Effort, MeasuredCalls
 from .request import Request
 from .start_values import LostValue

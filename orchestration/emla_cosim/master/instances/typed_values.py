@@ -3,7 +3,7 @@
 import ctypes
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from fmpy.model_description import ModelVariable
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ...base.arrays import Vector
 from ...fmu.clocks import CLOCK
-from ...fmu.elements import ElementVariable, value_type
+from ...fmu.elements import ElementLayout, ElementVariable, value_type
 from ...fmu.instance import by_type
 
 
@@ -58,38 +58,6 @@ class TypeGroup:
                 raise ValueRangeError(f"{name} is {kind} and cannot be {values[i]:.17g}")
 
 
-class PlannedCall(NamedTuple):
-    """A FMI call for values of one type.
-
-    Attributes:
-        type: The type in the names of FMI functions.
-        members: The positions of its variables.
-        references: Value references, one per array.
-        places: The positions of the members in the memory of the call, which holds whole arrays.
-        size: The number of values in that memory.
-    """
-
-    type: str
-    members: list[int]
-    references: NDArray[np.uint32]
-    places: NDArray[np.intp]
-    size: int
-
-
-def plan_calls(access: str, variables: Sequence[ModelVariable]) -> Iterator[PlannedCall]:
-    """Yield the FMI calls that get or set variables: one per type, and one per array that is set.
-
-    There is none for Clocks: they tick in event mode, and have no value between ticks.
-
-    Args:
-        access: `get` or `set`.
-        variables: The variables of a vector.
-    """
-    for type_, elements in by_type(variables):
-        for members in _by_call(access, variables, elements) if type_ != CLOCK else ():
-            yield PlannedCall(type_, members, *_memory_of([variables[i] for i in members]))
-
-
 class TypedValues:
     """Get or set variables with one FMI call per type, and one per array that is set.
 
@@ -112,10 +80,12 @@ class TypedValues:
     ) -> None:
         self.groups = list[TypeGroup]()
         elements = np.arange(len(variables)) if elements is None else elements
-        for type_, members, references, places, size in plan_calls(access, variables):
-            first = variables[members[0]]
-            values = np.zeros(size, dtype=value_type(first))
-            counts = (size,) if isinstance(first, ElementVariable) else ()
+        for type_, members in _plan_calls(access, variables):
+            first, layout = variables[members[0]], ElementLayout(variables[i] for i in members)
+            references = np.array(layout.references, dtype=np.uint32)
+            places = np.array(layout.places, dtype=np.intp)
+            values = np.zeros(layout.size, dtype=value_type(first))
+            counts = (layout.size,) if isinstance(first, ElementVariable) else ()
             if access == "set" and isinstance(first, ElementVariable) and first.size > 1:
                 reference, memory = int(first.valueReference), start_memory(first)
                 values = memory if arrays is None else arrays.setdefault(reference, memory)
@@ -125,7 +95,7 @@ class TypedValues:
                     elements=elements[members],
                     references=references,
                     values=values,
-                    places=slice(None) if np.array_equal(places, np.arange(size)) else places,
+                    places=slice(None) if np.array_equal(places, np.arange(layout.size)) else places,
                     boolean=type_ == "Boolean",
                     function=functions[f"{access}{type_}"],
                     arguments=(_pointer(references), len(references), _pointer(values), *counts),
@@ -179,31 +149,18 @@ def start_memory(variable: ElementVariable) -> NDArray[Any]:
     return np.array(variable.array_start, dtype=value_type(variable))
 
 
-def _by_call(access: str, variables: Sequence[ModelVariable], elements: list[int]) -> list[list[int]]:
-    """Return the positions for each FMI call: arrays are set one by one."""
-    if access == "get":
-        return [elements]
-    arrays: dict[int | None, list[int]] = {}
-    for i in elements:
-        v = variables[i]
-        arrays.setdefault(v.valueReference if getattr(v, "size", 1) > 1 else None, []).append(i)
-    return list(arrays.values())
+def _plan_calls(access: str, variables: Sequence[ModelVariable]) -> Iterator[tuple[str, list[int]]]:
+    """Yield the type and the positions for each FMI call: one per type, and one per array that is set.
 
-
-def _memory_of(
-    variables: Sequence[ModelVariable],
-) -> tuple[NDArray[np.uint32], NDArray[np.intp], int]:
-    """Return value references, positions in the memory of a call, and the size of that memory."""
-    begins, references, places, size = dict[int, int](), list[int](), list[int](), 0
-    for v in variables:
-        reference, whole = int(v.valueReference), isinstance(v, ElementVariable) and v.size > 1
-        begin = begins.get(reference) if whole else None
-        if begin is None:
-            begin = begins[reference] = size
-            references.append(reference)
-            size += v.size if isinstance(v, ElementVariable) else 1
-        places.append(begin + (v.place if isinstance(v, ElementVariable) else 0))
-    return np.array(references, dtype=np.uint32), np.array(places, dtype=np.intp), size
+    There is none for Clocks: they tick in event mode, and have no value between ticks.
+    """
+    for type_, elements in by_type(variables):
+        arrays: dict[int | None, list[int]] = {}
+        for i in elements if type_ != CLOCK else ():
+            is_array = access == "set" and getattr(variables[i], "size", 1) > 1
+            arrays.setdefault(variables[i].valueReference if is_array else None, []).append(i)
+        for members in arrays.values():
+            yield type_, members
 
 
 def _pointer(array: NDArray[Any]) -> Any:

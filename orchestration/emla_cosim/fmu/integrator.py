@@ -1,0 +1,211 @@
+"""Integration of models by CVode between communication points, with their events."""
+
+import ctypes
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Collection, Sequence
+from itertools import accumulate
+from typing import Generic, TypeVar
+
+import numpy as np
+
+from ..base.arrays import Vector
+from .continuous_model import ContinuousModel, DiscardedCall
+from .cvode import RECOVERABLE, CVode
+
+SAFETY = 0.02
+"""The tolerance of CVode per tolerance of the results: the errors of its steps add up."""
+
+RESTARTED = 1e-3
+"""The same where the host makes the integrator start anew: each start adds an error, in each step."""
+
+_SMALLEST = 1e-13
+"""Smallest tolerance of CVode."""
+
+CLOSE = 4.0 * float(np.finfo(float).eps)
+"""Times that differ by less, relative to the larger one, are equal."""
+
+MOST_ITERATIONS = 1000
+"""Most iterations of an event, and most events at one time."""
+
+_MOST_STEPS = 10**6
+"""Most steps of the integrator in one communication step."""
+
+_BYTES = ctypes.sizeof(ctypes.c_double)
+
+Model = TypeVar("Model", bound=ContinuousModel)
+
+
+class Integrator(ABC, Generic[Model]):
+    """Integrates models with one solver, to a time and with all events on the way.
+
+    The solver goes on from step to step. It starts anew where a model had an event, and where it is told that
+    something was discontinuous.
+
+    Attributes:
+        members: The models.
+        refusal: The error of the last call that a model discarded in the present step of the solver.
+    """
+
+    members: list[Model]
+    refusal: Exception | None = None
+    _solver: CVode | None = None
+
+    @abstractmethod
+    def _integration_error(self, reason: str) -> Exception:
+        """Return the error if the integration cannot continue."""
+
+    def _begin(self, time: float) -> None:
+        """Forget everything about earlier runs; `time` in s."""
+        self._states, self._count = _offsets([m.state_count for m in self.members])
+        self._marks, self._indicators = _offsets([m.indicator_count for m in self.members])
+        self._time, self._next_event = time, math.inf
+        self._is_discontinuous, self._is_interrupted = True, False
+        self._tolerance = min(m.settings.tolerance for m in self.members)
+        self._largest = self.members[0].settings.largest or 0.0
+        self._method = self.members[0].settings.method
+        self._free_solver()
+
+    def read_states(self) -> Vector:
+        """Return the present states of the FMUs."""
+        found = np.empty(self._count)
+        for member, offset in zip(self.members, self._states, strict=True):
+            member.read_states(found.ctypes.data + offset)
+        return found
+
+    def _exchange(self) -> Collection[Model]:
+        """Pass all values between the FMUs, which are in event mode; return those that got other inputs."""
+        return ()
+
+    def _follow(self, time: float) -> None:
+        """Set the inputs that follow the time in s and the states, which were set."""
+
+    def _advance(self, end: float) -> None:
+        """Integrate to a time in s, with all events up to it."""
+        events, last_event = 0, -math.inf
+        while not _reaches(self._time, end):
+            is_event, steps = False, 0
+            while not is_event and not _reaches(self._time, end):
+                target = self._next_event if _reaches(end, self._next_event) else end
+                is_event = self._integrate(max(target, self._time))
+                is_event = is_event or self._time >= self._next_event
+                steps += 1
+                if steps > _MOST_STEPS:
+                    raise self._integration_error(f"this takes more than {_MOST_STEPS} steps.")
+            if is_event:
+                self._enter_event_mode()
+                self._finish_event()
+                events = events + 1 if _reaches(last_event, self._time) else 0
+                last_event = self._time
+                if events > MOST_ITERATIONS:
+                    raise self._integration_error(f"it has more than {MOST_ITERATIONS} events there.")
+
+    def _integrate(self, target: float) -> bool:
+        """Do one step of the integrator to at most `target`; return whether an event follows."""
+        found, self.refusal = False, None
+        if (self._count or self._indicators) and not _reaches(self._time, target):
+            solver = self._ready_solver()
+            self._time, found = solver.step(target)
+            if not np.isfinite(solver.states).all():
+                raise self._integration_error("a state became infinite or NaN.")
+            states = solver.states
+        else:
+            self._time, states = target, self.read_states()
+        self._place(self._time, states.ctypes.data)
+        for member in self.members:
+            found = member.complete_step() or found
+        return found
+
+    def _enter_event_mode(self) -> None:
+        for member in self.members:
+            member.enter_event_mode()
+
+    def _settle(self) -> None:
+        """Iterate an event until the discrete states settle."""
+        self._exchange()
+        waiting: Collection[Model] = self.members
+        for _ in range(MOST_ITERATIONS):
+            again = [m for m in waiting if m.find_discrete_states()]
+            changed = self._exchange()
+            waiting = [m for m in self.members if m in again or m in changed]
+            if not waiting:
+                break
+        else:
+            raise self._integration_error(
+                f"the discrete states do not settle in {MOST_ITERATIONS} iterations."
+            )
+        self._next_event = min(m.next_event for m in self.members)
+
+    def _finish_event(self) -> None:
+        """Iterate an event until the discrete states settle, and enter continuous-time mode."""
+        self._settle()
+        for member in self.members:
+            member.enter_continuous_time_mode()
+        self._is_discontinuous = True
+
+    def _ready_solver(self) -> CVode:
+        """Return the solver, which starts anew from the FMUs' states after a discontinuity."""
+        solver, fresh = self._solver, self._solver is None
+        if solver is None:
+            # without states, CVode looks for events along one that stays at 0
+            solver = self._solver = CVode(
+                max(self._count, 1), self._indicators, self._derive, self._indicate, self._method
+            )
+        if self._is_discontinuous:
+            share = RESTARTED if self._is_interrupted else SAFETY
+            tolerance = max(share * self._tolerance, _SMALLEST)
+            if self._count:
+                solver.states[:] = self.read_states()
+                if fresh or any(m.has_new_nominals for m in self.members):
+                    self._nominals = np.concatenate([m.read_nominals() for m in self.members])
+                solver.absolute[:] = tolerance * self._nominals
+            solver.restart(self._time, tolerance, self._largest)
+            self._is_discontinuous = self._is_interrupted = False
+        return solver
+
+    def _place(self, time: float, states: int) -> None:
+        """Set the time in s, the states from an address, and the inputs that follow."""
+        for member, offset in zip(self.members, self._states, strict=True):
+            member.place(time, states + offset)
+        self._follow(time)
+
+    def _derive(self, time: float, states: int, result: int) -> int:
+        """Compute the derivatives of the states for CVode."""
+        if not self._count:
+            ctypes.memset(result, 0, _BYTES)
+            return 0
+        try:
+            self._place(time, states)
+            for member, offset in zip(self.members, self._states, strict=True):
+                member.derive(result + offset)
+        except DiscardedCall as error:
+            self.refusal = error
+            return RECOVERABLE
+        return 0
+
+    def _indicate(self, time: float, states: int, result: int) -> int:
+        """Compute the event indicators for CVode."""
+        try:
+            self._place(time, states)
+            for member, offset in zip(self.members, self._marks, strict=True):
+                member.indicate(result + offset)
+        except DiscardedCall as error:
+            self.refusal = error
+            return RECOVERABLE
+        return 0
+
+    def _free_solver(self) -> None:
+        if self._solver is not None:
+            self._solver.close()
+            self._solver = None
+
+
+def _reaches(time: float, other: float) -> bool:
+    """Whether a time is at or after another one, apart from rounding."""
+    return time >= other or (other < math.inf and other - time <= CLOSE * max(abs(time), abs(other)))
+
+
+def _offsets(counts: Sequence[int]) -> tuple[list[int], int]:
+    """Return where the doubles of each member begin, in bytes, and how many doubles there are."""
+    ends = [0, *accumulate(counts)]
+    return [_BYTES * end for end in ends[:-1]], ends[-1]
