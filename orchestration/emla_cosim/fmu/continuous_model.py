@@ -3,12 +3,15 @@
 import ctypes
 import math
 from abc import ABC, abstractmethod
+from functools import cached_property
 from typing import Any
 
 import numpy as np
+from fmpy.model_description import ModelDescription
 
 from ..base.arrays import Vector
 from .cvode import IntegratorSettings
+from .elements import is_version_3
 
 
 class DiscardedCall(Exception):  # noqa: N818 - what an error is besides
@@ -20,23 +23,40 @@ class ContinuousModel(ABC):
 
     Attributes:
         settings: How to integrate it.
-        state_count: Number of continuous states.
-        indicator_count: Number of event indicators.
-        reports_steps: Whether the FMU wants to be told that a step of the integrator is complete.
-        is_3: Whether it is of FMI 3.0.
         next_event: Time in s of its next time event; infinite without one.
         has_new_nominals: Whether the nominal values of its states have changed.
     """
 
     settings = IntegratorSettings()
-    state_count: int
-    indicator_count: int
-    reports_steps: bool
-    is_3: bool
     next_event = math.inf
     has_new_nominals = True
     _time = math.nan
     _no_way_back = 0  # noSetFMUStatePriorToCurrentPoint
+
+    @property
+    @abstractmethod
+    def _description(self) -> ModelDescription:
+        """The model description."""
+
+    @cached_property
+    def state_count(self) -> int:
+        """Number of continuous states."""
+        return int(self._description.numberOfContinuousStates or 0)
+
+    @cached_property
+    def indicator_count(self) -> int:
+        """Number of event indicators."""
+        return int(self._description.numberOfEventIndicators or 0)
+
+    @cached_property
+    def is_3(self) -> bool:
+        """Whether it is of FMI 3.0."""
+        return is_version_3(self._description)
+
+    @cached_property
+    @abstractmethod
+    def reports_steps(self) -> bool:
+        """Whether the FMU wants to be told that a step of the integrator is complete."""
 
     @abstractmethod
     def _call(self, name: str, *arguments: Any) -> None:

@@ -36,6 +36,8 @@ class FmiInstance(ABC):
 
     name: str
     fmu: Any
+    start_time = math.nan
+    """The start of the last initialization in s."""
     instantiation: Mapping[str, bool] = {}
     """What `fmi3InstantiateCoSimulation` gets for `eventModeUsed` and `earlyReturnAllowed`."""
     configuration: Sequence[TypedValue] = ()
@@ -99,6 +101,7 @@ class FmiInstance(ABC):
             tolerance: Relative tolerance of the FMU's solver; None leaves it to the FMU.
             set_values: Sets the start values.
         """
+        self.start_time = start_time
         with self.calling():
             self.fmu.setupExperiment(tolerance=tolerance, startTime=start_time, stopTime=stop_time)
             set_values()

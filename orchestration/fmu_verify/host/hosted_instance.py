@@ -9,6 +9,7 @@ from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import fmi2DoStepStatus
 from fmpy.model_description import ModelVariable
 
+from emla_cosim.base.errors import CommandError
 from emla_cosim.fmu.elements import ElementLayout
 from emla_cosim.fmu.instance import DISCARD, ERROR, FINE, OK, PENDING, STATUS, WARNING, FmiInstance, load
 from emla_cosim.fmu.log import LogLine
@@ -16,7 +17,7 @@ from emla_cosim.fmu.python_exceptions import find_left_exception
 
 from ..subject import Subject
 from ..subprocess_run import last_note, note
-from ..verdict import LEAVES_EXCEPTION, Clause, left_exception
+from ..verdict import LEAVES_EXCEPTION, Clause, NotRunError, left_exception
 from .arrays import Arrays, ElementDependency, set_elements
 from .event_mode import EARLY, EventState, HostedEvents
 from .integration import HostedIntegration, IntegrationError, RunEndedError
@@ -128,7 +129,6 @@ class HostedInstance(FmiInstance):
         """What steps the instance with event mode or early returns, if it does."""
         if uses_events or returns:
             self.events = HostedEvents(self, uses_events, returns)
-        self._start = 0.0
         self.instantiate(logging)
 
     def instantiate(self, logging: bool = False) -> None:
@@ -304,26 +304,15 @@ class HostedInstance(FmiInstance):
         self.begin_initialization(start, stop, tolerance, lambda: self.set(values or {}))
         self.exit_initialization()
 
-    def begin_initialization(
-        self,
-        start_time: float,
-        stop_time: float | None = None,
-        tolerance: float | None = None,
-        set_values: Callable[[], None] = lambda: None,
-    ) -> None:
-        """Set up the experiment, set start values and enter initialization mode; see `FmiInstance`."""
-        self._start = start_time
-        super().begin_initialization(start_time, stop_time, tolerance, set_values)
-
     def exit_initialization(self) -> None:
         """Leave initialization mode. For Model Exchange, handle the first events and stay in event mode."""
         if self.events is not None:
-            self.events.start_clocks(self._start)
+            self.events.start_clocks(self.start_time)
         super().exit_initialization()
         if self.events is not None:
             self.events.begin()
         if self._integration is not None:
-            self._integrate(self._integration.begin, self._start)
+            self._integrate(self._integration.begin, self.start_time)
 
     def set(self, values: Mapping[str, Any]) -> None:
         """Set variables by name, in this order, with one call for each type.
@@ -417,6 +406,8 @@ class HostedInstance(FmiInstance):
                 do(time, *length)
         except RunEndedError:
             self.terminated = True
+        except CommandError as error:  # there is no solver for this platform
+            raise NotRunError(str(error)) from error
         except IntegrationError as error:
             sentence = (
                 f"The model cannot be integrated from t = {time:.9g} s on: {format_message(str(error))}"

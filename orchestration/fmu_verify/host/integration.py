@@ -1,9 +1,11 @@
 """Integrate a Model Exchange FMU between communication points, with its events."""
 
 import ctypes
+from functools import cached_property
 from typing import Any
 
 from fmpy.fmi1 import FMICallException
+from fmpy.model_description import ModelDescription
 
 from emla_cosim.fmu.continuous_model import ContinuousModel, DiscardedCall
 from emla_cosim.fmu.cvode import IntegratorSettings, SolverError
@@ -35,14 +37,18 @@ class HostedModel(ContinuousModel):
     settings = _SETTINGS
 
     def __init__(self, fmu: Any, subject: Subject) -> None:
-        self.fmu, self.is_3 = fmu, subject.version == 3
-        self.state_count = int(subject.description.numberOfContinuousStates or 0)
-        self.indicator_count = int(subject.description.numberOfEventIndicators or 0)
+        self.fmu, self._subject = fmu, subject
+
+    @property
+    def _description(self) -> ModelDescription:
+        return self._subject.description
+
+    @cached_property
+    def reports_steps(self) -> bool:
+        """Whether the FMU wants to be told that a step of the integrator is complete."""
         if self.is_3:
-            self.reports_steps = subject.has_flag("needsCompletedIntegratorStep", "ModelExchange")
-        else:
-            element = subject.find_kind_element("ModelExchange")
-            self.reports_steps = not element.completedIntegratorStepNotNeeded
+            return self._subject.has_flag("needsCompletedIntegratorStep", "ModelExchange")
+        return not self._subject.find_kind_element("ModelExchange").completedIntegratorStepNotNeeded
 
     def start(self, time: float) -> None:
         """Forget all events; structural parameters of FMI 3.0 may have changed the states."""

@@ -3,19 +3,18 @@
 import contextlib
 import math
 from collections.abc import Callable, Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
-from fmpy.model_description import ModelVariable
+from fmpy.model_description import ModelDescription, ModelVariable
 
 from ...base.arrays import Vector
 from ...base.errors import RunError
 from ...fmu.continuous_model import ContinuousModel, DiscardedCall
 from ...fmu.cvode import IntegratorSettings
-from ...fmu.elements import is_plain, is_version_3, place_in_array
-from ...fmu.file import FmuFile
+from ...fmu.elements import is_plain, place_in_array
 from ...fmu.instance import FINE
-from ...fmu.log import FmuLog
 from .fmu_instance import EndRequestedError, InstanceError
 from .in_process_instance import InProcessInstance
 from .typed_values import TypedValues
@@ -34,21 +33,14 @@ class ModelExchangeInstance(InProcessInstance, ContinuousModel):
 
     surround: Callable[[], contextlib.AbstractContextManager[None]] = contextlib.nullcontext
 
-    def __init__(
-        self,
-        name: str,
-        file: FmuFile,
-        inputs: Sequence[str],
-        outputs: Sequence[str],
-        log: FmuLog,
-        number: int = 0,
-    ) -> None:
-        """Instantiate the FMU; see `InProcessInstance`."""
-        self.state_count = int(file.description.numberOfContinuousStates or 0)
-        self.indicator_count = int(file.description.numberOfEventIndicators or 0)
-        self.reports_steps = file.has_capability("needsCompletedIntegratorStep")
-        self.is_3 = is_version_3(file.description)
-        super().__init__(name, file, inputs, outputs, log, number)
+    @property
+    def _description(self) -> ModelDescription:
+        return self.file.description
+
+    @cached_property
+    def reports_steps(self) -> bool:
+        """Whether the FMU wants to be told that a step of the integrator is complete."""
+        return self.file.has_capability("needsCompletedIntegratorStep")
 
     def use_integrator(self, settings: IntegratorSettings) -> None:
         """Integrate with these settings from the next initialization on."""
