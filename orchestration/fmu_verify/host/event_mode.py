@@ -229,7 +229,7 @@ class HostedEvents:
                 self._keep([v for v in self._clocked if belongs(v, self._ticking)])
                 self._ticking.clear()
             fmu = self._instance.fmu
-            with self._instance.calling():
+            with self._instance.calling(_at(arguments[0]) if name == DO_STEP else None):
                 getattr(fmu, _c_name(name))(fmu.component, *arguments)
             if name == DO_STEP:
                 self._judge_step(*arguments)
@@ -269,6 +269,10 @@ class HostedEvents:
 
     def _keep(self, variables: Sequence[ModelVariable]) -> None:
         self._values.update(zip((v.name for v in variables), self._instance.read(variables), strict=True))
+
+
+def _at(time: float) -> str:
+    return f"fmi3DoStep at t = {time:.9g} s"
 
 
 def _c_name(call: str) -> str:

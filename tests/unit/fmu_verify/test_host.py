@@ -26,10 +26,11 @@ from fmu_verify.host.junk import FIRST, SECOND, Junk, fill_memory
 from fmu_verify.host.other_values import other_of
 from fmu_verify.settings import Settings
 from fmu_verify.subject import Subject
+from fmu_verify.subprocess_run import last_note
 from fmu_verify.verdict import Verdict
 from tests.support.broken.dynamic import build_good_fmu
 from tests.support.broken.examining import examine, list_problems, unpacked
-from tests.support.hand_written_fmus import build_integrated_fmu, build_trigger_fmu
+from tests.support.hand_written_fmus import build_event_fmu, build_integrated_fmu, build_trigger_fmu
 
 
 def _subject(folder: Path, fault: str = "") -> Subject:
@@ -81,6 +82,36 @@ def _levels(subject: Subject) -> list[float]:
 def test_variables_of_output_clocks_are_read_when_they_tick(tmp_path: Path) -> None:
     subject = unpacked(build_trigger_fmu(tmp_path / "Triggers.fmu"))
     assert in_fresh_process(_levels, subject) == [0, 1, 1, 2, 2, 3, 3, 4, 4, 5]
+
+
+def _run_with_fault(subject: Subject, fault: int, has_mode: bool, early: bool) -> tuple[str, str, str]:
+    """The message, its clause, and the call that was noted last."""
+    instance = HostedInstance(subject, events=has_mode, early=early)
+    with pytest.raises(CallError) as caught:
+        instance.initialize({"period": 0.3, "threshold": 0.35, "end": 0.72, "fault": fault})
+        for k in range(8):
+            instance.step(0.125 * k, 0.125)
+    return str(caught.value), caught.value.clause.section if caught.value.clause else "", last_note()
+
+
+@pytest.mark.parametrize(
+    ("fault", "early", "words", "section", "call"),
+    [
+        (1, True, "fmi3UpdateDiscreteStates at t = 0 s answered a request for more", "", "fmi3Update"),
+        (2, True, "fmi3DoStep at t = 0 s answered a request for more, 1001 times", "", "fmi3DoStep"),
+        (4, False, "fmi3DoStep from t = 0 s to 0.125 s returned early at t = ", "4.2.1", "fmi3DoStep"),
+        (5, True, "fmi3UpdateDiscreteStates at t = 0 s answered nextEventTime = NaN", "2.3.5", "fmi3Update"),
+        (6, True, "fmi3DoStep at t = 0.625 s answered ", "", "fmi3DoStep at t = 0.625 s"),
+    ],
+)
+def test_faults_of_events_have_their_clause(
+    fault: int, early: bool, words: str, section: str, call: str, tmp_path: Path
+) -> None:
+    """The stepper finds them; the call in which it does is noted."""
+    subject = unpacked(build_event_fmu(tmp_path / "Events.fmu"))
+    said, clause, noted = in_fresh_process(_run_with_fault, subject, fault, True, early)
+    assert words in said
+    assert (clause, noted[: len(call)]) == (section, call)
 
 
 def _exact(course: Experiment) -> np.ndarray:
