@@ -152,8 +152,8 @@ def _split(variable: ModelVariable, is_resized: bool) -> Iterator[ElementVariabl
     numbers = () if general == "String" else tuple(_number(s, general) for s in starts)
     fields = {a.alias: getattr(variable, a.name) for a in attrs.fields(ModelVariable)}
     data_type = "Int64" if general == "Enumeration" else str(variable.type)
-    for place, index in enumerate(itertools.product(*(range(1, n + 1) for n in shape))):
-        name = f"{variable.name}[{','.join(map(str, index))}]" if shape else variable.name
+    for place, index in enumerate(list_indices(shape)):
+        name = f"{variable.name}{index}"
         own = {"name": name, "type": general, "start": starts[place]}
         yield ElementVariable(
             **{**fields, **own},
@@ -270,3 +270,13 @@ def is_plain(variables: Sequence[ModelVariable]) -> bool:
         if not pending and v.place != v.size - 1:
             return False
     return not pending
+
+
+def list_indices(sizes: Sequence[int]) -> Iterator[str]:
+    """Yield the indices of an array, such as `[1,1]`, in row-major order."""
+    yield from map(format_index, itertools.product(*(range(1, n + 1) for n in sizes)))
+
+
+def format_index(index: Sequence[int]) -> str:
+    """Return an index in brackets, such as `[1,2]`; empty without numbers."""
+    return f"[{','.join(map(str, index))}]" if index else ""

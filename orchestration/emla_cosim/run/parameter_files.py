@@ -4,18 +4,17 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from ..base.errors import CommandError
-from ..base.faults import convert_documents_units
 from ..base.files import read_file
 from ..base.quantities import Quantity
 from ..base.units import SiUnit
 from ..base.wording import format_count
 from ..fmu.interface import Interface
+from ..fmu.parameters.parameter_sets import convert_parameter, parse_parameter_set
 from ..fmu.variables import convert_start_value
 from ..inputs.data_tables import DataTable
 from ..inputs.headers import parse_data_unit
 from ..inputs.input import table_endings
 from ..inputs.table_files import read_table
-from ..ssp.documents.parameter_sets import parse_parameter_set
 from ..ssp.reader.shapes import explain_shape
 from ..system.model import System, Value
 from ..system.names import NamedVariable, Names
@@ -108,16 +107,8 @@ def _read_parameter_set(
             target = f"{component.name}.{array}"
             if differ := explain_shape(parameter, array, interface.variables, target):
                 raise CommandError(f"{parameter.place}: {differ}")
-        unit, written = interface.unit(name) if name in interface.variables else None, parameter.unit
+        unit = interface.unit(name) if name in interface.variables else None
         if name in component.aliases:
             unit = component.aliases[name].unit
-        value = parameter.value
-        if written is not None and unit is not None:
-            if written.exponents is None:
-                written = unit.alternatives.get(written.name, written)
-            try:
-                value = convert_documents_units(str(file), written, unit)(float(value))
-            except ValueError as error:
-                raise CommandError(f"'{parameter.name}' of '{file}' has {error}.") from error
-        values[parameter.name] = value
+        values[parameter.name] = convert_parameter(parameter, unit, str(file))
     return values

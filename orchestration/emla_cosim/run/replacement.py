@@ -79,7 +79,7 @@ def _entries(replacement: Replacement, original: Interface, other: Interface) ->
     path = replacement.mapping
     if path is None:
         return {}
-    from ..ssp.documents.parameter_sets import parse_mapping
+    from ..ssp.documents.mappings import parse_mapping
     from ..ssp.documents.ssd_data import TableTransformation
 
     content = read_file(path, "the mapping")

@@ -90,15 +90,5 @@ def find_sizes(indices: Sequence[str]) -> tuple[int, ...]:
     return tuple(map(len, axes)) if is_full else ()
 
 
-def list_indices(sizes: Sequence[int]) -> Iterator[str]:
-    """Yield the indices of an array, such as `[1,1]`, in row-major order."""
-    yield from map(format_index, itertools.product(*(range(1, n + 1) for n in sizes)))
-
-
-def format_index(index: Sequence[int]) -> str:
-    """Return an index in brackets, such as `[1,2]`; empty without numbers."""
-    return f"[{','.join(map(str, index))}]" if index else ""
-
-
 def _numbers(index: str) -> tuple[int, ...]:
     return tuple(map(int, re.findall(r"\d+", index)))

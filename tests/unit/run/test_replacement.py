@@ -11,8 +11,7 @@ from click.testing import Result
 
 import emla_cosim as ec
 from emla_cosim.base.units import SiUnit
-from emla_cosim.ssp.documents.parameter_sets import format_parameter_set
-from emla_cosim.ssp.documents.ssd_data import ParameterSet, SsvParameter
+from emla_cosim.fmu.parameters.parameter_sets import ParameterSet, SsvParameter, format_parameter_set
 from tests.support.commands import Emla, sentence
 from tests.support.paths import FOREIGN_MAPPING
 

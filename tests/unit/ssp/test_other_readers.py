@@ -19,7 +19,7 @@ from pyssp_standard.ssv import SSV
 from pyssp_standard.standard import ModelicaStandard
 
 import emla_cosim as ec
-import emla_cosim.ssp.documents
+import emla_cosim.fmu.parameters
 import emla_cosim.study.loading  # registers the built-in scenarios
 from emla_cosim import Fault
 from emla_cosim.fmu.interface import read_interface
@@ -28,7 +28,7 @@ from emla_cosim.ssp.reader.flat_document import read_ssp
 from tests.support.paths import FOREIGN_MAPPING, ROOT
 from tests.support.tiers import mostly_slow
 
-SCHEMAS = Path(emla_cosim.ssp.documents.__file__).parent / "schemas"
+SCHEMAS = Path(emla_cosim.fmu.parameters.__file__).parent / "schemas"
 STANDARD = "http://ssp-standard.org/SSP1/SystemStructure"
 NAMESPACES = {
     "ssd": f"{STANDARD}Description",

@@ -7,14 +7,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from ...base.units import LinearTransformation, SiUnit
+from ...fmu.elements import format_index
+from ...fmu.parameters.parameter_sets import ParameterSet
+from ...fmu.parameters.ssp_xml import VERSION_1
 from ...system.bond import Bond
-from ...system.vectors import format_index
 
 DEFAULT_SSD = "SystemStructure.ssd"
 """The main SSD of a package; others are variants."""
-
-VERSION_1, VERSION_2 = "1.0", "2.0"
-"""The versions of SSP."""
 
 FMU = "application/x-fmu-sharedlibrary"
 SSD = "application/x-ssp-definition"
@@ -30,44 +29,6 @@ class TableTransformation:
 
 
 Transformation = LinearTransformation | TableTransformation
-
-
-@dataclass(frozen=True)
-class ParameterArray:
-    """The array of a parameter: its name, and the size of each dimension."""
-
-    name: str
-    sizes: tuple[int, ...]
-
-
-@dataclass(frozen=True)
-class SsvParameter:
-    """A named value; `type` is the SSV element, such as Real.
-
-    Elements of an array are parameters of their own, such as `x[1,2]`, in the order of the standard.
-    `array` says what they are elements of. `place` is the file and line for error messages.
-    """
-
-    name: str
-    type: str
-    value: float | int | bool | str
-    unit: SiUnit | None = None
-    array: ParameterArray | None = None
-    place: str = field(default="", compare=False)
-
-    @property
-    def document_name(self) -> str:
-        """Name in the document: that of its array if it is an element."""
-        return self.name if self.array is None else self.array.name
-
-
-@dataclass(frozen=True)
-class ParameterSet:
-    """The content of an SSV: a list of parameters."""
-
-    name: str
-    parameters: tuple[SsvParameter, ...]
-    description: str = ""
 
 
 @dataclass(frozen=True)

@@ -6,22 +6,8 @@ from typing import Any
 from ...base.errors import CommandError
 from ...base.faults import note_fault
 from ...base.units import SiUnit
-from ...system.bond import Bond
-from .parameter_sets import read_mapping, read_parameter_set
-from .ssd_data import (
-    FMU,
-    ComponentElement,
-    Connector,
-    DictionaryReference,
-    Dimension,
-    Element,
-    FileReference,
-    ParameterBinding,
-    SsdConnection,
-    Structure,
-    SystemElement,
-)
-from .xml import (
+from ...fmu.parameters.parameter_sets import read_parameter_set
+from ...fmu.parameters.ssp_xml import (
     ANNOTATION_NAMESPACES,
     CORNERS,
     NAMESPACES,
@@ -34,9 +20,23 @@ from .xml import (
     local_name,
     parse,
     parse_boolean,
-    read_transformation,
     read_unit,
     read_units,
+)
+from ...system.bond import Bond
+from .mappings import read_mapping, read_transformation
+from .ssd_data import (
+    FMU,
+    ComponentElement,
+    Connector,
+    DictionaryReference,
+    Dimension,
+    Element,
+    FileReference,
+    ParameterBinding,
+    SsdConnection,
+    Structure,
+    SystemElement,
 )
 
 

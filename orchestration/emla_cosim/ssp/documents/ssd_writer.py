@@ -3,7 +3,22 @@
 from collections.abc import Iterable, Iterator
 
 from ...base.units import SiUnit
-from .parameter_sets import add_mapping, add_parameter_set
+from ...fmu.parameters.parameter_sets import add_parameter_set
+from ...fmu.parameters.ssp_xml import (
+    ANNOTATION_NAMESPACES,
+    CORNERS,
+    OWN_NAMESPACE,
+    RENAMES,
+    SYSTEM,
+    XmlElement,
+    add,
+    add_units,
+    child,
+    document,
+    format_float,
+    to_bytes,
+)
+from .mappings import add_mapping, add_transformation
 from .ssd_data import (
     ComponentElement,
     Connector,
@@ -14,21 +29,6 @@ from .ssd_data import (
     SsdConnection,
     Structure,
     SystemElement,
-)
-from .xml import (
-    ANNOTATION_NAMESPACES,
-    CORNERS,
-    OWN_NAMESPACE,
-    RENAMES,
-    SYSTEM,
-    XmlElement,
-    add,
-    add_transformation,
-    add_units,
-    child,
-    document,
-    format_float,
-    to_bytes,
 )
 
 _OPENMODELICA = "org.openmodelica"

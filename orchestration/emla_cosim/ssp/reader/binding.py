@@ -8,17 +8,15 @@ from typing import Any
 
 from ...base.faults import convert_documents_units
 from ...base.units import IDENTITY, LinearTransformation
-from ...fmu.elements import is_version_3
+from ...fmu.elements import format_index, is_version_3
+from ...fmu.parameters.parameter_sets import ParameterSet, SsvParameter
 from ...fmu.variables import explain_fixed
 from ...system.model import Value
-from ...system.vectors import format_index
 from ..documents.ssd_data import (
     ComponentElement,
     Element,
     MappingEntry,
     ParameterBinding,
-    ParameterSet,
-    SsvParameter,
     SystemElement,
     TableTransformation,
 )

@@ -10,6 +10,7 @@ from ...base.errors import CommandError
 from ...base.faults import is_lenient
 from ...base.units import IDENTITY, find_conversion
 from ...fmu.interface import KINDS, Interface, read_interface
+from ...fmu.parameters.parameter_sets import ParameterSet, SsvParameter
 from ...fmu.structure import convert_structure
 from ...system.model import Alias, Component, Connection, System
 from ..documents.identifiers import parse_id
@@ -17,8 +18,6 @@ from ..documents.ssd_data import (
     ComponentElement,
     Element,
     ParameterBinding,
-    ParameterSet,
-    SsvParameter,
     Structure,
     SystemElement,
     TableTransformation,

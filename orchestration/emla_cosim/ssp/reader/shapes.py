@@ -5,9 +5,11 @@ from collections.abc import Collection, Iterator
 
 from ...base.errors import CommandError
 from ...base.wording import format_count
+from ...fmu.elements import list_indices
 from ...fmu.interface import Interface
-from ...system.vectors import find_indices, find_sizes, list_indices, sort_indices
-from ..documents.ssd_data import Connector, Element, SsvParameter
+from ...fmu.parameters.parameter_sets import SsvParameter
+from ...system.vectors import find_indices, find_sizes, sort_indices
+from ..documents.ssd_data import Connector, Element
 
 Shapes = dict[str, list[str]]
 """Indices of the elements of an element's arrays in row-major order, by name."""

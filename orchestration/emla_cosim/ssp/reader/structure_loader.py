@@ -9,7 +9,8 @@ from urllib.parse import unquote
 
 from ...base.errors import CommandError, join_names
 from ...fmu.interface import KINDS
-from ..documents.parameter_sets import parse_mapping, parse_parameter_set
+from ...fmu.parameters.parameter_sets import parse_parameter_set
+from ..documents.mappings import parse_mapping
 from ..documents.ssd_data import (
     FMU,
     SSD,

@@ -5,8 +5,9 @@ from dataclasses import replace
 
 from ...base.errors import CommandError
 from ...base.wording import format_count
+from ...fmu.elements import format_index
 from ...fmu.interface import Interface
-from ...system.vectors import find_indices, find_sizes, format_index, sort_indices
+from ...system.vectors import find_indices, find_sizes, sort_indices
 from ..documents.ssd_data import (
     ComponentElement,
     Connector,

@@ -8,12 +8,7 @@ from ...base.errors import CommandError
 from ...base.faults import convert_documents_units
 from ...base.units import IDENTITY, LinearTransformation, SiUnit
 from ...fmu.interface import Interface
-from ..documents.ssd_data import (
-    ComponentElement,
-    Connector,
-    SsdConnection,
-    TableTransformation,
-)
+from ..documents.ssd_data import ComponentElement, Connector, SsdConnection, TableTransformation
 
 Path_ = tuple[str, ...]
 Node = tuple[Path_, str]

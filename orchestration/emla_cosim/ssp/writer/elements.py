@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from ...base.units import IDENTITY, SiUnit
 from ...fmu.interface import KINDS, Interface
+from ...fmu.parameters.ssp_xml import VERSION_1, VERSION_2
 from ...system.model import Component, Connection, System
 from ..documents import ssd_data as ssp
 from ..documents.identifiers import format_id, make_identifiers
@@ -31,7 +32,7 @@ class StructurePart:
 
 
 def build_root_system(
-    name: str, system: System, parts: Mapping[str, StructurePart], version: str = ssp.VERSION_1
+    name: str, system: System, parts: Mapping[str, StructurePart], version: str = VERSION_1
 ) -> ssp.SystemElement:
     """Return the root system of a resolved system: one element per component, with an identifier as name.
 
@@ -43,7 +44,7 @@ def build_root_system(
     """
     builder = _Builder(system, parts)
     root = builder.root(name)
-    if version == ssp.VERSION_2:
+    if version == VERSION_2:
         root = join_arrays(root, builder.interfaces)
     return add_coordinates(root)
 

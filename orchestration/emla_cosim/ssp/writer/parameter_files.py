@@ -8,17 +8,12 @@ from ...base.errors import CommandError
 from ...base.faults import accept_if_lenient
 from ...base.wording import find_free_name
 from ...fmu.interface import Interface
+from ...fmu.parameters.parameter_sets import ParameterSet, SsvParameter, format_parameter_set
+from ...fmu.parameters.ssp_xml import VERSION_2
 from ...fmu.variables import convert_start_value, find_variable
 from ...system.model import Component, System
-from ..documents.parameter_sets import format_mapping, format_parameter_set
-from ..documents.ssd_data import (
-    VERSION_2,
-    FileReference,
-    MappingEntry,
-    ParameterBinding,
-    ParameterSet,
-    SsvParameter,
-)
+from ..documents.mappings import format_mapping
+from ..documents.ssd_data import FileReference, MappingEntry, ParameterBinding
 from .elements import select_unambiguous
 from .version_2 import complete_arrays
 

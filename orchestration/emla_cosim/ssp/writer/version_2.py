@@ -6,21 +6,13 @@ from dataclasses import replace
 from fmpy.model_description import ModelVariable
 
 from ...base.errors import CommandError
-from ...fmu.elements import declared_type
+from ...fmu.elements import declared_type, list_indices
 from ...fmu.interface import Interface
+from ...fmu.parameters.parameter_sets import ParameterArray, SsvParameter
+from ...fmu.parameters.ssp_xml import VERSION_1, VERSION_2
 from ...fmu.variables import convert_start_value
 from ...system.model import System
-from ...system.vectors import list_indices
-from ..documents.ssd_data import (
-    VERSION_1,
-    VERSION_2,
-    Connector,
-    Dimension,
-    ParameterArray,
-    SsdConnection,
-    SsvParameter,
-    SystemElement,
-)
+from ..documents.ssd_data import Connector, Dimension, SsdConnection, SystemElement
 
 _IN_VERSION_1 = ("Real", "Integer", "Boolean", "String", "Enumeration", "Float64", "Int32")
 """Types of variables whose values SSP 1.0 can have, by its own names or as Real and Integer."""

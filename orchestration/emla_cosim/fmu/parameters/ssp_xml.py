@@ -9,10 +9,12 @@ from typing import Any
 
 from ...base.errors import CommandError
 from ...base.faults import accept_if_lenient, note_fault
-from ...base.units import BASE_UNITS, LinearTransformation, SiUnit
-from .ssd_data import VERSION_1, VERSION_2, TableTransformation, Transformation
+from ...base.units import BASE_UNITS, SiUnit
 
 XmlElement = Any
+
+VERSION_1, VERSION_2 = "1.0", "2.0"
+"""The versions of SSP."""
 
 _ROOT = "http://ssp-standard.org/SSP1/SystemStructure"
 NAMESPACES = {
@@ -44,8 +46,6 @@ _KINDS = {
 }
 _SCHEMAS = Path(__file__).parent / "schemas"
 """The standard's schemas, by version and namespace."""
-
-_TABLES = ("Boolean", "Integer", "Enumeration")
 
 
 @cache
@@ -166,7 +166,7 @@ def read_units(root: XmlElement, owner: str, where: str) -> dict[str, SiUnit]:
     for definition in children(root, f"{owner}:Units", "ssc:Unit"):
         base: Any = child(definition, "ssc:BaseUnit")
         exponents = tuple(int(base.get(b, "0")) for b in BASE_UNITS)
-        factor, offset = _finite(base, "factor", "1", where), _finite(base, "offset", "0", where)
+        factor, offset = read_finite(base, "factor", "1", where), read_finite(base, "offset", "0", where)
         if factor == 0.0:
             raise CommandError(f"'{where}' line {base.sourceline} has a unit with the factor 0.")
         units[definition.get("name")] = SiUnit(definition.get("name"), exponents, factor, offset)
@@ -191,34 +191,12 @@ def read_unit(element: XmlElement, units: dict[str, SiUnit], where: str) -> SiUn
     return units.get(name, SiUnit(name, definer=f"the Units of '{where}'") if name else None)
 
 
-def _finite(element: XmlElement, attribute: str, default: str, where: str) -> float:
+def read_finite(element: XmlElement, attribute: str, default: str, where: str) -> float:
     """Return a finite number; raise CommandError for infinity and NaN, which the schema allows."""
     value = float(element.get(attribute, default))
     if not math.isfinite(value):
         raise CommandError(f"'{where}' line {element.sourceline} has the {attribute} {value}.")
     return value
-
-
-def read_transformation(element: XmlElement, where: str) -> Transformation | None:
-    """Return the transformation of a connection or mapping entry, None without one.
-
-    Raises:
-        CommandError: If a number is not finite.
-    """
-    linear = child(element, "ssc:LinearTransformation")
-    if linear is not None:
-        return LinearTransformation(
-            _finite(linear, "factor", "1", where), _finite(linear, "offset", "0", where)
-        )
-    for kind in _TABLES:
-        table = child(element, f"ssc:{kind}MappingTransformation")
-        if table is not None:
-            one = {"Boolean": parse_boolean, "Integer": int, "Enumeration": str}[kind]
-            entries = children(table, "ssc:MapEntry")
-            return TableTransformation(
-                kind, tuple((one(e.get("source")), one(e.get("target"))) for e in entries)
-            )
-    return None
 
 
 def parse_boolean(text: str | None) -> bool:
@@ -280,22 +258,6 @@ def add_units(parent: XmlElement, owner: str, units: Iterable[SiUnit | None]) ->
         base |= {"factor": format_float(unit.factor)} if unit.factor != 1.0 else {}
         base |= {"offset": format_float(unit.offset)} if unit.offset != 0.0 else {}
         add(add(group, "ssc:Unit", name=name), "ssc:BaseUnit", **base)
-
-
-def add_transformation(parent: XmlElement, transformation: Transformation | None) -> None:
-    """Add the transformation of a connection or mapping entry."""
-    if isinstance(transformation, LinearTransformation):
-        factor, offset = transformation.factor, transformation.offset
-        add(
-            parent,
-            "ssc:LinearTransformation",
-            factor=format_float(factor),
-            offset=format_float(offset) if offset else None,
-        )
-    elif transformation is not None:
-        table = add(parent, f"ssc:{transformation.kind}MappingTransformation")
-        for source, target in transformation.entries:
-            add(table, "ssc:MapEntry", source=format_text(source), target=format_text(target))
 
 
 def format_text(value: object) -> str:

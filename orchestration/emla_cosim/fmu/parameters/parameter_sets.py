@@ -1,19 +1,19 @@
-"""Parameter sets (SSV) and parameter mappings (SSM): reading and writing of XML."""
+"""Parameter sets (SSV): reading and writing of XML. Names and meanings follow the standard."""
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
+from dataclasses import dataclass, field
 from itertools import groupby
 
 from ...base.errors import CommandError
-from ...base.faults import accept_if_lenient, note_fault
+from ...base.faults import accept_if_lenient, convert_documents_units, note_fault
 from ...base.units import SiUnit
 from ...base.wording import format_count
-from ...system.vectors import list_indices
-from .ssd_data import VERSION_1, MappingEntry, ParameterArray, ParameterSet, SsvParameter
-from .xml import (
+from ..elements import list_indices
+from .ssp_xml import (
+    VERSION_1,
     XmlElement,
     add,
-    add_transformation,
     add_units,
     children,
     document,
@@ -22,7 +22,6 @@ from .xml import (
     local_name,
     parse,
     parse_boolean,
-    read_transformation,
     read_unit,
     read_units,
     to_bytes,
@@ -31,6 +30,44 @@ from .xml import (
 _FLOATS = ("Real", "Float64", "Float32")
 _TEXTS = ("String", "Enumeration", "Binary")
 """Types whose arrays have an element for each value; those of other types are lists in one attribute."""
+
+
+@dataclass(frozen=True)
+class ParameterArray:
+    """The array of a parameter: its name, and the size of each dimension."""
+
+    name: str
+    sizes: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class SsvParameter:
+    """A named value; `type` is the SSV element, such as Real.
+
+    Elements of an array are parameters of their own, such as `x[1,2]`, in the order of the standard.
+    `array` says what they are elements of. `place` is the file and line for error messages.
+    """
+
+    name: str
+    type: str
+    value: float | int | bool | str
+    unit: SiUnit | None = None
+    array: ParameterArray | None = None
+    place: str = field(default="", compare=False)
+
+    @property
+    def document_name(self) -> str:
+        """Name in the document: that of its array if it is an element."""
+        return self.name if self.array is None else self.array.name
+
+
+@dataclass(frozen=True)
+class ParameterSet:
+    """The content of an SSV: a list of parameters."""
+
+    name: str
+    parameters: tuple[SsvParameter, ...]
+    description: str = ""
 
 
 def parse_parameter_set(content: bytes, where: str) -> ParameterSet:
@@ -141,6 +178,28 @@ def _value(name: str, kind: str, text: str, place: str) -> float | int | bool | 
     return int(text) if "Int" in kind else text
 
 
+def convert_parameter(parameter: SsvParameter, unit: SiUnit | None, where: str) -> float | int | bool | str:
+    """Return the value of a parameter in the unit of the variable that it sets.
+
+    Args:
+        parameter: The parameter.
+        unit: The unit of the variable, or None.
+        where: The name of the document in error messages.
+
+    Raises:
+        CommandError: If the units do not match.
+    """
+    written = parameter.unit
+    if written is None or unit is None:
+        return parameter.value
+    if written.exponents is None:
+        written = unit.alternatives.get(written.name, written)
+    try:
+        return convert_documents_units(where, written, unit)(float(parameter.value))
+    except ValueError as error:
+        raise CommandError(f"'{parameter.name}' of '{where}' has {error}.") from error
+
+
 def add_parameter_set(root: XmlElement, parameter_set: ParameterSet) -> None:
     """Write a parameter set to a ParameterSet element; the elements of an array follow each other."""
     group = add(root, "ssv:Parameters")
@@ -168,61 +227,4 @@ def format_parameter_set(parameter_set: ParameterSet, version: str = VERSION_1) 
     """Return a parameter set as an SSV file of a version of SSP."""
     root = document("ssv", version, name=parameter_set.name, description=parameter_set.description or None)
     add_parameter_set(root, parameter_set)
-    return to_bytes(root)
-
-
-def parse_mapping(content: bytes, where: str) -> tuple[MappingEntry, ...]:
-    """Parse an SSM file.
-
-    Args:
-        content: The content of the file.
-        where: Its name in error messages.
-
-    Raises:
-        CommandError: If it is not a valid SSM.
-    """
-    return read_mapping(parse(content, where, "ssm"), where)
-
-
-def read_mapping(root: XmlElement, where: str) -> tuple[MappingEntry, ...]:
-    """Read a ParameterMapping element.
-
-    Args:
-        root: The element.
-        where: The name of its document in error messages.
-
-    Raises:
-        CommandError: If two entries have the same target.
-    """
-    entries: dict[str, MappingEntry] = {}
-    for element in children(root, "ssm:MappingEntry"):
-        source, target = element.get("source"), element.get("target")
-        if target in entries:
-            raise CommandError(
-                f"'{where}' line {element.sourceline} maps '{source}' to '{target}', which is already the "
-                f"target of '{entries[target].source}'."
-            )
-        suppress = parse_boolean(element.get("suppressUnitConversion"))
-        entries[target] = MappingEntry(source, target, read_transformation(element, where), suppress)
-    return tuple(entries.values())
-
-
-def add_mapping(root: XmlElement, entries: Iterable[MappingEntry]) -> None:
-    """Write mapping entries to a ParameterMapping element."""
-    for entry in entries:
-        suppress = "true" if entry.suppress_unit_conversion else None
-        element = add(
-            root,
-            "ssm:MappingEntry",
-            source=entry.source,
-            target=entry.target,
-            suppressUnitConversion=suppress,
-        )
-        add_transformation(element, entry.transformation)
-
-
-def format_mapping(entries: Iterable[MappingEntry], version: str = VERSION_1) -> bytes:
-    """Return mapping entries as an SSM file of a version of SSP."""
-    root = document("ssm", version)
-    add_mapping(root, entries)
     return to_bytes(root)

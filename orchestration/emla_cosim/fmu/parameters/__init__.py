@@ -1,0 +1,1 @@
+"""Parameter sets of SSP (SSV) for FMUs and systems, and the XML of SSP documents."""
