@@ -22,6 +22,7 @@ from .checks import (
     platforms,
     process,
     references,
+    related,
     runs,
     sanitizer,
     semantics,
@@ -80,6 +81,7 @@ STATIC: tuple[Check, ...] = (
     builds.description,
     sources.compile_,
     documents.present,
+    related.metadata,
 )
 """Checks of the file alone. They run no code of the FMU, except what its library does when it is loaded."""
 
@@ -132,6 +134,11 @@ DYNAMIC: tuple[Check, ...] = (
     sanitizer.address,
     sanitizer.leaks,
     sanitizer.undefined,
+    related.parameters,
+    related.states,
+    related.smoke_tests,
+    related.validation,
+    related.uncertainty,
 )
 """Checks that call the FMU."""
 

@@ -40,6 +40,7 @@ def _values(findings: Mapping[str, Finding]) -> Iterator[str]:
     """Yield that nothing was compared with a reference, if the FMU runs."""
     ran, compared = findings.get("run.completes"), findings.get("reference.agrees")
     judged = compared is not None and compared.verdict in (Verdict.PASSED, Verdict.FAILED)
+    judged = judged or any(f.outcome.figures.get("compared") for f in findings.values())
     if ran is not None and ran.verdict in (Verdict.PASSED, Verdict.WARNING) and not judged:
         yield _VALUES
 

@@ -3,16 +3,18 @@
 from pathlib import Path
 
 from emla_cosim.base.errors import CommandError, find_machine_fault
-from emla_cosim.base.tubes.signal_check import compare_signal, describe_departure, select_outside
-from emla_cosim.base.tubes.tolerance import find_tolerance
 
 from ..check import check
+from ..host.fresh_process import in_fresh_process
 from ..messages import sentence
+from ..references.experiments import ExperimentSetup, list_experiment_files, read_experiments, read_setup
+from ..references.judgment import check_columns, combine, judge_run
 from ..references.playback import run_reference
 from ..references.recording import record_reference as write_references
-from ..references.reference_files import ReferenceSolution, find_solution, read_reference
+from ..references.reference_files import find_solution, read_reference
+from ..references.related_files import RelatedFile, list_related
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, blocked, failed, passed, skipped
+from ..verdict import CheckOutcome, Clause, NotRunError, blocked, failed, passed, skipped
 
 _RULES = Clause(
     "3",
@@ -38,61 +40,58 @@ def agrees(subject: Subject) -> CheckOutcome:
     """
     given, name = subject.settings.reference, subject.path.stem
     try:
-        solution = find_solution(subject.path, given, subject.folder)
+        solution = find_solution(subject.path, given)
         if solution is None and given is not None:
             return blocked(f"There is no {name}_ref.csv in {given}.", hint="Check the names of its files.")
         if solution is None:
-            return skipped(f"There is no {name}_ref.csv next to the FMU, and no result in it.")
-        if solution.is_relative_to(subject.folder.resolve()):
-            return _judge_related(subject, solution)
-        return _judged(subject, read_reference(solution, subject.interface))
+            return _judge_results(subject)
+        reference = read_reference(solution, subject.interface)
+        check_columns(subject, reference)
+        return judge_run(subject, reference, run_reference(subject, reference))
     except CommandError as error:
         return failed(sentence(error), hint="Correct the reference files.")
 
 
-def _judge_related(subject: Subject, solution: Path) -> CheckOutcome:
-    """Judge by a result in the FMU. Others make it, and need not say with which inputs."""
+def _judge_results(subject: Subject) -> CheckOutcome:
+    """Judge by the results in the FMU: CSV files with the role `result`, which FMI-LS-REF lists."""
+    results = [
+        f for f in list_related(subject.folder) if f.role == "result" and f.type == "text/csv" and f.path
+    ]
+    if len(results) == 1:
+        return _judge_result(subject, results[0])
+    none = f"There is no {subject.path.stem}_ref.csv next to the FMU, and no result in it."
+    return combine({f"The result {f.source}": _judge_result(subject, f) for f in results}, none)
+
+
+def _judge_result(subject: Subject, file: RelatedFile) -> CheckOutcome:
+    """Judge by a result in the FMU: along the experiment that names it, or the files beside it.
+
+    Others make it, and need not say with which inputs.
+    """
+    assert file.path is not None
     try:
-        reference = read_reference(solution, subject.interface)
-    except CommandError as error:
+        setup = _find_experiment(subject, file.path)
+        reference = read_setup(subject, setup)[0] if setup else read_reference(file.path, subject.interface)
+        check_columns(subject, reference)
+    except (CommandError, NotRunError) as error:
         return skipped(f"The result in the FMU is no reference: {sentence(error)}", gaps=(_UNREAD,))
-    if not reference.inputs and any(v.causality == "input" for v in subject.variables.values()):
+    if (
+        setup is None
+        and not reference.inputs
+        and any(v.causality == "input" for v in subject.variables.values())
+    ):
         return skipped("The result in the FMU has no file with its inputs.", gaps=(_UNREAD,))
-    return _judged(subject, reference)
+    return judge_run(subject, reference, in_fresh_process(run_reference, subject, reference))
 
 
-def _judged(subject: Subject, reference: ReferenceSolution) -> CheckOutcome:
-    strange = [n for n in reference.solution if n != "time" and n not in subject.variables]
-    if strange:
-        raise CommandError(f"the reference has the column '{strange[0]}', but the FMU has no such variable.")
-    found = run_reference(subject, reference)
-    wanted = dict(reference.tolerance) | dict(subject.settings.tolerance)
-    comparisons = tuple(
-        compare_signal(
-            name,
-            str(subject.interface.unit(name) or ""),
-            found.times,
-            found.values[:, i],
-            reference.solution["time"],
-            reference.solution[name],
-            find_tolerance(name, wanted),
-            subject.interface.is_discrete(name),
-        )
-        for i, name in enumerate(found.names)
-    )
-    left = select_outside(comparisons)
-    if left:
-        more = (*(describe_departure(c) + "." for c in left[1:]), *reference.notes)
-        return failed(f"{describe_departure(left[0])}.", details=more, comparisons=comparisons)
-    if not comparisons:
-        return failed("The reference has only the column time.")
-    closest = max(comparisons, key=lambda c: c.worst / c.tube.value if c.tube.value else 0.0)
-    return passed(
-        f"{len(comparisons)} signals stay within their tubes; {closest.signal} comes closest to its limit, "
-        f"with {closest.worst / closest.tube.value if closest.tube.value else 0.0:.0%} of the tolerance.",
-        details=tuple(reference.notes),
-        comparisons=comparisons,
-    )
+def _find_experiment(subject: Subject, result: Path) -> ExperimentSetup | None:
+    """Return the experiment in the FMU that has a file as its references, or None."""
+    for file in list_experiment_files(subject):
+        assert file.path is not None
+        for setup in read_experiments(file.path, subject.folder):
+            if "References" in setup.data and setup.data["References"].path == result:
+                return setup
+    return None
 
 
 @check(

@@ -1,5 +1,7 @@
 """Run an FMU with the inputs, start values and times of a reference."""
 
+import math
+import time
 from collections.abc import Mapping
 from typing import Any
 
@@ -12,9 +14,12 @@ from emla_cosim.fmu.variables import convert_start_values
 
 from ..host.experiment import Experiment, span
 from ..host.hosted_instance import HostedInstance
-from ..host.instance_runs import OutputTrajectory, step_instance
+from ..host.instance_runs import OutputTrajectory, outputs, step_instance
 from ..subject import Subject
 from .reference_files import ReferenceSolution
+
+_CHUNK = 10
+"""Steps between two looks at the clock."""
 
 _SLIVER = 1e-6
 """Tolerance for equal times, relative to a step."""
@@ -51,8 +56,17 @@ def inputs_at(subject: Subject, columns: Mapping[str, Vector], times: Vector) ->
     return found
 
 
-def run_reference(subject: Subject, reference: ReferenceSolution) -> OutputTrajectory:
+def run_reference(
+    subject: Subject, reference: ReferenceSolution, until: float = math.inf
+) -> OutputTrajectory:
     """Run the FMU along a reference. Return the columns of the reference, at its output interval.
+
+    Without columns, return all outputs. The run is shorter if the FMU asks to end it, or if time is up.
+
+    Args:
+        subject: The FMU.
+        reference: How to run it.
+        until: The time of `time.monotonic()` at which to end the run, in s.
 
     Raises:
         CallError: A call failed.
@@ -61,12 +75,19 @@ def run_reference(subject: Subject, reference: ReferenceSolution) -> OutputTraje
     along = build_course(subject, reference)
     instance = HostedInstance(subject)
     values = read_start_values(subject, reference.start_values) | along.at(0)
-    instance.initialize(values, reference.start, reference.stop)
-    names = [n for n in reference.solution if n != "time" and n in subject.variables]
-    found = step_instance(instance, along, names=names)
+    tolerance = reference.solver_tolerance or subject.interface.tolerance
+    instance.begin_initialization(reference.start, reference.stop, tolerance, lambda: instance.set(values))
+    instance.exit_initialization()
+    names = [n for n in reference.solution if n != "time" and n in subject.variables] or outputs(subject)
+    found = step_instance(instance, along, 0, 0, names)
+    rows, done, count = [found.values], 0, len(along.times) - 1
+    while done < count and not instance.terminated and time.monotonic() < until:
+        found = step_instance(instance, along, done, min(done + _CHUNK, count), names)
+        rows.append(found.values[1:])
+        done += len(found.values) - 1
     instance.close()
     every = max(1, round((reference.interval or 0.0) / along.step))
-    return OutputTrajectory(found.times[::every], found.names, found.values[::every])
+    return OutputTrajectory(along.times[: done + 1 : every], names, np.concatenate(rows)[::every])
 
 
 def read_start_values(subject: Subject, given: Mapping[str, Any]) -> dict[str, Any]:

@@ -12,18 +12,17 @@ from typing import Annotated, Any
 
 import msgspec
 import numpy as np
-from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 
 from emla_cosim.base.arrays import Vector
 from emla_cosim.base.errors import CommandError
 from emla_cosim.base.files import read_text
 from emla_cosim.base.toml_structs import describe, read_toml, record
 from emla_cosim.base.tubes.tolerance import Tolerance
-from emla_cosim.base.untrusted_xml import parse_xml
 from emla_cosim.base.values import convert_value
 from emla_cosim.fmu.elements import number_range
 from emla_cosim.fmu.interface import Interface
-from fmublock.recipe import RELATED, RELATED_LIST
+
+from ..host.instance_runs import NUMERIC
 
 OPTIONS = ("StartTime", "StopTime", "StepSize", "OutputIntervalLength")
 """Entries of `_ref.opt` for the run, all in s. A step of 0 means that the solver chooses it."""
@@ -57,6 +56,7 @@ class ReferenceSolution:
         start_values: Start values by name.
         tolerance: Tolerances by name or pattern.
         notes: What users should know of how the tables were read.
+        solver_tolerance: Relative tolerance of the FMU's solver; None for that of the default experiment.
     """
 
     solution: Mapping[str, Vector]
@@ -68,26 +68,35 @@ class ReferenceSolution:
     start_values: Mapping[str, Any] = field(default_factory=dict)
     tolerance: Mapping[str, Tolerance] = field(default_factory=dict)
     notes: Sequence[str] = ()
+    solver_tolerance: float | None = None
 
 
-def find_solution(fmu: Path, given: Path | None, unpacked: Path | None = None) -> Path | None:
-    """Return the file with the reference solution of an FMU, or None.
+def find_solution(fmu: Path, given: Path | None) -> Path | None:
+    """Return the file with the reference solution beside an FMU, or None.
 
     Args:
         fmu: The FMU file.
         given: Folder with references; they may be in a subfolder with the FMU's name. Default: the folder of
-            the FMU, the one above, then the FMU itself.
-        unpacked: Folder with the content of the FMU.
-
-    Raises:
-        CommandError: The FMU's list of related files cannot be read.
+            the FMU, then the one above.
     """
     around = (fmu.parent, fmu.parent.parent) if given is None else (given, given / fmu.stem)
     name = f"{fmu.stem}{_SOLUTION}"
-    found = next((folder / name for folder in around if (folder / name).is_file()), None)
-    return (
-        find_related_result(unpacked) if found is None and given is None and unpacked is not None else found
-    )
+    return next((folder / name for folder in around if (folder / name).is_file()), None)
+
+
+def list_companions(solution: Path) -> list[Path]:
+    """Return the files that belong to a solution `NAME_ref.csv` by their names: inputs, times, the rest."""
+    name = solution.name.removesuffix(_SOLUTION)
+    return [solution.with_name(f"{name}_{end}") for end in ("in.csv", "ref.opt", "ref.toml")]
+
+
+def read_tolerance(solution: Path) -> Mapping[str, Tolerance]:
+    """Return the tolerances of a solution by name or pattern, which may have none.
+
+    Raises:
+        CommandError: The file with them is invalid.
+    """
+    return _about(list_companions(solution)[-1]).tolerance
 
 
 def read_reference(solution: Path, interface: Interface | None = None) -> ReferenceSolution:
@@ -102,16 +111,15 @@ def read_reference(solution: Path, interface: Interface | None = None) -> Refere
     Raises:
         CommandError: If a file is invalid, or does not fit the variables.
     """
-    name = solution.name.removesuffix(_SOLUTION)
-    given = solution.with_name(f"{name}_in.csv")
-    options = _options(solution.with_name(f"{name}_ref.opt"))
+    given, times, other = list_companions(solution)
+    options = _options(times)
     start = options.get("StartTime", 0.0)
     columns, notes = read_columns(solution, "the reference", interface, start, has_gaps=True)
     inputs = dict[str, Vector]()
     if given.is_file():
         inputs, more = read_columns(given, "the inputs", interface, start)
         notes = [*notes, *more]
-    about = _about(solution.with_name(f"{name}_ref.toml"))
+    about = _about(other)
     time = columns["time"]
     step = options.get("StepSize", 0.0) or options.get("OutputIntervalLength", 0.0)
     return ReferenceSolution(
@@ -140,7 +148,8 @@ def read_columns(
         has_gaps: Whether cells may be empty or not finite.
 
     Returns:
-        The columns by name, `time` in s first, and what users should know of how they were read.
+        The columns by name, `time` in s first, without those of texts; and what users should know of how they
+        were read.
 
     Raises:
         CommandError: The file is not a table of values of the variables, or times decrease.
@@ -155,10 +164,11 @@ def read_columns(
     data.match_names(variables)
     time, times = read_times(data, start=start, least=1)
     columns = {"time": times}
-    data.load([i for i in range(len(data.headers)) if i != time])
-    for position, header in enumerate(data.headers):
-        if position == time or not header.name:
-            continue
+    texts = [h.name for h in data.headers if h.name in variables and variables[h.name].type not in NUMERIC]
+    read = [i for i, h in enumerate(data.headers) if i != time and h.name and h.name not in texts]
+    data.load(read)
+    for position in read:
+        header = data.headers[position]
         data.find(header.name)  # raises CommandError if it is not unique
         if interface is None:
             columns[header.name] = data.numbers(position, has_gaps=has_gaps)
@@ -172,7 +182,8 @@ def read_columns(
             columns[header.name], _ = data.in_unit(position, header.name, unit, has_gaps=has_gaps)
         else:
             columns[header.name] = data.values(position, type_, has_gaps, limits)
-    return columns, [f"{data.label} {note}." for note in data.notes]
+    notes = [*data.notes, *(f"has the column '{name}', which is not of numbers" for name in texts)]
+    return columns, [f"{data.label} {note}." for note in notes]
 
 
 def _options(path: Path) -> dict[str, float]:
@@ -200,32 +211,3 @@ def _about(path: Path) -> ReferenceTable:
     label = f"'{path}'"
     content = read_toml(read_text(path, "what belongs to the reference"), label)
     return convert_value(content, ReferenceTable, label)
-
-
-def find_related_result(unpacked: Path) -> Path | None:
-    """Return the first CSV file with the role `result` that FMI-LS-REF (1.0.0-alpha.1) lists, or None.
-
-    Files that are not there, or are outside of the FMU, do not count: the standard allows both.
-
-    Args:
-        unpacked: Folder with the content of the FMU.
-
-    Raises:
-        CommandError: The list of related files is not valid XML.
-    """
-    listed = unpacked / RELATED_LIST
-    if not listed.is_file():
-        return None
-    try:
-        root = parse_xml(listed.read_bytes())
-    except (etree.XMLSyntaxError, OSError) as error:
-        raise CommandError(f"'{RELATED_LIST}' is not valid XML: {error}.") from error
-    inside = unpacked.resolve()
-    for one in root.iterfind("Related"):
-        role, kind, source = (one.get(name, "") for name in ("role", "type", "source"))
-        if role.partition("/")[0] != "result" or kind != "text/csv":
-            continue
-        place = (unpacked / RELATED / source).resolve()
-        if place.is_relative_to(inside) and place.is_file():
-            return place
-    return None

@@ -14,6 +14,7 @@ from fmu_verify.references.reference_files import find_solution, read_reference
 from fmu_verify.settings import Settings
 from fmu_verify.verdict import Verdict
 from tests.support.broken.examining import examine
+from tests.support.broken.related import EXPERIMENTS, build_with_related, experiment
 from tests.support.paths import ROOT
 
 FMUS = ROOT / "fmus"
@@ -47,7 +48,10 @@ MANIFEST = f"{RELATED}/fmi-ls-manifest.xml"
 
 
 def alone(plant: Path, folder: Path, **changes: str | None) -> Path:
-    """The plant's FMU in a folder of its own, with other texts of its related files; None removes one."""
+    """The plant's FMU in a folder of its own, with other texts of its related files; None removes one.
+
+    It has no experiments, so that files belong together by their names.
+    """
     names = {"manifest": MANIFEST} | {
         kind: f"{RELATED}/EmlaPlant_{kind}.csv" for kind in ("ref", "in")
     }  # fmt: skip
@@ -57,7 +61,7 @@ def alone(plant: Path, folder: Path, **changes: str | None) -> Path:
         for name in source.namelist():
             kind = next((kind for kind, of in names.items() if of == name), "")
             text = changes.get(kind, source.read(name))
-            if text is not None:
+            if text is not None and not name.endswith(".exp"):
                 target.writestr(name, text)
     return path
 
@@ -109,9 +113,36 @@ def test_related_files_that_are_not_results(related: str, plant: Path, tmp_path:
     )
 
 
-def test_list_of_related_files_that_is_not_xml_fails(plant: Path, tmp_path: Path) -> None:
+def test_list_of_related_files_that_is_not_xml(plant: Path, tmp_path: Path) -> None:
+    """The check of manifests says that it fails; results are not compared."""
     found = compare(alone(plant, tmp_path, manifest="<fmiReferences>"))
-    assert found.verdict == Verdict.FAILED and f"'{MANIFEST}' is not valid XML" in found.sentence
+    assert found.verdict == Verdict.SKIPPED and found.outcome.blocked
+    assert f"'{MANIFEST}' is not valid XML" in found.sentence
+
+
+def test_all_results_in_the_fmu_are_compared(tmp_path: Path) -> None:
+    """Two along the experiments that name them; the inputs of the third are not known."""
+    texts = {
+        "right": "time,moving\n0,0\n0.02,0\n",
+        "wrong": "time,moving\n0,1\n0.02,1\n",
+        "other": "time,u\n0,0\n",
+    }
+    results = {f"{name}.csv": ("result", "text/csv", text) for name, text in texts.items()}
+    setups = {
+        f"{name}.exp": (
+            "experiment",
+            EXPERIMENTS,
+            experiment(f'<References source="{name}.csv"/>', stopTime=0.02),
+        )
+        for name in ("right", "wrong")
+    }
+    found = compare(build_with_related(tmp_path, "Good", results | setups))
+    assert found.verdict == Verdict.FAILED
+    assert found.sentence.startswith("The result wrong.csv: moving left its tube at t = 0 s")
+    assert [line.partition(":")[0] for line in found.outcome.details] == [
+        f"The result {name}.csv" for name in ("wrong", "right", "other")
+    ]
+    assert found.outcome.gaps == ("The result other.csv: The result in the FMU was not compared.",)
 
 
 def test_named_folder_without_reference_is_skipped(plant: Path, tmp_path: Path) -> None:

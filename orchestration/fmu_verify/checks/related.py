@@ -1,0 +1,363 @@
+"""Checks of the files that FMI-LS-REF lists: experiments, parameter sets, states and meta-data."""
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import fmpy
+import numpy as np
+
+from emla_cosim.base.errors import CommandError
+
+from ..check import check
+from ..host.experiment import make_experiment, span
+from ..host.fresh_process import EndedError, in_fresh_process
+from ..host.hosted_instance import CallError, HostedInstance
+from ..host.instance_runs import OutputTrajectory, outputs
+from ..messages import join_few_names, sentence
+from ..references.experiments import (
+    TRANSIENT,
+    TYPES,
+    ExperimentSetup,
+    list_experiment_files,
+    read_experiments,
+    read_setup,
+)
+from ..references.judgment import check_columns, combine, judge_run
+from ..references.meta_data import SRMD, find_fault, is_xml
+from ..references.parameter_sets import SSV, read_parameter_values
+from ..references.playback import run_reference
+from ..references.reference_files import ReferenceSolution, list_companions
+from ..references.related_files import RelatedFile, is_of_type, list_related
+from ..subject import Subject
+from ..verdict import RETURNS, CheckOutcome, Clause, NotRunError, Verdict, failed, passed, skipped, warned
+from ._sameness import ROUNDING, compare_runs
+
+_DOCUMENT = "FMI-LS-REF 1.0.0-alpha.1"
+_FACTOR, _PART = 6.0, 0.8
+"""Factor of the time limit for all experiments of a check, and the part of that in which they run."""
+
+
+def _clause(section: str, text: str) -> Clause:
+    return Clause(section, text, document=_DOCUMENT)
+
+
+_PERFORMED = _clause(
+    "2.5.2",
+    "If a related file with main role `experiment` is given, the expectation is that the set of experiments "
+    "defined in the file can be performed on the FMU just using the resources present in the FMU.",
+)
+
+
+def _judge_each(
+    subject: Subject,
+    files: list[RelatedFile],
+    judge: Callable[[Subject, RelatedFile], CheckOutcome],
+    what: str,
+) -> CheckOutcome:
+    """Judge related files, each in its turn. Files that are elsewhere, or are not there, are listed."""
+    outcomes = {}
+    for file in files:
+        label = f"'{file.source}'"
+        if file.path is None:
+            said = "It is not in the FMU."
+            outcomes[label] = skipped(said, gaps=(said,))
+            continue
+        outcomes[label] = _guard(lambda file=file: judge(subject, file))
+    return combine(outcomes, f"The FMU lists no {what}.")
+
+
+def _guard(judge: Callable[[], CheckOutcome]) -> CheckOutcome:
+    """Return an outcome, also for a file that is invalid, cannot be used here, or ends the process."""
+    try:
+        return judge()
+    except NotRunError as error:
+        return skipped(str(error), gaps=(str(error),))
+    except CommandError as error:
+        return failed(sentence(error))
+    except CallError as error:
+        return failed(str(error), clause=error.clause or (None if error.has_status else RETURNS))
+    except EndedError as error:
+        return failed(str(error), clause=RETURNS)
+
+
+# ---- experiments --------------------------------------------------------------------------------
+
+
+def _judge_experiments(subject: Subject, purposes: tuple[str, ...], what: str) -> CheckOutcome:
+    """Run the experiments of the files with one of these sub-roles, and compare their references."""
+    until = time.monotonic() + _PART * _FACTOR * subject.settings.seconds
+    outcomes = {}
+    for file in list_related(subject.folder):
+        if file.role != "experiment" or file.purpose not in purposes:
+            continue
+        label = f"'{file.source}'"
+        if file.path is None or not is_of_type(file, TYPES, ".exp"):
+            said = "It is not in the FMU." if file.path is None else f"It has the type {file.type}."
+            outcomes[label] = skipped(said, gaps=(f"{said} Its experiments were not run.",))
+            continue
+        try:
+            setups = read_experiments(file.path, subject.folder)
+        except CommandError as error:
+            outcomes[label] = failed(sentence(error))
+            continue
+        for setup in setups:
+            label = f"{setup.label} ({len(outcomes) + 1})" if setup.label in outcomes else setup.label
+            outcomes[label] = _guard(lambda setup=setup: _judge_experiment(subject, setup, until))
+    return combine(outcomes, f"The FMU lists no {what}.")
+
+
+def _judge_experiment(subject: Subject, setup: ExperimentSetup, until: float) -> CheckOutcome:
+    if setup.analysis != TRANSIENT:
+        raise NotRunError(f"{setup.analysis} is not run.")
+    reference, unknown = read_setup(subject, setup)
+    check_columns(subject, reference)
+    found = in_fresh_process(run_reference, subject, reference, until)
+    outcome = judge_run(subject, reference, found) if "References" in setup.data else _judge_outputs(found)
+    gaps = (*_list_gaps(reference, found, until), *reference.notes)
+    if unknown and outcome.verdict == Verdict.PASSED:
+        return warned(
+            f"Its parameters set {join_few_names(unknown)}, which the FMU does not have.", gaps=gaps
+        )
+    return replace(outcome, gaps=gaps)
+
+
+def _judge_outputs(found: OutputTrajectory) -> CheckOutcome:
+    wrong = ~np.isfinite(found.values)
+    if wrong.any():
+        k = int(np.argmax(wrong.any(axis=1)))
+        name = found.names[int(np.argmax(wrong[k]))]
+        return failed(f"{name} is {found.values[k][wrong[k]][0]} at t = {found.times[k]:.9g} s.")
+    return passed(f"It ran to t = {found.times[-1]:.9g} s with finite outputs; it has no references.")
+
+
+def _list_gaps(reference: ReferenceSolution, found: OutputTrajectory, until: float) -> Iterator[str]:
+    end, step = float(found.times[-1]), reference.interval or reference.step or 0.0
+    if end < reference.stop - step - 1e-9 * abs(reference.stop):
+        why = "time was up" if time.monotonic() >= until else "the FMU asked to end the run"
+        yield f"It ended at t = {end:.9g} s, not at t = {reference.stop:.9g} s: {why}."
+
+
+_HINT = "Run the experiment in a tool for the simulation of FMUs. Correct its files, or the FMU."
+
+
+@check(
+    "related.smoke_tests",
+    "The smoke tests in the FMU run",
+    _PERFORMED,
+    _HINT,
+    needs=("run.completes",),
+    time_factor=_FACTOR,
+)
+def smoke_tests(subject: Subject) -> CheckOutcome:
+    """Run experiments with the role `experiment` or `experiment/smoke-test`, and compare their references."""
+    return _judge_experiments(subject, ("", "smoke-test"), "smoke tests")
+
+
+@check(
+    "related.validation",
+    "The validations in the FMU agree with their references",
+    _clause(
+        "2.5.2",
+        "If the sub-role `validation` is given, the expectation is that the experiment(s) defined in the "
+        "file can be used to perform a detailed validation of the FMU in a simulation environment.",
+    ),
+    "The plot shows where. Correct the FMU, or the files of the experiment.",
+    needs=("run.completes",),
+    time_factor=_FACTOR,
+)
+def validation(subject: Subject) -> CheckOutcome:
+    """Run the experiments with the role `experiment/validation`, and compare their references."""
+    return _judge_experiments(subject, ("validation",), "validations")
+
+
+@check(
+    "related.uncertainty",
+    "The experiments for uncertainty analyses run",
+    _clause(
+        "2.5.2",
+        "If the sub-role `uncertainty-analysis` is given, the expectation is that the experiment(s) defined "
+        "in the file can be used to perform an uncertainty analysis of the FMU in a simulation environment.",
+    ),
+    _HINT,
+    needs=("run.completes",),
+    time_factor=_FACTOR,
+)
+def uncertainty(subject: Subject) -> CheckOutcome:
+    """Run the experiments with the role `experiment/uncertainty-analysis`, without a variation."""
+    outcome = _judge_experiments(subject, ("uncertainty-analysis",), "uncertainty analyses")
+    if outcome.verdict == Verdict.SKIPPED and not outcome.gaps:
+        return outcome
+    gaps = (*outcome.gaps, "Nothing was varied: the format of experiments does not say what to vary.")
+    return replace(outcome, gaps=gaps)
+
+
+# ---- parameter sets -----------------------------------------------------------------------------
+
+
+@check(
+    "related.parameters",
+    "The parameter sets in the FMU can be applied",
+    _clause(
+        "2.5.1",
+        "If a related file with role `parameter` is given, the expectation is that the parameter set defined "
+        "in the related file can be applied as-is to the FMU.",
+    ),
+    "Compare the names, types, units and ranges of the parameter set with modelDescription.xml.",
+    needs=("run.completes",),
+    time_factor=_FACTOR,
+)
+def parameters(subject: Subject) -> CheckOutcome:
+    """Check that parameter sets (SSV) name variables of the FMU, and that it runs a few steps with them."""
+    files = [f for f in list_related(subject.folder) if f.role == "parameter"]
+    return _judge_each(subject, files, _judge_parameters, "parameter sets")
+
+
+_FEW = 5
+"""Steps of a run with a parameter set or from a state."""
+
+
+def _judge_parameters(subject: Subject, file: RelatedFile) -> CheckOutcome:
+    if not is_of_type(file, (SSV,), ".ssv"):
+        raise NotRunError(f"It has the type {file.type}, which is not read.")
+    assert file.path is not None
+    values, unknown = read_parameter_values(subject, file.path)
+    in_fresh_process(_run_with, subject, values)
+    if unknown:
+        return warned(f"It sets {join_few_names(unknown)}, which the FMU does not have.")
+    return passed(f"It sets {len(values)} variables; the FMU ran {_FEW} steps with them.")
+
+
+def _run_with(subject: Subject, values: dict[str, object]) -> None:
+    course, instance = make_experiment(subject, _FEW), HostedInstance(subject)
+    instance.begin_initialization(
+        float(course.times[0]),
+        None,
+        subject.interface.tolerance,
+        lambda: instance.set({**course.at(0), **values}),
+    )
+    instance.exit_initialization()
+    for k in range(len(course.times) - 1):
+        if not instance.terminated:
+            instance.step(float(course.times[k]), course.step)
+    instance.close()
+
+
+# ---- states -------------------------------------------------------------------------------------
+
+
+@check(
+    "related.states",
+    "The serialized states in the FMU can be restored",
+    _clause(
+        "2.2",
+        "Serialized state file, e.g., a file that contains a serialized state of the FMU, suitable for "
+        "restoring the FMU to this state using the FMI functions for state serialization and deserialization "
+        "and state setting.",
+    ),
+    "Write the file with this build of the FMU. Name the platform in the role if others cannot read it.",
+    needs=("run.completes",),
+    time_factor=3.0,
+)
+def states(subject: Subject) -> CheckOutcome:
+    """Restore each serialized state in two new instances, and check that both continue, and the same."""
+    files = [f for f in list_related(subject.folder) if f.role == "serialized-state"]
+    return _judge_each(subject, files, _judge_state, "serialized states")
+
+
+def _judge_state(subject: Subject, file: RelatedFile) -> CheckOutcome:
+    assert file.path is not None
+    if file.purpose not in ("", fmpy.platform, fmpy.platform_tuple):
+        raise NotRunError(f"It is for {file.purpose}, and this machine is {fmpy.platform_tuple}.")
+    if not subject.has_capability("canSerializeFMUstate"):
+        return failed("The FMU does not set canSerializeFMUstate, so that no tool can restore it.")
+    data = file.path.read_bytes()
+    first, second = (in_fresh_process(_continue, subject, data) for _ in range(2))
+    wrong = ~np.isfinite(first.values)
+    if wrong.any():
+        name = first.names[int(np.argmax(wrong.any(axis=0)))]
+        return failed(f"{name} is not finite in a run from it.")
+    same = compare_runs(second, first, "A second run from it", ROUNDING)
+    if same.verdict != Verdict.PASSED:
+        return failed(same.sentence)
+    if len(first.times) == 1:
+        said = "It was restored, but not continued: its time is not known."
+        return passed(said, gaps=(said,))
+    return passed(f"Two new instances continued the same from t = {first.times[0]:.9g} s.")
+
+
+def _continue(subject: Subject, data: bytes) -> OutputTrajectory:
+    """Restore a state, and return the outputs from there on, at its time only if that is not known."""
+    instance, names = HostedInstance(subject), outputs(subject)
+    course = make_experiment(subject, 1)
+    instance.initialize(course.at(0), float(course.times[0]))
+    state = instance.deserialize(data)
+    instance.restore_state(state)
+    instance.free_state(state)
+    clock = [n for n, v in subject.variables.items() if v.causality == "independent"]
+    times, rows = [float(instance.get(clock)[0]) if clock else np.nan], [instance.get(names)]
+    step = span(subject)[1]
+    # the mode in which a model was saved is not known, nor are the next ticks of clocks
+    if np.isfinite(times[0]) and instance.kind == "CoSimulation" and not subject.has_clocks:
+        for _ in range(_FEW):
+            instance.step(times[-1], step)
+            if instance.terminated:
+                break
+            times.append(times[-1] + step)
+            rows.append(instance.get(names))
+    instance.close()
+    values = np.array(rows, dtype=float).reshape(len(rows), len(names))
+    return OutputTrajectory(np.array(times), names, values)
+
+
+# ---- meta-data ----------------------------------------------------------------------------------
+
+_JUDGED = ("experiment", "parameter", "serialized-state", "result")
+"""Roles of files that other checks judge."""
+
+
+@check(
+    "related.metadata",
+    "Meta-data and other documents in the FMU are valid",
+    _clause(
+        "2.2",
+        "Meta-data file, e.g., an SRMD file or other meta-data file that provides meta-data about the FMU or "
+        "its context.",
+    ),
+    "Correct the file, or its entry in extra/org.fmi-standard.fmi-ls-ref/fmi-ls-manifest.xml.",
+    needs=("archive.safe",),
+)
+def metadata(subject: Subject) -> CheckOutcome:
+    """Check that meta-data (SRMD) and other XML documents are valid, and list those that no check reads."""
+    listed, used = list_related(subject.folder), _list_used(subject)
+    others = [f for f in listed if f.role not in _JUDGED and f.path is not None and f.path not in used]
+    readable = [f for f in others if is_xml(f)]
+    outcome = _judge_each(subject, readable, _judge_document, "meta-data")
+    left = [f"{f.role} '{f.source}'" for f in others if f not in readable]
+    if not left:
+        return outcome
+    gap = f"Related files with these roles were not read: {join_few_names(left)}."
+    return replace(outcome, gaps=(*outcome.gaps, gap))
+
+
+def _judge_document(subject: Subject, file: RelatedFile) -> CheckOutcome:
+    assert file.path is not None
+    if fault := find_fault(file, subject.folder):
+        return failed(fault)
+    return passed("It is valid SRMD." if is_of_type(file, (SRMD,), ".srmd") else "It is well-formed XML.")
+
+
+def _list_used(subject: Subject) -> set[object]:
+    """Return the files that results and experiments need."""
+    results = [f.path for f in list_related(subject.folder) if f.role == "result" and f.path is not None]
+    used: set[object] = set()
+    for file in list_experiment_files(subject):
+        assert file.path is not None
+        try:
+            setups = read_experiments(file.path, subject.folder)
+        except CommandError:  # its check reports it
+            continue
+        named = {key: data.path for setup in setups for key, data in setup.data.items()}
+        used.update(named.values())
+        results += [named["References"]] if named.get("References") is not None else []
+    return used.union(*(list_companions(r) for r in results if r is not None))

@@ -1,0 +1,196 @@
+"""Read files of experiments (MA-HS-Experiments), which FMI-LS-REF lists, and the files that they name."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
+
+from emla_cosim.base.arrays import Vector
+from emla_cosim.base.errors import CommandError
+from emla_cosim.base.untrusted_xml import parse_xml
+
+from ..host.experiment import span
+from ..subject import Subject
+from ..verdict import NotRunError
+from .parameter_sets import SSV, read_parameter_values
+from .reference_files import ReferenceSolution, read_columns, read_tolerance
+from .related_files import RelatedFile, is_of_type, is_relative, list_related, resolve_source
+
+TYPES = ("application/x-ma-hs-experiments", "application/x-ma-ls-experiments")
+"""MIME types of files of experiments; the example of FMI-LS-REF has the second one."""
+
+TRANSIENT = "TransientSimulation"
+"""The analysis of an experiment that is run. Its element is in the schema, and not yet in the text."""
+
+_ANALYSES = {
+    "SteadyState",
+    "ParameterOptimization",
+    "SetPointOptimization",
+    "SensitivityAnalysis",
+    "TrajectoryOptimization",
+    "Linearization",
+}
+_CSV = "text/csv"
+_DATA = {"Parameters": SSV, "Stimuli": _CSV, "References": _CSV}
+"""Elements that name files, with the MIME type that they have without an attribute."""
+
+
+@dataclass(frozen=True)
+class Data:
+    """A file that an experiment names: MIME type, URI, and the path, None if the FMU has no such file."""
+
+    type: str
+    source: str
+    path: Path | None
+
+
+@dataclass(frozen=True)
+class ExperimentSetup:
+    """An experiment.
+
+    Attributes:
+        name: Its name.
+        file: Name of the file.
+        analysis: Name of its analysis: `TransientSimulation` or others, which are not run.
+        numbers: startTime, stopTime, stepSize (in s) and tolerance, as far as it has them.
+        data: The files that it names, by element: Parameters, Stimuli, References.
+    """
+
+    name: str
+    file: str
+    analysis: str
+    numbers: Mapping[str, float]
+    data: Mapping[str, Data]
+
+    @property
+    def label(self) -> str:
+        """The subject of messages."""
+        return f"The experiment '{self.name}' of {self.file}"
+
+
+def list_experiment_files(subject: Subject) -> list[RelatedFile]:
+    """Return the related files of an FMU that have experiments in the format that is read."""
+    files = [f for f in list_related(subject.folder) if f.role == "experiment" and f.path is not None]
+    return [f for f in files if is_of_type(f, TYPES, ".exp")]
+
+
+def read_experiments(file: Path, unpacked: Path) -> list[ExperimentSetup]:
+    """Read a file of experiments.
+
+    Args:
+        file: The file.
+        unpacked: Folder with the content of the FMU.
+
+    Raises:
+        CommandError: The file is not valid.
+    """
+    try:
+        root = parse_xml(file.read_bytes())
+    except (etree.XMLSyntaxError, OSError) as error:
+        raise CommandError(f"'{file.name}' is not valid XML: {error}.") from error
+    if root.tag != "Experiments":
+        raise CommandError(f"'{file.name}' has the root element {root.tag}, not Experiments.")
+    elements = root.findall("Experiment")
+    if not elements:
+        raise CommandError(f"'{file.name}' has no Experiment.")
+    return [_read(element, file, unpacked) for element in elements]
+
+
+def _read(element: Any, file: Path, unpacked: Path) -> ExperimentSetup:
+    name = element.get("name")
+    if name is None:
+        raise CommandError(f"'{file.name}' has an Experiment without a name in line {element.sourceline}.")
+    place = f"the experiment '{name}' of '{file.name}'"
+    analysis, numbers, data = TRANSIENT, dict[str, float](), dict[str, Data]()
+    for inside in element.iterchildren(tag=etree.Element):
+        if inside.tag in _DATA:
+            source = inside.get("source")
+            if source is None:
+                raise CommandError(f"{place} has {inside.tag} without a source.")
+            path = resolve_source(file, source, unpacked)
+            data[inside.tag] = Data(inside.get("type", _DATA[inside.tag]), source, path)
+        elif inside.tag == TRANSIENT or inside.tag in _ANALYSES:
+            analysis = inside.tag
+        elif inside.tag != "Annotations":
+            raise CommandError(f"{place} has the element {inside.tag}, which an Experiment does not have.")
+    settings = {**dict(element.attrib), **dict(next((e.attrib for e in element.iterfind(TRANSIENT)), {}))}
+    for key in ("startTime", "stopTime", "stepSize", "tolerance"):
+        if key in settings:
+            numbers[key] = _number(settings[key], key, place)
+    return ExperimentSetup(name, file.name, analysis, numbers, data)
+
+
+def _number(text: str, key: str, place: str) -> float:
+    try:
+        number = float(text)
+    except ValueError:
+        number = math.nan
+    if not math.isfinite(number) or (key in ("stepSize", "tolerance") and number <= 0.0):
+        needed = "a positive number" if key in ("stepSize", "tolerance") else "a finite number"
+        raise CommandError(f"{place} has {key} = {text}; it must be {needed}.")
+    return number
+
+
+def read_setup(subject: Subject, setup: ExperimentSetup) -> tuple[ReferenceSolution, list[str]]:
+    """Read the files of an experiment. What it does not say is as in the default experiment of the FMU.
+
+    Returns:
+        How to run it, with the solution to compare with (only `time` if there is none), and the names of
+        parameters that the FMU does not have.
+
+    Raises:
+        CommandError: A file is invalid, does not fit the FMU, or is missing.
+        NotRunError: A file has a type that is not read, or is elsewhere.
+    """
+    start, step, count = span(subject)
+    stop = start + count * step
+    start, stop = setup.numbers.get("startTime", start), setup.numbers.get("stopTime", stop)
+    if not stop > start:
+        raise CommandError(f"it ends at t = {stop:g} s, not after its start at t = {start:g} s.")
+    step = setup.numbers.get("stepSize") or (stop - start) / math.ceil((stop - start) / step - 1e-6)
+    if abs((stop - start) / step - round((stop - start) / step)) > 1e-3:
+        raise NotRunError(f"{start:g} s to {stop:g} s is not a whole number of its steps of {step:g} s.")
+    values, unknown = {}, []
+    if (path := _path(setup, "Parameters")) is not None:
+        values, unknown = read_parameter_values(subject, path)
+    inputs, notes = _columns(subject, setup, "Stimuli", start)
+    solution, more = _columns(subject, setup, "References", start)
+    references = setup.data.get("References")
+    reference = ReferenceSolution(
+        solution=solution or {"time": np.array([start, stop])},
+        inputs=inputs,
+        start=start,
+        stop=stop,
+        step=step,
+        start_values=values,
+        tolerance={} if references is None or references.path is None else read_tolerance(references.path),
+        notes=[*notes, *more],
+        solver_tolerance=setup.numbers.get("tolerance"),
+    )
+    return reference, unknown
+
+
+def _path(setup: ExperimentSetup, element: str) -> Path | None:
+    data = setup.data.get(element)
+    if data is None:
+        return None
+    if not is_relative(data.source):
+        raise NotRunError(f"Its {element} are at '{data.source}', outside of the FMU.")
+    if data.type != _DATA[element]:
+        raise NotRunError(f"Its {element} have the type {data.type}, which is not read.")
+    if data.path is None:
+        raise CommandError(f"its {element} are in '{data.source}', which is not in the FMU.")
+    return data.path
+
+
+def _columns(
+    subject: Subject, setup: ExperimentSetup, element: str, start: float
+) -> tuple[dict[str, Vector], list[str]]:
+    if (path := _path(setup, element)) is None:
+        return {}, []
+    what = {"Stimuli": "the inputs", "References": "the reference"}[element]
+    return read_columns(path, what, subject.interface, start, has_gaps=element == "References")

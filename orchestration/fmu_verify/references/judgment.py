@@ -1,0 +1,87 @@
+"""Judge runs by tubes around their references, and several runs together."""
+
+from collections.abc import Mapping, Sequence
+
+from emla_cosim.base.errors import CommandError
+from emla_cosim.base.tubes.signal_check import Comparison, compare_signal, describe_departure, select_outside
+from emla_cosim.base.tubes.tolerance import find_tolerance
+
+from ..host.instance_runs import OutputTrajectory
+from ..subject import Subject
+from ..verdict import CheckOutcome, Verdict, failed, passed, skipped
+from .reference_files import ReferenceSolution
+
+
+def check_columns(subject: Subject, reference: ReferenceSolution) -> None:
+    """Raise CommandError if a reference has a column that is not a variable of the FMU."""
+    strange = [n for n in reference.solution if n != "time" and n not in subject.variables]
+    if strange:
+        raise CommandError(f"the reference has the column '{strange[0]}', but the FMU has no such variable.")
+
+
+def judge_run(subject: Subject, reference: ReferenceSolution, found: OutputTrajectory) -> CheckOutcome:
+    """Compare all columns of a reference with the run along it."""
+    wanted = dict(reference.tolerance) | dict(subject.settings.tolerance)
+    comparisons = tuple(
+        compare_signal(
+            name,
+            str(subject.interface.unit(name) or ""),
+            found.times,
+            found.values[:, i],
+            reference.solution["time"],
+            reference.solution[name],
+            find_tolerance(name, wanted),
+            subject.interface.is_discrete(name),
+        )
+        for i, name in enumerate(found.names)
+        if name in reference.solution
+    )
+    left = select_outside(comparisons)
+    if left:
+        more = (*(describe_departure(c) + "." for c in left[1:]), *reference.notes)
+        return failed(f"{describe_departure(left[0])}.", details=more, comparisons=comparisons)
+    if not comparisons:
+        return failed("The reference has only the column time.")
+    closest = max(comparisons, key=_share)
+    return passed(
+        f"{len(comparisons)} signals stay within their tubes; {closest.signal} comes closest to its limit, "
+        f"with {_share(closest):.0%} of the tolerance.",
+        details=tuple(reference.notes),
+        comparisons=comparisons,
+    )
+
+
+def _share(comparison: Comparison) -> float:
+    """Return the largest difference as a fraction of the tolerance."""
+    return comparison.worst / comparison.tube.value if comparison.tube.value else 0.0
+
+
+_ORDER = (Verdict.FAILED, Verdict.WARNING, Verdict.PASSED, Verdict.SKIPPED)
+
+
+def combine(outcomes: Mapping[str, CheckOutcome], missing: str) -> CheckOutcome:
+    """Return the worst of several outcomes, with a line for each of the others.
+
+    Args:
+        outcomes: Outcomes by what they are of, such as `The result a.csv`.
+        missing: Message if there are none.
+    """
+    if not outcomes:
+        return skipped(missing)
+    labels = sorted(outcomes, key=lambda label: _ORDER.index(outcomes[label].verdict))
+    first = outcomes[labels[0]]
+    lines = {label: f"{label}: {outcomes[label].sentence}" for label in labels}
+    return CheckOutcome(
+        first.verdict,
+        lines[labels[0]],
+        details=(*_details(labels, lines), *(line for label in labels for line in outcomes[label].details)),
+        comparisons=tuple(c for o in outcomes.values() if o.verdict == Verdict.FAILED for c in o.comparisons),
+        figures={"compared": sum(len(o.comparisons) for o in outcomes.values())},
+        hint=first.hint,
+        clause=first.clause,
+        gaps=tuple(f"{label}: {gap}" for label in labels for gap in outcomes[label].gaps),
+    )
+
+
+def _details(labels: Sequence[str], lines: Mapping[str, str]) -> tuple[str, ...]:
+    return tuple(lines[label] for label in labels) if len(labels) > 1 else ()

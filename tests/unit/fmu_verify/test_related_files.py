@@ -1,0 +1,130 @@
+"""Files with roles of FMI-LS-REF in FMUs: all are used or judged, and the rest is reported."""
+
+from pathlib import Path
+
+import pytest
+
+from fmu_verify.findings import Finding
+from fmu_verify.verdict import Verdict
+from tests.support.broken.examining import examine
+from tests.support.broken.related import (
+    EXPERIMENTS,
+    RISING,
+    SSV,
+    Related,
+    build_with_related,
+    checksum,
+    experiment,
+    meta_data,
+    parameter_set,
+    serialized_state,
+)
+
+SRMD = "application/x-srmd-meta-data"
+BYTES = "application/octet-stream"
+AT_REST = "time,moving\n0,0\n0.05,0\n"
+
+
+def check(folder: Path, related: Related, name: str) -> Finding:
+    """Return the finding of a check on the good FMU with related files."""
+    name = f"related.{name}"
+    return examine(build_with_related(folder, "Good", related), name, apart=())[name]
+
+
+def test_all_roles_together(tmp_path: Path) -> None:
+    """A parameter set, input, results, a state, and meta-data with a checksum."""
+    gain = parameter_set(gain=0.0)
+    inside = '<Parameters source="p.ssv"/><Stimuli source="in.csv"/><References source="sub/my%20ref.csv"/>'
+    setup = experiment(inside, startTime=0, stopTime=0.05, stepSize=0.01, tolerance=1e-4)
+    path = build_with_related(
+        tmp_path,
+        "Good",
+        {
+            "smoke.exp": ("experiment", EXPERIMENTS, experiment()),
+            "validation.exp": ("experiment/validation", EXPERIMENTS, setup),
+            "uncertainty.exp": ("experiment/uncertainty-analysis", EXPERIMENTS, experiment()),
+            "p.ssv": ("parameter", SSV, gain),
+            "in.csv": ("", "", RISING),
+            "sub/my ref.csv": ("", "", AT_REST),
+            "a.state": ("serialized-state", BYTES, serialized_state()),
+            "m.srmd": ("meta-data", SRMD, meta_data(name="m", data="p.ssv", checksum=checksum(gain))),
+        },
+    )
+    examined = examine(path, "related", apart=())
+    found = {f.check: (f.verdict, f.outcome.gaps) for f in examined.findings if f.check.startswith("related")}
+    varied = "Nothing was varied: the format of experiments does not say what to vary."
+    assert found.pop("related.uncertainty") == (Verdict.PASSED, (varied,))
+    assert set(found.values()) == {(Verdict.PASSED, ())} and len(found) == 5
+
+
+def test_solver_tolerance_and_times_of_an_experiment_are_used(tmp_path: Path) -> None:
+    inside = '<TransientSimulation startTime="0.5" stopTime="0.75"/>'
+    found = check(tmp_path, {"a.exp": ("experiment", EXPERIMENTS, experiment(inside))}, "smoke_tests")
+    assert found.verdict == Verdict.PASSED and "It ran to t = 0.75 s" in found.sentence
+
+
+def test_each_experiment_is_named(tmp_path: Path) -> None:
+    text = experiment(name="first").replace(
+        "</Experiments>",
+        '<Experiment name="line"><Linearization/></Experiment>'
+        '<Experiment name="bad"><Stimuli source="gone.csv"/></Experiment></Experiments>',
+    )
+    found = check(tmp_path, {"a.exp": ("experiment", EXPERIMENTS, text)}, "smoke_tests")
+    assert found.verdict == Verdict.FAILED
+    assert [line.partition(":")[0] for line in found.outcome.details] == [
+        f"The experiment '{name}' of a.exp" for name in ("bad", "first", "line")
+    ]
+    assert found.outcome.gaps == ("The experiment 'line' of a.exp: Linearization is not run.",)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("<Experiments", "is not valid XML"),
+        ("<Tests/>", "has the root element Tests, not Experiments."),
+        ("<Experiments/>", "has no Experiment."),
+        ("<Experiments><Experiment/></Experiments>", "has an Experiment without a name in line 1."),
+        (experiment(stopTime="x"), "has stopTime = x; it must be a finite number."),
+        (experiment(stepSize="-1"), "has stepSize = -1; it must be a positive number."),
+        (experiment("<Stimuli/>"), "has Stimuli without a source."),
+        (experiment("<Inputs/>"), "has the element Inputs, which an Experiment does not have."),
+    ],
+)
+def test_invalid_files_of_experiments(text: str, words: str, tmp_path: Path) -> None:
+    found = check(tmp_path, {"a.exp": ("experiment", EXPERIMENTS, text)}, "smoke_tests")
+    assert found.verdict == Verdict.FAILED and words in found.sentence
+
+
+@pytest.mark.parametrize(
+    ("name", "related", "gap"),
+    [
+        ("smoke_tests", {"a.txt": ("experiment", "text/plain", "?")}, "It has the type text/plain."),
+        (
+            "smoke_tests",
+            {"a.exp": ("experiment", EXPERIMENTS, experiment('<References type="x/hdf5" source="a"/>'))},
+            "Its References have the type x/hdf5, which is not read.",
+        ),
+        (
+            "smoke_tests",
+            {"a.exp": ("experiment", EXPERIMENTS, experiment('<Stimuli source="https://a.b/c.csv"/>'))},
+            "Its Stimuli are at 'https://a.b/c.csv', outside of the FMU.",
+        ),
+        (
+            "smoke_tests",
+            {"a.exp": ("experiment", EXPERIMENTS, experiment(stopTime=1, stepSize=0.3))},
+            "0 s to 1 s is not a whole number of its steps of 0.3 s.",
+        ),
+        ("parameters", {"a.csv": ("parameter", "text/csv", "a\n1\n")}, "It has the type text/csv"),
+        ("states", {"a": ("serialized-state/riscv64-linux", BYTES, b"1")}, "It is for riscv64-linux"),
+        ("metadata", {"a.pdf": ("document", "application/pdf", b"1")}, "document 'a.pdf'"),
+    ],
+)
+def test_what_is_not_used_is_reported(name: str, related: Related, gap: str, tmp_path: Path) -> None:
+    found = check(tmp_path, related, name)
+    assert found.verdict == Verdict.SKIPPED and len(found.outcome.gaps) == 1
+    assert gap in found.outcome.gaps[0]
+
+
+def test_state_that_is_cut_is_not_restored(tmp_path: Path) -> None:
+    found = check(tmp_path, {"a": ("serialized-state", BYTES, serialized_state()[:-1])}, "states")
+    assert found.verdict == Verdict.FAILED and "fmi2DeSerializeFMUstate answered fmi2Error" in found.sentence
