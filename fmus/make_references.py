@@ -2,8 +2,10 @@
 
 Per model, in the form of the FMI cross-check rules: <Model>_in.csv (where it has inputs),
 <Model>_ref.csv and <Model>_ref.opt; and <Model>_ref.toml with what these cannot say: start values,
-tolerances, and what made them. The solutions come from `tests/support/reference_model.py`, the
-paper's equations written independently of the FMUs, and are exact to about 1e-11.
+tolerances, and what made them. <Model>_ref.ssv has the start values for tools of SSP, and the
+experiments <Model>_validation.exp and <Model>_smoke_test.exp name these files, as FMI-LS-REF has it.
+The solutions come from `tests/support/reference_model.py`, the paper's equations written independently of
+the FMUs, and are exact to about 1e-11.
 
 Inputs are those of a co-simulation: the value in the row of t_k is held until t_k+1, so step the
 FMU by the file's interval (StepSize). Outputs in the row of t_k+1 belong to the inputs held up to
@@ -16,10 +18,13 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
+from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 from scipy.interpolate import BSpline, PchipInterpolator
 
+from emla_cosim.fmu.parameters.parameter_sets import ParameterSet, SsvParameter, format_parameter_set
+from fmublock.description import format_xml
 from tests.support import reference_controllers as compared
 from tests.support import reference_load_control as load_control
 from tests.support import reference_model as paper
@@ -975,6 +980,33 @@ def files(model: str) -> dict[str, str]:
     }
     if solution.inputs:
         text[f"{model}_in.csv"] = csv(solution.step, solution.inputs)
+    return text | experiments(model, solution.step, options["StopTime"], bool(solution.inputs))
+
+
+SMOKE_STEPS = 10
+"""Steps of a smoke test."""
+
+
+def experiments(model: str, step: float, stop: float, has_inputs: bool) -> dict[str, str]:
+    """The parameter set and the experiments by file name."""
+    text, named = dict[str, str](), {"Parameters": f"{model}_ref.ssv", "Stimuli": f"{model}_in.csv"}
+    if values := START_VALUES[model]:
+        types = {bool: "Boolean", int: "Integer", float: "Real"}
+        parameters = tuple(SsvParameter(n, types[type(v)], v) for n, v in values.items())
+        text[named["Parameters"]] = format_parameter_set(
+            ParameterSet(f"{model} reference", parameters)
+        ).decode()
+    used = {"Parameters": bool(values), "Stimuli": has_inputs}
+    given = {element: file for element, file in named.items() if used[element]}
+    ends = {"validation": stop, "smoke_test": min(stop, SMOKE_STEPS * step)}
+    for name, end in ends.items():
+        files = given | ({"References": f"{model}_ref.csv"} if name == "validation" else {})
+        root = Element("Experiments", name=model)
+        times = {"startTime": "0.0", "stopTime": repr(end), "stepSize": repr(step)}
+        inside = SubElement(root, "Experiment", name=name.replace("_", " "), **times)
+        for element, file in files.items():
+            SubElement(inside, element, source=file)
+        text[f"{model}_{name}.exp"] = format_xml(root).decode()
     return text
 
 

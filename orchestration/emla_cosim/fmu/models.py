@@ -284,6 +284,17 @@ _REFERENCES = {
         "application/toml",
         "Start values, tolerances and origin of the reference solution",
     ),
+    "ref.ssv": ("parameter", "application/x-ssp-parameter-set", "Start values of the reference solution"),
+    "validation.exp": (
+        "experiment/validation",
+        "application/x-ma-hs-experiments",
+        "Experiment with the reference solution",
+    ),
+    "smoke_test.exp": (
+        "experiment/smoke-test",
+        "application/x-ma-hs-experiments",
+        "First steps of the experiment with the reference solution",
+    ),
 }
 """Role, type and description of the reference files of a model, by the end of their names."""
 
