@@ -240,6 +240,8 @@ def number_range(variable: ModelVariable) -> tuple[float, float]:
         return -largest, largest
     if not isinstance(variable, ElementVariable):
         return -(2**31 - 1), 2**31 - 1
+    if variable.type == "Boolean":
+        return 0, 1
     limits = np.iinfo(value_type(variable))
     return int(limits.min), int(limits.max)
 

@@ -8,6 +8,7 @@ from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 
 from emla_cosim.base.untrusted_xml import parse_xml
 
+from ..verdict import NotRunError
 from .related_files import RelatedFile, is_of_type, is_relative, resolve_source
 
 SRMD = "application/x-srmd-meta-data"
@@ -29,6 +30,9 @@ def find_fault(file: RelatedFile, unpacked: Path) -> str:
     Args:
         file: The file, which is in the FMU.
         unpacked: Folder with the content of the FMU.
+
+    Raises:
+        NotRunError: It is about a file that is not in the FMU, which the standard allows.
     """
     assert file.path is not None
     try:
@@ -53,7 +57,7 @@ def _find_srmd_fault(root: Any, path: Path, unpacked: Path) -> str:
         return ""
     data = resolve_source(path, source, unpacked)
     if data is None:
-        return f"It is about '{source}', which is not in the FMU."
+        raise NotRunError(f"It is about '{source}', which is not in the FMU.")
     if checksum and hashlib.sha3_256(data.read_bytes()).hexdigest() != checksum.lower():
         return f"The SHA3-256 checksum of '{source}' is not the one that it has."
     return ""

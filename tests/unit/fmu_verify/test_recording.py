@@ -59,6 +59,13 @@ def typed_fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return build(Typed, tmp_path_factory.mktemp("typed") / "Typed.fmu")
 
 
+def test_references_of_all_types_of_fmi_3(tmp_path: Path) -> None:
+    fmu = build(Typed, tmp_path / "Typed.fmu", fmi=3)
+    record(fmu, tmp_path)
+    found = compare(fmu, tmp_path, relative=1e-14)
+    assert found.verdict == Verdict.PASSED, found.sentence
+
+
 @pytest.fixture(scope="module")
 def toy_fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return copy_toy(tmp_path_factory.mktemp("toy") / "Toy.fmu")

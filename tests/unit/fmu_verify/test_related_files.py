@@ -116,6 +116,11 @@ def test_invalid_files_of_experiments(text: str, words: str, tmp_path: Path) -> 
         ),
         ("parameters", {"a.csv": ("parameter", "text/csv", "a\n1\n")}, "It has the type text/csv"),
         ("states", {"a": ("serialized-state/riscv64-linux", BYTES, b"1")}, "It is for riscv64-linux"),
+        (
+            "metadata",
+            {"a.srmd": ("meta-data", SRMD, meta_data(name="m", data="../gone.fmu"))},
+            "It is about '../gone.fmu', which is not in the FMU.",
+        ),
         ("metadata", {"a.pdf": ("document", "application/pdf", b"1")}, "document 'a.pdf'"),
     ],
 )
