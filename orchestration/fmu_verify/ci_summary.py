@@ -1,6 +1,6 @@
 """Summarize a report as Markdown for the summary page of a CI run.
 
-python -m emla_cosim.verification.ci_summary report.json >> "$GITHUB_STEP_SUMMARY"
+python -m fmu_verify.ci_summary report.json >> "$GITHUB_STEP_SUMMARY"
 """
 
 import html

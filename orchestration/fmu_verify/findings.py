@@ -40,6 +40,11 @@ class Finding:
         """What was found, as one sentence."""
         return self.outcome.sentence
 
+    @property
+    def is_noted(self) -> bool:
+        """Whether it passed with a note, because no sentence of the standard judges what was found."""
+        return self.verdict == Verdict.PASSED and self.sentence in self.outcome.gaps
+
 
 @dataclass(frozen=True)
 class Examined:
@@ -69,6 +74,11 @@ class Examined:
     def label(self) -> str:
         """Name of the file in reports: its name if it has one, otherwise its path."""
         return self.name or str(self.path)
+
+    @property
+    def file(self) -> Path:
+        """The file on the disk: the package, if the FMU is in one."""
+        return next((p for p in self.path.parents if p.suffix.lower() in (".ssp", ".ssd")), self.path)
 
     def of(self, verdict: Verdict) -> list[Finding]:
         """Return the findings with this verdict."""

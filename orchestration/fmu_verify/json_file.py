@@ -41,16 +41,14 @@ Infinite numbers and NaN are null. Verdicts are passed, warning, failed and skip
 """
 
 import json
-from pathlib import Path
 from typing import Any
 
-from emla_cosim.base.output_files import OutputFile
 from emla_cosim.base.tubes.signal_check import Comparison
 from emla_cosim.pages.plain import to_plain
 
 from .findings import Examined, Finding, Findings, worst
-from .marks import JSON_FORMAT, is_json
 from .repetition import format_command
+from .report_files import JSON_FORMAT
 from .verdict import Verdict
 
 VERSION = 1
@@ -73,10 +71,9 @@ def as_dict(report: Findings) -> dict[str, Any]:
     )
 
 
-def save(report: Findings, path: Path, overwrite: bool = False) -> None:
-    """Write the report as JSON. Raise CommandError and RunError like `OutputFile`."""
-    text = json.dumps(as_dict(report), indent=2, allow_nan=False) + "\n"
-    OutputFile(path, "the JSON report", is_json, overwrite).write(text.encode("utf-8", "replace"))
+def render(report: Findings) -> str:
+    """Return the report as JSON."""
+    return json.dumps(as_dict(report), indent=2, allow_nan=False) + "\n"
 
 
 def _examined(one: Examined) -> dict[str, Any]:

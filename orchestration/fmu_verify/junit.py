@@ -1,23 +1,20 @@
 """Write the report as JUnit XML for CI systems: a suite for each FMU, a case for each check."""
 
 import math
-from pathlib import Path
 from typing import Any
 
 from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 
-from emla_cosim.base.output_files import OutputFile
 from emla_cosim.pages.text import make_visible
 
+from .explanation import explain_finding
 from .findings import Examined, Finding, Findings
-from .marks import is_junit
-from .repetition import format_command
 from .short_names import shorten_names
 from .verdict import Verdict
 
 
-def save(report: Findings, path: Path, overwrite: bool = False) -> None:
-    """Write the report as JUnit XML. Raise CommandError and RunError like `OutputFile`."""
+def render(report: Findings) -> str:
+    """Return the report as JUnit XML."""
     names = shorten_names([one.label for one in report.examined])
     suites = [_suite(one, name, report) for one, name in zip(report.examined, names, strict=True)]
     root = _element(
@@ -30,8 +27,7 @@ def save(report: Findings, path: Path, overwrite: bool = False) -> None:
     )
     root.extend(suites)
     etree.indent(root)
-    text = f'<?xml version="1.0" encoding="UTF-8"?>\n{etree.tostring(root, encoding="unicode")}\n'
-    OutputFile(path, "the JUnit report", is_junit, overwrite).write(text.encode("utf-8", "replace"))
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{etree.tostring(root, encoding="unicode")}\n'
 
 
 def _suite(one: Examined, name: str, report: Findings) -> Any:
@@ -71,25 +67,18 @@ def _class_name(label: str) -> str:
 def _case(one: Examined, finding: Finding, class_name: str) -> Any:
     case = _element("testcase", classname=class_name, name=finding.check, time=_time(finding.seconds))
     if finding.verdict == Verdict.FAILED:
-        case.append(_element("failure", _explain(one, finding), type=finding.check, message=finding.sentence))
+        case.append(
+            _element("failure", explain_finding(one, finding), type=finding.check, message=finding.sentence)
+        )
     elif finding.verdict == Verdict.SKIPPED:
         case.append(_element("skipped", message=finding.sentence))
     elif finding.verdict == Verdict.WARNING:
-        case.append(_element("system-out", f"Warning: {_explain(one, finding)}"))
+        case.append(_element("system-out", f"Warning: {explain_finding(one, finding)}"))
     return case
 
 
 def _time(seconds: float) -> str:
     return f"{seconds if math.isfinite(seconds) else 0.0:.3f}"
-
-
-def _explain(one: Examined, finding: Finding) -> str:
-    """Return message, details, clause, what was done, hint and the command to repeat it, as paragraphs."""
-    clause = f"{finding.clause}: \u201c{finding.clause.sentence}\u201d"
-    done = f"What was done: {finding.done}" if finding.done else ""
-    repeat = f"Repeat it: {format_command(one, finding)}"
-    parts = (finding.sentence, "\n".join(finding.outcome.details), clause, done, finding.hint, repeat)
-    return "\n\n".join(part for part in parts if part)
 
 
 def _element(tag: str, text: str | None = None, **attributes: Any) -> Any:

@@ -6,10 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
-from emla_cosim.base.output_files import OutputFile, is_page
 from emla_cosim.pages.comparisons import build_comparison_rows
 from emla_cosim.pages.page import Plots, render_template
 
@@ -22,13 +20,7 @@ _MOST_ROWS = 200
 """Most findings and FMUs in a cell of a notebook."""
 
 
-def save(report: Findings, path: Path, overwrite: bool = False) -> None:
-    """Write the report as an HTML page. Raise CommandError and RunError like `OutputFile`."""
-    file = OutputFile(path, "the HTML report", is_page, overwrite)
-    file.write(render_page(report).encode("utf-8", "replace"))
-
-
-def render_page(report: Findings) -> str:
+def render(report: Findings) -> str:
     """Return the HTML of the page."""
     plots = Plots()
     names = shorten_names([one.label for one in report.examined])

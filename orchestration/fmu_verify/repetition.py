@@ -8,9 +8,6 @@ from emla_cosim.base.tubes.tolerance import Tolerance
 from .findings import Examined, Finding
 from .settings import Settings
 
-_INSIDE = (".ssp", ".ssd")
-"""Packages, which are verified as a whole: an FMU in one has no path of its own."""
-
 
 def list_options(settings: Settings) -> tuple[str, ...]:
     """Return the options of `emla verify` that change what a check finds, if they are not the defaults."""
@@ -30,9 +27,8 @@ def list_options(settings: Settings) -> tuple[str, ...]:
 
 def format_command(examined: Examined, finding: Finding) -> str:
     """Return the command that repeats a check and explains what it finds."""
-    path = next((p for p in examined.path.parents if p.suffix.lower() in _INSIDE), examined.path)
     only = [] if finding.check.startswith("system.") else ["--only", finding.check]
-    return shlex.join(["emla", "verify", _safe(path), *only, "--explain", *examined.options])
+    return shlex.join(["emla", "verify", _safe(examined.file), *only, "--explain", *examined.options])
 
 
 def _safe(path: Path) -> str:

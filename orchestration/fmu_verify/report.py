@@ -6,6 +6,7 @@ from typing import Any
 
 from . import json_file
 from .findings import Findings
+from .report_files import REPORT_FILES
 
 
 @dataclass(frozen=True, repr=False)
@@ -40,34 +41,12 @@ class Report(Findings):
             CommandError: the file must not be written.
             RunError: writing fails.
         """
-        json_file.save(self, Path(path), overwrite)
+        REPORT_FILES["json"].save(self, Path(path), overwrite)
 
     def save_junit(self, path: str | Path, overwrite: bool = False) -> None:
-        """Write the report as JUnit XML, which CI systems display.
-
-        Args:
-            path: path of the file.
-            overwrite: replace a file that emla did not write.
-
-        Raises:
-            CommandError: the file must not be written.
-            RunError: writing fails.
-        """
-        from .junit import save
-
-        save(self, Path(path), overwrite)
+        """Write the report as JUnit XML, which CI systems display; arguments as of `save_json`."""
+        REPORT_FILES["junit"].save(self, Path(path), overwrite)
 
     def save_html(self, path: str | Path, overwrite: bool = False) -> None:
-        """Write the report as one HTML page without external files.
-
-        Args:
-            path: path of the file.
-            overwrite: replace a file that emla did not write.
-
-        Raises:
-            CommandError: the file must not be written.
-            RunError: writing fails.
-        """
-        from .page import save
-
-        save(self, Path(path), overwrite)
+        """Write the report as one HTML page without external files; arguments as of `save_json`."""
+        REPORT_FILES["html"].save(self, Path(path), overwrite)

@@ -238,7 +238,7 @@ def test_reports_replace_no_other_file(plant: str, tmp_path: Path, emla: Emla) -
     (tmp_path / "link.json").symlink_to(fmu)
     for arguments, message in (
         (("--json", "x.fmu"), "the JSON report 'x.fmu' is also the file to verify. Choose another file."),
-        (("--html", "link.json"), "the page 'link.json' cannot be written: it is a symbolic link"),
+        (("--html", "link.json"), "the HTML report 'link.json' cannot be written: it is a symbolic link"),
         (("--json", "gone/r"), "the JSON report 'gone/r' cannot be written: there is no folder 'gone'."),
         (("--json", "."), "the JSON report '.' cannot be written"),
         (("--json", "/dev/null/x"), "cannot be written"),

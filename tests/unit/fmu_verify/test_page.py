@@ -14,7 +14,7 @@ from emla_cosim.pages.curve_data import condense_curves
 from emla_cosim.pages.page import Plots
 from emla_cosim.pages.panels import Band, Limit, Line, Plot
 from emla_cosim.pages.text import format_number, make_visible, shorten_text
-from fmu_verify.page import render_page
+from fmu_verify.page import render
 from fmu_verify.report import Report
 from fmu_verify.verdict import passed
 from tests.support.reports import comparison, examined, finding, hostile, ordinary, report, ten
@@ -40,7 +40,7 @@ def text_of(element: Any) -> str:
 
 @pytest.mark.parametrize("make", [ordinary, hostile, report])
 def test_page_is_html5(make: Any) -> None:
-    root = parsed(render_page(make()))
+    root = parsed(render(make()))
     ids = [e.get("id") for e in root.iter() if e.get("id")]
     assert len(ids) == len(set(ids))
     for link in elements(root, "a"):
@@ -51,7 +51,7 @@ def test_page_is_html5(make: Any) -> None:
 
 
 def test_page_shows_the_findings() -> None:
-    root = parsed(render_page(ordinary()))
+    root = parsed(render(ordinary()))
     assert text_of(elements(root, "h1")[0]) == "1 of 2 FMUs failed"
     assert [text_of(h) for h in elements(root, "h2")] == ["build/Plant.fmu", "other/Plant.fmu"]
     restored, tube = elements(root, "details", data_entry="failed")
@@ -74,7 +74,7 @@ def test_page_shows_the_findings() -> None:
 
 
 def test_report_of_one_fmu_has_no_matrix() -> None:
-    root = parsed(render_page(Report(ordinary().examined[:1], "0", "then")))
+    root = parsed(render(Report(ordinary().examined[:1], "0", "then")))
     assert "card overview" not in [s.get("class") for s in elements(root, "section")]
     assert text_of(elements(root, "h1")[0]) == "The FMU failed"
 
@@ -91,11 +91,11 @@ def test_report_of_one_fmu_has_no_matrix() -> None:
 )
 def test_headline_names_fmus_or_systems(paths: list[str], headline: str) -> None:
     given = report(*(examined(path, [finding("a.b", passed("It is."))]) for path in paths))
-    assert text_of(elements(parsed(render_page(given)), "h1")[0]) == headline
+    assert text_of(elements(parsed(render(given)), "h1")[0]) == headline
 
 
 def test_hostile_texts_make_no_elements() -> None:
-    text = render_page(hostile())
+    text = render(hostile())
     root = parsed(text)
     assert not elements(root, "img")
     scripts = {"theme.js": 1, "plots.js": 1, "search.js": 1, "Bokeh": 2}
@@ -109,7 +109,7 @@ def test_hostile_texts_make_no_elements() -> None:
 
 
 def test_page_loads_nothing() -> None:
-    root = parsed(render_page(ordinary()))
+    root = parsed(render(ordinary()))
     policy = elements(root, "meta", http_equiv="Content-Security-Policy")[0].get("content")
     assert policy.startswith("default-src 'none';") and "http" not in policy
     for element in root.iter():
@@ -118,8 +118,8 @@ def test_page_loads_nothing() -> None:
 
 
 def test_pages_are_small() -> None:
-    assert len(render_page(ten()).encode()) < 5e6
-    without_plots = render_page(report())
+    assert len(render(ten()).encode()) < 5e6
+    without_plots = render(report())
     assert "Anaconda" not in without_plots and len(without_plots) < 40_000
 
 

@@ -11,10 +11,10 @@ from rich.table import Column, Table
 
 from fmu_verify.catalogue import CHECKS
 from fmu_verify.findings import Examined
-from fmu_verify.marks import is_json, is_junit
 from fmu_verify.references.excitation import SHAPES
 from fmu_verify.repetition import format_command
 from fmu_verify.report import Report
+from fmu_verify.report_files import REPORT_FILES
 from fmu_verify.settings import Recording, Settings
 from fmu_verify.verdict import Verdict
 
@@ -23,7 +23,6 @@ from ...base.extras import has_extra, require_extra
 from ...base.files import check_output_files
 from ...base.interruption import catch_interrupts
 from ...base.option import OUTPUT, VERIFY, argument, option, switch
-from ...base.output_files import IsOurs, OutputFile, is_page
 from ...base.progress import Progress
 from ...base.tubes.tolerance import Tolerance, read_tolerances
 from ...base.wording import format_count
@@ -121,11 +120,7 @@ def command(chosen: Parameters, given: dict[str, Any]) -> None:
     elif chosen.input or any(experiment):
         raise CommandError("--input, --set, --stop-time and --step-size need --record.")
     named = {file: Path(file) for file in chosen.files}
-    reports: list[tuple[Path | None, str, IsOurs]] = [
-        (chosen.junit, "the JUnit report", is_junit),
-        (chosen.json, "the JSON report", is_json),
-        (chosen.html, "the page", is_page),
-    ]
+    reports = {kind: path for kind in REPORT_FILES if (path := getattr(chosen, kind)) is not None}
     _check_places(reports, named.values(), overwrite)
     with catch_interrupts() as interrupted, BarProgress() as progress:
         ours = _ours(progress) if chosen.all else {}
@@ -146,10 +141,8 @@ def command(chosen: Parameters, given: dict[str, Any]) -> None:
             progress=progress,
             interrupted=interrupted,
         )
-    savers = report.save_junit, report.save_json, report.save_html
-    for (path, _, _), save in zip(reports, savers, strict=True):
-        if path is not None:
-            save(path, overwrite)
+    for kind, path in reports.items():
+        REPORT_FILES[kind].save(report, path, overwrite)
     if recording is not None:
         _show_recorded(report)
     else:
@@ -169,16 +162,13 @@ def _describe_verdict(report: Report) -> str:
     return f"{'; '.join(said)}."
 
 
-def _check_places(
-    reports: Iterable[tuple[Path | None, str, IsOurs]], files: Iterable[Path], overwrite: bool
-) -> None:
+def _check_places(reports: Mapping[str, Path], files: Iterable[Path], overwrite: bool) -> None:
     """Raise CommandError if a report cannot be written, or would replace another file."""
     used = dict.fromkeys(files, "the file to verify")
-    for path, what, is_ours in reports:
-        if path is not None:
-            check_output_files({path: what}, used)
-            OutputFile(path, what, is_ours, overwrite)
-            used[path] = what
+    for kind, path in reports.items():
+        check_output_files({path: REPORT_FILES[kind].what}, used)
+        REPORT_FILES[kind].check(path, overwrite)
+        used[path] = REPORT_FILES[kind].what
 
 
 def _ours(progress: Progress) -> dict[str, Path]:
