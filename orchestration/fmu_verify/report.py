@@ -47,6 +47,14 @@ class Report(Findings):
         """Write the report as JUnit XML, which CI systems display; arguments as of `save_json`."""
         REPORT_FILES["junit"].save(self, Path(path), overwrite)
 
+    def save_sarif(self, path: str | Path, overwrite: bool = False) -> None:
+        """Write the report as SARIF 2.1.0, for code scanning; arguments as of `save_json`."""
+        REPORT_FILES["sarif"].save(self, Path(path), overwrite)
+
     def save_html(self, path: str | Path, overwrite: bool = False) -> None:
         """Write the report as one HTML page without external files; arguments as of `save_json`."""
         REPORT_FILES["html"].save(self, Path(path), overwrite)
+
+    def save_badge(self, path: str | Path, overwrite: bool = False) -> None:
+        """Write the verdict as a badge, an SVG image; arguments as of `save_json`."""
+        REPORT_FILES["badge"].save(self, Path(path), overwrite)

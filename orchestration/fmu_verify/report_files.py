@@ -11,6 +11,9 @@ if TYPE_CHECKING:
     from .findings import Findings
 
 JSON_FORMAT = "emla-verify"
+SARIF_TOOL = "emla verify"
+_SARIF_MARK = f'"driver": {{\n          "name": "{SARIF_TOOL}"'
+BADGE_MARK = "<metadata>emla verify</metadata>"
 
 
 @dataclass(frozen=True)
@@ -41,6 +44,8 @@ class ReportFile:
 REPORT_FILES = {
     "junit": ReportFile("the JUnit report", "junit", has_mark(b'<testsuites name="emla verify"')),
     "json": ReportFile("the JSON report", "json_file", has_format(JSON_FORMAT)),
+    "sarif": ReportFile("the SARIF report", "sarif", has_mark(_SARIF_MARK.encode())),
     "html": ReportFile("the HTML report", "page", is_page),
+    "badge": ReportFile("the badge", "badge", has_mark(BADGE_MARK.encode())),
 }
 """Kinds of files by the option of `emla verify` and the method of `Report`."""

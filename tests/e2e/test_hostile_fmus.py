@@ -18,6 +18,7 @@ import emla_cosim as ec
 from fmu_verify import confinement
 from fmu_verify.confinement import can_confine, confine, list_gaps
 from fmu_verify.host.fresh_process import in_fresh_process
+from fmu_verify.report_files import REPORT_FILES
 from fmu_verify.unexamined import list_unexamined
 from fmu_verify.verdict import Verdict
 from tests.support.broken.examining import examine
@@ -135,7 +136,7 @@ def test_interruption_keeps_finished_findings(tmp_path: Path, number: signal.Sig
     """The second FMU never returns from a step; the first one is done by then."""
     done = build_wide_fmu(tmp_path, name="Done")
     hanging = build_wide_fmu(tmp_path, "step:hang", name="Hanging")
-    files = {kind: tmp_path / f"report.{kind}" for kind in ("json", "junit", "html")}
+    files = {kind: tmp_path / f"report.{kind}" for kind in REPORT_FILES}
     command = [sys.executable, "-m", "emla_cosim", "verify", str(done), str(hanging), "--seconds", "99"]
     command += ["--only", "run.completes", *(f"--{kind}={f}" for kind, f in files.items())]
     process = subprocess.Popen(
@@ -158,6 +159,9 @@ def test_interruption_keeps_finished_findings(tmp_path: Path, number: signal.Sig
     assert "interrupted" in second["objections"][0]
     assert "interrupted" in files["junit"].read_text()
     assert "Interrupted: " in files["html"].read_text()
+    assert "incomplete" in files["badge"].read_text()
+    (run,) = json.loads(files["sarif"].read_text())["runs"]
+    assert not run["invocations"][0]["executionSuccessful"]
 
 
 def _wait_until_it_hangs(process: subprocess.Popen[bytes], folder: Path) -> None:

@@ -132,6 +132,8 @@ ATTEMPTS: dict[str, Attempt] = {
     "verify junit": Attempt(VERIFY, "--junit"),
     "verify json": Attempt(VERIFY, "--json"),
     "verify html": Attempt(VERIFY, "--html"),
+    "verify sarif": Attempt(VERIFY, "--sarif"),
+    "verify badge": Attempt(VERIFY, "--badge"),
     "verify record": Attempt(
         ("verify", "read.fmu"), "--record", ["read_ref.csv", "read_ref.opt", "read_ref.toml"]
     ),

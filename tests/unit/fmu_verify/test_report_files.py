@@ -20,6 +20,8 @@ SAVE: dict[str, Callable[..., None]] = {
     "JSON": Report.save_json,
     "JUnit": Report.save_junit,
     "HTML": Report.save_html,
+    "SARIF": Report.save_sarif,
+    "badge": Report.save_badge,
 }
 ALLOWED = {
     "testsuites": ({"testsuite"}, {"name", "time", "tests", "failures", "errors"}, set()),

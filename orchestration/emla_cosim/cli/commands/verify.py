@@ -91,6 +91,8 @@ class Parameters:
     junit: Path | None = _output(help="Write a JUnit XML report.", metavar="FILE")
     json: Path | None = _output(help="Write a JSON report.", metavar="FILE")
     html: Path | None = _output(help="Write a report as an HTML page.", metavar="FILE")
+    sarif: Path | None = _output(help="Write a SARIF report, for code scanning.", metavar="FILE")
+    badge: Path | None = _output(help="Write the verdict as an SVG image.", metavar="FILE")
     record: Path | None = _make(
         help="Run the FMU and write reference files to this folder.", metavar="FOLDER"
     )

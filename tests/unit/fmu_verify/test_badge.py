@@ -1,0 +1,39 @@
+"""The badge: its message for each state, as an image that a browser draws."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from lxml import etree
+
+from fmu_verify.findings import Examined
+from fmu_verify.report import Report
+from fmu_verify.verdict import failed, passed, skipped, warned
+from tests.support.reports import examined, finding, ordinary, report
+
+GOOD = examined(
+    "x.fmu", [finding("a.b", passed("p")), finding("a.c", warned("w")), finding("a.d", skipped("s"))]
+)
+
+
+@pytest.mark.parametrize(
+    ("given", "text"),
+    [
+        (report(GOOD), "FMU: 2 checks passed"),
+        (report(examined("x.fmu", [finding("a.b", passed("p"))])), "FMU: 1 check passed"),
+        (report(GOOD, GOOD), "2 FMUs: 4 checks passed"),
+        (report(examined("x.fmu", [finding("a.b", failed("f"))]), GOOD), "2 FMUs: 1 check failed"),
+        (report(Examined(Path("x.fmu"), {}, (), 1.0, objections=("No binary.",))), "FMU: not passed"),
+        (replace(report(GOOD), complete=False), "FMU: incomplete"),
+        (replace(ordinary(), complete=False), "2 FMUs: incomplete"),
+    ],
+)
+def test_message(given: Report, text: str, tmp_path: Path) -> None:
+    given.save_badge(tmp_path / "badge.svg")
+    image = etree.fromstring((tmp_path / "badge.svg").read_bytes())
+    assert image.get("aria-label") == text == image.findtext("{*}title")
+    shown = list(image.iter("{*}text"))
+    assert ": ".join(one.text for one in shown) == text
+    assert all(
+        float(one.get("x")) + float(one.get("textLength")) < float(image.get("width")) for one in shown
+    )
