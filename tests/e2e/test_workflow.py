@@ -1,4 +1,5 @@
-"""The workflow that other repositories call, its steps as a runner does them; what a linter finds in all."""
+"""The action, the workflow and the component that other repositories use: steps as a runner does them, and
+what linters find."""
 
 import json
 import os
@@ -13,6 +14,7 @@ from xml.etree import ElementTree
 import pytest
 import yaml
 
+from fmu_verify.pipeline import CODE_QUALITY, REPORTS
 from tests.support.pages import fences
 from tests.support.paths import ROOT
 from tests.support.pipelines import cut_fmu, good_fmu, strayed_fmu
@@ -21,8 +23,11 @@ FOLDER = ROOT / ".github" / "workflows"
 WORKFLOWS = pytest.mark.parametrize("file", sorted(FOLDER.glob("*.yml")), ids=lambda file: file.stem)
 FILE = FOLDER / "verify-fmus.yml"
 WORKFLOW = yaml.safe_load(FILE.read_text(encoding="utf-8"))
-STEPS = WORKFLOW["jobs"]["verify"]["steps"]
-INPUTS = WORKFLOW[True]["workflow_call"]["inputs"]  # `on` is a boolean in YAML 1.1
+ACTION = yaml.safe_load((ROOT / "action.yml").read_text(encoding="utf-8"))
+STEPS = ACTION["runs"]["steps"]
+INPUTS = ACTION["inputs"]
+SPEC, COMPONENT = yaml.safe_load_all((ROOT / "templates/verify-fmus.yml").read_text(encoding="utf-8"))
+COMPONENT_INPUTS = SPEC["spec"]["inputs"]
 PROGRAMS = Path(sys.executable).parent
 FEW = "archive\nrun\nreference"
 """The checks of most tests: few, for speed."""
@@ -30,8 +35,13 @@ FEW = "archive\nrun\nreference"
 CALLERS = [
     fence.content
     for fence in fences((ROOT / "docs" / "verify-in-ci.md").read_text(encoding="utf-8"))
-    if "jobs:" in fence.content and "verify-fmus.yml@" in fence.content
+    if "jobs:" in fence.content
 ]
+PLACES = {
+    "OWNER/emla-cosim/.github/workflows/verify-fmus.yml@main": "./.github/workflows/verify-fmus.yml",
+    "OWNER/emla-cosim@main": "./.emla-verify",
+}
+"""Where the files are that callers name, in the folder in which they are linted."""
 
 pytestmark = [
     pytest.mark.slow,
@@ -90,6 +100,9 @@ def verified(workspace: Path, runner: dict[str, str], **inputs: str) -> Ended:
     given |= {"emla": runner["WHEEL"], "only": FEW}
     given |= {name.replace("_", "-"): value for name, value in inputs.items()}
     folders = {
+        "GITHUB_ACTIONS": "true",
+        "GITHUB_ACTION_PATH": str(ROOT),
+        "GITHUB_OUTPUT": str(workspace.parent / "output"),
         "RUNNER_TEMP": str(workspace.parent / "temp"),
         "GITHUB_STEP_SUMMARY": str(workspace.parent / "summary.md"),
     }
@@ -132,7 +145,10 @@ def test_good_fmus_pass(workspace: Path, runner: dict[str, str], fmu_folder: Pat
     good_fmu(workspace / "build" / "deep er", fmu_folder)
     ended = verified(workspace, runner, fmus="build/**/*.fmu\n")
     assert (ended.failed, ended.code) == ("", 0), ended.shown
-    assert ended.done == ["Install", "Verify", "Summarize"]
+    assert ended.done == ["Install", "Verify"]
+    reports = workspace.parent / "temp/fmu-report"
+    assert (workspace.parent / "output").read_text() == f"folder={reports}\n"
+    assert {file.name for file in reports.iterdir()} == {*REPORTS.values(), CODE_QUALITY}
     assert verdicts(workspace)["reference.agrees"] == "passed"
     suites = ElementTree.parse(workspace.parent / "temp/fmu-report/junit.xml").getroot()
     assert suites.attrib["failures"] == "0" and int(suites.attrib["tests"]) > 4
@@ -152,10 +168,14 @@ def test_failed_check_fails_the_job_and_is_reported(
     cut_fmu(workspace / "build")
     ended = verified(workspace, runner, fmus="build/Reference.fmu\nbuild/C*.fmu")
     assert (ended.failed, ended.code) == ("Verify", 1), ended.shown
-    assert ended.done[-1] == "Summarize"
     summary = read_summary(workspace)
     assert "❌ build/Cut.fmu: **archive.safe**" in summary
     assert "❌ build/Reference.fmu: **reference.agrees**" in summary
+    entries = json.loads((workspace.parent / "temp/fmu-report" / CODE_QUALITY).read_text())
+    assert {(entry["location"]["path"], entry["check_name"], entry["severity"]) for entry in entries} >= {
+        ("build/Cut.fmu", "archive.safe", "major"),
+        ("build/Reference.fmu", "reference.agrees", "major"),
+    }
 
 
 def test_inputs_become_options(workspace: Path, runner: dict[str, str], fmu_folder: Path) -> None:
@@ -194,9 +214,9 @@ def test_odd_file_names(workspace: Path, runner: dict[str, str], fmu_folder: Pat
 @pytest.mark.parametrize(
     ("pattern", "words"),
     [
-        ("none/*.fmu", "no files that the input"),
-        ("x.fmu\nnone/*.fmu", "means with 'none/*.fmu'"),
-        ("x.fmu", "x.fmu"),
+        ("none/*.fmu", "::error title=No FMUs::The input fmus has 'none/*.fmu', which matches no file."),
+        ("x.fmu", "'x.fmu', which matches no file."),
+        ("\n", "The input fmus is empty."),
     ],
 )
 def test_missing_fmus_fail(pattern: str, words: str, workspace: Path, runner: dict[str, str]) -> None:
@@ -217,7 +237,46 @@ def test_scripts_have_no_expressions_and_jobs_read_only(file: Path) -> None:
     assert all("timeout-minutes" in job for job in workflow["jobs"].values())
 
 
-# ---- what GitHub makes of it ------------------------------------------------------------------
+def test_component_runs_the_same_step(workspace: Path, runner: dict[str, str], fmu_folder: Path) -> None:
+    """Its script in a shell, with the variables that GitLab would set."""
+    strayed_fmu(workspace / "build", fmu_folder)
+    defaults = {name: about.get("default", "") for name, about in COMPONENT_INPUTS.items()}
+    given = defaults | {"fmus": "build/**/*.fmu", "emla": runner["WHEEL"], "only": FEW}
+    (job,) = COMPONENT.values()
+    variables = {
+        name: re.sub(r"\$\[\[ inputs\.([\w-]+) \]\]", lambda m: given[m[1]], variable["value"])
+        for name, variable in job["variables"].items()
+    }
+    assert all(variable["expand"] is False for variable in job["variables"].values())
+    done = subprocess.run(
+        ["bash", "-eo", "pipefail", "-c", "\n".join(job["script"])],
+        cwd=workspace,
+        env={**os.environ, **runner, **variables},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 1, done.stderr
+    for file in job["artifacts"]["reports"].values():
+        assert (workspace / file).is_file()
+    (entry,) = json.loads((workspace / job["artifacts"]["reports"]["codequality"]).read_text())
+    assert entry["location"]["path"] == "build/Reference.fmu"
+
+
+def test_action_workflow_and_component_have_the_same_inputs() -> None:
+    workflow = WORKFLOW[True]["workflow_call"]["inputs"]  # `on` is a boolean in YAML 1.1
+    own = {"code-scanning"}, {"artifact"}, {"job", "stage"}
+    shared = [
+        set(names) - more for names, more in zip((INPUTS, workflow, COMPONENT_INPUTS), own, strict=True)
+    ]
+    assert shared[0] == shared[1] == shared[2] | {"report"}
+    passed_on = WORKFLOW["jobs"]["verify"]["steps"][-1]["with"]
+    assert passed_on == {name: f"${{{{ inputs.{name} }}}}" for name in shared[0]}
+    for name in shared[0] - {"emla"}:
+        assert INPUTS[name].get("default") == workflow[name].get("default")
+
+
+# ---- what GitHub and GitLab make of it ---------------------------------------------------------
 
 
 def linted(file: Path, folder: Path) -> subprocess.CompletedProcess[str]:
@@ -230,25 +289,63 @@ needs_actionlint = pytest.mark.skipif(
 )
 
 
+@pytest.fixture
+def repository(tmp_path: Path) -> Path:
+    """With the action where the workflow checks it out, as actionlint looks up the inputs of local ones."""
+    (tmp_path / ".github/workflows").mkdir(parents=True)
+    (tmp_path / ".git").mkdir()
+    (tmp_path / ".emla-verify").mkdir()
+    shutil.copy(ROOT / "action.yml", tmp_path / ".emla-verify")
+    return tmp_path
+
+
 @needs_actionlint
 @WORKFLOWS
-def test_workflows_pass_actionlint(file: Path) -> None:
-    done = linted(file, ROOT)
+def test_workflows_pass_actionlint(file: Path, repository: Path) -> None:
+    for folder in (ROOT, repository):
+        if folder != ROOT:
+            shutil.copytree(FOLDER, repository / ".github/workflows", dirs_exist_ok=True)
+        done = linted(folder / ".github/workflows" / file.name, folder)
+        assert (done.returncode, done.stdout) == (0, "")
+
+
+@needs_actionlint
+def test_steps_of_the_action_pass_actionlint(repository: Path) -> None:
+    """As those of a workflow, because actionlint does not look at steps of actions."""
+    inputs = {name: {"type": "string", "description": about["description"]} for name, about in INPUTS.items()}
+    job = {"runs-on": "ubuntu-latest", "steps": STEPS}
+    workflow = {"on": {"workflow_call": {"inputs": inputs}}, "jobs": {"verify": job}}
+    file = repository / ".github/workflows/steps.yml"
+    file.write_text(yaml.safe_dump(workflow), encoding="utf-8")
+    done = linted(file, repository)
     assert (done.returncode, done.stdout) == (0, "")
 
 
 @needs_actionlint
-def test_documented_callers_pass_actionlint(tmp_path: Path) -> None:
-    """Also the inputs that they give: actionlint looks them up in a workflow of the same repository."""
-    assert CALLERS
-    folder = tmp_path / ".github" / "workflows"
-    folder.mkdir(parents=True)
-    (tmp_path / ".git").mkdir()
+def test_documented_callers_pass_actionlint(repository: Path) -> None:
+    """Also the inputs that they give: actionlint looks them up in files of the same repository."""
+    assert {place for place in PLACES if any(place in text for text in CALLERS)} == set(PLACES)
+    folder = repository / ".github/workflows"
     shutil.copy(FILE, folder)
     for number, text in enumerate(CALLERS):
-        (used,) = [s["uses"] for s in yaml.safe_load(text)["jobs"].values() if "uses" in s]
-        local = text.replace(used, f"./.github/workflows/{FILE.name}")
+        local = text
+        for place, path in PLACES.items():
+            local = local.replace(place, path)
         for name, content in (("remote", text), ("local", local)):
             (folder / f"{name}{number}.yml").write_text(content, encoding="utf-8")
-            done = linted(folder / f"{name}{number}.yml", tmp_path)
+            done = linted(folder / f"{name}{number}.yml", repository)
             assert (done.returncode, done.stdout) == (0, "")
+
+
+def test_documented_includes_give_inputs_of_the_component() -> None:
+    text = (ROOT / "docs/verify-in-ci.md").read_text(encoding="utf-8")
+    includes = [
+        one
+        for fence in fences(text)
+        if fence.content.startswith("include:")
+        for one in yaml.safe_load(fence.content)["include"]
+    ]
+    assert [sorted({"component", "remote"} & set(one)) for one in includes] == [["component"], ["remote"]]
+    required = {name for name, about in COMPONENT_INPUTS.items() if "default" not in about}
+    for one in includes:
+        assert required <= set(one["inputs"]) <= set(COMPONENT_INPUTS)

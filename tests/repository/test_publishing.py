@@ -44,6 +44,7 @@ def program(name: str) -> str:
         ("readthedocs", [".readthedocs.yaml"]),
         ("github-issue-config", [".github/ISSUE_TEMPLATE/config.yml"]),
         ("github-issue-forms", [f".github/ISSUE_TEMPLATE/{name}.yml" for name in ("bug", "fmu", "result")]),
+        ("github-actions", ["action.yml"]),
         ("github-workflows", sorted(str(p) for p in (ROOT / ".github/workflows").iterdir())),
     ],
 )
@@ -52,6 +53,16 @@ def test_configurations_fit_their_schemas(schema: str, files: list[str]) -> None
     command = [sys.executable, "-m", "check_jsonschema", "--builtin-schema", f"vendor.{schema}", *files]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout
+
+
+def test_component_fits_the_schema_of_gitlab(tmp_path: Path) -> None:
+    """In two files, because the checker reads one document."""
+    documents = (ROOT / "templates/verify-fmus.yml").read_text(encoding="utf-8").split("\n---\n")
+    files = [tmp_path / f"{number}.yml" for number in range(len(documents))]
+    for file, text in zip(files, documents, strict=True):
+        file.write_text(text, encoding="utf-8")
+    assert len(files) == 2
+    test_configurations_fit_their_schemas("gitlab-ci", [str(file) for file in files])
 
 
 def test_dockerfile_follows_the_rules_of_hadolint() -> None:

@@ -13,9 +13,10 @@ PAGES = [
     *ROOT.glob("docs/**/*.md"),
     *ROOT.glob("paper/*.md"),
     *(path for path in ROOT.glob(".github/**/*") if path.suffix in {".md", ".yml"}),
+    *(ROOT / name for name in ("action.yml", "templates/verify-fmus.yml")),
 ]
-REFERENCE = re.compile(r"(?:emla-cosim(?:\.git)?|verify-fmus\.yml)(?:@|\n\s*rev: )([\w.-]+)")
-"""What follows the address of the project in GitHub Actions, pip and pre-commit."""
+REFERENCE = re.compile(r"(?:emla-cosim(?:\.git)?|verify-fmus(?:\.yml)?)(?:@|\n\s*rev: )([\w.-]+)")
+"""What follows the address of the project in GitHub Actions, GitLab, pip and pre-commit."""
 
 NO_TAG = re.compile(r"main|[A-Z]+|[0-9a-f]{40}")
 """A branch, a placeholder for the reader, or a commit."""
@@ -46,6 +47,7 @@ def test_named_tags_exist() -> None:
     ("text", "unknown"),
     [
         ("uses: OWNER/emla-cosim/.github/workflows/verify-fmus.yml@v0.1.0", ["v0.1.0"]),
+        ("component: $CI_SERVER_FQDN/GROUP/emla-cosim/verify-fmus@v0.1.0", ["v0.1.0"]),
         ("pip install git+https://github.com/OWNER/emla-cosim@v0.2.0", []),
         ("pip install git+https://github.com/OWNER/emla-cosim.git@v0.3.0", ["v0.3.0"]),
         ("- repo: https://github.com/OWNER/emla-cosim\n  rev: v9\n", ["v9"]),
