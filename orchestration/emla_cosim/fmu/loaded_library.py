@@ -12,6 +12,8 @@ from .elements import is_version_3
 from .file import FmuFile
 from .instance import FmiInstance, load
 from .interface import CO_SIMULATION, MODEL_EXCHANGE
+from .load_diagnosis import diagnose_library
+from .python_exceptions import find_left_exception
 
 _POINTER, _SIZE = ctypes.c_void_p, ctypes.c_size_t
 _VALUES = (_POINTER, _POINTER, _SIZE, _POINTER)
@@ -89,14 +91,19 @@ class LoadedLibrary:
     def entered(cls, file: FmuFile) -> "LoadedLibrary":
         """Return the library of an unpacked FMU, and load it for the first instance.
 
-        Raises fmpy's exceptions if the library cannot be loaded.
-
         Raises:
-            CommandError: If the FMU does not allow another instance.
+            CommandError: If the library cannot be loaded, or the FMU does not allow another instance.
         """
         library = cls._loaded.get(file.library)
         if library is None:
-            library = cls._loaded[file.library] = cls(file)
+            try:
+                library = cls._loaded[file.library] = cls(file)
+            except Exception as error:  # fmpy raises bare ones
+                if find_left_exception(error) is not None:
+                    raise
+                fact, remedy = diagnose_library(file.library, error)
+                name = f"{file.library.parent.name}/{file.library.name}"
+                raise CommandError(f"its library '{name}' {fact}. {remedy}") from error
         elif file.has_capability("canBeInstantiatedOnlyOncePerProcess"):
             raise CommandError(
                 "it allows one instance per process, and this process already has one. "

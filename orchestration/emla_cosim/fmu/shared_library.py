@@ -40,11 +40,20 @@ def explain_missing_library(folder: Path, identifier: str) -> str:
                 f"'{name}', which is named after the modelIdentifier"
             )
     files = (p.relative_to(folder / "binaries") for p in folder.glob("binaries/*/**/*") if p.is_file())
-    if platforms := sorted({file.parts[0] for file in files}):
-        return f"{missing}, only for {', '.join(platforms)}"
-    if any((folder / "sources").rglob("*.c")):
-        return f"{missing}, only C sources; `fmpy compile` can build it"
-    return f"{missing} or any other platform"
+    platforms = sorted({file.parts[0] for file in files})
+    has_sources = any((folder / "sources").rglob("*.c"))
+    for platform in platforms:
+        right = platform.casefold()
+        if platform != right in (fmpy.platform_tuple, fmpy.platform):
+            return f"{missing}: the folder 'binaries/{platform}' must have the name '{right}'"
+    if platforms:
+        sources = ", and C sources, of which `fmpy compile` can make one" if has_sources else ""
+        return f"{missing}, only for {', '.join(platforms)}{sources}"
+    return (
+        f"{missing}, only C sources; `fmpy compile` can build it"
+        if has_sources
+        else f"{missing} or any other platform"
+    )
 
 
 def missing_bytes(path: Path) -> int:

@@ -1,13 +1,13 @@
 """Checks of binaries: present, complete, loadable, with all functions."""
 
 import ctypes
-import os
 from collections.abc import Iterator
 from dataclasses import replace
 
 import fmpy
 
-from emla_cosim.fmu.shared_library import missing_bytes
+from emla_cosim.fmu.load_diagnosis import diagnose_library
+from emla_cosim.fmu.shared_library import explain_missing_library, missing_bytes
 
 from ..build_description import list_source_files
 from ..check import check
@@ -127,7 +127,8 @@ def loads(subject: Subject) -> CheckOutcome:
     """Check that the system can load the library for this platform."""
     here = [one for one in list_libraries(subject) if one.platform in _HERE]
     if not here:
-        return blocked(f"There is no binary for {fmpy.platform}.")
+        identifier = subject.tree.find(subject.kinds[0]).get("modelIdentifier")
+        return blocked(f"It {explain_missing_library(subject.folder, identifier)}.")
     for library in here:
         if missing := missing_bytes(library.path):
             return failed(f"{library} is truncated: its last {missing} bytes are missing.")
@@ -135,13 +136,13 @@ def loads(subject: Subject) -> CheckOutcome:
         note(f"loading {library}")
         try:
             ctypes.CDLL(str(library.path))
-        except UnicodeDecodeError:  # the loader's message quotes bytes of the library
-            return failed(f"{library} cannot be loaded; the loader's message is not readable text.")
-        except OSError as error:
-            said = str(error).replace(f"{library.path.parent}{os.sep}", "")
-            sentence = f"{library} cannot be loaded: {shorten_sentence(said).rstrip('.')}"
+        except (OSError, UnicodeDecodeError) as error:  # the loader's message can quote bytes of the library
+            fact, remedy = diagnose_library(library.path, error)
+            sentence = shorten_sentence(f"{library} {fact}")
             others = find_dependencies_file(subject)
-            return blocked(f"{sentence}; {others} lists what it needs.") if others else failed(f"{sentence}.")
+            if others:
+                return blocked(f"{sentence}; {others} lists what it needs.")
+            return failed(f"{sentence}.", hint=remedy)
     if subject.description_problem:
         return blocked(subject.description_problem)
     return passed(f"{join_few_names([str(one) for one in here])} can be loaded.")

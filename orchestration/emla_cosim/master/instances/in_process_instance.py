@@ -21,6 +21,7 @@ from ...fmu.elements import BINARY, ElementVariable, place_in_array
 from ...fmu.file import FmuFile
 from ...fmu.fmi_3_calls import StepEnd
 from ...fmu.instance import DISCARD, FATAL, FINE, STATUS, FmiInstance, kind_of
+from ...fmu.load_diagnosis import explain_python_needs
 from ...fmu.loaded_library import BOOLEAN_STATUS, DERIVATIVE, LoadedLibrary, plain_name
 from ...fmu.log import FmuLog
 from ...fmu.python_exceptions import (
@@ -163,9 +164,11 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         except Exception as error:
             if find_left_exception(error) is not None:
                 raise self.python_error(_LOADING, error) from error
-            reasons = " ".join([str(error), *self._log.last(self.name)])
+            reasons = [str(error), *self._log.last(self.name)]
+            needs = explain_python_needs(self.file.folder, reasons)
             raise CommandError(
-                f"the FMU '{self.file.path}' of {self.name} cannot be started: {reasons}"
+                f"the FMU '{self.file.path}' of {self.name} cannot be started: "
+                + " ".join(filter(None, [*reasons, needs]))
             ) from error
         finally:
             self.returned()
@@ -477,7 +480,9 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         if not (function == _LOADING or call.startswith("instantiate")):
             call += self._describe_time(call)
         self._stepping = False
-        return PythonExceptionError(self.name, call, describe_left_exception(error), self.messages())
+        left, said = describe_left_exception(error), self.messages()
+        needs = explain_python_needs(self.file.folder, [left, *said])
+        return PythonExceptionError(self.name, call, left, said, needs)
 
     def _describe_time(self, call: str) -> str:
         """Return the present time as a phrase; only the start of the present step is known."""
