@@ -1,6 +1,6 @@
 """Compare the derivatives that an FMU provides with finite differences."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -9,12 +9,20 @@ from emla_cosim.base.arrays import Vector
 
 from ..check import check
 from ..host.experiment import make_experiment
-from ..host.fresh_process import EndedError, in_fresh_process
+from ..host.fresh_process import EndedError, in_fresh_process, in_separate_process
 from ..host.hosted_instance import CallError, HostedInstance
 from ..host.points import Point, in_event_mode, in_initialization
 from ..messages import list_left_out
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, failed, fmi3, noted, passed, skipped, warned
+from ._points import (
+    MOST_STATES,
+    in_continuous_time_mode,
+    in_initialization_with_states,
+    in_step_mode,
+    list_settable_states,
+    list_states,
+)
 
 _FUNCTION = "fmi2GetDirectionalDerivative"
 _POINTS = 5
@@ -24,8 +32,13 @@ _STEPS = (1e-3, 1e-4)
 _AGREE = 1e-3
 """Allowed relative error of a derivative; that of the differences is smaller."""
 
+_SEVERAL = 2
+"""Points with a wrong derivative that are no accident."""
+
 _LOST = 1e-13
 """Relative change of an unknown that is lost in rounding."""
+
+_ALL = "all knowns together"
 
 _KINK = 0.1
 """Difference of the one-sided slopes, relative to their mean, from which there is no derivative."""
@@ -61,44 +74,71 @@ class _Difference(NamedTuple):
     ),
     "Compare the derivatives with differences, or set providesDirectionalDerivative to false.",
     needs=("run.finite",),
-    time_factor=3.0,
+    time_factor=5.0,
 )
 def directional(subject: Subject) -> CheckOutcome:
-    """Check directional derivatives against central differences, along each input and mixed directions."""
+    """Check directional derivatives against central differences, by inputs, states and mixed directions.
+
+    They are compared in initialization mode, between steps, and in event and continuous-time mode.
+    """
     claimed = [k for k in subject.kinds if subject.has_capability("providesDirectionalDerivative", k)]
     if not claimed:
         return skipped("providesDirectionalDerivative is not set.")
-    found: list[_Slope] = []
+    found, gaps = list[list[_Slope]](), list[str]()
     try:
         if "CoSimulation" in claimed:
-            found += _slopes(in_initialization(subject, _POINTS))
+            found.append(in_separate_process(_slopes_at, subject, in_initialization))
     except CallError as error:  # the schema requires them at communication points only
         if not error.call.startswith(_FUNCTION):
             raise
         return noted(f"In initialization mode {error}")
+    if "CoSimulation" in claimed:
+        if list_settable_states(subject):
+            found.append(_apart(subject, in_initialization_with_states, gaps))
+        if not subject.has_clocks:
+            found.append(_without_held(_apart(subject, in_step_mode, gaps)))
     if "ModelExchange" in claimed and "ModelExchange" in subject.run_kinds:
-        found += _of_model(subject)
-    if not found:
+        found.append(_apart(subject, in_event_mode))
+        if list_states(subject):
+            found.append(_apart(subject, in_continuous_time_mode, gaps))
+    if len(list_states(subject)) > MOST_STATES:
+        gaps.append(f"Only derivatives by {MOST_STATES} of {len(list_states(subject))} states were compared.")
+    if not any(found):
         return skipped("No directional derivative of a Real output by a Real input can be requested.")
-    return _judged(found)
+    return _judged(found, tuple(gaps))
 
 
-def _of_model(subject: Subject) -> list[_Slope]:
-    """Return the slopes in event mode. If another call fails, return none: another check reports it."""
+Points = Callable[[Subject, int], Iterable[Point]]
+
+
+def _apart(subject: Subject, points: Points, gaps: list[str] | None = None) -> list[_Slope]:
+    """Return the slopes at points of another process. If another call fails, return none.
+
+    Another check reports that. `gaps` gets derivatives that are refused, where the FMU need not have them.
+    """
     try:
-        return in_fresh_process(_slopes_of_model, subject)
+        return in_fresh_process(_slopes_at, subject, points)
     except (CallError, EndedError) as error:
-        if error.call.startswith(_FUNCTION):
+        if not error.call.startswith((_FUNCTION, _FUNCTION.replace("2", "3"))):
+            return []
+        if gaps is None or isinstance(error, EndedError):
             raise
+        gaps.append(f"Not all directional derivatives were compared. {error}")
         return []
 
 
-def _slopes_of_model(subject: Subject) -> list[_Slope]:
-    return _slopes(in_event_mode(subject, _POINTS))
+def _slopes_at(subject: Subject, points: Points) -> list[_Slope]:
+    return _slopes(points(subject, _POINTS))
 
 
 def _slopes(points: Iterable[Point]) -> list[_Slope]:
     return [slope for point in points for slope in _at(point)]
+
+
+def _without_held(found: Sequence[_Slope]) -> list[_Slope]:
+    """Return the slopes of unknowns that change between steps: an FMU may hold outputs until the next."""
+    moving = {slope.unknown for slope in found if slope.difference}
+    return [slope for slope in found if slope.unknown in moving]
 
 
 def _at(point: Point) -> Iterator[_Slope]:
@@ -109,10 +149,28 @@ def _at(point: Point) -> Iterator[_Slope]:
     for known in knowns:
         yield from _along(point, {known: 1.0}, known)
     if len(knowns) > 1:
+        yield from _of_sum(point, knowns)
         for k in range(2):
             seed = dict(zip(knowns, random.uniform(-1.0, 1.0, len(knowns)), strict=True))
             scaled = {name: by * point.scale(name) for name, by in seed.items()}
             yield from _along(point, scaled, f"direction {k + 1}")
+
+
+def _of_sum(point: Point, knowns: Sequence[str]) -> Iterator[_Slope]:
+    """Yield derivatives along all knowns together, and the sums of those along each."""
+    alone = np.array([point.directional([name], [1.0]) for name in knowns])
+    seed = [(-1.0) ** k / (1 + k) for k in range(len(knowns))]
+    terms = alone * np.array(seed)[:, None]
+    for unknown, given, sum_, size in zip(
+        point.unknowns,
+        point.directional(knowns, seed),
+        terms.sum(axis=0),
+        np.abs(terms).sum(axis=0),
+        strict=True,
+    ):
+        if np.isfinite(size):
+            is_right = abs(given - sum_) <= _AGREE * size
+            yield _Slope(unknown, _ALL, point.where, float(given), float(sum_), bool(is_right))
 
 
 def _along(point: Point, seed: dict[str, float], direction: str) -> Iterator[_Slope]:
@@ -142,28 +200,30 @@ def _difference(point: Point, seed: dict[str, float], size: float) -> _Differenc
     return _Difference(0.5 * (ahead + behind), ahead, behind, _LOST * np.abs(here) / size)
 
 
-def _judged(found: list[_Slope]) -> CheckOutcome:
-    """Fail if a derivative is wrong at most of the points where it was requested."""
-    pairs: dict[tuple[str, str], list[_Slope]] = {}
-    for slope in found:
-        pairs.setdefault((slope.unknown, slope.direction), []).append(slope)
-    wrong = [
-        next(s for s in slopes if not s.right)
-        for slopes in pairs.values()
-        if 2 * sum(not s.right for s in slopes) > len(slopes)
-    ]
+def _judged(found: Sequence[Sequence[_Slope]], gaps: tuple[str, ...]) -> CheckOutcome:
+    """Fail if a derivative is wrong at most of the points of a mode, or at several: one may be a kink."""
+    pairs: dict[tuple[int, str, str], list[_Slope]] = {}
+    for mode, slopes in enumerate(found):
+        for slope in slopes:
+            pairs.setdefault((mode, slope.unknown, slope.direction), []).append(slope)
+    wrong = list[_Slope]()
+    for slopes in pairs.values():
+        at = [s for s in slopes if not s.right]
+        if 2 * len(at) > len(slopes) or len(at) >= _SEVERAL:
+            wrong.append(at[0])
     if wrong:
         lines = tuple(_line(s) for s in wrong)
-        return failed(
-            f"{len(wrong)} of {len(pairs)} directional derivatives are wrong: {lines[0]}", details=lines
-        )
-    return passed(f"{len(pairs)} directional derivatives agree with differences at {_POINTS} points.")
+        said = f"{len(wrong)} of {len(pairs)} directional derivatives are wrong: {lines[0]}"
+        return failed(said, details=lines, gaps=gaps)
+    said = f"{len(pairs)} directional derivatives agree with differences at {_POINTS} points."
+    return passed(said, gaps=gaps)
 
 
 def _line(slope: _Slope) -> str:
+    wanted = "the sum of those along each" if slope.direction == _ALL else "the finite difference"
     return (
         f"that of {slope.unknown} along {slope.direction} {slope.where} is {slope.given:.6g}, "
-        f"the finite difference is {slope.difference:.6g}."
+        f"{wanted} is {slope.difference:.6g}."
     )
 
 
@@ -177,21 +237,47 @@ _EXACT = 1e-9
     fmi3("2.2.12", "fmi3GetAdjointDerivative to calculate the adjoint derivatives"),
     "Compare both derivatives, or set providesAdjointDerivatives to false.",
     needs=("run.finite",),
-    time_factor=2.0,
+    time_factor=3.0,
     only_for=3,
 )
 def adjoint(subject: Subject) -> CheckOutcome:
-    """Compare adjoint derivatives of outputs by inputs with directional ones, or with differences."""
+    """Compare adjoint derivatives by inputs and states with directional ones, or with differences."""
     kind = subject.kinds[0]
     if not subject.has_flag("providesAdjointDerivatives", kind):
         return skipped("providesAdjointDerivatives is not set.")
     directional = subject.has_flag("providesDirectionalDerivatives", kind)
-    wrong: list[str] = []
-    count = 0
-    points = in_initialization if kind == "CoSimulation" else in_event_mode
+    (first, *others), gaps = _adjoint_modes(subject, kind, directional), list[str]()
+    wrong, count = in_separate_process(_compare_adjoint, subject, first, directional)
+    for points in others:
+        try:
+            more, number = in_separate_process(_compare_adjoint, subject, points, directional)
+        except CallError as error:  # the standard requires fewer knowns
+            gaps.append(f"Not all adjoint derivatives were compared. {error}")
+            continue
+        wrong, count = [*wrong, *more], count + number
+    if wrong:
+        said = f"{len(wrong)} of {count} adjoint derivatives are wrong: {wrong[0]}"
+        return failed(said, details=tuple(wrong), gaps=tuple(gaps))
+    if not count:
+        return skipped("No derivative of a Real output by a Real input can be requested.")
+    said = f"{count} adjoint derivatives agree with {'directional ones' if directional else 'differences'}."
+    return passed(said, gaps=tuple(gaps))
+
+
+def _adjoint_modes(subject: Subject, kind: str, directional: bool) -> list[Points]:
+    """Return the modes in which a kind has derivatives; between steps, an FMU may hold its outputs."""
+    if kind != "CoSimulation":
+        return [in_event_mode, *([in_continuous_time_mode] if list_states(subject) else [])]
+    of_states = [in_initialization_with_states] if list_settable_states(subject) else []
+    return [in_initialization, *of_states, *([in_step_mode] if directional else [])]
+
+
+def _compare_adjoint(subject: Subject, points: Points, directional: bool) -> tuple[list[str], int]:
+    """Return what is wrong with adjoint derivatives, and how many were compared."""
+    wrong, count = list[str](), 0
     for point in points(subject, _POINTS):
         if not point.unknowns or not point.knowns:
-            return skipped("No derivative of a Real output by a Real input can be requested.")
+            continue
         matrix, doubt = _matrix(point, directional)
         for i, unknown in enumerate(point.unknowns):
             seed = [float(k == i) for k in range(len(point.unknowns))]
@@ -205,13 +291,7 @@ def adjoint(subject: Subject) -> CheckOutcome:
                     f"that of {unknown} by {point.knowns[k]} {point.where} is {found[k]:.6g}, not "
                     f"{matrix[i][k]:.6g}."
                 )
-    if wrong:
-        return failed(
-            f"{len(wrong)} of {count} adjoint derivatives are wrong: {wrong[0]}", details=tuple(wrong)
-        )
-    return passed(
-        f"{count} adjoint derivatives agree with {'directional ones' if directional else 'differences'}."
-    )
+    return wrong, count
 
 
 def _matrix(point: Point, directional: bool) -> tuple[Vector, Vector]:

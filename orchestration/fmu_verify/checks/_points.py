@@ -1,0 +1,124 @@
+"""Points at which states are knowns, or at which a co-simulation has made steps."""
+
+import ctypes
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from emla_cosim.base.arrays import Vector
+
+from ..host.declared_dependencies import Dependency, at_events
+from ..host.experiment import make_experiment
+from ..host.hosted_instance import HostedInstance
+from ..host.points import Point, in_initialization
+from ..subject import Subject
+
+MOST_STATES = 50
+_STEPS = 20
+"""Steps of a model's run between points."""
+
+_MOST_UPDATES = 100
+"""Most updates of discrete states before a point; a model that needs more fails another check."""
+
+
+def list_states(subject: Subject) -> list[str]:
+    """Return the names of the continuous states, in the order of their derivatives in ModelStructure."""
+    unknowns = [u.variable for u in subject.description.derivatives if u.variable is not None]
+    return [v.derivative.name for v in unknowns if v.derivative is not None]
+
+
+def list_settable_states(subject: Subject) -> list[str]:
+    """Return the states that can be set in initialization mode."""
+    variables = subject.variables
+    found = [n for n in list_states(subject) if variables[n].type == "Real"]
+    return [n for n in found if variables[n].initial == "exact" and variables[n].start is not None]
+
+
+def in_initialization_with_states(subject: Subject, count: int) -> Iterator[Point]:
+    """Yield points in initialization mode, with states as further knowns and derivatives as unknowns."""
+    states = list_settable_states(subject)[:MOST_STATES]
+    found = [(u.variable, u.dependencies) for u in subject.description.initialUnknowns]
+    real = [
+        Dependency(v.name, None if on is None else frozenset(known.name for known in on))
+        for v, on in found
+        if v is not None and v.type == "Real" and v.name not in states
+    ]
+    for point in in_initialization(subject, count):
+        values = dict(zip(states, map(float, point.instance.get(states)), strict=True))
+        knowns = [n for n in point.knowns if n not in states]
+        yield replace(point, dependencies=real, knowns=[*knowns, *states], values={**point.values, **values})
+
+
+def in_step_mode(subject: Subject, count: int) -> Iterator[Point]:
+    """Yield a co-simulation after some of its steps, with continuous inputs as knowns."""
+    course = make_experiment(subject)
+    knowns = [v.name for v in subject.of_causality("input") if v.variability in (None, "continuous")]
+    instance, last = HostedInstance(subject, kind="CoSimulation"), len(course.times) - 1
+    instance.initialize(course.at(0), float(course.times[0]))
+    wanted = {*np.linspace(1, last, count).astype(int)}
+    for k in range(1, last + 1):
+        instance.step(float(course.times[k - 1]), course.step)
+        if instance.terminated:
+            break
+        instance.set(course.at(k))
+        if k in wanted:
+            values = {name: course.at(k)[name] for name in knowns}
+            where = f"after the step to t = {course.times[k]:.9g} s"
+            yield Point(instance, at_events(subject), knowns, values, where)
+    instance.free()
+
+
+@dataclass(frozen=True)
+class _ModelPoint(Point):
+    """A model in continuous-time mode. `states` are the names of all states, which are knowns, too."""
+
+    states: Sequence[str]
+
+    def evaluate_shifted(self, changes: dict[str, float]) -> Vector:
+        """Return the unknowns with some knowns changed by these amounts. Restore the knowns."""
+        of_states = {name: by for name, by in changes.items() if name in self.states}
+        self._set_states(of_states)
+        try:
+            return super().evaluate_shifted({n: by for n, by in changes.items() if n not in of_states})
+        finally:
+            self._set_states({})
+
+    def _set_states(self, changes: dict[str, float]) -> None:
+        values = [self.values[name] + changes.get(name, 0.0) for name in self.states]
+        with self.instance.calling():
+            self.instance.fmu.setContinuousStates((ctypes.c_double * len(values))(*values), len(values))
+
+
+def in_continuous_time_mode(subject: Subject, count: int) -> Iterator[Point]:
+    """Yield a model in continuous-time mode at several times, with inputs and states as knowns."""
+    course, states = make_experiment(subject, _STEPS), list_states(subject)
+    inputs = [v.name for v in subject.of_causality("input") if v.variability in (None, "continuous")]
+    inputs = [name for name in inputs if name not in states]
+    instance = HostedInstance(subject, kind="ModelExchange")
+    instance.initialize(course.at(0), float(course.times[0]))
+    wanted = {*np.linspace(0, len(course.times) - 1, count).astype(int)}
+    for k, time in enumerate(course.times):
+        instance.set(course.at(k))
+        if k in wanted:
+            with instance.calling():
+                _enter_continuous_time(instance.fmu)
+                found = (ctypes.c_double * len(states))()
+                instance.fmu.getContinuousStates(found, len(states))
+            values = {**{n: course.at(k)[n] for n in inputs}, **dict(zip(states, found, strict=True))}
+            knowns = [*inputs, *states[:MOST_STATES]]
+            where = f"of the model in continuous time at t = {time:.9g} s"
+            yield _ModelPoint(instance, at_events(subject), knowns, values, where, states)
+            with instance.calling():
+                instance.fmu.enterEventMode()
+        if instance.terminated or k == len(course.times) - 1:
+            return
+        instance.step(float(time), course.step)
+
+
+def _enter_continuous_time(fmu: Any) -> None:
+    for _ in range(_MOST_UPDATES):
+        if not fmu.newDiscreteStates()[0]:
+            break
+    fmu.enterContinuousTimeMode()
