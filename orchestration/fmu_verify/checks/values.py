@@ -1,11 +1,11 @@
-"""Checks of the values of all variables: after the start, a reset, from a saved state, in other instances."""
+"""Checks of the values of all variables: after the start, a reset, from a saved state."""
 
 from collections.abc import Sequence
 from typing import Any
 
 from ..check import check
 from ..host.experiment import span
-from ..host.fresh_process import in_fresh_process, is_single_instance
+from ..host.fresh_process import in_fresh_process
 from ..host.hosted_instance import HostedInstance
 from ..host.other_values import (
     MOST,
@@ -83,10 +83,11 @@ def _is_exact(variable: Any) -> bool:
 def _read_after_start(subject: Subject, names: Sequence[str]) -> Values:
     instance = HostedInstance(subject)
     instance.initialize(None, span(subject)[0])
-    return _read(instance, names)
+    return read_values(instance, names)
 
 
-def _read(instance: HostedInstance, names: Sequence[str]) -> Values:
+def read_values(instance: HostedInstance, names: Sequence[str]) -> Values:
+    """Return values by name."""
     return dict(zip(names, instance.get(names), strict=True))
 
 
@@ -141,7 +142,7 @@ def _after_setting(subject: Subject, changes: Values) -> Values:
     """Return values that were set before initialization, after it."""
     instance = HostedInstance(subject)
     instance.initialize(changes, span(subject)[0])
-    return _read(instance, list(changes))
+    return read_values(instance, list(changes))
 
 
 @check(
@@ -158,7 +159,7 @@ def _after_setting(subject: Subject, changes: Values) -> Values:
 )
 def reset(subject: Subject) -> CheckOutcome:
     """Compare parameters and inputs after other values and fmi2Reset with those of a new instance."""
-    return _unchanged(subject, _after_reset, "after fmi2Reset")
+    return judge_unchanged(subject, _after_reset, "after fmi2Reset")
 
 
 def _after_reset(subject: Subject, changes: Values) -> tuple[Values, Values]:
@@ -166,47 +167,14 @@ def _after_reset(subject: Subject, changes: Values) -> tuple[Values, Values]:
     (start, step, _), names = span(subject), list(changes)
     instance = HostedInstance(subject)
     instance.initialize(changes, start)
-    taken = _read(instance, names)
+    taken = read_values(instance, names)
     instance.step(start, step)
     instance.reset()
     instance.initialize(None, start)
-    return taken, _read(instance, names)
+    return taken, read_values(instance, names)
 
 
-@check(
-    "values.shared",
-    "Instances have their own parameters and inputs",
-    Clause(
-        "2.1.5",
-        "An FMU can be instantiated many times (provided capability flag "
-        "canBeInstantiatedOnlyOncePerProcess = false).",
-        in_3=fmi3(
-            "2.3.1",
-            "An FMU can be instantiated many times (provided capability flag "
-            "canBeInstantiatedOnlyOncePerProcess = false).",
-        ),
-    ),
-    "Keep parameters in the instance, not in static variables, or set canBeInstantiatedOnlyOncePerProcess.",
-    needs=("run.completes",),
-    time_factor=2.0,
-)
-def shared(subject: Subject) -> CheckOutcome:
-    """Check that other values in one instance change nothing in another one."""
-    if is_single_instance(subject):
-        return skipped("canBeInstantiatedOnlyOncePerProcess is set.")
-    return _unchanged(subject, _in_another, "in an instance beside one with other values")
-
-
-def _in_another(subject: Subject, changes: Values) -> tuple[Values, Values]:
-    """Return the values that one instance took, and those of another one."""
-    start, names = span(subject)[0], list(changes)
-    first, second = (HostedInstance(subject, f"examined {k}") for k in range(2))
-    first.initialize(changes, start)
-    second.initialize(None, start)
-    return _read(first, names), _read(second, names)
-
-
-def _unchanged(subject: Subject, do: Any, when: str) -> CheckOutcome:
+def judge_unchanged(subject: Subject, do: Any, when: str) -> CheckOutcome:
     """Judge values that should be those of a new instance, for the changes that were taken."""
     changes = others(settable(subject, "parameter", "input"))
     if not changes:
@@ -306,7 +274,7 @@ def _after_reset_and_restoring(subject: Subject, changes: Values) -> tuple[Value
     instance = HostedInstance(subject)
     instance.initialize(changes, start)
     instance.step(start, step)
-    before, data = _read(instance, list(changes)), None
+    before, data = read_values(instance, list(changes)), None
     saved = instance.save_state()
     if subject.has_capability("canSerializeFMUstate"):
         serialized = instance.serialize(saved)
@@ -314,7 +282,7 @@ def _after_reset_and_restoring(subject: Subject, changes: Values) -> tuple[Value
     instance.reset()
     instance.initialize(None, start)
     instance.restore_state(saved)
-    return before, _read(instance, list(changes)), data
+    return before, read_values(instance, list(changes)), data
 
 
 def _after_restoring(subject: Subject, changes: Values) -> tuple[Values, Values, Values, bytes | None]:
@@ -326,18 +294,18 @@ def _after_restoring(subject: Subject, changes: Values) -> tuple[Values, Values,
     instance = HostedInstance(subject)
     instance.initialize(None, start)
     instance.step(start, step)
-    before = _read(instance, names)
+    before = read_values(instance, names)
     saved = instance.save_state()
     instance.set(changes)
     instance.step(start + step, step)
-    changed, data = _read(instance, names), None
+    changed, data = read_values(instance, names), None
     if subject.has_capability("canSerializeFMUstate"):
         late = instance.save_state()
         serialized = instance.serialize(late)
         data = serialized if isinstance(serialized, bytes) else None
         instance.free_state(late)
     instance.restore_state(saved)
-    restored = _read(instance, names)
+    restored = read_values(instance, names)
     return before, changed, restored, data
 
 
@@ -345,4 +313,4 @@ def _from_bytes(subject: Subject, data: bytes, names: Sequence[str]) -> Values:
     instance = HostedInstance(subject)
     instance.initialize(None, span(subject)[0])
     instance.restore_state(instance.deserialize(data))
-    return _read(instance, names)
+    return read_values(instance, names)
