@@ -1,0 +1,150 @@
+"""Check that calls keep no memory."""
+
+import ctypes
+import gc
+import time as clock
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from ..check import check
+from ..host.c_library import load_c_library
+from ..host.experiment import make_experiment
+from ..host.fresh_process import in_fresh_process
+from ..host.hosted_instance import CallError, HostedInstance
+from ..host.log import LOG
+from ..host.other_values import settable, start_of
+from ..host.process_state import can_read_memory, read_memory
+from ..subject import Subject
+from ..verdict import CheckOutcome, Clause, fmi3, passed, skipped, warned
+
+_CALLS = 1000
+"""Calls of a batch, unless they are slow."""
+
+_BATCHES = 4
+_LONGEST = 0.01
+"""Part of the time limit that a batch may take."""
+
+_MOST_NAMES = 20
+"""Variables in one call."""
+
+_BYTES = 16.0
+"""Bytes that each call must keep to count."""
+
+_LEAST = {True: 2.0**12, False: 2.0**15}
+"""Bytes by which each batch must grow: where the C library counts them, and where the system counts pages."""
+
+_TYPES = ("Real", "Integer", "Boolean", "Enumeration", "String")
+
+
+class _Counts(ctypes.Structure):
+    """What glibc's `mallinfo2` returns."""
+
+    _fields_ = [
+        (name, ctypes.c_size_t)
+        for name in (
+            *("arena", "ordblks", "smblks", "hblks", "hblkhd"),
+            *("usmblks", "fsmblks", "uordblks", "fordblks", "keepcost"),
+        )
+    ]
+
+
+def read_allocated() -> float | None:
+    """Return the bytes that are allocated and not freed, used or not; None if the C library cannot say it."""
+    try:
+        count = load_c_library().mallinfo2
+    except (AttributeError, OSError):
+        return None
+    count.restype = _Counts
+    gc.collect()
+    found = count()
+    return float(found.uordblks + found.hblkhd)
+
+
+@check(
+    "instance.memory",
+    "Calls keep no memory",
+    Clause(
+        "1.1",
+        "All memory (and other resources) allocated by the FMU are freed (released) by the FMU.",
+        in_3=fmi3(
+            "1.3", "All memory (and other resources) allocated by the FMU are freed (released) by the FMU."
+        ),
+    ),
+    "Free what a call allocates before it returns, or use the same memory in the next one.",
+    needs=("run.completes",),
+    time_factor=2.0,
+    advisory=True,
+)
+def calls(subject: Subject) -> CheckOutcome:
+    """Check that the process does not grow while values are read and set, and states saved and freed."""
+    if read_allocated() is None and not can_read_memory():
+        said = "This system does not report how much memory a process uses."
+        return skipped(said, gaps=(f"Memory that calls keep: {said}",))
+    grown, count = in_fresh_process(_grown_by_calls, subject)
+    if grown:
+        lines = tuple(f"Each call of {what} keeps {size:.0f} bytes." for what, size in grown.items())
+        return warned(lines[0], details=lines if len(lines) > 1 else (), figures=grown)
+    return passed(f"{count} kinds of calls keep no memory.")
+
+
+def _grown_by_calls(subject: Subject) -> tuple[dict[str, float], int]:
+    """Return the bytes that each kind of call keeps, and how many kinds were called."""
+    instance, course = HostedInstance(subject), make_experiment(subject, 1)
+    instance.initialize(course.at(0), float(course.times[0]))
+    grown, count = {}, 0
+    for what, call in _calls(instance):
+        count += 1
+        try:
+            size = _measure(call, _LONGEST * subject.settings.seconds)
+        except CallError:  # another check reports it
+            break
+        if size:
+            grown[what] = size
+    return grown, count
+
+
+def _calls(instance: HostedInstance) -> Iterator[tuple[str, Callable[[], object]]]:
+    subject = instance.subject
+    variables = [v for v in subject.description.modelVariables if not v.clocks]
+    for kind in _TYPES:
+        if names := [v.name for v in variables if v.type == kind][:_MOST_NAMES]:
+            yield f"fmi2Get{_function(kind)}", lambda names=names: instance.get_together(names)
+    for kind in _TYPES:
+        inputs = [v for v in settable(subject, "input") if v.type == kind and not v.clocks][:_MOST_NAMES]
+        if values := {v.name: start_of(v) for v in inputs}:
+            yield f"fmi2Set{_function(kind)}", lambda values=values: instance.set(values)
+    if subject.has_capability("canGetAndSetFMUstate"):
+        yield "fmi2GetFMUstate and fmi2FreeFMUstate", lambda: instance.free_state(instance.save_state())
+        state = instance.save_state()
+        yield "fmi2SetFMUstate", lambda: instance.restore_state(state)
+        if subject.has_capability("canSerializeFMUstate"):
+            yield "fmi2SerializeFMUstate", lambda: instance.serialize(state)
+
+
+def _function(kind: str) -> str:
+    return "Integer" if kind == "Enumeration" else kind
+
+
+def _measure(call: Callable[[], object], seconds: float) -> float:
+    """Return the bytes that a call keeps; 0 if it keeps none."""
+    counts = read_allocated() is not None
+    call()  # what is allocated once is no leak
+    used, numbers = [_read(counts)], list[int]()
+    for _ in range(_BATCHES):
+        until, number = clock.monotonic() + seconds, 0
+        while number < _CALLS and (number < 2 or clock.monotonic() < until):
+            call()
+            number += 1
+        LOG.lines.clear()
+        used.append(_read(counts))
+        numbers.append(number)
+        if used[-1] - used[-2] <= _LEAST[counts]:
+            return 0.0
+    size = float(np.median(np.diff(used) / np.array(numbers)))
+    return size if size > _BYTES else 0.0
+
+
+def _read(counts: bool) -> float:
+    allocated = read_allocated() if counts else None
+    return read_memory() if allocated is None else allocated
