@@ -135,16 +135,26 @@ def _clocks(subject: Subject) -> Iterator[_Forbidden]:
         yield _Forbidden(_AFTER, name, lambda i, r=reference, a=active: i.status("fmi3SetClock", r, 1, a))
 
 
-def _answer(subject: Subject, forbidden: _Forbidden) -> int:
-    """Return the status of a call in its phase. Then reset the instance, if it can be, and free it."""
-    instance, start = HostedInstance(subject), span(subject)[0]
-    reached = _PHASES.index(forbidden.phase)
+def list_refused_calls(subject: Subject) -> list[_Forbidden]:
+    """Return a few calls in a wrong phase that most FMUs refuse."""
+    return [*_OF_BOTH[:4], *_OF[subject.kinds[0]][:1], *_parameters(subject)]
+
+
+def go_to_phase(instance: HostedInstance, phase: str) -> None:
+    """Call what leads to a phase."""
+    reached = _PHASES.index(phase)
     if reached >= 1:
-        instance.begin_initialization(start)
+        instance.begin_initialization(span(instance.subject)[0])
     if reached >= 2:
         instance.exit_initialization()
     if reached >= 3:
         instance.terminate()
+
+
+def _answer(subject: Subject, forbidden: _Forbidden) -> int:
+    """Return the status of a call in its phase. Then reset the instance, if it can be, and free it."""
+    instance = HostedInstance(subject)
+    go_to_phase(instance, forbidden.phase)
     instance.circumstance = f" {forbidden.phase}"
     status = forbidden.call(instance)
     instance.circumstance = f" after {forbidden.function} {forbidden.phase}"

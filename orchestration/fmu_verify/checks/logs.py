@@ -5,19 +5,20 @@ import sys
 import tempfile
 from collections.abc import Sequence
 
-from emla_cosim.fmu.instance import OK
+from emla_cosim.fmu.instance import ERROR, FATAL, OK, STATUS
 from emla_cosim.fmu.log import LogLine
 
 from ..check import check
 from ..host.c_library import load_c_library
 from ..host.experiment import make_experiment
-from ..host.fresh_process import in_fresh_process, in_separate_process
+from ..host.fresh_process import EndedError, in_fresh_process, in_separate_process
 from ..host.hosted_instance import CallError, HostedInstance
 from ..host.instance_runs import run_instance
 from ..host.log import LOG, format_message
 from ..messages import list_left_out
 from ..subject import Subject
-from ..verdict import RETURNS, CheckOutcome, Clause, failed, fmi3, noted, passed, warned
+from ..verdict import RETURNS, CheckOutcome, Clause, failed, fmi3, noted, passed, skipped, warned
+from .calls import go_to_phase, list_refused_calls
 
 _MOST_CATEGORIES = 6
 _ALL = "logAll"
@@ -99,6 +100,60 @@ def categories(subject: Subject) -> CheckOutcome:
     gaps = list_left_out(len(alone), len(every), "categories were enabled alone.")
     said = f"{len(everything)} messages in {len(declared)} categories follow the logging settings."
     return passed(said, gaps=gaps)
+
+
+_EXPECTED = Clause(
+    "2.1.3",
+    "Function logger was called in the FMU (see below), and it is expected that this function has shown the "
+    "prepared information message to the user.",
+    in_3=fmi3(
+        "2.3.1",
+        "If a function does not return fmi3OK, it must provide the reason by calling logMessage at least "
+        "once with this status.",
+    ),
+)
+
+
+@check(
+    "log.errors",
+    "Errors come with a message",
+    _EXPECTED,
+    "Call the logger with the reason before a function returns fmi2Error.",
+    needs=("run.completes",),
+    time_factor=2.0,
+)
+def errors(subject: Subject) -> CheckOutcome:
+    """Check that calls in a wrong phase that are answered with an error send a message, with logging on.
+
+    FMI 3.0 requires it, FMI 2.0 expects it, so that it is noted there.
+    """
+    silent, refused = [], 0
+    for number, call in enumerate(list_refused_calls(subject)):
+        try:
+            status, is_explained = in_fresh_process(_refused, subject, number)
+        except (CallError, EndedError):  # other checks report it
+            continue
+        if status in (ERROR, FATAL):
+            refused += 1
+            silent += [] if is_explained else [f"{call.function} {call.phase}"]
+    if silent:
+        judge = warned if subject.version == 3 else noted
+        said = f"{len(silent)} of {refused} calls returned {STATUS[ERROR]} without a message: {silent[0]}."
+        return judge(said, details=tuple(f"{call} returned an error without a message." for call in silent))
+    if not refused:
+        said = "No call in a wrong phase is refused: whether errors come with a message is not known."
+        return skipped(said, gaps=(said,))
+    return passed(f"{refused} errors came with a message.")
+
+
+def _refused(subject: Subject, number: int) -> tuple[int, bool]:
+    """Return the status of a call in a wrong phase, and whether a message came."""
+    call = list_refused_calls(subject)[number]
+    instance = HostedInstance(subject, logging=True)
+    go_to_phase(instance, call.phase)
+    LOG.lines.clear()
+    status = call.call(instance)
+    return status, any(line.status > OK and line.text for line in LOG.lines)
 
 
 def _category(line: LogLine) -> str:

@@ -2,11 +2,12 @@
 
 from ..check import check
 from ..host.experiment import make_experiment
-from ..host.hosted_instance import HostedInstance
+from ..host.hosted_instance import CallError, HostedInstance
 from ..host.instance_runs import run_alone, run_instance
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, fmi3, noted, own_rule, passed, skipped
 from ._sameness import differing
+from .iteration import explain_endless
 
 _WITH_CLOCKS = "Models with Clocks are not integrated; their co-simulation is examined."
 
@@ -34,7 +35,10 @@ def runs(subject: Subject) -> CheckOutcome:
     if subject.has_clocks:
         return skipped(_WITH_CLOCKS, gaps=(_WITH_CLOCKS,))
     instance, course = HostedInstance(subject, kind="ModelExchange"), make_experiment(subject)
-    found = run_instance(instance, course)
+    try:
+        found = run_instance(instance, course)
+    except CallError as error:
+        return explain_endless(error)
     instance.close()
     states = len(subject.description.derivatives)
     return passed(f"{states} states were integrated to t = {found.times[-1]:.9g} s.")

@@ -149,14 +149,16 @@ def _settings_of_run(subject: Subject) -> tuple[dict[str, str], dict[str, str], 
     own_rule("process.files", "An FMU does not write into its own or the user's folders by itself."),
     "Write to the system's folder for temporary files, or to a file that a parameter names.",
     needs=("run.completes",),
+    time_factor=2.0,
 )
 def files(subject: Subject) -> CheckOutcome:
-    """Check the FMU's own folder, the working folder, and the home folder after a short run."""
+    """Check the FMU's own folder, the working folder, and the home folder after a run."""
     with tempfile.TemporaryDirectory() as folder:
         places = {name: Path(folder, name) for name in ("working", "home")}
         for place in places.values():
             place.mkdir()
             (place / _BAIT).write_text("This file belongs to the user.\n")
+        before = _times_of_changes(subject)
         try:
             in_fresh_process(_run_in, subject, places["working"], places["home"])
         except (CallError, EndedError):  # it may need files of the home folder, such as a license
@@ -173,6 +175,8 @@ def files(subject: Subject) -> CheckOutcome:
         ]
     if own := _changed_files(subject):
         problems.append(f"It changes files in its own folder: {join_few_names(own)}.")
+    elif touched := [name for name, time in _times_of_changes(subject).items() if before.get(name) != time]:
+        problems.append(f"It writes in its own folder, and restores it: {join_few_names(touched)}.")
     return judge_problems((), "It writes no files into its own, the working or the home folder.", problems)
 
 
@@ -181,10 +185,19 @@ _BAIT = "notes.txt"
 
 
 def _run_in(subject: Subject, working: Path, home: Path | None) -> None:
+    """Run the whole experiment: files may be written late."""
     os.chdir(working)
     if home is not None:
         os.environ["HOME"] = str(home)
-    _run(subject)
+    instance = HostedInstance(subject)
+    run_instance(instance, make_experiment(subject))
+    instance.close()
+
+
+def _times_of_changes(subject: Subject) -> dict[str, int]:
+    """Return when files of the unpacked FMU, and the lists of its folders, changed, by name."""
+    paths = sorted(subject.folder.rglob("*"))
+    return {p.relative_to(subject.folder).as_posix(): p.lstat().st_mtime_ns for p in paths}
 
 
 def _changed_files(subject: Subject) -> list[str]:

@@ -8,7 +8,7 @@ import numpy as np
 from ..check import check
 from ..host.experiment import make_experiment, span
 from ..host.fresh_process import in_fresh_process
-from ..host.hosted_instance import HostedInstance
+from ..host.hosted_instance import CallError, HostedInstance
 from ..host.instance_runs import OutputTrajectory, run_alone, run_instance, step_instance
 from ..host.junk import FIRST, SECOND, Junk, fill_memory
 from ..host.limits import limits_of
@@ -16,6 +16,7 @@ from ..messages import join_few_names
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, failed, fmi3, noted, passed, warned
 from ._sameness import compare_runs
+from .iteration import explain_endless
 
 _PART = 0.4
 """Part of the time limit for one run; other checks run as many steps as are possible in this time."""
@@ -40,10 +41,13 @@ def completes(subject: Subject) -> CheckOutcome:
     limit = _PART * subject.settings.seconds
     until = time.monotonic() + limit
     instance, course = HostedInstance(subject), make_experiment(subject)
-    instance.initialize(course.at(0), float(course.times[0]))
     steps, done = len(course.times) - 1, 0
-    while done < steps and not instance.terminated and (done == 0 or time.monotonic() < until):
-        done += len(step_instance(instance, course, done, done + 1).times) - 1
+    try:
+        instance.initialize(course.at(0), float(course.times[0]))
+        while done < steps and not instance.terminated and (done == 0 or time.monotonic() < until):
+            done += len(step_instance(instance, course, done, done + 1).times) - 1
+    except CallError as error:
+        return explain_endless(error)
     instance.close()
     if instance.terminated:
         said = f"It asked to end the run after {done} of {steps} steps of {course.step:g} s."

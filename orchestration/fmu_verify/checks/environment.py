@@ -1,0 +1,91 @@
+"""Check the pointer to the environment, which messages get back."""
+
+import ctypes
+from typing import Any
+
+from fmpy import fmi2, fmi3
+
+from emla_cosim.fmu.log import FmuLog
+
+from ..check import check
+from ..host.experiment import make_experiment
+from ..host.fresh_process import EndedError, in_fresh_process
+from ..host.hosted_instance import CallError, HostedInstance
+from ..host.instance_runs import run_instance
+from ..host.log import LOG
+from ..subject import Subject
+from ..verdict import CheckOutcome, Clause, failed, passed, warned
+from ..verdict import fmi3 as quote_fmi3
+
+_PASSED_ON = Clause(
+    "2.1.5",
+    "Additionally, a pointer to the environment is provided (componentEnvironment) that needs to be passed "
+    "to the logger function, in order that the logger function can utilize data from the environment, such "
+    "as mapping a valueReference to a string.",
+    in_3=quote_fmi3(
+        "2.3.1",
+        "instanceEnvironment is a pointer that must be passed to fmi3IntermediateUpdateCallback, "
+        "fmi3ClockUpdateCallback, and fmi3LogMessageCallback to allow the simulation environment an "
+        "efficient way to identify the calling FMU.",
+    ),
+)
+_PATIENCE = 0.25
+"""Part of the time limit for each of the two runs."""
+
+
+@check(
+    "instance.environment",
+    "The pointer to the environment may be NULL, and is passed on",
+    Clause(
+        "2.1.5",
+        "Argument componentEnvironment may be a null pointer.",
+        in_3=_PASSED_ON.in_3,
+    ),
+    "Keep componentEnvironment (instanceEnvironment) as it is, pass it to the logger, and do not read it.",
+    needs=("binaries.loads",),
+)
+def environment(subject: Subject) -> CheckOutcome:
+    """Run a step with NULL and with another pointer, and look at what the logger gets.
+
+    What goes wrong in the same way with both is left to other checks.
+    """
+    if subject.kinds[0] == "ScheduledExecution" or subject.has_clocks:
+        return passed("It has Clocks: with which pointer it runs is not compared.")
+    without, _ = _try(subject, is_null=True)
+    problem, strange = _try(subject, is_null=False)
+    if without and not problem:
+        return failed(f"It runs with a pointer to an environment, but not with NULL. {without}")
+    if problem and not without:
+        return failed(f"It runs with NULL, but not with a pointer to an environment. {problem}")
+    if strange:
+        said = f"{strange} messages came with another pointer than that of their environment."
+        return warned(said, clause=_PASSED_ON.of(subject.version))
+    return passed("It does the same with NULL and with a pointer to an environment.")
+
+
+def _try(subject: Subject, is_null: bool) -> tuple[str, int]:
+    """Return how a run ended, empty if well, and how many messages came with another pointer."""
+    try:
+        return "", in_fresh_process(_run, subject, is_null, timeout=_PATIENCE * subject.settings.seconds)
+    except (CallError, EndedError) as error:
+        return str(error), 0
+
+
+def _run(subject: Subject, is_null: bool) -> int:
+    """Run a step in this process, which nothing else uses; return the number of wrong messages."""
+    memory = ctypes.create_string_buffer(4096)
+    pointer = None if is_null else ctypes.addressof(memory)
+    strange = 0
+
+    def hear(environment: int | None, *_: Any) -> None:
+        nonlocal strange
+        strange += environment != pointer
+
+    logger = fmi2.fmi2CallbackLoggerTYPE(hear)
+    LOG.callbacks.componentEnvironment, LOG.callbacks.logger = pointer, logger
+    fmi3.fmi3InstanceEnvironment = lambda: ctypes.c_void_p(pointer)  # fmpy (0.3.32) passes NULL
+    setattr(FmuLog, "hear", hear)  # noqa: B010 - of FMI 3.0
+    instance = HostedInstance(subject, logging=True)
+    run_instance(instance, make_experiment(subject, 1))
+    instance.close()
+    return strange

@@ -1,0 +1,80 @@
+"""Check that event iterations end."""
+
+from ..check import check
+from ..host.experiment import make_experiment
+from ..host.fresh_process import EndedError, in_fresh_process
+from ..host.hosted_instance import CallError, HostedInstance
+from ..subject import Subject
+from ..verdict import CheckOutcome, Clause, blocked, failed, fmi3, passed, skipped
+
+NAME = "events.iteration"
+
+
+@check(
+    NAME,
+    "Event iterations end",
+    Clause(
+        "3.2.2",
+        "If return argument fmi2eventInfo->newDiscreteStatesNeeded = fmi2True, the FMU should stay in Event "
+        "Mode, and the FMU requires to set new inputs to the FMU (fmi2SetXXX on inputs) to compute and get "
+        "the outputs (fmi2GetXXX on outputs) and to call fmi2NewDiscreteStates again.",
+        in_3=fmi3(
+            "2.3.5",
+            "When discreteStatesNeedUpdate = fmi3True, the importer must stay in EventMode for another event "
+            "iteration, starting a new super-dense time instant.",
+        ),
+    ),
+    "Ask for another update only while discrete states change. Use a hysteresis where conditions alternate.",
+    needs=("instance.created",),
+    time_factor=2.0,
+)
+def iteration(subject: Subject) -> CheckOutcome:
+    """Run the FMU with its events, and look whether updates of discrete states ask for more without end."""
+    kinds = [k for k in subject.run_kinds if k == "ModelExchange" or _has_event_mode(subject, k)]
+    if not kinds:
+        return skipped("It has no event mode.")
+    for kind in kinds:
+        try:
+            if where := in_fresh_process(_find_endless, subject, kind):
+                return failed(f"The event iteration {where} does not end: each update asks for another one.")
+        except (CallError, EndedError):  # other checks report it
+            continue
+    return passed("The event iterations of a run end.")
+
+
+def explain_endless(error: CallError) -> CheckOutcome:
+    """Return the outcome of a check that needs event iterations to end; raise errors of another kind."""
+    if not is_endless(error):
+        raise error
+    return blocked(f"It needs {NAME}, which failed.")
+
+
+def is_endless(error: CallError) -> bool:
+    """Return whether an error is that of an event iteration which does not end."""
+    function = error.call.partition(",")[0].split()[0]
+    updates = function.endswith(("DiscreteStates", "GetClock"))
+    return updates and ("repeatedly" in error.call or "in a row" in error.call)
+
+
+def _has_event_mode(subject: Subject, kind: str) -> bool:
+    return kind == "CoSimulation" and subject.version == 3 and subject.has_flag("hasEventMode", kind)
+
+
+def _find_endless(subject: Subject, kind: str) -> str:
+    """Return where an event iteration does not end; empty if all do."""
+    uses_mode = True if kind == "CoSimulation" else None
+    instance, course = HostedInstance(subject, kind=kind, events=uses_mode), make_experiment(subject)
+    where = "of the initialization"
+    try:
+        instance.initialize(course.at(0), float(course.times[0]))
+        for k, time in enumerate(course.times[:-1]):
+            if instance.terminated:
+                break
+            where = f"in the step from t = {time:.9g} s"
+            instance.set(course.at(k))
+            instance.step(float(time), course.step)
+    except CallError as error:
+        if is_endless(error):
+            return where
+        raise
+    return ""
