@@ -6,6 +6,8 @@ from typing import Any, NamedTuple
 
 from fmpy.model_description import ModelVariable
 
+from emla_cosim.base.wording import format_count
+
 from ..check import check
 from ..host.experiment import span
 from ..host.fresh_process import in_separate_process
@@ -85,7 +87,8 @@ def late(subject: Subject) -> CheckOutcome:
             "if it is set before."
         )
     problems += [
-        f"{one.name} has its effect {one.delay} steps later if it is set between steps than at the start."
+        f"{one.name} has its effect {format_count(one.delay, 'step', 'steps')} later if it is set between steps "
+        "than at the start."
         for one in found
         if one.delay is not None
     ]

@@ -75,8 +75,11 @@ _SMALL = Settings(memory=100 * 2**20)
 
 # fmt: off
 DYNAMIC: list[Broken] = [
+    _fails("ENVIRONMENT", "instance.environment", "it crashes where `componentEnvironment` is NULL"),
     _fails("OTHER_GUID", "instance.created", "the library was compiled for another GUID"),
     _fails("FREE_CRASH", "instance.created", "`fmi2FreeInstance` crashes"),
+    _fails("ENDLESS", "events.iteration", "`fmi2NewDiscreteStates` always asks for another update"),
+    _fails("ENDLESS_LATER", "events.iteration", "an event iteration in the run does not end"),
     _fails("INITIALIZATION_ERROR", "run.completes", "`fmi2ExitInitializationMode` answers `fmi2Error`"),
     _fails("SEGFAULT", "run.completes", "`fmi2DoStep` crashes after a time"),
     _fails("HANG", "run.completes", "`fmi2DoStep` never returns", _SHORT),
@@ -105,6 +108,13 @@ DYNAMIC: list[Broken] = [
     _fails("STATE_EMPTY", "state.serialized", "a state is said to need no bytes"),
     _fails("STATE_NOT_REUSED", "state.freed", "`fmi2GetFMUstate` forgets the state that it was given"),
     _fails("DERIVATIVE", "derivatives.directional", "a directional derivative is 5 % too large"),
+    _fails("DERIVATIVE_FIRST", "derivatives.directional",
+        "directional derivatives are right for the first unknown only"),
+    _fails("DERIVATIVE_SECOND", "derivatives.directional",
+        "directional derivatives by a second known are twice as large"),
+    _fails("DERIVATIVE_STATE", "derivatives.directional",
+        "directional derivatives by states have the wrong sign"),
+    _fails("DERIVATIVE_LATER", "derivatives.directional", "directional derivatives are wrong after a time"),
     _fails("DERIVATIVE_CRASH", "derivatives.directional", "`fmi2GetDirectionalDerivative` crashes"),
     _fails("", "dependencies.observed", "an output depends on an input that its dependencies exclude",
         total="9"),
@@ -113,6 +123,8 @@ DYNAMIC: list[Broken] = [
     _fails("MODEL_CRASH", "model_exchange.runs", "`fmi2GetDerivatives` crashes"),
     _fails("CATEGORY", "log.categories", "it logs in a category that is switched off"),
     _fails("LOG_OFF", "log.categories", "it logs although logging is off"),
+    _warns("OTHER_ENVIRONMENT", "instance.environment",
+        "messages come with another pointer than `componentEnvironment`"),
     _warns("ANY_GUID", "instance.guid", "any GUID is taken"),
     _notes("ASKS_TO_END", "run.completes", "it asks to end its own default experiment"),
     _warns("RANGE", "run.ranges", "an output leaves its declared range"),
@@ -124,9 +136,10 @@ DYNAMIC: list[Broken] = [
     _notes("DAMAGED_CRASH", "state.serialized", "damaged bytes of a state crash"),
     _warns("OUTPUT_DERIVATIVE", "derivatives.outputs", "the derivative of an output is not its slope"),
     _warns("DERIVATIVE_ORDER", "derivatives.outputs", "`maxOutputDerivativeOrder` is too large"),
-    _warns("STALE", "steps.integrate", "after a step, values are those before it"),
+    _warns("STALE", "steps.time", "after a step, values are those before it"),
     _notes("STEP_SIZE", "steps.split", "the result depends on the step size"),
     _notes("DISAGREE", "model_exchange.agrees", "model and slave have different equations"),
+    _notes("SILENT", "log.errors", "errors come without a message"),
     _notes("PRINTS", "log.categories", "it writes to standard output"),
 ]
 # fmt: on

@@ -96,11 +96,12 @@ static int tell(const Model *m, int status, const char *format, ...) {
     int is_shown = status != OK || (host->logging && m->shown[category]);
     if (IS(CATEGORY) && host->logging) is_shown = 1;
     if (IS(LOG_OFF)) is_shown = 1;
-    if (!is_shown) return status;
+    if (!is_shown || (IS(SILENT) && status >= ERROR)) return status;
     va_start(arguments, format);
     vsnprintf(text, sizeof text, format, arguments);
     va_end(arguments);
-    host->logger(host->environment, host->name, (Status)status, CATEGORIES[category], text);
+    host->logger(IS(OTHER_ENVIRONMENT) ? (void *)m : host->environment, host->name, (Status)status, CATEGORIES[category],
+                 text);
     return status;
 }
 
@@ -185,6 +186,7 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
                               const fmi2CallbackFunctions *functions, fmi2Boolean visible, fmi2Boolean logging) {
     static int made;
     read_fault(resources);
+    if (IS(ENVIRONMENT) && functions->componentEnvironment == NULL) raise(SIGSEGV);
     const int is_refused = IS(OTHER_GUID) || (IS(ONLY_ONCE) && made++ > 0);
     guid = is_refused ? "{other}" : IS(ANY_GUID) ? MODEL_GUID : guid;
     Model *m = toy_instantiate(name, fmi2CoSimulation, guid, resources, functions, visible, logging);
@@ -289,6 +291,15 @@ fmi2Status fmi2SerializeFMUstate(fmi2Component c, fmi2FMUstate state, fmi2Byte b
 
 /* ---- derivatives ----------------------------------------------------------------------- */
 
+/* What a fault makes of a derivative; `k` and `j` are the positions of the unknown and the known. */
+static double spoil(const Model *m, size_t k, size_t j, unsigned known) {
+    if (IS(DERIVATIVE_FIRST) && k > 0) return 0.0;
+    if (IS(DERIVATIVE_SECOND) && j > 0) return 2.0;
+    if (IS(DERIVATIVE_STATE) && (known == X || known == V)) return -1.0;
+    if (IS(DERIVATIVE_LATER) && m->time > LATER) return 1.1;
+    return 1.0;
+}
+
 static double partial(const Model *m, unsigned unknown, unsigned known) {
     const double by_u = (IS(DERIVATIVE) ? 1.05 : 1.0) * m->real[GAIN];
     if (unknown == ACCELERATION || unknown == DER_V)
@@ -305,7 +316,7 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component i, const fmi2ValueReferenc
     if (IS(DERIVATIVE_CRASH)) raise(SIGSEGV);
     for (size_t k = 0; k < nu; k++) {
         value[k] = 0.0;
-        for (size_t j = 0; j < nk; j++) value[k] += partial(m, unknowns[k], knowns[j]) * seed[j];
+        for (size_t j = 0; j < nk; j++) value[k] += spoil(m, k, j, knowns[j]) * partial(m, unknowns[k], knowns[j]) * seed[j];
     }
     return fmi2OK;
 }
@@ -412,6 +423,7 @@ static int get_status(Model *m, int kind, void *value) {
 /* ---- model exchange -------------------------------------------------------------------- */
 
 static int update(Model *m, Update *u) {
+    u->again = IS(ENDLESS) || (IS(ENDLESS_LATER) && m->time > LATER);
     m->moving = m->real[X] > THRESHOLD;
     return OK;
 }

@@ -13,6 +13,7 @@ FMI3_Export fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 t, fmi3Float64 h, 
     fmi3Status status = good_fmi3DoStep(c, t, h, no, event, end, early, reached);
     if (IS(event)) *event = fmi3True;
     if (IS(early)) *early = fmi3True;
+    if (IS(reached)) *reached += 0.25 * h;
     if (IS(leak)) *(char *)malloc(40) = 0;
     if (IS(shift) && (1 << bits) == 3) status = fmi3Error;
     return status;
@@ -46,6 +47,7 @@ FMI3_Export fmi3Status fmi3SetFMUState(fmi3Instance c, fmi3FMUState s) {
                                 const fmi3Float64 seed[], size_t ns, fmi3Float64 s[], size_t n) {                 \
         const fmi3Status status = good_##name(c, u, nu, k, nk, seed, ns, s, n);                                   \
         for (size_t i = 0; i < n && IS(fault_name); i++) s[i] *= 1.5;                                             \
+        for (size_t i = 1; i < n && IS(fault_name##_second); i++) s[i] *= 1.5;                                    \
         return status;                                                                                            \
     }
 DERIVATIVE(fmi3GetDirectionalDerivative, directional)

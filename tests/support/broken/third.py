@@ -176,6 +176,12 @@ THIRD: list[Broken] = [
         "derivatives.directional", with_function("directional")),
     Broken("third-adjoint", "an adjoint derivative that is wrong by half", "derivatives.adjoint",
         with_function("adjoint")),
+    Broken("third-directional-second", "FMI 3.0: only the first directional derivative is right",
+        "derivatives.directional", with_function("directional_second")),
+    Broken("third-adjoint-second", "adjoint derivatives are right for the first known only",
+        "derivatives.adjoint", with_function("adjoint_second")),
+    Broken("third-reached", "FMI 3.0: `lastSuccessfulTime` is off by a constant", "steps.time",
+        with_function("reached"), verdict=Verdict.WARNING),
     Broken("third-overrun", "FMI 3.0: `fmi3SetFloat64` writes behind allocated memory", "sanitizer.address",
         with_source("overrun")),
     Broken("third-leak", "FMI 3.0: each step leaves memory behind", "sanitizer.leaks", with_source("leak")),
@@ -199,6 +205,6 @@ CLOCKED: list[Broken] = [
     Broken("clocked-leak", "`fmi3SetClock` leaves memory behind", "sanitizer.leaks",
         with_source("clock_leak", INTERVAL)),
     Broken("clocked-endless", "an update of discrete states that always asks for another one",
-        "run.completes", _clocked("endless")),
+        "events.iteration", _clocked("endless")),
 ]
 # fmt: on

@@ -56,7 +56,8 @@ typedef struct {
 
 struct Model {
     COMMON;
-    Values now;
+    double from;            /* s, by which a fault counts time later */
+    Values now, old, older; /* `old` and `older` are those of earlier steps, which some faults use */
 };
 
 static const Values STARTS = {
@@ -130,8 +131,31 @@ static int forbids(Model *m, unsigned reference, const void *set) {
 
 /* ---- equations ------------------------------------------------------------------------- */
 
+/* What is used, which a fault makes another one than what is set. */
+static Values used_values(const Model *m) {
+    const unsigned reference = (unsigned)atoi(target);
+    Values v = m->now;
+    if (m->mode == STEP && is("late")) copy_one(&v, &m->old, reference);
+    if (m->mode == STEP && is("delayed")) copy_one(&v, &m->older, reference);
+    if (is("shared_used")) copy_one(&v, &shared, reference);
+    if (is("unused_later") && m->time > 0.5) copy_one(&v, &STARTS, reference);
+    return v;
+}
+
+static int exit_initialization(Model *m) {
+    m->old = m->older = m->now;
+    return OK;
+}
+
+static int set_up(Model *m, int has_tolerance, double tolerance) {
+    m->from = is("start_ignored") ? m->begin : 0.0;
+    m->time -= m->from;
+    return OK;
+}
+
 static void compute(Model *m) {
-    Values *n = &m->now, v = *n; /* what is used, which a fault makes another one than what is set */
+    const double y = m->now.r[Y];
+    Values *n = &m->now, v = used_values(m);
     if (is("unused")) copy_one(&v, &STARTS, (unsigned)atoi(target));
     if (is("unused_all")) {
         v = STARTS;
@@ -139,6 +163,7 @@ static void compute(Model *m) {
     }
     n->r[DER_X] = v.r[K] * v.r[U] - v.r[D] * v.r[X];
     n->r[Y] = v.r[X] + (v.b[ON] ? 0.5 * v.r[U] : 0.0) + v.r[W];
+    if (is("output_stops") && m->time > 0.5) n->r[Y] = y;
     n->i[SUM] = v.i[N] + v.i[M] + v.i[P];
     n->i[MODE] = v.i[MODE_IN];
     n->i[MODE_2] = v.i[MODE_P];
@@ -149,21 +174,39 @@ static void compute(Model *m) {
     hide_dependency(n);
 }
 
+/* What is no fault: the state jumps at events within steps. */
+static void jump(Values *n, double time, double length) {
+    if (floor((time + length) / 0.07 + 1e-9) > floor(time / 0.07 + 1e-9)) n->r[X] += 1.0;
+}
+
+static int get_status(Model *m, int kind, void *value) {
+    if (kind != fmi2LastSuccessfulTime) return DISCARDED;
+    *(double *)value = m->time - (is("successful_off") ? 0.02 : 0.0);
+    return OK;
+}
+
 static int step(Model *m, double time, double length, Step *reached) {
     Values *n = &m->now;
+    const Values v = used_values(m);
     misbehave_at("step");
     if (is("step_nothing")) return OK;
     const double whole = length * (is("step_double") ? 2.0 : 1.0);
     const int steps = (int)ceil(whole / SUBSTEP - 1e-6);
     const double h = whole / steps, used = is("unused_all") ? 0.0 : is("sign") ? -1.0 : 1.0;
     for (int k = 0; k < steps; k++) {
-        const double u = used * (n->r[U] + (is("slope_unused") ? 0.0 : n->slope[0] * (k + 0.5) * h));
-        const double half = n->r[X] + 0.5 * h * (n->r[K] * u - n->r[D] * n->r[X]);
-        n->r[X] += h * (n->r[K] * u - n->r[D] * half);
+        const double u = used * (v.r[U] + (is("slope_unused") ? 0.0 : n->slope[0] * (k + 0.5) * h));
+        const double half = n->r[X] + 0.5 * h * (v.r[K] * u - v.r[D] * n->r[X]);
+        if (is("state_stops") && time > 0.5) break;
+        n->r[X] += h * (v.r[K] * u - v.r[D] * half);
+        if (is("jumps")) jump(n, time + k * h, h);
+    }
+    if (is("delayed")) {
+        m->older = m->old;
+        m->old = *n;
     }
     n->slope[0] = n->slope[1] = 0.0;
     n->i[COUNT]++;
-    m->time = time + length;
+    m->time = time + length + (is("time_off") ? 0.005 : 0.0) - m->from;
     return OK;
 }
 
@@ -191,6 +234,7 @@ static int reset(Model *m) {
 }
 
 static void changed(Model *m, unsigned reference) {
+    misbehave_at("set");
     copy_one(&shared, &m->now, reference);
     if (wrong("not_set", reference)) copy_one(&m->now, &STARTS, reference);
 }
@@ -198,7 +242,7 @@ static void changed(Model *m, unsigned reference) {
 static const Toy toy = {
     MODEL(variables), .wrong_mode = wrong_mode, .refused = refused, .forbids = forbids, .compute = compute,
     .step = step, .set_input_derivative = set_slope, .start = start, .created = created, .reset = reset,
-    .changed = changed,
+    .changed = changed, .set_up = set_up, .exit_initialization = exit_initialization, .status = get_status,
 };
 
 const char *fmi2GetVersion(void) { return is("version") ? target : is("version_null") ? NULL : fmi2Version; }
@@ -206,6 +250,7 @@ const char *fmi2GetVersion(void) { return is("version") ? target : is("version_n
 #define GET(Type, value_in_shared)                                                                      \
     fmi2Status fmi2Get##Type(fmi2Component c, const fmi2ValueReference r[], size_t n, fmi2##Type v[]) {  \
         const fmi2Status status = toy_get_##Type(c, r, n, v);                                           \
+        misbehave_at("get");                                                                            \
         for (size_t k = 0; k < n && !status; k++) {                                                     \
             if (wrong("shared", r[k])) v[k] = value_in_shared(find_in(&shared, r[k]));                  \
             misbehave_with_value(r[k], &v[k], ((Model *)c)->time);                                      \
@@ -227,6 +272,7 @@ fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate state) {
 
 fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate *state) {
     const fmi2FMUstate before = *state;
+    misbehave_at("state");
     if (before == NULL && is("state_null_crash")) abort();
     const fmi2Status status = toy_free_state(c, state);
     if (is("state_kept")) *state = before;

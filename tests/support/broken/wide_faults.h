@@ -8,6 +8,7 @@
 #include <stdint.h>
 #include <sys/mman.h>
 #include <sys/stat.h>
+#include <sys/time.h>
 #include <unistd.h>
 
 /* Another value of the variable. */
@@ -90,6 +91,24 @@ static void write_file(const char *place, const char *name) {
     fclose(file);
 }
 
+static void remove_file(const char *name) {
+    char path[1200];
+    snprintf(path, sizeof path, "%s/%s", folder, name);
+    remove(path);
+}
+
+static void touch_file(const char *name) {
+    char path[1200];
+    snprintf(path, sizeof path, "%s/%s", folder, name);
+    utimes(path, NULL);
+}
+
+/* Never used: a system that counts pages sees nothing of much memory. */
+static void keep_memory(size_t size) {
+    static void *volatile kept;
+    kept = malloc(size);
+}
+
 static void remove_all(const char *place) {
     char path[1200];
     struct dirent *entry;
@@ -158,6 +177,10 @@ static void misbehave_at(const char *when) {
     DO("write_home", write_file(home(), ".fmu_log"))
     DO("write_working", write_file(".", "fmu_log.txt"))
     DO("write_own", write_file(folder, "resources/log.txt"))
+    DO("write_own_briefly", write_file(folder, "resources/log.txt"); remove_file("resources/log.txt"))
+    DO("touch_own", touch_file("resources/fault.txt"))
+    DO("keep", keep_memory(100))
+    DO("keep_much", keep_memory(1 << 20))
     DO("remove_home", remove_all(home()))
     DO("write_victim", FILE *file = fopen(victim(), "w"); if (file) fclose(file))
     DO("remove_victim", remove(victim()))

@@ -21,7 +21,15 @@ from tests.support.broken.wide import WIDE, build_wide_fmu
 from tests.support.paths import ROOT
 from tests.support.tiers import mostly_slow
 
-LONG = ("instance.cycles", "instance.threads", "run.deterministic", "state.freed", "process", "sanitizer")
+LONG = (
+    "instance.cycles",
+    "instance.memory",
+    "instance.threads",
+    "run.deterministic",
+    "state.freed",
+    "process",
+    "sanitizer",
+)
 """Checks that take longest."""
 
 SANITIZER = {c.name for c in CHECKS if c.group == "sanitizer"}
@@ -51,6 +59,10 @@ SHOWS_ELSEWHERE = {
     "SharedK": {"values.state"},  # its second instance changes the first one
     "SharedEnabled": {"values.state"},
     "SharedTag": {"values.state"},
+    "SharedUsedName": {"values.state"},
+    "GetKeep": {"instance.cycles"},  # nor are they freed with the instance
+    "SetKeep": {"instance.cycles"},
+    "third-directional-second": {"derivatives.adjoint"},
     "StepNothing": {"exchange.interpolation"},  # derivatives of inputs do nothing, either
     "third-clock": {"instance.created"},  # has an event mode then, which the library does not
     "third-directional": {"derivatives.adjoint"},  # is compared with it
@@ -113,6 +125,7 @@ def good(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Broken]:
     (folder / "Clocked.fmu").write_bytes(good_bytes(fmi=3, clock=INTERVAL))
     build_good_fmu(folder)
     build_wide_fmu(folder)
+    build_wide_fmu(folder, "jumps", name="Jumping")
     return {p.stem: Broken(p.stem, "", "", lambda _, p=p: p) for p in folder.iterdir()}
 
 
@@ -129,6 +142,8 @@ def _reported(examined: Examined) -> dict[str, str]:
 NOISY = ["steps.split", "model_exchange.agrees"]
 """The toy draws its noise once per step, so that half steps and Model Exchange differ."""
 
+OF_RUNS = ("steps", "run.frozen", "values.late")
+
 NEW_IN_FMI_3 = ("clocks", "steps.events", "calls.arguments", "derivatives", "dependencies.elements", "run")
 
 
@@ -136,11 +151,12 @@ NEW_IN_FMI_3 = ("clocks", "steps.events", "calls.arguments", "derivatives", "dep
     ("name", "only", "skipped"),
     mostly_slow(
         [
-            *((name, (), ()) for name, _ in ORIGINS),
+            *((name, (), ()) for name in ("Jumping", *(name for name, _ in ORIGINS))),
+            ("Jumping", OF_RUNS, LONG),
             *((name, (), LONG) for name in ("Good", "Wide")),
             ("Clocked", NEW_IN_FMI_3, LONG),
         ],
-        [("Good", (), LONG), ("Clocked", NEW_IN_FMI_3, LONG)],
+        [("Good", (), LONG), ("Clocked", NEW_IN_FMI_3, LONG), ("Jumping", OF_RUNS, LONG)],
     ),
 )
 def test_good_fmus_pass(
