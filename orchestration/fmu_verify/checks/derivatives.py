@@ -136,9 +136,8 @@ def _slopes(points: Iterable[Point]) -> list[_Slope]:
 
 
 def _without_held(found: Sequence[_Slope]) -> list[_Slope]:
-    """Return the slopes of unknowns that change between steps: an FMU may hold outputs until the next."""
-    moving = {slope.unknown for slope in found if slope.difference}
-    return [slope for slope in found if slope.unknown in moving]
+    """Return the slopes that are not 0: between steps, an FMU may hold outputs until the next one."""
+    return [slope for slope in found if slope.difference]
 
 
 def _at(point: Point) -> Iterator[_Slope]:

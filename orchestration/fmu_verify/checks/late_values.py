@@ -87,8 +87,8 @@ def late(subject: Subject) -> CheckOutcome:
             "if it is set before."
         )
     problems += [
-        f"{one.name} has its effect {format_count(one.delay, 'step', 'steps')} later if it is set between steps "
-        "than at the start."
+        f"{one.name} has its effect {format_count(one.delay, 'step', 'steps')} later if it is set between "
+        "steps than at the start."
         for one in found
         if one.delay is not None
     ]
