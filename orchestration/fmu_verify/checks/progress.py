@@ -204,10 +204,16 @@ class _Course:
         """Return the outputs, states and derivatives of a run."""
         return in_separate_process(_trace, self.subject, course, values or {}, self.names)
 
-    def changed(self, flips: bool) -> Experiment:
-        """Return the experiment with its inputs in reverse, if wanted."""
-        inputs = {name: np.flip(v) for name, v in self.course.inputs.items()}
-        return replace(self.course, inputs=inputs) if flips else self.course
+    @property
+    def flipped(self) -> Experiment:
+        """The experiment with its inputs in reverse."""
+        return replace(self.course, inputs={name: np.flip(v) for name, v in self.course.inputs.items()})
+
+    @property
+    def held(self) -> Experiment:
+        """The experiment with constant inputs, with which limits of the model are reached least."""
+        inputs = {name: np.full_like(v, v[0]) for name, v in self.course.inputs.items()}
+        return replace(self.course, inputs=inputs)
 
 
 def _trace(
@@ -276,7 +282,7 @@ def _run_otherwise(run: _Course) -> OutputTrajectory | None:
     """Return a run with other inputs, or other parameters if it has none; None without both."""
     subject = run.subject
     if run.inputs:
-        return run.run(run.changed(flips=True))
+        return run.run(run.flipped)
     parameters = others(settable(subject, "parameter"))
     for values in (parameters, *({name: value} for name, value in list(parameters.items())[:_MOST_INPUTS])):
         try:
@@ -289,7 +295,7 @@ def _run_otherwise(run: _Course) -> OutputTrajectory | None:
 
 
 def _without_late_effect(run: _Course, gaps: list[str]) -> Iterator[str]:
-    """Yield inputs that change nothing after some time, in two runs, but did so before."""
+    """Yield inputs that change nothing after some time in three runs, but did so before."""
     until, tried = clock.monotonic() + 0.5 * run.subject.settings.seconds, 0
     late = int(_LATE * len(run.course.times))
     lost = list[str]()
@@ -297,9 +303,9 @@ def _without_late_effect(run: _Course, gaps: list[str]) -> Iterator[str]:
         if clock.monotonic() > until:
             break
         tried += 1
-        if all(_has_effect(run, name, False, flips) is False for flips in (False, True)) and _has_effect(
-            run, name, True, False
-        ):
+        bases = (run.course, run.flipped, run.held)
+        without = all(_has_effect(run, base, name, early=False) is False for base in bases)
+        if without and _has_effect(run, run.held, name, early=True):
             lost.append(name)
     gaps += list_left_out(tried, len(run.inputs), "inputs were changed late in a run.")
     if lost:
@@ -309,16 +315,15 @@ def _without_late_effect(run: _Course, gaps: list[str]) -> Iterator[str]:
         )
 
 
-def _has_effect(run: _Course, name: str, early: bool, flips: bool) -> bool | None:
+def _has_effect(run: _Course, base: Experiment, name: str, early: bool) -> bool | None:
     """Return whether another value of an input, at the start or late, changes something; None if it ends."""
-    base = run.changed(flips)
     late = int(_LATE * len(base.times))
-    values = base.inputs[name].copy()
+    values, usual = base.inputs[name].copy(), run.course.inputs[name]
     part = slice(0, len(values) - late) if early else slice(late, None)
-    moved = values[part] + 0.5 * (float(np.ptp(values)) or 1.0)
-    high = float(values.max())
+    high = float(usual.max())
+    moved = values[part] + 0.5 * (high - float(usual.min()) or 1.0)
     values[part] = np.where(moved > high, 2.0 * high - moved, moved)  # in the range that is known to work
-    wanted = run.run(base) if flips else run.plain
+    wanted = run.plain if base is run.course else run.run(base)
     try:
         found = run.run(replace(base, inputs={**base.inputs, name: values}))
     except CallError:
