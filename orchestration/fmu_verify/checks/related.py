@@ -146,7 +146,7 @@ _HINT = "Run the experiment in a tool for the simulation of FMUs. Correct its fi
     "The smoke tests in the FMU run",
     _PERFORMED,
     _HINT,
-    needs=("run.completes",),
+    needs=("run.completes", "related.metadata"),
     time_factor=_FACTOR,
 )
 def smoke_tests(subject: Subject) -> CheckOutcome:
@@ -163,7 +163,7 @@ def smoke_tests(subject: Subject) -> CheckOutcome:
         "file can be used to perform a detailed validation of the FMU in a simulation environment.",
     ),
     "The plot shows where. Correct the FMU, or the files of the experiment.",
-    needs=("run.completes",),
+    needs=("run.completes", "related.metadata"),
     time_factor=_FACTOR,
 )
 def validation(subject: Subject) -> CheckOutcome:
@@ -180,7 +180,7 @@ def validation(subject: Subject) -> CheckOutcome:
         "in the file can be used to perform an uncertainty analysis of the FMU in a simulation environment.",
     ),
     _HINT,
-    needs=("run.completes",),
+    needs=("run.completes", "related.metadata"),
     time_factor=_FACTOR,
 )
 def uncertainty(subject: Subject) -> CheckOutcome:
@@ -204,7 +204,7 @@ def uncertainty(subject: Subject) -> CheckOutcome:
         "in the related file can be applied as-is to the FMU.",
     ),
     "Compare the names, types, units and ranges of the parameter set with modelDescription.xml.",
-    needs=("run.completes",),
+    needs=("run.completes", "related.metadata"),
     time_factor=_FACTOR,
 )
 def parameters(subject: Subject) -> CheckOutcome:
@@ -256,7 +256,7 @@ def _run_with(subject: Subject, values: dict[str, object]) -> None:
         "and state setting.",
     ),
     "Write the file with this build of the FMU. Name the platform in the role if others cannot read it.",
-    needs=("run.completes",),
+    needs=("run.completes", "related.metadata"),
     time_factor=3.0,
 )
 def states(subject: Subject) -> CheckOutcome:
@@ -329,15 +329,18 @@ _JUDGED = ("experiment", "parameter", "serialized-state", "result")
 )
 def metadata(subject: Subject) -> CheckOutcome:
     """Check that meta-data (SRMD) and other XML documents are valid, and list those that no check reads."""
-    listed, used = list_related(subject.folder), _list_used(subject)
+    listed = list_related(subject.folder)
+    if not listed:  # other checks need this one, so that they are skipped, too
+        return skipped("The FMU lists no related files.")
+    used = _list_used(subject)
     others = [f for f in listed if f.role not in _JUDGED and f.path is not None and f.path not in used]
     readable = [f for f in others if is_xml(f)]
     outcome = _judge_each(subject, readable, _judge_document, "meta-data")
+    if outcome.verdict == Verdict.SKIPPED:
+        outcome = passed(f"{len(listed)} related files are listed; no meta-data was read.", gaps=outcome.gaps)
     left = [f"{f.role} '{f.source}'" for f in others if f not in readable]
-    if not left:
-        return outcome
     gap = f"Related files with these roles were not read: {join_few_names(left)}."
-    return replace(outcome, gaps=(*outcome.gaps, gap))
+    return replace(outcome, blocks=False, gaps=(*outcome.gaps, *([gap] if left else [])))
 
 
 def _judge_document(subject: Subject, file: RelatedFile) -> CheckOutcome:

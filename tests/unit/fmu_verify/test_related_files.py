@@ -6,6 +6,7 @@ import pytest
 
 from fmu_verify.findings import Finding
 from fmu_verify.verdict import Verdict
+from tests.support.broken.dynamic import build_good_fmu
 from tests.support.broken.examining import examine
 from tests.support.broken.related import (
     EXPERIMENTS,
@@ -126,10 +127,18 @@ def test_invalid_files_of_experiments(text: str, words: str, tmp_path: Path) -> 
 )
 def test_what_is_not_used_is_reported(name: str, related: Related, gap: str, tmp_path: Path) -> None:
     found = check(tmp_path, related, name)
-    assert found.verdict == Verdict.SKIPPED and len(found.outcome.gaps) == 1
+    expected = Verdict.PASSED if name == "metadata" else Verdict.SKIPPED  # other checks need it
+    assert found.verdict == expected and len(found.outcome.gaps) == 1
     assert gap in found.outcome.gaps[0]
 
 
 def test_state_that_is_cut_is_not_restored(tmp_path: Path) -> None:
     found = check(tmp_path, {"a": ("serialized-state", BYTES, serialized_state()[:-1])}, "states")
     assert found.verdict == Verdict.FAILED and "fmi2DeSerializeFMUstate answered fmi2Error" in found.sentence
+
+
+def test_fmu_without_related_files_is_not_called_for_them(tmp_path: Path) -> None:
+    examined = examine(build_good_fmu(tmp_path), "related", apart=())
+    found = [f for f in examined.findings if f.check.startswith("related.")]
+    assert {f.verdict for f in found} == {Verdict.SKIPPED} and not any(f.outcome.blocked for f in found)
+    assert all(f.sentence.endswith("The FMU lists no related files.") for f in found)
