@@ -19,6 +19,7 @@ ARGUMENTS, OTHERS = "Arguments", "Options"
 
 RUN, EXPORT, SWEEP, COMPARE, INFO = "run", "export", "sweep", "compare", "info"
 BUILD, PLOT, TRAJECTORY, VERIFY = "build", "plot", "trajectory", "verify"
+REPAIR = "repair"
 LINEARIZE, SIZE = "linearize", "size"
 """The commands that take options."""
 
@@ -57,6 +58,7 @@ class Option:
         help: The help text.
         group: One of the groups above.
         flag: The flag of the command line; default: derived from the name.
+        short: Another flag, of one letter; the help text mentions it.
         metavar: The placeholder of the value in the help.
         choices: Returns the allowed names.
         above: The lower bound of a number, excluded.
@@ -85,6 +87,7 @@ class Option:
     help: str
     group: str = STEPPING
     flag: str = ""
+    short: str = ""
     metavar: str | None = None
     choices: Callable[[], Iterable[Any]] | None = None
     above: float = -math.inf

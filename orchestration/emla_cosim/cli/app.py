@@ -29,6 +29,7 @@ COMMANDS = {
     "linearize": "Compute frequency responses and stability margins at a time of a run.",
     "trajectory": "Optimise a machine's motion for actuator power, within all bounds.",
     "verify": "Verify FMUs of any tool: conformance to the standard, and agreement with references.",
+    "repair": "Mend the text of an FMU: lists, units, dates, encodings; show and record each change.",
     "export": "Export a scenario as an SSP package for other tools.",
 }
 """Commands in the order of the help. Each is the function `command` of its module in `commands`."""

@@ -90,7 +90,7 @@ _NAMES: dict[str, Callable[[], Iterable[str]]] = {
 _FIRST: dict[str, Callable[[], Iterable[str]]] = {
     **dict.fromkeys(("run", "export", "compare"), _scenarios),
     **dict.fromkeys(("sweep", "tune"), _plans),
-    **dict.fromkeys(("rerun", "plot", "verify", "trajectory", "info"), tuple),
+    **dict.fromkeys(("rerun", "plot", "verify", "repair", "trajectory", "info"), tuple),
     "build": _models,
 }
 """Completions of the first argument by command; an empty tuple means files."""

@@ -20,7 +20,7 @@ class OptionParameter(click.Option):
         is_switch = option.type is bool
         alone: dict[str, Any] = {"flag_value": option.alone} if option.alone else {}
         super().__init__(
-            ["/".join(option.flags), option.name],
+            ["/".join(option.flags), *filter(None, [option.short]), option.name],
             is_flag=is_switch,
             default=None,  # tells what the user did not write from what is False
             multiple=option.is_repeatable,

@@ -12,6 +12,7 @@ from ..base.option import (
     LEFT_OUT,
     OUTPUT,
     PLOT,
+    REPAIR,
     RUN,
     RUNS,
     SAME,
@@ -59,7 +60,7 @@ class OutputOptions:
         in_file=False,
         recorded=False,
         repeated=False,
-        commands=(*ALL, BUILD, PLOT, TRAJECTORY, VERIFY),
+        commands=(*ALL, BUILD, PLOT, TRAJECTORY, VERIFY, REPAIR),
     )
     plots: bool = _shown(True, help="Draw plots into the output folder.")
     report: bool = _shown(False, help="Write a page with results and plots, report.html.", commands=(RUN,))

@@ -1,0 +1,91 @@
+"""`emla repair`."""
+
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rich.markup import escape
+
+from fmu_verify.findings import Examined
+from fmu_verify.repair.change import Change
+from fmu_verify.repair.repairing import Repair, is_repaired, repair
+from fmu_verify.verdict import Verdict
+
+from ...base.errors import CommandError, CosimError
+from ...base.files import check_output_files
+from ...base.option import OUTPUT, REPAIR, argument, option, switch
+from ...base.output_files import OutputFile
+from ...base.wording import format_count, shorten_line
+from ...pages.text import make_visible
+from ...views.terminal import show, show_file
+
+OPTIONS = REPAIR
+
+EXAMPLES = (
+    "emla repair mine.fmu -o fixed.fmu",
+    "emla repair mine.fmu --dry-run",
+)
+
+_LONGEST = 200
+"""Most letters of a text before or after a change."""
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """Arguments and options of the command."""
+
+    fmu: Path = argument(help="FMU to repair. It is only read.", metavar="FMU")
+    output: Path | None = option(
+        None, help="Repaired FMU to write (also -o).", metavar="FILE.fmu", group=OUTPUT, short="-o"
+    )
+    dry_run: bool = switch("Show the changes, and write nothing.", OUTPUT)
+
+
+def command(chosen: Parameters, given: dict[str, Any]) -> None:
+    """Mend what is wrong in the text of an FMU and has one remedy; binaries stay as they are."""
+    target = None
+    if chosen.output is not None:
+        check_output_files({chosen.output: "the repaired FMU"}, {chosen.fmu: "the FMU to repair"})
+        target = OutputFile(chosen.output, "the repaired FMU", is_repaired, given.get("overwrite", False))
+    elif not chosen.dry_run:
+        raise CommandError("name the FMU to write with --output, or use --dry-run.")
+    done = repair(chosen.fmu)
+    _show(done)
+    if target is not None and not chosen.dry_run:
+        done.save(target)
+        show_file(target.path)
+    if done.remaining:
+        count = format_count(len(done.remaining), "check fails", "checks fail")
+        raise CosimError(f"{count} that text alone cannot mend, or that have more than one remedy.")
+
+
+def _show(done: Repair) -> None:
+    """Show the changes, what is left, and the numbers of findings before and after."""
+    for change in done.changes:
+        _show_change(change, done.version)
+    if not done.changes:
+        show("Nothing to mend.")
+    for finding in done.remaining:
+        show(f"[bold red]not mended[/] [bold]{finding.check}[/] {_text(finding.sentence)}", soft_wrap=True)
+    for label, examined in (("before", done.before), ("after", done.after)):
+        show(f"{label}: {_count(examined)}", highlight=False)
+
+
+def _show_change(change: Change, version: int) -> None:
+    show(f"[bold]{change.check}[/] {_text(change.where)}", highlight=False, soft_wrap=True)
+    for sign, style, text in (("-", "red", change.before), ("+", "green", change.after)):
+        if text:
+            show(f"  [{style}]{sign} {_text(text)}[/]", highlight=False, soft_wrap=True)
+    clause = change.find_clause(version)
+    show(f'  {clause}: "{clause.sentence}"', style="dim", markup=False, highlight=False, soft_wrap=True)
+
+
+def _count(examined: Examined) -> str:
+    counts = Counter(f.verdict for f in examined.findings)
+    return ", ".join(f"{counts[v]} {v}" for v in Verdict)
+
+
+def _text(text: str) -> str:
+    """Return one line of text from a file, without markup and control characters."""
+    return escape(make_visible(shorten_line(text, _LONGEST)))

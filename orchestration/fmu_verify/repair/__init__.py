@@ -1,0 +1,1 @@
+"""Mending the text of FMUs: only what has one remedy, and never a binary."""

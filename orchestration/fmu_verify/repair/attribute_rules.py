@@ -1,0 +1,190 @@
+"""Mend attributes and elements that have one right form: case, dates, annotations, repetitions, units."""
+
+import re
+from collections.abc import Callable, Iterator, Mapping
+from datetime import UTC, datetime
+from typing import Any
+
+from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
+
+from emla_cosim.base.units import BASE_UNITS, SiUnit, find_unit
+
+from .change import Change, describe_element
+
+_DATE = "generationDateAndTime"
+_VALID_DATE = re.compile(r"-?\d{4,}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d+)?(Z|[+-]\d\d:\d\d)?")
+_DATES = (
+    *("%Y-%m-%d %H:%M:%S", "%Y-%m-%d %H:%M:%SZ", "%Y-%m-%dT%H:%M", "%Y-%m-%dT%H:%M:%S%z", "%Y-%m-%d"),
+    *("%Y-%m-%d %H:%M:%S%z", "%Y/%m/%d %H:%M:%S", "%Y%m%dT%H%M%S", "%Y%m%dT%H%M%SZ", "%a %b %d %H:%M:%S %Y"),
+)
+"""Forms of dates whose parts have one order. Days before months could be months before days."""
+
+_WORDS = {
+    "causality": (
+        *("parameter", "calculatedParameter", "structuralParameter", "input", "output", "local"),
+        *("independent", "dependent"),
+    ),
+    "variability": ("constant", "fixed", "tunable", "discrete", "continuous"),
+    "initial": ("exact", "approx", "calculated"),
+    "variableNamingConvention": ("flat", "structured"),
+    "dependenciesKind": ("dependent", "constant", "fixed", "tunable", "discrete"),
+}
+"""Attributes with a list of allowed words, which differ in more than case."""
+
+_BOOLEANS = re.compile(r"(can|needs|provides|has|completed)[A-Z]\w*|relativeQuantity")
+_BEFORE_UNITS = ("ModelExchange", "CoSimulation", "ScheduledExecution")
+_NUMBER = ".17g"
+
+
+def mend_attributes(root: Any, version: int) -> Iterator[Change]:
+    """Mend a model description, and yield what was changed."""
+    rules: tuple[Callable[[Any, int], Iterator[Change]], ...] = (
+        _mend_case,
+        _mend_date,
+        _mend_types,
+        _mend_repetitions,
+        _mend_variability,
+        _mend_units,
+    )
+    for rule in rules:
+        yield from rule(root, version)
+    if version == 3:
+        yield from mend_annotations(root, "description.schema")
+
+
+def mend_annotations(root: Any, check: str) -> Iterator[Change]:
+    """Remove the attribute `order`, which Dymola 2023x writes, from annotations of FMI 3.0."""
+    for element in root.iterfind(".//Annotation[@order]"):
+        before = describe_element(element)
+        del element.attrib["order"]
+        yield Change(check, _where(element), before, describe_element(element))
+
+
+def _mend_case(root: Any, version: int) -> Iterator[Change]:
+    """Mend words in wrong case: of attributes with a list of words, and true and false."""
+    for element in root.iter(etree.Element):
+        for name, text in element.attrib.items():
+            words = _WORDS.get(name)
+            if words is None and _is_boolean(element, name):
+                words = ("true", "false")
+            right = {word.casefold(): word for word in words or ()}
+            after = " ".join(right.get(word.casefold(), word) for word in text.split())
+            if words and after != " ".join(text.split()):
+                element.set(name, after)
+                yield Change("description.schema", f"{name} of {_where(element)}", text, after)
+
+
+def _is_boolean(element: Any, name: str) -> bool:
+    if name == "start":
+        return element.tag == "Boolean"
+    return bool(_BOOLEANS.fullmatch(name)) and not name.endswith(("Factor", "Order"))
+
+
+def _mend_date(root: Any, version: int) -> Iterator[Change]:
+    text = root.get(_DATE)
+    if text is None or _VALID_DATE.fullmatch(text.strip()):
+        return
+    for form in _DATES:
+        try:
+            date = datetime.strptime(text.strip(), form)
+        except ValueError:
+            continue
+        date = date.astimezone(UTC) if date.tzinfo is not None else date
+        after = f"{date:%Y-%m-%dT%H:%M:%SZ}"
+        root.set(_DATE, after)
+        yield Change("description.schema", _DATE, text, after)
+        return
+
+
+def _mend_types(root: Any, version: int) -> Iterator[Change]:
+    """Mend names of types that differ from those of one definition in case only."""
+    names = [e.get("name", "") for e in root.iterfind("TypeDefinitions/*")]
+    for element in root.iterfind("ModelVariables//*[@declaredType]"):
+        text = element.get("declaredType")
+        near = [name for name in names if name.casefold() == text.casefold()]
+        if text not in names and len(near) == 1:
+            element.set("declaredType", near[0])
+            yield Change("description.types", f"declaredType of {_where(element)}", text, near[0])
+
+
+def _mend_repetitions(root: Any, version: int) -> Iterator[Change]:
+    """Join lists of vendor annotations, and remove exact repetitions of their and of other entries."""
+    lists = root.findall("VendorAnnotations")
+    for element in lists[1:]:
+        lists[0].extend(list(element))
+        root.remove(element)
+        yield Change("description.schema", "VendorAnnotations", "two lists", "one list")
+    for path, check in (
+        ("VendorAnnotations/Tool", "description.schema"),
+        ("LogCategories/Category", "description.categories"),
+        ("UnitDefinitions/Unit", "units.defined"),
+    ):
+        seen = set[bytes]()
+        for element in root.findall(path):
+            content = etree.tostring(element, method="c14n", with_tail=False)
+            if content in seen:
+                element.getparent().remove(element)
+                yield Change(check, f"{path}, twice the same", describe_element(element), "")
+            seen.add(content)
+
+
+def _mend_variability(root: Any, version: int) -> Iterator[Change]:
+    """Make continuous variables discrete that are not Real, for which FMI 2.0 has no other meaning."""
+    for variable in root.iterfind("ModelVariables/ScalarVariable") if version == 2 else ():
+        is_real = variable.find("Real") is not None
+        given, causality = variable.get("variability"), variable.get("causality", "local")
+        if is_real or given not in (None, "continuous") or causality not in ("input", "output", "local"):
+            continue
+        variable.set("variability", "discrete")
+        yield Change("variables.attributes", f"variability of {_where(variable)}", given or "", "discrete")
+
+
+def _mend_units(root: Any, version: int) -> Iterator[Change]:
+    """Define units that are used and not defined, if the table of units has them."""
+    units = {e.get("name"): e for e in root.iterfind("UnitDefinitions/Unit")}
+    users = [*root.iterfind("TypeDefinitions//*[@unit]"), *root.iterfind("ModelVariables//*[@unit]")]
+    for user in users:
+        name = user.get("unit")
+        if name in units or (unit := find_unit(name)) is None or unit.exponents is None or unit.multiple_of:
+            continue
+        units[name] = element = etree.SubElement(_find_units(root), "Unit", name=name)
+        base = etree.SubElement(element, "BaseUnit", _base_attributes(unit))
+        shown = {user.get("displayUnit") for user in users if user.get("unit") == name}
+        for display in sorted(filter(None, shown)):
+            if (other := find_unit(display)) is not None and other.exponents == unit.exponents:
+                etree.SubElement(element, "DisplayUnit", name=display, **_display_attributes(unit, other))
+        yield Change("units.defined", f"Unit '{name}'", "", describe_element(base))
+
+
+def _base_attributes(unit: SiUnit) -> dict[str, str]:
+    powers = {base: str(unit.powers[base]) for base in BASE_UNITS if base in unit.powers}
+    offset = 0.0 if unit.is_difference else unit.offset
+    return powers | _linear(unit.factor, offset)
+
+
+def _display_attributes(unit: SiUnit, display: SiUnit) -> dict[str, str]:
+    """Return factor and offset from a unit to its display unit: display = factor * unit + offset."""
+    return _linear(unit.factor / display.factor, (unit.offset - display.offset) / display.factor)
+
+
+def _linear(factor: float, offset: float) -> dict[str, str]:
+    given: Mapping[str, tuple[float, float]] = {"factor": (factor, 1.0), "offset": (offset, 0.0)}
+    return {name: format(x, _NUMBER) for name, (x, default) in given.items() if x != default}
+
+
+def _find_units(root: Any) -> Any:
+    """Return the list of units, which is made if there is none."""
+    units = root.find("UnitDefinitions")
+    if units is None:
+        units = etree.Element("UnitDefinitions")
+        kinds = [e for e in root if e.tag in _BEFORE_UNITS]
+        root.insert(root.index(kinds[-1]) + 1 if kinds else 0, units)
+    return units
+
+
+def _where(element: Any) -> str:
+    """Return the name of the closest element that has one, with its tag."""
+    named = element
+    while named.get("name") is None and named.getparent() is not None:
+        named = named.getparent()
+    return element.tag if named.get("name") is None else f"{named.tag} '{named.get('name')}'"

@@ -1,0 +1,58 @@
+"""Write into a model description what was repaired."""
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import Any
+
+from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
+
+from .change import Change
+
+TOOL = "EMLA-Cosim"
+"""The tool that FMI 2.0 names in VendorAnnotations."""
+
+TYPE = "org.emla-cosim.repair"
+"""The type of the annotation in FMI 3.0."""
+
+_BEFORE_ANNOTATIONS = ("ModelVariables", "ModelStructure")
+
+
+def write_record(root: Any, version: int, changes: Sequence[Change], tool_version: str) -> None:
+    """Add a list of changes to the annotations of a model description.
+
+    Args:
+        root: The root element.
+        version: The version of FMI, 2 or 3.
+        changes: The changes.
+        tool_version: The version of EMLA-Cosim.
+    """
+    holder = _find_holder(root, version)
+    repairs = holder.find("Repairs")
+    if repairs is None:
+        repairs = etree.SubElement(holder, "Repairs")
+    repair = etree.SubElement(repairs, "Repair", version=tool_version)
+    for change in changes:
+        values = {name: _printable(text) for name, text in asdict(change).items()}
+        etree.SubElement(repair, "Change", values)
+
+
+def _find_holder(root: Any, version: int) -> Any:
+    """Return the element for our own annotations, which is made if there is none."""
+    if version == 3:
+        group = root.find("Annotations")
+        if group is None:
+            group = etree.SubElement(root, "Annotations")
+        own = next((e for e in group.iterfind("Annotation") if e.get("type") == TYPE), None)
+        return etree.SubElement(group, "Annotation", type=TYPE) if own is None else own
+    group = root.find("VendorAnnotations")
+    if group is None:
+        group = etree.Element("VendorAnnotations")
+        variables = next(e for e in root if e.tag in _BEFORE_ANNOTATIONS)
+        root.insert(root.index(variables), group)
+    own = next((e for e in group.iterfind("Tool") if e.get("name") == TOOL), None)
+    return etree.SubElement(group, "Tool", name=TOOL) if own is None else own
+
+
+def _printable(text: str) -> str:
+    """Return a text without characters that XML does not allow."""
+    return "".join(c if c.isprintable() else " " for c in text)

@@ -1,0 +1,155 @@
+"""Mend ModelStructure: lists that can be derived from the variables, and dependencies."""
+
+from collections.abc import Iterator
+from typing import Any
+
+from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
+
+from ..checks.structure import _LINEAR, _ignored, _initially_unknown
+from ..declarations import REAL, Declarations
+from ..subject import Subject
+from .change import Change, describe_element
+
+_ORDER_3 = ("Output", "ContinuousStateDerivative", "ClockedState", "InitialUnknown", "EventIndicator")
+_ORDER_2 = ("Outputs", "Derivatives", "DiscreteStates", "InitialUnknowns")
+_LISTS_3 = {"Outputs": "Output", "InitialUnknowns": "InitialUnknown"}
+
+
+def mend_structure(subject: Subject) -> Iterator[Change]:
+    """Mend ModelStructure in the tree of a valid model description, and yield what was changed.
+
+    An added unknown has no dependencies, which means that it depends on all knowns.
+    """
+    declared = subject.declared
+    structure = subject.tree.find("ModelStructure")
+    if structure is None:
+        return
+    mender = _Mender(structure, declared)
+    outputs = {v.index for v in declared.variables if v.causality == "output"}
+    yield from mender.add_missing("Outputs", outputs, "structure.outputs")
+    doubtful = {v.index for v in declared.variables if not v.possible or v.is_clocked} | _ignored(subject)
+    wanted = _initially_unknown(declared) - doubtful
+    yield from mender.drop_surplus("InitialUnknowns", wanted | doubtful)
+    yield from mender.add_missing("InitialUnknowns", wanted, "structure.initial_unknowns")
+    if declared.version == 2:
+        yield from mender.sort_initial_unknowns()
+    for element in structure.xpath(".//*[@dependencies or @dependenciesKind]"):
+        yield from mender.mend_dependencies(element)
+
+
+class _Mender:
+    """Changes the lists of an element ModelStructure."""
+
+    def __init__(self, structure: Any, declared: Declarations) -> None:
+        self._structure, self._declared = structure, declared
+        self._is_3 = declared.version == 3
+        self._attribute = "valueReference" if self._is_3 else "index"
+        self._places = {
+            (v.reference if self._is_3 else v.index): v.index for v in reversed(declared.variables)
+        }
+
+    def _list(self, name: str) -> list[Any]:
+        """Return the elements of a list, by its name in FMI 2.0."""
+        path = _LISTS_3[name] if self._is_3 else f"{name}/Unknown"
+        return self._structure.findall(path)
+
+    def _index(self, element: Any) -> int:
+        """Return the position of the variable of an element; 0 for none."""
+        return self._places.get(int(element.get(self._attribute)), 0)
+
+    def _name(self, element: Any) -> str:
+        return str(self._declared.variable(self._index(element)) or element.get(self._attribute))
+
+    def add_missing(self, name: str, wanted: set[int], check: str) -> Iterator[Change]:
+        """Add variables that a list lacks."""
+        for index in sorted(wanted - {self._index(e) for e in self._list(name)}):
+            variable = self._declared.variables[index - 1]
+            reference = variable.reference if self._is_3 else index
+            tag = _LISTS_3[name] if self._is_3 else "Unknown"
+            element = etree.Element(tag, {self._attribute: str(reference)})
+            self._insert(name, element)
+            where = f"{self._declared.list_name(name)}, {variable}"
+            yield Change(check, where, "", describe_element(element))
+
+    def _insert(self, name: str, element: Any) -> None:
+        """Add an element to the end of a list, which is made if there is none."""
+        if not self._is_3:
+            parent = self._structure.find(name)
+            if parent is None:
+                parent = etree.Element(name)
+                self._structure.insert(self._find_place(_ORDER_2, name), parent)
+            later = (e for e in parent.iterfind("Unknown") if self._index(e) > self._index(element))
+            after = next(later, None) if name == "InitialUnknowns" else None  # which is in order
+            parent.insert(len(parent) if after is None else parent.index(after), element)
+            return
+        self._structure.insert(self._find_place(_ORDER_3, _LISTS_3[name]), element)
+
+    def _find_place(self, order: tuple[str, ...], tag: str) -> int:
+        """Return where to insert an element so that those of the structure stay in order."""
+        before = order[: order.index(tag) + 1]
+        places = [i for i, e in enumerate(self._structure) if e.tag in before]
+        return places[-1] + 1 if places else 0
+
+    def drop_surplus(self, name: str, allowed: set[int]) -> Iterator[Change]:
+        """Remove variables that do not belong to a list, and exact repetitions."""
+        check, seen = "structure.initial_unknowns", set[str]()
+        for element in self._list(name):
+            text = describe_element(element)
+            if self._index(element) in allowed and text not in seen:
+                seen.add(text)
+                continue
+            parent = element.getparent()
+            parent.remove(element)
+            if not self._is_3 and parent.find("Unknown") is None:
+                self._structure.remove(parent)
+            yield Change(check, f"{self._declared.list_name(name)}, {self._name(element)}", text, "")
+
+    def sort_initial_unknowns(self) -> Iterator[Change]:
+        """Sort InitialUnknowns of FMI 2.0 by index."""
+        elements = self._list("InitialUnknowns")
+        found = [self._index(e) for e in elements]
+        if found == sorted(found):
+            return
+        parent = elements[0].getparent()
+        for element in sorted(elements, key=self._index):
+            parent.append(element)
+        before, after = (" ".join(map(str, indices)) for indices in (found, sorted(found)))
+        yield Change("structure.initial_unknowns", "the order of InitialUnknowns", before, after)
+
+    def mend_dependencies(self, element: Any) -> Iterator[Change]:
+        """Mend the dependencies of an unknown: those on nothing, their order, and their kinds."""
+        before = describe_element(element)
+        words, kinds = (
+            None if (text := element.get(name)) is None else text.split()
+            for name in ("dependencies", "dependenciesKind")
+        )
+        if "0" in (words or ()) and not self._is_3:
+            return  # perhaps all indices begin at 0
+        if kinds is not None and len(kinds) != len(words or ()):
+            kinds = None
+        pairs = list(zip(words or (), kinds or [""] * len(words or ()), strict=True))
+        kept = [pair for pair in pairs if int(pair[0]) in self._places]
+        if not self._is_3:
+            kept = sorted(dict.fromkeys(kept), key=lambda pair: int(pair[0]))
+        kept = [(word, self._allowed_kind(element, kind)) for word, kind in kept]
+        has_any = bool(kept) or not pairs
+        _set(element, "dependencies", [word for word, _ in kept] if has_any else None, words)
+        has_kinds = kinds is not None and has_any
+        _set(element, "dependenciesKind", [kind for _, kind in kept] if has_kinds else None, kinds)
+        if (after := describe_element(element)) != before:
+            yield Change("structure.dependencies", f"dependencies of {self._name(element)}", before, after)
+
+    def _allowed_kind(self, element: Any, kind: str) -> str:
+        """Return a kind of dependency, or the most general one if its unknown cannot have it."""
+        variable = self._declared.variable(self._index(element))
+        is_real = variable is None or variable.type in REAL
+        is_later = element.tag == "InitialUnknown" and kind != "constant"
+        return "dependent" if kind in _LINEAR and (not is_real or is_later) else kind
+
+
+def _set(element: Any, name: str, words: list[str] | None, before: list[str] | None) -> None:
+    """Set an attribute with a list of words if they differ; remove it if there are none left."""
+    if words is None:
+        element.attrib.pop(name, None)
+    elif before is not None and words != before:
+        element.set(name, " ".join(words))

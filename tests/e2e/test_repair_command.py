@@ -1,0 +1,74 @@
+"""`emla repair`: what it shows, which files it writes, and how it ends."""
+
+from pathlib import Path
+
+import pytest
+
+import emla_cosim as ec
+from tests.support.broken.editing import good_bytes, setting, without
+from tests.support.commands import Emla
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture
+def faulty(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    monkeypatch.chdir(tmp_path)
+    return without("//Unit[@name='W']")(tmp_path).name
+
+
+def test_mended_fmu_passes_and_is_shown(faulty: str, emla: Emla) -> None:
+    before = Path(faulty).read_bytes()
+    result = emla("repair", faulty, "-o", "fixed.fmu")
+    assert result.exit_code == 0
+    for text in (
+        "units.defined Unit 'W'",
+        '+ <BaseUnit kg="1" m="2" s="-3">',
+        "before: ",
+        "after: ",
+        "2.2.3",
+    ):
+        assert text in result.stdout
+    assert Path(faulty).read_bytes() == before
+    assert ec.verify("fixed.fmu", only=["units", "instance.created"]).passed
+    assert emla("repair", faulty, "-o", "fixed.fmu").exit_code == 0  # its own file is replaced
+
+
+def test_dry_run_writes_nothing(faulty: str, emla: Emla) -> None:
+    result = emla("repair", faulty, "--dry-run")
+    assert (result.exit_code, [p.name for p in Path().iterdir()]) == (0, [faulty])
+    assert "Unit 'W'" in result.stdout
+
+
+def test_what_is_left_gives_exit_code_1(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, emla: Emla) -> None:
+    monkeypatch.chdir(tmp_path)
+    path = setting("//ScalarVariable[@name='body.mass']/Real", max="1.0")(tmp_path)
+    result = emla("repair", path.name, "-o", "fixed.fmu")
+    assert result.exit_code == 1
+    assert "not mended variables.range " in result.stdout
+    assert "1 check fails that text alone cannot mend" in result.stderr
+    assert Path("fixed.fmu").read_bytes() == path.read_bytes()  # a copy: nothing was mended
+
+
+def test_wrong_commands(faulty: str, emla: Emla) -> None:
+    Path("mine.txt").write_text("mine")
+    for arguments, said in (
+        ((faulty,), "--dry-run"),
+        ((faulty, "-o", faulty), "is also the FMU to repair"),
+        ((faulty, "-o", "mine.txt"), "was not written by emla"),
+        (("missing.fmu", "-o", "fixed.fmu"), "does not exist"),
+        (("mine.txt", "-o", "fixed.fmu"), "cannot be repaired"),
+    ):
+        result = emla("repair", *arguments)
+        assert (result.exit_code, said in result.stderr) == (2, True), result.stderr
+    assert not Path("fixed.fmu").exists()
+    assert emla("repair", faulty, "-o", "mine.txt", "--overwrite").exit_code == 0
+
+
+def test_fmu_without_faults_is_copied(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, emla: Emla) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("Toy.fmu").write_bytes(good_bytes())
+    result = emla("repair", "Toy.fmu", "-o", "fixed.fmu")
+    assert result.exit_code == 0
+    assert "Nothing to mend." in result.stdout
+    assert Path("fixed.fmu").read_bytes() == good_bytes()
