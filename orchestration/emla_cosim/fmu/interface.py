@@ -358,6 +358,7 @@ def _simplify(root: Any) -> bool:
 
 _HARMLESS = re.compile(
     r"attribute 'generationDateAndTime'"
+    r"|Element 'Annotation', attribute 'order'"  # Dymola 2023x writes it in FMI 3.0
     r"|^The unit .* is not defined"  # a connection that needs its definition is refused
     r"|^(The|A) display unit "
     r"|is of type (Integer|Boolean|String|Enumeration) and must have variability != \"continuous\""
