@@ -7,6 +7,7 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
+from emla_cosim.fmu.load_diagnosis import explain_python_needs
 from emla_cosim.fmu.python_exceptions import REMEDY
 
 from .catalogue import RECORDED
@@ -110,7 +111,8 @@ def _examine(check: Check, subject: Any) -> CheckOutcome:
         if _LICENSE.search(str(error)):
             said = f"It needs a license that this machine lacks. {error}"
             return blocked(said, hint="Verify it where its license is installed.", gaps=(said,))
-        hint = REMEDY if error.clause == LEAVES_EXCEPTION else ""
+        hint = explain_python_needs(subject.folder, [str(error)]) if check.name == "instance.created" else ""
+        hint = hint or (REMEDY if error.clause == LEAVES_EXCEPTION else "")
         return failed(str(error), clause=error.clause or (None if error.has_status else RETURNS), hint=hint)
     except NotRunError as error:
         return blocked(str(error), gaps=(str(error),))

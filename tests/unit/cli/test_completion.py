@@ -47,7 +47,7 @@ def complete(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 @pytest.mark.parametrize(
     ("line", "expected"),
     [
-        ("emla r", ["run", "rerun"]),
+        ("emla r", ["run", "rerun", "repair"]),
         ("emla -q run til", ["tilt"]),
         ("emla sweep study-r", ["study-robustness"]),
         ("emla build EmlaP", ["EmlaPlant"]),
@@ -65,7 +65,8 @@ def test_names_complete(line: str, expected: list[str], complete: Complete) -> N
 
 
 @pytest.mark.parametrize(
-    "line", ["emla run lift --output ", "emla plot ", "emla run mine.t", "emla verify lift.fmu a"]
+    "line",
+    ["emla run lift --output ", "emla plot ", "emla run mine.t", "emla verify lift.fmu a", "emla repair l"],
 )
 def test_the_shell_completes_files(line: str, complete: Complete) -> None:
     assert complete(line) == [f"file,{line.rpartition(' ')[2]}"]
