@@ -1,0 +1,242 @@
+"""Check the manifests of layered standards, and what they and their standards demand of the FMU."""
+
+import re
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import NamedTuple
+from urllib.parse import unquote, urlsplit
+
+from emla_cosim.base.errors import CommandError
+
+from ..check import check
+from ..layered_manifest import EXTRA, MANIFEST, LayeredManifest, list_manifests, read_manifest
+from ..layered_schema import BUS, MANIFESTS, REF, STRUCT, XCP, find_element_problems
+from ..messages import Breach, Problem, judge_problems, sentence
+from ..subject import Subject
+from ..verdict import CheckOutcome, Clause, fmi3, noted, skipped
+from ._layered_terminals import judge_buses, judge_maps
+from ._layered_xcp import judge_xcp
+
+_DOMAIN = re.compile(r"[A-Za-z][\w-]*(\.[\w-]+)+")
+"""A reverse domain name."""
+
+_FOLDERS = Clause(
+    "2.3.1",
+    "In order to avoid ambiguities and conflicts, the extra files should be provided in subdirectories using "
+    "a reverse domain notation of a domain that is controlled by the entity defining the semantics and "
+    "content of the additional entries",
+    in_3=fmi3(
+        "2.5.1.6",
+        "In order to avoid ambiguities and conflicts, the names of these subdirectories should use the "
+        "reverse domain notation of a domain that is controlled by the entity defining the semantics and "
+        "content of the additional entries",
+    ),
+)
+_ATTRIBUTES = fmi3(
+    "2.6",
+    "The root element of this XML file shall have the following attributes in the XML namespace "
+    "http://fmi-standard.org/fmi-ls-manifest:",
+)
+_PRESENT = fmi3(
+    "2.6",
+    "A layered standard should require the presence of an XML file named fmi-ls-manifest.xml in the "
+    "sub-directory of extra mandated by the layered standard.",
+)
+_RELATED = Clause(
+    "2.1",
+    "Each element describes one additional related file present in the FMU archive.",
+    document="FMI-LS-REF 1.0.0-alpha.1",
+)
+_SOURCE = Clause(
+    "2.2",
+    "Any relative URIs are to be interpreted relative to the location of the layered standard manifest file "
+    "in the FMU archive",
+    document="FMI-LS-REF 1.0.0-alpha.1",
+)
+
+
+class Findings(NamedTuple):
+    """What manifests violate, what only warns, what is only recommended, and what was not judged."""
+
+    problems: list[Problem]
+    doubts: list[Problem]
+    notes: list[str]
+    gaps: list[str]
+
+
+@check(
+    "layered.manifests",
+    "Manifests of layered standards are valid",
+    Clause(
+        "2.3.1",
+        "The use of subdirectories beginning with org.modelica and org.fmi-standard is explicitly reserved "
+        "for use by MAP FMI-defined layered standards, i.e. other uses must not use subdirectory names "
+        "beginning with these prefixes.",
+        in_3=_PRESENT,
+    ),
+    "Write `extra/NAME/fmi-ls-manifest.xml` as the standard NAME says; its paths are relative to its folder.",
+    needs=("description.schema",),
+)
+def manifests(subject: Subject) -> CheckOutcome:
+    """Check folders in `extra`, the manifests in them, and the files, variables and terminals they name."""
+    found = Findings([], [], [*_note_folders(subject.folder / EXTRA)], [])
+    _find_missing_manifests(subject, found)
+    paths = list_manifests(subject.folder)
+    for path in paths:
+        try:
+            manifest = read_manifest(path)
+        except CommandError as error:
+            found.problems.append(sentence(error))
+            continue
+        name = path.parent.name if path.parent.name in _STANDARDS else manifest.name
+        standard = _STANDARDS.get(name or "")
+        if standard is None:
+            _judge_attributes(manifest, found)
+        else:
+            _judge_known(manifest, name or "", standard, subject, found)
+    gaps = (*found.notes, *found.gaps)
+    if not paths and not any(found):
+        return skipped("It has no manifest of a layered standard.")
+    if found.notes and not found.problems and not found.doubts:
+        return noted(gaps[0], gaps=gaps[1:], clause=_FOLDERS)
+    fine = f"{len(paths)} manifests of layered standards are valid."
+    return judge_problems(found.problems, fine, found.doubts, gaps=gaps)
+
+
+def _note_folders(extra: Path) -> Iterator[str]:
+    """Yield entries of `extra` whose names are not in reverse domain notation."""
+    for path in sorted(extra.iterdir()) if extra.is_dir() else ():
+        if path.is_file():
+            yield f"{EXTRA} has the file {path.name}, which is in no folder of a standard or tool."
+        elif not _DOMAIN.fullmatch(path.name):
+            yield f"The name of the folder {EXTRA}/{path.name} is not in reverse domain notation."
+
+
+def _find_missing_manifests(subject: Subject, found: Findings) -> None:
+    """Add folders of known standards without a manifest, or whose names differ by case."""
+    for path in sorted((subject.folder / EXTRA).glob("*/")):
+        for name in _STANDARDS:
+            where = f"{EXTRA}/{path.name}"
+            if path.name.casefold() == name and path.name != name:
+                found.problems.append(Breach(f"The name of the folder {where} must be {name}.", _PRESENT))
+            elif path.name == name and not (path / MANIFEST).is_file():
+                other = [p.name for p in path.iterdir() if p.name.casefold() == MANIFEST]
+                but = f", but {other[0]}" if other else ""
+                found.doubts.append(Breach(f"{where} has no {MANIFEST}{but}.", _PRESENT))
+
+
+def _judge_attributes(manifest: LayeredManifest, found: Findings) -> None:
+    """Add what is wrong with the attributes that all manifests should have."""
+    for attribute in ("name", "version", "description"):
+        text = getattr(manifest, attribute)
+        if text is None and attribute == "description":
+            found.gaps.append(f"{manifest.label} has no fmi-ls-description.")
+        elif text is None:
+            bare = manifest.root.get(f"fmi-ls-{attribute}") is not None
+            where = " in its namespace" if bare else ""
+            what = f"{manifest.label} has no fmi-ls-{attribute}{where}."
+            found.doubts.append(Breach(what, _ATTRIBUTES))
+        elif not text.strip():
+            found.gaps.append(f"The fmi-ls-{attribute} of {manifest.label} is empty.")
+    if manifest.name and not _DOMAIN.fullmatch(manifest.name):
+        what = f"The fmi-ls-name of {manifest.label}, {manifest.name}, is not in reverse domain notation."
+        found.gaps.append(what)
+    elif manifest.name and manifest.name != manifest.path.parent.name:
+        found.gaps.append(f"{manifest.label} is for {manifest.name}, which is not the name of its folder.")
+
+
+def _judge_known(
+    manifest: LayeredManifest, name: str, standard: "_Standard", subject: Subject, found: Findings
+) -> None:
+    label, clause = manifest.label, standard.clause
+    if manifest.name != name:
+        has = f"the fmi-ls-name {manifest.name}" if manifest.name is not None else "no fmi-ls-name"
+        found.problems.append(Breach(f"{label} has {has}; it must be {name}.", clause))
+    elif manifest.path.parent.name != name:
+        found.problems.append(Breach(f"{label} is for {name}; it must be in {EXTRA}/{name}.", clause))
+    if not (manifest.version or "").strip():
+        found.problems.append(Breach(f"{label} has no fmi-ls-version.", clause))
+    elif manifest.version is not None and not manifest.version.startswith("1."):
+        found.gaps.append(f"{label} is for version {manifest.version}; it was judged by version 1.")
+    if not (manifest.description or "").strip():
+        found.gaps.append(f"{label} has no fmi-ls-description.")
+    if subject.version not in standard.versions:
+        what = f"{label} is for {name}, which is for FMI 3.0 only."
+        found.doubts.append(Breach(what, clause))
+    violations = list(find_element_problems(manifest.root, MANIFESTS[name]))
+    found.problems.extend(Breach(f"{label}, {violation}", clause) for violation in violations)
+    if not violations and subject.version in standard.versions:
+        standard.judge(manifest, subject, found)
+
+
+def _judge_related(manifest: LayeredManifest, subject: Subject, found: Findings) -> None:
+    """Add related files that are not in the FMU."""
+    for one in manifest.root.iter("{*}Related"):
+        source = one.get("source")
+        if urlsplit(source).scheme:
+            found.gaps.append(f"The related file {source} is not in the FMU, and was not examined.")
+            continue
+        path = (manifest.path.parent / unquote(urlsplit(source).path)).resolve()
+        if not path.is_relative_to(subject.folder.resolve()):
+            what = f"{manifest.label} names the file {source}, which is outside of the FMU."
+            found.problems.append(Breach(what, _SOURCE))
+        elif not path.is_file():
+            what = f"{manifest.label} names the file {source}, which does not exist."
+            found.doubts.append(Breach(what, _RELATED))
+
+
+class _Standard(NamedTuple):
+    """A known layered standard: where it describes its manifest, for which FMI it is, and its judge."""
+
+    clause: Clause
+    versions: tuple[int, ...]
+    judge: Callable[[LayeredManifest, Subject, Findings], None]
+
+
+def _clause(document: str, section: str, sentence: str) -> Clause:
+    return Clause(section, sentence, document=document)
+
+
+_STANDARDS = {
+    REF: _Standard(
+        _clause(
+            "FMI-LS-REF 1.0.0-alpha.1",
+            "2.1",
+            "All information about the related files included with the FMU are contained in the layered "
+            "standard manifest file.",
+        ),
+        (2, 3),
+        _judge_related,
+    ),
+    BUS: _Standard(
+        _clause(
+            "FMI-LS-BUS 1.3.0-beta.1",
+            "2",
+            "The manifest file shall be stored inside the FMU at the following path: "
+            "/extra/org.fmi-standard.fmi-ls-bus/fmi-ls-manifest.xml.",
+        ),
+        (3,),
+        lambda manifest, subject, found: found.problems.extend(judge_buses(subject)),
+    ),
+    XCP: _Standard(
+        _clause(
+            "FMI-LS-XCP 1.0.0",
+            "2",
+            "This layered standard defines additional elements that carry relevant interface definitions and "
+            "capability flags in the layered standard manifest file.",
+        ),
+        (2, 3),
+        lambda manifest, subject, found: found.problems.extend(judge_xcp(manifest, subject)),
+    ),
+    STRUCT: _Standard(
+        _clause(
+            "FMI-LS-STRUCT 1.0.0-rc.1",
+            "2",
+            "The manifest file shall be stored inside the FMU at the following path: "
+            "/extra/org.fmi-standard.fmi-ls-struct/fmi-ls-manifest.xml.",
+        ),
+        (3,),
+        lambda manifest, subject, found: found.problems.extend(judge_maps(subject)),
+    ),
+}
+"""The layered standards of the FMI project by name."""
