@@ -1,5 +1,6 @@
 """Read from the header of a library for which system and processor it is."""
 
+import re
 import struct
 from pathlib import Path
 
@@ -9,6 +10,8 @@ _MACH = {7: "x86", 0x01000007: "x86_64", 0x0100000C: "aarch64"}
 _MACH_MAGIC = {b"\xce\xfa\xed\xfe": "<", b"\xcf\xfa\xed\xfe": "<"}
 _FAT = (b"\xca\xfe\xba\xbe", b"\xca\xfe\xba\xbf")
 _MOST_PARTS = 20
+_32_BITS = 1
+"""Class of an ELF file: `ELFCLASS32`."""
 """Most processors of a universal library: Java classes begin with the same bytes."""
 
 _OF_FOLDER = {
@@ -19,6 +22,19 @@ _OF_FOLDER = {
     "darwin32": ("darwin", "x86"),
     "darwin64": ("darwin", "x86_64"),
 }
+_SYSTEMS = {
+    **dict.fromkeys(("windows", "win"), "windows"),
+    **dict.fromkeys(("darwin", "macos", "mac", "osx"), "darwin"),
+    "linux": "linux",
+}
+_PROCESSORS = {
+    **dict.fromkeys(("x86_64", "amd64", "x64", "64"), "x86_64"),
+    **dict.fromkeys(("x86", "i386", "i686", "32"), "x86"),
+    **dict.fromkeys(("aarch64", "arm64"), "aarch64"),
+    **dict.fromkeys(("aarch32", "arm32", "armv7"), "aarch32"),
+}
+_WORDS = re.compile(f"{'|'.join(sorted({*_SYSTEMS, *_PROCESSORS}, key=len, reverse=True))}|[-_ ]|.+?")
+"""Names of systems and processors, and what may separate them."""
 
 NAMES_OF_VERSION_2 = frozenset(_OF_FOLDER)
 """Names of platforms in FMI 2.0."""
@@ -34,7 +50,9 @@ def read_targets(path: Path) -> set[tuple[str, str]]:
     try:
         if head.startswith(b"\x7fELF"):
             order = "<" if head[5] == 1 else ">"
-            return {("linux", _ELF.get(struct.unpack_from(f"{order}H", head, 18)[0], ""))}
+            processor = _ELF.get(struct.unpack_from(f"{order}H", head, 18)[0], "")
+            is_x32 = processor == "x86_64" and head[4] == _32_BITS  # pointers have 32 bits
+            return {("linux", "x32" if is_x32 else processor)}
         if head.startswith(b"MZ"):
             (place,) = struct.unpack_from("<I", head, 60)
             if head[place : place + 4] == b"PE\0\0":
@@ -59,3 +77,33 @@ def wanted_target(folder: str) -> tuple[str, str] | None:
     processor, _, system = folder.partition("-")
     known = {*_ELF.values(), *_PE.values(), *_MACH.values()}
     return (system, processor) if system in ("linux", "windows", "darwin") and processor in known else None
+
+
+def describe_mismatch(path: Path, folder: str) -> str:
+    """Return for what a library is if that is not what its folder is for; otherwise an empty string."""
+    wanted, found = wanted_target(folder), read_targets(path)
+    if wanted is None or not found or wanted in found:
+        return ""
+    if folder == "darwin64" and ("darwin", "aarch64") in found:
+        return ""  # usual for macOS on ARM, for which FMI 2.0 had no name
+    return " and ".join(
+        sorted(f"{system} on {processor or 'another processor'}" for system, processor in found)
+    )
+
+
+def suggest_platform(folder: str, version: int) -> str:
+    """Return the standardized name that is meant by another name of a platform; empty if none is.
+
+    Args:
+        folder: Name of a folder in `binaries`.
+        version: Version of FMI, 2 or 3.
+    """
+    words = [word for word in _WORDS.findall(folder.lower()) if word not in "-_ "]
+    systems = [_SYSTEMS[word] for word in words if word in _SYSTEMS]
+    processors = [_PROCESSORS[word] for word in words if word in _PROCESSORS]
+    if len(words) != 2 or len(systems) != 1 or len(processors) != 1:
+        return ""
+    target = systems[0], processors[0]
+    of_version_2 = {found: name for name, found in _OF_FOLDER.items()} if version == 2 else {}
+    name = of_version_2.get(target, f"{target[1]}-{target[0]}")
+    return "" if name == folder else name

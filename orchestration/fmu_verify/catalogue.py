@@ -20,6 +20,7 @@ from .checks import (
     instances,
     iteration,
     late_values,
+    layered,
     logs,
     memory,
     model_exchange,
@@ -66,6 +67,7 @@ READING: tuple[Check, ...] = (
     clocks.clocks,
     clocks.dimensions,
     terminals.terminals,
+    layered.manifests,
     semantics.semantics,
 )
 """Checks of a valid model description. They are safe to run in one process."""
@@ -73,8 +75,8 @@ READING: tuple[Check, ...] = (
 STATIC: tuple[Check, ...] = (
     archive.safe,
     archive.format_,
-    archive.layout,
     description.readable,
+    archive.layout,
     description.encoding,
     description.schema,
     *READING,

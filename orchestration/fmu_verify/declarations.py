@@ -3,7 +3,7 @@
 fmpy resolves references and stops at the first invalid one. Checks report all of them.
 """
 
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -112,6 +112,12 @@ class DeclaredVariable:
         return self.given_initial or (self.initials[0] if self.initials else None)
 
     @property
+    def value_key(self) -> tuple[str, int]:
+        """The base type and the value reference, which identify a value."""
+        base = "Integer" if self.type == "Enumeration" else self.type
+        return (base if self.version == 2 else ""), self.reference
+
+    @property
     def start(self) -> str | None:
         """The start value as written."""
         return self.own.get("start")
@@ -196,6 +202,22 @@ class Declarations:
             if derivative and self.variable(state := int(derivative.own.get("derivative", 0))):
                 found.add(state)
         return found
+
+    def share_value(self, variable: DeclaredVariable) -> list[DeclaredVariable]:
+        """Return a variable and its aliases: those of its base type with its value reference."""
+        return self._by_value[variable.value_key]
+
+    @cached_property
+    def _by_value(self) -> dict[tuple[str, int], list[DeclaredVariable]]:
+        found: dict[tuple[str, int], list[DeclaredVariable]] = defaultdict(list)
+        for variable in self.variables:
+            found[variable.value_key].append(variable)
+        return found
+
+    @property
+    def alias_sets(self) -> list[list[DeclaredVariable]]:
+        """Variables of FMI 2.0 with the same value, where there are several."""
+        return [several for several in self._by_value.values() if len(several) > 1]
 
     def unit_of(self, variable: DeclaredVariable) -> DeclaredUnit | None:
         """Return the unit of a variable; None if it has none or an undefined one."""

@@ -15,7 +15,8 @@ _EXTERNAL, _DEBUG_OR_PRIVATE, _TYPE, _IN_SECTION = 0x01, 0xF0, 0x0E, 0x0E
 """Bits of `n_type` in the symbol table of Mach-O: N_EXT, N_STAB and N_PEXT, N_TYPE, N_SECT."""
 
 _OF_SYSTEM = {"linux": ".so", "windows": ".dll", "darwin": ".dylib"}
-_SUFFIXES = tuple(_OF_SYSTEM.values())
+SUFFIXES = tuple(_OF_SYSTEM.values())
+"""Suffixes of libraries."""
 
 
 @dataclass(frozen=True)
@@ -42,16 +43,18 @@ def list_libraries(subject: Subject) -> list[Library]:
         for folder in list_platforms(subject):
             if subject.version == 3 and folder.name in NAMES_OF_VERSION_2:
                 continue  # no tool looks there for a library of FMI 3.0
+            suffix = find_suffix(folder.name)
+            suffixes = (suffix,) if suffix else SUFFIXES
             for path in sorted(folder.iterdir()):
-                if path.is_file() and path.stem == name and path.suffix in _find_suffixes(folder.name):
+                if path.is_file() and path.stem == name and path.suffix in suffixes:
                     by_path.setdefault(path, []).append(kind)
     return [Library(path, tuple(kinds)) for path, kinds in by_path.items()]
 
 
-def _find_suffixes(folder: str) -> tuple[str, ...]:
-    """Return the suffixes of libraries in the folder of a platform."""
+def find_suffix(folder: str) -> str:
+    """Return the suffix of libraries in the folder of a platform; empty if its name is not standardized."""
     target = wanted_target(folder)
-    return _SUFFIXES if target is None else (_OF_SYSTEM[target[0]],)
+    return "" if target is None else _OF_SYSTEM[target[0]]
 
 
 def list_platforms(subject: Subject) -> list[Path]:

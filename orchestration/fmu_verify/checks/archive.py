@@ -1,7 +1,8 @@
 """Checks of the archive: safe to unpack, format, layout."""
 
+import difflib
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from emla_cosim.base.errors import find_machine_fault
@@ -9,9 +10,9 @@ from emla_cosim.fmu.unpack import UnsafeArchiveError, unpack
 
 from ..check import check
 from ..declarations import find_repeated
-from ..messages import join_few_names, judge_problems, shorten_sentence
+from ..messages import Breach, Problem, join_few_names, judge_problems, shorten_sentence
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, failed, fmi3, passed
+from ..verdict import CheckOutcome, Clause, failed, fmi3
 
 _LARGEST = 256 * 2**20
 """Size in bytes up to which the compression ratio is not checked."""
@@ -26,6 +27,28 @@ _KNOWN = (
     "resources",
     "extra",
     "terminalsAndIcons",
+)
+_KNOWN_INSIDE = (
+    "documentation/index.html",
+    "documentation/licenses",
+    "sources/buildDescription.xml",
+    "terminalsAndIcons/icon.png",
+    "terminalsAndIcons/terminalsAndIcons.xml",
+)
+LICENCE_KINDS = ("txt", "html", "spdx")
+"""Suffixes of the entry point of licences."""
+_PICTURES = {
+    "documentation/diagram": fmi3(
+        "2.5.1", "diagram.svg                      // if provided, diagram.png is also required (optional)"
+    ),
+    "terminalsAndIcons/icon": fmi3(
+        "2.5.1", "icon.svg                         // if existing the icon.png is required (optional)"
+    ),
+}
+_LICENCE = fmi3(
+    "2.5.1.1.1",
+    "If it is present, it must contain either a license.spdx, license.txt or license.html file as entry "
+    "point.",
 )
 _STORED_OR_DEFLATED = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 _VERSION = 20
@@ -150,16 +173,48 @@ def format_(subject: Subject) -> CheckOutcome:
         in_3=fmi3("2.5.1", "Structure of the ZIP file of an FMU"),
     ),
     "Zip the content of the FMU's folder, not the folder. Put other data into `resources` or `extra`.",
-    needs=("archive.safe",),
+    needs=("description.readable",),
 )
 def layout(subject: Subject) -> CheckOutcome:
-    """Check that the top folder has only the entries of the standard."""
+    """Check that the top folder has only the entries of the standard, and files have its names."""
     unknown = sorted(p.name for p in subject.folder.iterdir() if p.name not in _KNOWN)
-    if unknown:
-        return judge_problems(
-            (), "", [f"The top folder has {join_few_names(unknown)}, which is not in the standard."]
-        )
-    return passed("The top folder has only entries of the standard.")
+    problems: list[Problem] = [*_in_another_case(subject.folder)]
+    if subject.version == 3:
+        problems += _incomplete(subject.folder)
+    missing = {name.casefold() for name in _KNOWN if not (subject.folder / name).exists()}
+    doubts = [
+        f"The top folder has {name}, which is not in the standard{_suggest(name)}."
+        for name in unknown
+        if name.casefold() not in missing  # those are problems
+    ]
+    return judge_problems(problems, "The top folder has only entries of the standard.", doubts)
+
+
+def _suggest(name: str) -> str:
+    close = difflib.get_close_matches(name.casefold(), _KNOWN, n=1, cutoff=0.7)
+    return f"; it has {close[0]}" if close else ""
+
+
+def _in_another_case(folder: Path) -> Iterator[str]:
+    """Yield files and folders whose names differ from those of the standard by case only."""
+    for wanted in (*_KNOWN, *_KNOWN_INSIDE):
+        place = folder / wanted
+        found = {p.name for p in place.parent.iterdir()} if place.parent.is_dir() else set()
+        similar = sorted(name for name in found if name.casefold() == place.name.casefold())
+        if similar and place.name not in similar:
+            has = (place.parent / similar[0]).relative_to(folder).as_posix()
+            yield f"The FMU has {has}; its name must be {wanted}, in this case, to be found on every system."
+
+
+def _incomplete(folder: Path) -> Iterator[Problem]:
+    """Yield files of FMI 3.0 without those that must be beside them."""
+    for place, clause in _PICTURES.items():
+        if (folder / f"{place}.svg").is_file() and not (folder / f"{place}.png").is_file():
+            yield Breach(f"The FMU has {place}.svg, but no {place}.png.", clause)
+    licences = folder / "documentation/licenses"
+    if licences.is_dir() and not any((licences / f"license.{kind}").is_file() for kind in LICENCE_KINDS):
+        names = " or ".join(f"license.{kind}" for kind in LICENCE_KINDS)
+        yield Breach(f"documentation/licenses has no {names}.", _LICENCE)
 
 
 def _words(error: Exception) -> str:

@@ -3,29 +3,39 @@
 import ctypes
 from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
 
 import fmpy
 
 from emla_cosim.fmu.load_diagnosis import diagnose_library
 from emla_cosim.fmu.shared_library import explain_missing_library, missing_bytes
 
+from ..binary_headers import NAMES_OF_VERSION_2, describe_mismatch
 from ..build_description import list_source_files
 from ..check import check
 from ..fmi_functions import list_all_functions_3, list_required_functions
 from ..libraries import (
+    SUFFIXES,
     Library,
     find_dependencies_file,
+    find_suffix,
     list_exports,
     list_libraries,
     list_platforms,
     parse_library,
 )
-from ..messages import join_few_names, judge_problems, shorten_sentence
+from ..messages import Breach, Problem, join_few_names, judge_problems, shorten_sentence
 from ..subject import Subject
 from ..subprocess_run import note
 from ..verdict import CheckOutcome, Clause, blocked, failed, fmi3, passed, skipped
 
 _HERE = (fmpy.platform_tuple, fmpy.platform)
+_NAME = Clause(
+    "2.3",
+    "<modelIdentifier>.so    // Shared library of the FMI implementation",
+    in_3=fmi3("2.5.1", "<modelIdentifier>.so          // shared library of the FMI implementation"),
+)
 
 
 @check(
@@ -45,22 +55,60 @@ _HERE = (fmpy.platform_tuple, fmpy.platform)
     needs=("description.schema",),
 )
 def present(subject: Subject) -> CheckOutcome:
-    """Check that there is a library for this or another platform, or sources."""
+    """Check that there is a library for this or another platform, or sources, with the model's name."""
     found = list_libraries(subject)
     sources = list_source_files(subject)
+    misnamed = list(_misnamed(subject))
+    problems: list[Problem] = [Breach(one.message, _NAME) for one in misnamed if one.is_similar]
+    doubts: list[Problem] = [Breach(one.message, _NAME) for one in misnamed if not one.is_similar]
     without = [k for k in subject.kinds if not any(k in one.kinds for one in found)]
-    if without and not sources:
+    if without and not sources and not problems:
         folders = ", ".join(p.name for p in list_platforms(subject)) or "no platform"
         name = subject.tree.find(without[0]).get("modelIdentifier")
         return failed(
             f"There are binaries for {folders}, but none has the name {name}, and there are no sources."
         )
     names = join_few_names(sorted({one.platform for one in found}))
+    fine = f"There are binaries for {names}."
     if not found:
-        return passed("There are sources only.")
-    if not any(one.platform in _HERE for one in found):
-        return passed(f"There are binaries for {names}, but none for {fmpy.platform}.")
-    return passed(f"There are binaries for {names}.")
+        fine = "There are sources only."
+    elif not any(one.platform in _HERE for one in found):
+        fine = f"There are binaries for {names}, but none for {fmpy.platform}."
+    is_here = any(one.platform in _HERE for one in misnamed)
+    return replace(judge_problems(problems, fine, doubts), blocks=is_here or not (found or sources))
+
+
+class _Misnamed(NamedTuple):
+    """A platform with libraries, but without one that has the name of the model."""
+
+    platform: str
+    message: str
+    is_similar: bool
+    """Whether a library has the name of the model in another spelling, with which tools do not find it."""
+
+
+def _misnamed(subject: Subject) -> Iterator[_Misnamed]:
+    names = {subject.tree.find(kind).get("modelIdentifier") for kind in subject.kinds}
+    for folder in list_platforms(subject):
+        suffix = find_suffix(folder.name)
+        if not suffix or (subject.version == 3 and folder.name in NAMES_OF_VERSION_2):
+            continue
+        files = [p for p in sorted(folder.iterdir()) if p.is_file() and p.suffix.lower() in SUFFIXES]
+        if not files or any(p.suffix == suffix and p.stem in names for p in files):
+            continue
+        similar = [p for p in files if _similar_names(p, names) and not describe_mismatch(p, folder.name)]
+        if not similar and any(describe_mismatch(p, folder.name) for p in files):
+            continue  # `binaries.platform` reports it
+        wanted = join_few_names(sorted(f"{name}{suffix}" for name in names))
+        has = join_few_names([p.name for p in similar or files])
+        is_found = suffix == ".dll" and any(p.name.casefold() in wanted.casefold() for p in similar)
+        message = f"binaries/{folder.name} has {has}, but no {wanted}."
+        yield _Misnamed(folder.name, message, bool(similar) and not is_found)  # Windows ignores the case
+
+
+def _similar_names(path: Path, names: set[str]) -> bool:
+    stem = path.stem.casefold()
+    return any(name.casefold() in (stem, stem.removeprefix("lib")) for name in names)
 
 
 @check(
@@ -81,7 +129,7 @@ def present(subject: Subject) -> CheckOutcome:
 )
 def symbols(subject: Subject) -> CheckOutcome:
     """Check that each library exports every FMI function for the kinds of the FMU."""
-    found = list_libraries(subject)
+    found = [one for one in list_libraries(subject) if not describe_mismatch(one.path, one.platform)]
     if not found:
         return skipped("There are no binaries.")
     problems = [(one, p) for one in found for p in _lacking(one, subject.version)]
@@ -121,7 +169,7 @@ def _lacking(library: Library, version: int) -> Iterator[str]:
         ),
     ),
     "`ldd` lists what a library needs. Link it statically, or ship it and set the RPATH to $ORIGIN.",
-    needs=("binaries.symbols",),
+    needs=("binaries.platform", "binaries.symbols"),
 )
 def loads(subject: Subject) -> CheckOutcome:
     """Check that the system can load the library for this platform."""

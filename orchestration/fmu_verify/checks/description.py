@@ -32,7 +32,7 @@ _ROOT = "fmiModelDescription"
 def readable(subject: Subject) -> CheckOutcome:
     """Check that the model description exists, is XML for FMI 2.0 or 3.0, and declares the FMU's kinds."""
     if not (subject.folder / DESCRIPTION).is_file():
-        return failed(f"The FMU has no {DESCRIPTION}.")
+        return failed(f"The FMU has no {DESCRIPTION}{_say_where_it_is(subject)}.")
     try:
         root = subject.tree
     except MemoryError:
@@ -56,6 +56,15 @@ def readable(subject: Subject) -> CheckOutcome:
     return passed(
         shorten_sentence(f"It describes {root.get('modelName')}, for {' and '.join(subject.kinds)}.")
     )
+
+
+def _say_where_it_is(subject: Subject) -> str:
+    """Return where a model description is that has another name, or is in a folder."""
+    paths = sorted(p for p in subject.folder.glob("*") if p.name.casefold() == DESCRIPTION.casefold())
+    if paths:
+        return f", but {paths[0].name}; the name must have this case"
+    paths = sorted(subject.folder.glob(f"*/{DESCRIPTION}"))
+    return f" at its top, but one in the folder {paths[0].parent.name}" if paths else ""
 
 
 _VERSION = Clause(

@@ -2,20 +2,18 @@
 
 import ctypes
 import re
-from collections.abc import Iterator
-from pathlib import Path
+from dataclasses import replace
 
 import fmpy
 
-from ..binary_headers import NAMES_OF_VERSION_2, read_targets, wanted_target
+from ..binary_headers import describe_mismatch, suggest_platform
 from ..check import check
-from ..libraries import list_libraries, list_platforms
+from ..libraries import SUFFIXES, list_libraries, list_platforms
 from ..messages import judge_problems
 from ..subject import Subject
 from ..subprocess_run import note
 from ..verdict import CheckOutcome, Clause, failed, fmi3, passed, skipped, warned
 
-_SUFFIXES = (".so", ".dll", ".dylib")
 _HERE = (fmpy.platform_tuple, fmpy.platform)
 _VERSION_3 = re.compile(rb"3\.0(\.[0-9]+)?")
 
@@ -38,34 +36,29 @@ _VERSION_3 = re.compile(rb"3\.0(\.[0-9]+)?")
     needs=("binaries.present",),
 )
 def platform(subject: Subject) -> CheckOutcome:
-    """Check the header of every library below `binaries`: system and processor."""
+    """Check the names of folders in `binaries`, and the header of every library: system and processor."""
     names = {subject.tree.find(kind).get("modelIdentifier") for kind in subject.kinds}
     problems: list[str] = []
     doubts: list[str] = []
-    count = 0
+    count, is_here = 0, False
     for folder in list_platforms(subject):
-        for path in sorted(p for p in folder.rglob("*") if p.is_file() and p.suffix in _SUFFIXES):
-            count += 1
+        paths = sorted(p for p in folder.rglob("*") if p.is_file() and p.suffix in SUFFIXES)
+        count += len(paths)
+        if paths and (meant := suggest_platform(folder.name, subject.version)):
+            what = f"Tools do not look into binaries/{folder.name} for a library, but into binaries/{meant}."
+            (problems if meant == folder.name.lower() else doubts).append(what)
+            is_here |= meant in _HERE
+        for path in paths:
             is_model = path.stem in names and path.parent == folder
-            (problems if is_model else doubts).extend(_misplaced(path, folder))
+            if found := describe_mismatch(path, folder.name):
+                where = f"{folder.name}/{path.relative_to(folder)}"
+                what = f"{where} is a library for {found}, not for {folder.name}."
+                (problems if is_model else doubts).append(what)
+                is_here |= is_model and folder.name in _HERE
     if not count:
         return skipped("There are no binaries.")
-    if subject.version == 3:
-        folders = [folder.name for folder in list_platforms(subject) if folder.name in NAMES_OF_VERSION_2]
-        doubts += [f"binaries/{name} is the name of FMI 2.0 for a platform." for name in folders]
-    return judge_problems(problems, f"{count} libraries are for the platforms of their folders.", doubts)
-
-
-def _misplaced(path: Path, folder: Path) -> Iterator[str]:
-    wanted, found = wanted_target(folder.name), read_targets(path)
-    if wanted is None or not found or wanted in found:
-        return
-    if wanted == ("darwin", "x86_64") and ("darwin", "aarch64") in found:
-        return  # usual for macOS on ARM
-    kinds = " and ".join(
-        sorted(f"{system} on {processor or 'another processor'}" for system, processor in found)
-    )
-    yield f"{folder.name}/{path.relative_to(folder)} is a library for {kinds}, not for {folder.name}."
+    fine = f"{count} libraries are for the platforms of their folders."
+    return replace(judge_problems(problems, fine, doubts), blocks=is_here)
 
 
 @check(

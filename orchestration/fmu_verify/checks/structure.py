@@ -115,6 +115,31 @@ _PREVIOUS = fmi3(
     "Each ClockedState must have the attribute previous to represent the previous value of this "
     "ClockedState.",
 )
+_MISSING = Clause(
+    "2.2.8",
+    "A ModelExchange FMU must expose all derivatives of its continuous-time states in element Derivatives.",
+    in_3=fmi3(
+        "2.4.8",
+        "A Model Exchange FMU must also expose all derivatives of continuous states in "
+        "<ContinuousStateDerivative> and all event indicators in <EventIndicator>.",
+    ),
+)
+_CONTINUOUS = Clause(
+    "2.2.8",
+    "Note that only continuous Real variables are listed here.",
+    in_3=fmi3("2.4.8", "Note that only continuous floating point variables are listed here."),
+)
+_NONE = Clause(
+    "2.2.8",
+    "If present as empty list, the Unknown depends on none of the Knowns. Otherwise the Unknown depends on "
+    "the Knowns defined by the given ScalarVariable indices.",
+    in_3=fmi3(
+        "2.4.8",
+        "For a real valued unknown and a real valued known, if the known is not listed among the "
+        "dependencies then the partial derivative of the unknown with respect to that known is identically "
+        "zero.",
+    ),
+)
 _INDICATORS = fmi3(
     "2.4.8",
     "Only continuous variables of type Float32 and Float64 can be referenced by EventIndicator.",
@@ -156,7 +181,30 @@ def derivatives(subject: Subject) -> CheckOutcome:
         *_no_derivatives(declared),
         *(p for v in declared.variables for p in _misdirected(v, declared)),
     ]
-    return judge_problems(problems, f"{len(declared.derivatives)} state derivatives are listed.")
+    doubts = [
+        Breach(f"{v} is the derivative of {of}, but {declared.list_name('Derivatives')} lacks it.", _MISSING)
+        for v, of in _unlisted(declared, subject)
+    ]
+    return judge_problems(problems, f"{len(declared.derivatives)} state derivatives are listed.", doubts)
+
+
+def _unlisted(
+    declared: Declarations, subject: Subject
+) -> Iterator[tuple[DeclaredVariable, DeclaredVariable]]:
+    """Yield derivatives of what looks like a continuous-time state, which the list lacks, and these states.
+
+    Outputs may be derivatives of other outputs, and a co-simulation need not list any.
+    """
+    if "ModelExchange" not in subject.kinds and not declared.derivatives:
+        return
+    listed, states = {u.index for u in declared.derivatives}, declared.states()
+    for variable in declared.variables:
+        of = declared.variable(int(variable.own.get("derivative", 0)))
+        if of is None or variable.index in listed or of.index in states:
+            continue
+        is_state = of.causality in ("local", "output") and of.initial == "exact"
+        if is_state and of.variability == "continuous" and variable.causality != "input":
+            yield variable, of
 
 
 def _no_derivatives(declared: Declarations) -> Iterator[Problem]:
@@ -169,6 +217,9 @@ def _no_derivatives(declared: Declarations) -> Iterator[Problem]:
             yield Breach(what, _DEFINED_STATES)
         elif (state := declared.variable(int(variable.own["derivative"]))) is not None:
             yield from _no_state(state)
+        if variable.variability != "continuous" or not variable.is_real:
+            what = f"{variable} is a state derivative, but {variable.variability}, of type {variable.type}."
+            yield Breach(what, _CONTINUOUS)
     states = [v.own["derivative"].strip() for v in _distinct(listed_ones) if "derivative" in v.own]
     for index in find_repeated(states):
         listed = declared.list_name("Derivatives")
@@ -195,6 +246,9 @@ def _event_indicators(declared: Declarations) -> Iterator[Problem]:
         if variable.variability != "continuous" or not variable.is_real:
             kind = f"{variable.variability}, of type {variable.type}"
             yield Breach(f"{variable} is listed in EventIndicator, but is {kind}.", _INDICATORS)
+        elif variable.causality not in ("local", "output"):
+            what = f"{variable} is listed in EventIndicator, but has the causality {variable.causality}."
+            yield Breach(what, _STATES)
 
 
 def _listed_variables(unknowns: Iterable[DeclaredUnknown], declared: Declarations) -> list[DeclaredVariable]:
@@ -236,6 +290,7 @@ def initial_unknowns(subject: Subject) -> CheckOutcome:
     declared = subject.declared
     found = [u.index for u in declared.initial_unknowns]
     doubtful = {v.index for v in declared.variables if not v.possible or v.is_clocked} | _ignored(subject)
+    doubtful |= {v.index for pair in _unlisted(declared, subject) for v in pair}  # reported as derivatives
     wanted = _initially_unknown(declared) - doubtful
     problems: list[Problem] = [
         *_listing("InitialUnknowns", declared.initial_unknowns, declared, _INITIAL),
@@ -251,11 +306,16 @@ def initial_unknowns(subject: Subject) -> CheckOutcome:
     return judge_problems(problems, f"{len(wanted)} initial unknowns are listed, in order.")
 
 
+def _ignores_derivatives(subject: Subject) -> bool:
+    """Return whether the FMU is a co-simulation for which the standard ignores the element Derivatives."""
+    flag = "providesDirectionalDerivative" + ("s" if subject.version == 3 else "")
+    return not subject.has_flag(flag, "CoSimulation") and "ModelExchange" not in subject.kinds
+
+
 def _ignored(subject: Subject) -> set[int]:
     """Return states and derivatives of an FMU for which the standard ignores the element Derivatives."""
     declared = subject.declared
-    flag = "providesDirectionalDerivative" + ("s" if declared.version == 3 else "")
-    if subject.has_flag(flag, "CoSimulation") or subject.tree.find("ModelExchange") is not None:
+    if not _ignores_derivatives(subject):
         return set()
     found = declared.states() | {u.index for u in declared.derivatives}
     return {i for i in found if (v := declared.variable(i)) is not None and v.causality != "output"}
@@ -282,7 +342,8 @@ def _initially_unknown(declared: Declarations) -> set[int]:
 def dependencies(subject: Subject) -> CheckOutcome:
     """Check that dependencies exist, ascend, refer to knowns, and have a kind each or none."""
     declared = subject.declared
-    known = declared.states() | _free(declared)
+    states = declared.states() | {of.index for _, of in _unlisted(declared, subject)}
+    known = states | _free(declared)
     if declared.version == 3:  # parameters, and states between events, which need not be listed
         known |= {
             v.index for v in declared.variables if v.causality == "parameter" or v.variability == "discrete"
@@ -293,6 +354,7 @@ def dependencies(subject: Subject) -> CheckOutcome:
         ("Derivatives", declared.derivatives, known),
         ("InitialUnknowns", declared.initial_unknowns, exact),
     ]
+    computed = {v.index for v in declared.variables} - _left_out(subject)
     problems: list[Problem] = []
     doubts: list[Problem] = []
     for name, unknowns, knowns in lists:
@@ -302,8 +364,63 @@ def dependencies(subject: Subject) -> CheckOutcome:
             if declared.version == 3 and name == "InitialUnknowns":
                 problems += _later_kinds(who, unknown)
             doubts += _unknown_knowns(who, unknown, knowns, declared)
+            problems += _lacks_alias(who, unknown, knowns & computed, declared)
+    if not problems:
+        doubts += _unlike_initial(declared, states & computed)
     count = sum(len(u.dependencies or ()) for _, unknowns, _ in lists for u in unknowns)
     return judge_problems(problems, f"{count} dependencies are on variables that are known.", doubts)
+
+
+def _left_out(subject: Subject) -> set[int]:
+    """Return the states that dependencies of an FMU leave out: a co-simulation without their derivatives."""
+    return subject.declared.states() if _ignores_derivatives(subject) else set()
+
+
+def _lacks_alias(
+    who: str, unknown: DeclaredUnknown, knowns: set[int], declared: Declarations
+) -> Iterator[Problem]:
+    """Yield an unknown that is an alias of a known variable, but does not depend on it."""
+    variable = declared.variable(unknown.index)
+    if variable is None or variable.index in knowns or unknown.dependencies is None:
+        return  # exporters differ in whether a known variable depends on itself
+    shared = declared.share_value(variable)
+    same = [v for v in shared if v.index in knowns and v.variability != "constant"]
+    if same and not {v.index for v in same}.intersection(unknown.dependencies):
+        yield Breach(f"{who} has the value of {same[0]}, but its dependencies lack it.", _NONE)
+
+
+def _unlike_initial(declared: Declarations, states: set[int]) -> Iterator[Problem]:
+    """Yield knowns on which an unknown depends only at the start, or only later, by what is declared.
+
+    States that are unknown at the start pass on what they depend on there, or are chosen for a steady state.
+    """
+    initially = {u.index: u.dependencies for u in declared.initial_unknowns}
+    unknown_states = [i for i in declared.states() if (v := declared.variable(i)) and v.initial != "exact"]
+    if any(initially.get(i) is None for i in unknown_states):
+        return
+    passed_on = {k for i in unknown_states for k in initially[i] or ()}
+    exact = states.difference(unknown_states)
+    both = exact | _free(declared) if not unknown_states else set()
+    initial_list = declared.list_name("InitialUnknowns")
+    for name, unknowns in (("Outputs", declared.outputs), ("Derivatives", declared.derivatives)):
+        for unknown in unknowns:
+            variable, first = declared.variable(unknown.index), initially.get(unknown.index)
+            if variable is None or variable.variability != "continuous":
+                continue
+            if first is None or unknown.dependencies is None:
+                continue
+            lacks = exact.intersection(first).difference(unknown.dependencies, passed_on)
+            yield from _depends_in_one(variable, lacks, initial_list, declared.list_name(name), declared)
+            lacks = both.intersection(unknown.dependencies).difference(first)
+            yield from _depends_in_one(variable, lacks, declared.list_name(name), initial_list, declared)
+
+
+def _depends_in_one(
+    variable: DeclaredVariable, lacks: set[int], name: str, other: str, declared: Declarations
+) -> Iterator[Problem]:
+    if lacks:
+        names = join_few_names(_names(sorted(lacks), declared))
+        yield Breach(f"{variable} depends on {names} in {name}, but not in {other}.", _NONE)
 
 
 def _free(declared: Declarations) -> set[int]:

@@ -69,6 +69,13 @@ _SAME_CONSTANT = Clause(
     "2.2.7",
     "It is then required that the start values of all aliased (constant) variables are identical.",
 )
+_ORDER = ("constant", "fixed", "tunable", "discrete", "continuous")
+_HIGHEST = Clause(
+    "2.2.7",
+    "In case of different variability among the set of alias variables, and if that set of aliases does not "
+    "contain an input or parameter, the variability should be the highest of the variables in the set, e.g. "
+    "continuous > discrete > tunable >fixed.",
+)
 _SAME_UNIT = Clause(
     "2.2.7",
     "All variables of the same alias set must all have either no <Unit> element defined, or all of them must "
@@ -182,12 +189,14 @@ def _article(causality: str) -> str:
     needs=("description.schema",),
 )
 def aliases(subject: Subject) -> CheckOutcome:
-    """Check that aliases agree in unit and constancy, and that at most one has a start value."""
+    """Check that aliases agree in unit and variability, and that at most one has a start value."""
     if subject.version == 3:
         return _judge_references(subject.declared)
-    sets = _alias_sets(subject.declared)
+    sets = subject.declared.alias_sets
     problems = [p for several in sets for p in _apart(several)]
-    return judge_problems(problems, f"{len(sets)} value references are shared, by compatible variables.")
+    doubts = [p for several in sets for p in _of_lower_variability(several)]
+    fine = f"{len(sets)} value references are shared, by compatible variables."
+    return judge_problems(problems, fine, doubts)
 
 
 def _judge_references(declared: Declarations) -> CheckOutcome:
@@ -203,12 +212,15 @@ def _judge_references(declared: Declarations) -> CheckOutcome:
     return judge_problems(problems, f"{len(declared.variables)} variables have different value references.")
 
 
-def _alias_sets(declared: Declarations) -> list[list[DeclaredVariable]]:
-    found: dict[tuple[str, int], list[DeclaredVariable]] = defaultdict(list)
-    for variable in declared.variables:
-        base = "Integer" if variable.type == "Enumeration" else variable.type
-        found[base, variable.reference].append(variable)
-    return [several for several in found.values() if len(several) > 1]
+def _of_lower_variability(several: Sequence[DeclaredVariable]) -> Iterator[Problem]:
+    """Yield outputs that claim to change less often than an alias, which has the same value."""
+    if any(v.causality in ("input", "parameter", "independent") for v in several):
+        return
+    highest = max(several, key=lambda v: _ORDER.index(v.variability))
+    for lower in several:
+        if lower.causality == "output" and "constant" != lower.variability != highest.variability:
+            what = f"{lower} is {lower.variability}, but {highest} with the same value reference is"
+            yield Breach(f"{what} {highest.variability}.", _HIGHEST)
 
 
 def _apart(several: Sequence[DeclaredVariable]) -> Iterator[Problem]:

@@ -12,10 +12,12 @@ from tests.support.broken.broken import Broken
 from tests.support.broken.editing import (
     DESCRIPTION,
     Build,
+    Edit,
     Files,
     append,
     good_bytes,
     good_files,
+    set_attributes,
     setting,
     with_files,
     with_text,
@@ -89,6 +91,41 @@ def _in_latin_1(files: Files) -> None:
 
 def _with_library(edit: Callable[[bytes], bytes]) -> Build:
     return with_files(lambda files: files.update({LIBRARY: edit(files[LIBRARY])}))
+
+
+def _moved(old: str, new: str) -> Build:
+    """Builds the good FMU with a file, or all files of a folder, in another place."""
+
+    def edit(files: Files) -> None:
+        found = [name for name in files if name == old or name.startswith(f"{old}/")]
+        assert found, f"{old} is not there"
+        for name in found:
+            files[f"{new}{name.removeprefix(old)}"] = files.pop(name)
+
+    return with_files(edit)
+
+
+def _library_of_windows(processor: int) -> bytes:
+    """Return the header of a Windows library for a processor, by its number."""
+    return b"MZ".ljust(60, b"\0") + (64).to_bytes(4, "little") + b"PE\0\0" + processor.to_bytes(2, "little")
+
+
+def _another_library(path: str, processor: int) -> Build:
+    """Builds the good FMU with the header of a Windows library for a processor."""
+    return with_files(lambda files: files.update({f"binaries/{path}": _library_of_windows(processor)}))
+
+
+def _output(name: str, reference: int, variability: str, index: int) -> tuple[Edit, ...]:
+    """Append a Real output to the variables and lists."""
+    return (
+        append(
+            "ModelVariables",
+            f'<ScalarVariable name="{name}" valueReference="{reference}" causality="output" '
+            f'variability="{variability}"><Real/></ScalarVariable>',
+        ),
+        append("ModelStructure/Outputs", f'<Unknown index="{index}"/>'),
+        append("ModelStructure/InitialUnknowns", f'<Unknown index="{index}"/>'),
+    )
 
 
 def _variable(name: str) -> str:
@@ -183,6 +220,47 @@ STATIC: list[Broken] = [
         _with_library(lambda content: content[: len(content) // 3])),
     Broken("no-header", "A header that the sources lack", "sources.compile",
         with_files(lambda files: files.pop("sources/equations.h"))),
+    Broken("folder-case", "A folder of the archive in the wrong case", "archive.layout",
+        _moved("documentation", "Documentation")),
+    Broken("folder-name", "A folder of the archive with a similar name", "archive.layout",
+        _moved("terminalsAndIcons", "terminalsAndIcon"), verdict=Verdict.WARNING),
+    Broken("file-case", "A file of the standard in the wrong case", "archive.layout",
+        _moved("documentation/index.html", "documentation/Index.html")),
+    Broken("description-case", "The model description in the wrong case", "description.readable",
+        _moved(DESCRIPTION, "ModelDescription.xml")),
+    Broken("in-folder", "All files in a folder of the archive", "description.readable",
+        with_files(lambda files: [files.update({f"Toy/{name}": files.pop(name)}) for name in [*files]])),
+    Broken("platform-case", "The folder of a platform in the wrong case", "binaries.platform",
+        _moved(str(Path(LIBRARY).parent), f"binaries/{fmpy.platform.capitalize()}")),
+    Broken("platform-name", "The folder of a platform with another name for it", "binaries.platform",
+        _moved(str(Path(LIBRARY).parent), f"binaries/{fmpy.platform[:-2]}_{fmpy.platform[-2:]}"),
+        verdict=Verdict.WARNING),
+    Broken("library-case", "The library in the wrong case", "binaries.present",
+        _moved(LIBRARY, LIBRARY.replace("Toy", "toy"))),
+    Broken("library-prefix", "The library with the prefix lib", "binaries.present",
+        _moved(LIBRARY, LIBRARY.replace("Toy", "libToy"))),
+    Broken("library-suffix", "A library of Windows with the suffix of Linux", "binaries.present",
+        _another_library("win32/Toy.so", 0x014C)),
+    Broken("32-bits", "A library for 32 bits in the folder for 64 bits", "binaries.platform",
+        _another_library("win64/Toy.dll", 0x014C)),
+    Broken("arm", "A library for ARM in the folder for x86", "binaries.platform",
+        _another_library("win64/Toy.dll", 0xAA64)),
+    Broken("alias-variability", "Two outputs with one value reference, of which one is discrete",
+        "variables.aliases",
+        with_tree(*_output("a", 97, "continuous", 21), *_output("b", 97, "discrete", 22)),
+        verdict=Verdict.WARNING),
+    Broken("alias-dependency", "An output that is an alias of a state, but does not depend on it",
+        "structure.dependencies",
+        with_tree(*_output("a", 11, "continuous", 21),
+            set_attributes("//Unknown[@index='21']", dependencies="1"),
+            set_attributes(f"{_variable('a')}/Real", unit="m/s"))),
+    Broken("state-not-listed", "A state whose derivative ModelStructure does not list",
+        "structure.derivatives", without("//Derivatives/Unknown[@index='20']"), verdict=Verdict.WARNING),
+    Broken("discrete-derivative", "A state derivative that is discrete", "structure.derivatives",
+        setting(_variable("der(x)"), variability="discrete")),
+    Broken("state-dependency", "A state derivative that depends on a state at the start only",
+        "structure.dependencies", setting("//Derivatives/Unknown[@index='18']", dependencies=""),
+        verdict=Verdict.WARNING),
     Broken("no-source", "A source file that is listed, but not there", "sources.compile",
         setting("//SourceFiles/File", name="elsewhere.c")),
 ]

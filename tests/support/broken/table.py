@@ -8,6 +8,7 @@ import re
 from fmu_verify.verdict import Verdict
 from tests.support.broken.broken import Broken
 from tests.support.broken.dynamic import DYNAMIC
+from tests.support.broken.layered import LAYERED
 from tests.support.broken.memory import MEMORY
 from tests.support.broken.numeric import NUMERIC
 from tests.support.broken.related import RELATED_FILES
@@ -16,7 +17,9 @@ from tests.support.broken.third import CLOCKED, THIRD
 from tests.support.broken.wide import WIDE
 from tests.support.paths import ROOT
 
-BROKEN: list[Broken] = [*STATIC, *DYNAMIC, *WIDE, *NUMERIC, *MEMORY, *THIRD, *CLOCKED, *RELATED_FILES]
+BROKEN: list[Broken] = [
+    *(*STATIC, *DYNAMIC, *WIDE, *NUMERIC, *MEMORY, *THIRD, *LAYERED, *CLOCKED, *RELATED_FILES),
+]
 
 _BEGIN, _END = "<!-- broken fmus begin -->", "<!-- broken fmus end -->"
 

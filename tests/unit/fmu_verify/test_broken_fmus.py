@@ -14,6 +14,7 @@ from tests.support.broken.broken import Broken
 from tests.support.broken.dynamic import build_good_fmu
 from tests.support.broken.editing import good_bytes
 from tests.support.broken.examining import CALLING, examine
+from tests.support.broken.layered import LAYERED
 from tests.support.broken.static import STATIC
 from tests.support.broken.table import BROKEN, table
 from tests.support.broken.third import CLOCKED, INTERVAL, THIRD
@@ -91,7 +92,9 @@ SAFE_TO_RUN = [b for b in BROKEN if b.check.split(".")[0] not in ("instance", "r
 
 FIRST = {b.check: b for b in reversed(BROKEN)}
 IN_MEMORY = [
-    b for b in (*STATIC, *THIRD) if b.check not in CALLING | {"sources.compile"} and b.name != "bomb"
+    b
+    for b in (*STATIC, *THIRD, *LAYERED)
+    if b.check not in CALLING | {"sources.compile"} and b.name != "bomb"
 ]
 """FMUs that are made and examined without a compiler, and without a call."""
 
@@ -113,7 +116,13 @@ BY_DEFAULT = [
 ]
 """All of those, and one for each check, except where it takes a build with sanitizers, or seconds."""
 
-ORIGINS = ("Clocked", CLOCKED), ("Toy3", THIRD), ("Toy", STATIC), ("Wide", WIDE), ("Good", BROKEN)
+ORIGINS = (
+    ("Clocked", CLOCKED),
+    ("Toy3", (*THIRD, *LAYERED)),
+    ("Toy", STATIC),
+    ("Wide", WIDE),
+    ("Good", BROKEN),
+)
 
 
 @pytest.fixture(scope="session")
@@ -186,7 +195,7 @@ def test_fault_is_reported_by_its_check(broken: Broken, tmp_path: Path) -> None:
 
 SAMPLE = [FIRST[check] for check in ("archive.format", "variables.attributes", "structure.dependencies")]
 FEW = [FIRST[check] for check in ("run.finite", "values.start", "state.restored", "derivatives.directional")]
-FIRST_OF_VERSION = list({(b.check, b in (*THIRD, *CLOCKED)): b for b in reversed(BROKEN)}.values())
+FIRST_OF_VERSION = list({(b.check, b in (*THIRD, *LAYERED, *CLOCKED)): b for b in reversed(BROKEN)}.values())
 
 
 def _arguments(broken: Broken) -> pytest.param:
@@ -225,7 +234,6 @@ def test_every_check_that_can_fail_has_an_fmu_that_fails_it() -> None:
     names = [broken.name for broken in BROKEN]
     assert len(set(names)) == len(names)
     only_warn = {  # of what the standard allows
-        "archive.layout",
         "binaries.imports",
         "description.experiment",
         "description.semantics",
