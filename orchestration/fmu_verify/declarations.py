@@ -76,6 +76,7 @@ class DeclaredVariable:
     multiple_sets: bool
     """Whether it has the attribute canHandleMultipleSetPerTimeInstant."""
     aliases: tuple[str, ...] = ()
+    alias_display_units: tuple[str, ...] = ()
     dimensions: tuple[Dimension, ...] = ()
     clocks: tuple[int, ...] | None = None
     """Positions of its Clocks; None if it has none."""

@@ -69,6 +69,9 @@ def _variable(
         attributes={**inherited, **own},
         multiple_sets="canHandleMultipleSetPerTimeInstant" in own,
         aliases=tuple(e.get("name", "") for e in element.iterfind("Alias")),
+        alias_display_units=tuple(
+            text for e in element.iterfind("Alias") if (text := e.get("displayUnit")) is not None
+        ),
         dimensions=tuple(_dimension(e, places) for e in element.iterfind("Dimension")),
         clocks=None if clocks is None else tuple(_place(word, places) for word in clocks.split()),
         previous=_place(own["previous"], places) if "previous" in own else None,

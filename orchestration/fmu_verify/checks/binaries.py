@@ -94,7 +94,12 @@ def _misnamed(subject: Subject) -> Iterator[_Misnamed]:
         if not suffix or (subject.version == 3 and folder.name in NAMES_OF_VERSION_2):
             continue
         files = [p for p in sorted(folder.iterdir()) if p.is_file() and p.suffix.lower() in SUFFIXES]
-        if not files or any(p.suffix == suffix and p.stem in names for p in files):
+        found = {p.stem for p in files if p.suffix == suffix and p.stem in names}
+        if not files or found == names:
+            continue
+        if found:
+            wanted = join_few_names(sorted(f"{name}{suffix}" for name in names - found))
+            yield _Misnamed(folder.name, f"binaries/{folder.name} has no {wanted}.", False)
             continue
         similar = [p for p in files if _similar_names(p, names) and not describe_mismatch(p, folder.name)]
         if not similar and any(describe_mismatch(p, folder.name) for p in files):

@@ -1,5 +1,6 @@
 """Checks of the model description: readable, valid, consistent."""
 
+import re
 from collections.abc import Iterator
 from functools import cache
 from importlib.resources import as_file, files
@@ -104,7 +105,17 @@ def schema(subject: Subject) -> CheckOutcome:
     """Validate the model description against the XML schema of its version of FMI."""
     problems = find_schema_problems(subject.tree, f"fmi{subject.version}ModelDescription.xsd")
     fine = f"The model description is valid against the XML schema of FMI {subject.version}.0."
-    return judge_problems(problems, fine)
+    version = subject.tree.get("fmiVersion")
+    doubts = [Breach(f"The fmiVersion is {version}, with a patch number.", _NO_PATCH)]
+    return judge_problems(problems, fine, doubts if _PATCH.match(version) else ())
+
+
+_PATCH = re.compile(r"3\.\d+\.\d+$")
+_NO_PATCH = fmi3(
+    "2.6",
+    "For this reason, the version number attribute of all FMI files will only contain major and minor "
+    "version numbers and not the patch version number",
+)
 
 
 def find_schema_problems(root: Any, name: str) -> list[str]:

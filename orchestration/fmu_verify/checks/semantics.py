@@ -54,7 +54,10 @@ def semantics(subject: Subject) -> CheckOutcome:
     except Exception as error:
         fault = find_attribute_fault(subject.path) or str(error)
         return noted(f"FMPy cannot read the model description: {shorten_sentence(fault).rstrip('.')}.")
-    found = validate_model_description(read, validate_model_structure=True)
+    try:
+        found = validate_model_description(read, validate_model_structure=True)
+    except KeyError as error:  # of FMPy (0.3.32), for units that are not defined
+        return noted(f"FMPy cannot validate the model description: {type(error).__name__} {error}.")
     lines = tuple(shorten_sentence(f"FMPy reports: {line.strip().rstrip('.')}.") for line in found)
     if lines:
         return noted(lines[0], details=lines)

@@ -94,11 +94,15 @@ _REAL_KINDS = Clause(
     "Only for Real unknowns",
     in_3=fmi3("2.4.8", "The following dependenciesKind is only allowed for floating point"),
 )
-_INITIAL_KINDS = fmi3(
-    "2.4.8",
-    "The following dependenciesKind is only allowed for floating point v_unknown in EventMode and "
-    "ContinuousTimeMode (ME) and at communication points (CS and SE), and not for InitialUnknown for "
-    "InitializationMode:",
+_INITIAL_KINDS = Clause(
+    "2.2.8",
+    "and not for InitialUnknowns for Initialization Mode:",
+    in_3=fmi3(
+        "2.4.8",
+        "The following dependenciesKind is only allowed for floating point v_unknown in EventMode and "
+        "ContinuousTimeMode (ME) and at communication points (CS and SE), and not for InitialUnknown for "
+        "InitializationMode:",
+    ),
 )
 _LOCAL_CLOCKS = fmi3(
     "2.2.8.2",
@@ -361,7 +365,7 @@ def dependencies(subject: Subject) -> CheckOutcome:
         for unknown in unknowns:
             who = f"{declared.variable(unknown.index) or unknown.index} in {declared.list_name(name)}"
             problems += _ill_formed(who, unknown, declared)
-            if declared.version == 3 and name == "InitialUnknowns":
+            if name == "InitialUnknowns":
                 problems += _later_kinds(who, unknown)
             doubts += _unknown_knowns(who, unknown, knowns, declared)
             problems += _lacks_alias(who, unknown, knowns & computed, declared)

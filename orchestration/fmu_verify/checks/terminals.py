@@ -1,4 +1,4 @@
-"""Check the terminals and icons of FMI 3.0."""
+"""Check the terminals and icons of FMI 3.0, which FMI 2.0.4 has, too."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -12,14 +12,20 @@ from ..check import check
 from ..declarations import find_repeated
 from ..messages import Breach, Problem, judge_problems, shorten_sentence
 from ..subject import Subject
-from ..verdict import CheckOutcome, failed, fmi3, skipped
+from ..verdict import CheckOutcome, Clause, failed, fmi3, skipped
 from .description import find_schema_problems
 
-_VALID = fmi3(
-    "2.4",
-    "Additional optional information about the graphical representation and the grouping of FMU variables "
-    "into terminals is stored in the optional text file terminalsAndIcons/terminalsAndIcons.xml in XML "
-    "format as specified by the XML schema file fmi3TerminalsAndIcons.xsd.",
+_VALID = Clause(
+    "2.3.2",
+    "The optional directory terminalsAndIcons contains the definition of the Ports and Icons of the FMU as "
+    "defined in the FMI 3.0 Specification, 2.4.9. Terminals and Icons.",
+    in_3=fmi3(
+        "2.4",
+        "Additional optional information about the graphical representation and the grouping of FMU "
+        "variables into terminals is stored in the optional text file "
+        "terminalsAndIcons/terminalsAndIcons.xml in XML format as specified by the XML schema file "
+        "fmi3TerminalsAndIcons.xsd.",
+    ),
 )
 _VERSION = fmi3(
     "2.4.9",
@@ -44,7 +50,6 @@ _MEMBER = fmi3(
     _VALID,
     "Name variables of the model description, each terminal of a level once, and each of its members once.",
     needs=("description.schema",),
-    only_for=3,
 )
 def terminals(subject: Subject) -> CheckOutcome:
     """Check the description of terminals and icons: its schema, version, names and variables."""
@@ -55,11 +60,13 @@ def terminals(subject: Subject) -> CheckOutcome:
         root = parse_xml(path.read_bytes())
     except etree.XMLSyntaxError as error:
         return failed(shorten_sentence(f"{TERMINALS} cannot be read: {str(error).rstrip('.')}."))
+    if not root.get("fmiVersion", "").startswith("3."):  # as FMI 2.0 allows
+        return skipped(f"{TERMINALS} is for FMI {root.get('fmiVersion')}, not 3.0.")
     if problems := find_schema_problems(root, "fmi3TerminalsAndIcons.xsd"):
         return judge_problems(problems, "")
     found: list[Problem] = []
     version, wanted = root.get("fmiVersion"), subject.tree.get("fmiVersion")
-    if version != wanted:
+    if version != wanted and subject.version == 3:
         found.append(Breach(f"The terminals have the fmiVersion {version}, not {wanted}.", _VERSION))
     names = {name for v in subject.declared.variables for name in (v.name, *v.aliases)}
     top = root.find("Terminals")

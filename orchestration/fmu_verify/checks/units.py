@@ -94,6 +94,8 @@ def _undefined(declared: Declarations) -> Iterator[Problem]:
     for variable in declared.variables:
         if variable.attributes.get("displayUnit") is not None and variable.unit is None:
             yield Breach(f"{variable} has a display unit, but no unit.", _NO_UNIT)
+        if variable.alias_display_units and variable.unit is None:
+            yield Breach(f"An alias of {variable} has a display unit, but {variable} no unit.", _NO_UNIT)
 
 
 @check(

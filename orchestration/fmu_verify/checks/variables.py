@@ -46,6 +46,11 @@ _INITIAL = Clause(
 _REFERENCES = fmi3("2.4.7.4", "The valueReference must be unique for all variables of an FMU.")
 _INTERMEDIATE = fmi3("2.4.7.4", "Only continuous-time variables can have intermediateUpdate = true.")
 _MULTIPLE_SETS = fmi3("2.4.7.4", "Only for variables with causality = input.")
+_REINIT = Clause(
+    "2.2.7",
+    "Can only be present for a continuous-time state.",
+    in_3=fmi3("2.4.7.5", "May only be present for a continuous-time state."),
+)
 _MODEL_EXCHANGE = Clause(
     "2.2.7", "Only for ModelExchange (if only CoSimulation FMU, this attribute must not be present."
 )
@@ -132,6 +137,8 @@ def attributes(subject: Subject) -> CheckOutcome:
     if len(independent) > 1:
         both = f"Both {independent[0]} and {independent[1]} are independent."
         problems.append(Breach(both, _ONE_INDEPENDENT))
+    if "ModelExchange" in subject.kinds:
+        problems += _reinitialized(declared)
     if declared.version == 3:
         problems += _of_version_3(declared, independent)
     elif "ModelExchange" not in subject.kinds:
@@ -167,6 +174,14 @@ def _of_version_3(declared: Declarations, independent: Sequence[str]) -> Iterato
                 f"{_article(variable.causality)}."
             )
             yield Breach(what, _MULTIPLE_SETS)
+
+
+def _reinitialized(declared: Declarations) -> Iterator[Problem]:
+    """Yield variables with the attribute reinit that are neither states nor aliases of states."""
+    states = {v.value_key for i in declared.states() if (v := declared.variable(i)) is not None}
+    for variable in declared.variables:
+        if "reinit" in variable.own and variable.value_key not in states:
+            yield Breach(f"{variable} has reinit, but is not a continuous-time state.", _REINIT)
 
 
 def _exchanged(variable: DeclaredVariable) -> Iterator[Problem]:

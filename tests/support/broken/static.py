@@ -261,6 +261,18 @@ STATIC: list[Broken] = [
     Broken("state-dependency", "A state derivative that depends on a state at the start only",
         "structure.dependencies", setting("//Derivatives/Unknown[@index='18']", dependencies=""),
         verdict=Verdict.WARNING),
+    Broken("reinit", "An output with reinit that is not a state", "variables.attributes",
+        setting(f"{_variable('power')}/Real", reinit="true")),
+    Broken("initial-kind", "A factor that is fixed after initialization, in initialization",
+        "structure.dependencies",
+        setting("//InitialUnknowns/Unknown[@index='18']", dependenciesKind="fixed")),
+    Broken("two-identifiers", "A library for Model Exchange that is missing beside the other",
+        "binaries.present", setting("//ModelExchange", modelIdentifier="Toy2"), verdict=Verdict.WARNING),
+    Broken("terminal", "A terminal with a variable that does not exist", "description.terminals",
+        with_text("</GraphicalRepresentation>",
+            '</GraphicalRepresentation><Terminals><Terminal name="t" matchingRule="bus">'
+            '<TerminalMemberVariable variableName="nothing" memberName="a" variableKind="signal"/>'
+            "</Terminal></Terminals>", file="terminalsAndIcons/terminalsAndIcons.xml")),
     Broken("no-source", "A source file that is listed, but not there", "sources.compile",
         setting("//SourceFiles/File", name="elsewhere.c")),
 ]
