@@ -13,7 +13,7 @@ from ..host.experiment import span
 from ..host.fresh_process import EndedError, in_fresh_process
 from ..host.hosted_instance import CallError, HostedInstance
 from ..host.other_values import other_of, same, settable, start_of
-from ..host.points import Point, in_event_mode, in_initialization
+from ..host.points import Point, choose, in_event_mode, in_initialization, list_unexamined_pairs
 from ..messages import judge_problems, list_left_out
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, failed, fmi3, passed, skipped
@@ -58,7 +58,8 @@ def observed(subject: Subject) -> CheckOutcome:
         return failed(lines[0], details=lines)
     if not declared:
         return skipped("It declares no dependency of an output on an input.")
-    return passed(f"No dependency on inputs is undeclared; {seen} of {declared} declared ones were observed.")
+    said = f"No dependency on inputs is undeclared; {seen} of {declared} declared ones were observed."
+    return passed(said, gaps=list_unexamined_pairs(subject))
 
 
 Look = tuple[Pairs, int, int]
@@ -88,10 +89,11 @@ def _look(points: Iterable[Point]) -> Look:
     seen: set[tuple[str, str]] = set()
     declared: set[tuple[str, str]] = set()
     for point in points:
+        dependencies = {d.unknown: d for d in point.dependencies}
         for d in point.dependencies:
             declared.update((d.unknown, known) for known in point.knowns if d.on and known in d.on)
         for unknown, known in _changes(point):
-            if next(d for d in point.dependencies if d.unknown == unknown).excludes(known):
+            if dependencies[unknown].excludes(known):
                 excluded.setdefault((unknown, known), point.where)
             seen.add((unknown, known))
     return excluded, len(seen & declared), len(declared)
@@ -154,8 +156,9 @@ def _jumps(
     instance: HostedInstance, declared: Sequence[Dependency], knowns: Sequence[ModelVariable], where: str
 ) -> Pairs:
     """Return excluded pairs: another value of the known changes the unknown, and the old one restores it."""
-    declared = [d for d in declared if d.on is not None]
-    knowns = [v for v in knowns if other_of(v) is not None]
+    by_name = {v.name: v for v in knowns if other_of(v) is not None}
+    declared, names = choose([d for d in declared if d.on is not None], list(by_name))
+    knowns = [by_name[name] for name in names]
     excluded = [v for v in knowns if any(d.excludes(v.name) for d in declared)]
     names = [d.unknown for d in declared]
     found: Pairs = {}

@@ -11,7 +11,7 @@ from ..check import check
 from ..host.experiment import make_experiment
 from ..host.fresh_process import EndedError, in_fresh_process, in_separate_process
 from ..host.hosted_instance import CallError, HostedInstance
-from ..host.points import Point, in_event_mode, in_initialization
+from ..host.points import Point, in_event_mode, in_initialization, list_unexamined_pairs
 from ..messages import list_left_out
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, failed, fmi3, noted, passed, skipped, warned
@@ -105,7 +105,7 @@ def directional(subject: Subject) -> CheckOutcome:
         gaps.append(f"Only derivatives by {MOST_STATES} of {len(list_states(subject))} states were compared.")
     if not any(found):
         return skipped("No directional derivative of a Real output by a Real input can be requested.")
-    return _judged(found, tuple(gaps))
+    return _judged(found, (*gaps, *list_unexamined_pairs(subject)))
 
 
 Points = Callable[[Subject, int], Iterable[Point]]

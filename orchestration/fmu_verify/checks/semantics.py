@@ -42,6 +42,7 @@ _SAY_IT_BETTER = (
     ),
     "Tools that are based on FMPy may refuse the FMU.",
     needs=("description.schema",),
+    time_factor=3.0,  # it also repeats other checks
 )
 def semantics(subject: Subject) -> CheckOutcome:
     """Report problems that only FMPy's validator finds."""

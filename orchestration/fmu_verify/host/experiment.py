@@ -16,6 +16,13 @@ MOST_STEPS = 100
 """Most steps of one run. References reveal later problems."""
 
 
+_MOST_VALUES = 100_000
+"""Most values that one run exchanges, but for the fewest steps: FMUs with many variables run for fewer."""
+
+FEWEST_STEPS = 5
+"""Fewest steps of a run of an FMU that is slow or has many variables."""
+
+
 @dataclass(frozen=True)
 class Experiment:
     """Communication points in s, and the values of the inputs at each of them."""
@@ -36,8 +43,9 @@ class Experiment:
 def make_experiment(subject: Subject, steps: int = MOST_STEPS) -> Experiment:
     """Return the first steps of the FMU's default experiment, at most `steps`."""
     start, step, count = span(subject)
-    times = start + step * np.arange(min(steps, count, subject.most_steps) + 1, dtype=np.float64)
     inputs = subject.of_causality("input")
+    most = _MOST_VALUES // (len(inputs) + len(subject.of_causality("output")) or 1)
+    times = start + step * np.arange(min(steps, count, subject.most_steps, max(most, FEWEST_STEPS)) + 1.0)
     return Experiment(times, {v.name: _vary_input(v, i, times) for i, v in enumerate(inputs)})
 
 

@@ -4,11 +4,13 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import TypeVar
 
 import numpy as np
 
 from emla_cosim.base.arrays import Vector
 
+from ..messages import list_left_out
 from ..subject import Subject
 from . import declared_dependencies
 from .declared_dependencies import Dependency
@@ -17,8 +19,16 @@ from .fresh_process import is_single_instance
 from .hosted_instance import HostedInstance
 from .limits import limits_of, parse_number
 
+T = TypeVar("T")
+
 _STEPS = 20
 """Steps of the run for Model Exchange."""
+
+
+_MOST_PAIRS = 40_000
+"""Most pairs of an unknown and a known at a point, such as 200 of each."""
+
+_FEWEST_KNOWNS = 20
 
 
 @dataclass(frozen=True)
@@ -61,18 +71,49 @@ class Point:
         return np.array(self.instance.directional(self.unknowns, knowns, seed))
 
 
+def choose(dependencies: list[Dependency], knowns: list[str]) -> tuple[list[Dependency], list[str]]:
+    """Return all unknowns and knowns; where these are too many, some that lie evenly among all.
+
+    Unknowns that are declared to depend on the knowns come first.
+    """
+    if len(dependencies) * len(knowns) <= _MOST_PAIRS:
+        return dependencies, knowns
+    knowns = _spread(knowns, max(_FEWEST_KNOWNS, _MOST_PAIRS // len(dependencies)))
+    if len(dependencies) > (most := _MOST_PAIRS // len(knowns)):
+        some = set(knowns)
+        related = [d for d in dependencies if d.on is not None and not some.isdisjoint(d.on)][: most // 2]
+        chosen = {d.unknown for d in (*related, *_spread(dependencies, most - len(related)))}
+        dependencies = [d for d in dependencies if d.unknown in chosen]
+    return dependencies, knowns
+
+
+def _spread(items: list[T], most: int) -> list[T]:
+    return [items[k] for k in np.unique(np.linspace(0, len(items) - 1, min(most, len(items))).astype(int))]
+
+
+def list_unexamined_pairs(subject: Subject) -> tuple[str, ...]:
+    """Return a gap for *Not examined* if points have not all inputs and outputs."""
+    knowns = [v.name for v in subject.of_causality("input")]
+    every = declared_dependencies.at_initialization(subject)
+    some, moved = choose(every, knowns)
+    return (
+        *list_left_out(len(moved), len(knowns), "inputs were moved alone."),
+        *list_left_out(len(some), len(every), "outputs were examined with them."),
+    )
+
+
 def in_initialization(subject: Subject, count: int) -> Iterator[Point]:
     """Yield instances in initialization mode, with the inputs at several times of the experiment."""
     course = make_experiment(subject)
     knowns = [v.name for v in subject.of_causality("input")]
+    found, moved = choose(declared_dependencies.at_initialization(subject), knowns)
     places = np.linspace(0, len(course.times) - 1, 1 if is_single_instance(subject) else count)
     for k in np.unique(places.astype(int)):
         instance = HostedInstance(subject)
         first, values = course.at(0), course.at(int(k))
         instance.begin_initialization(float(course.times[0]), set_values=partial(instance.set, first))
         instance.set(values)
-        found = declared_dependencies.at_initialization(subject)
-        yield Point(instance, found, knowns, values, f"in initialization mode (inputs {k})")
+        yield Point(instance, found, moved, values, f"in initialization mode (inputs {k})")
         instance.free()
 
 
@@ -80,15 +121,16 @@ def in_event_mode(subject: Subject, count: int) -> Iterator[Point]:
     """Yield a model in event mode at several times of the experiment."""
     course = make_experiment(subject, _STEPS)
     knowns = [v.name for v in subject.of_causality("input") if v.variability in (None, "continuous")]
+    found, moved = choose(declared_dependencies.at_events(subject), knowns)
     instance = HostedInstance(subject, kind="ModelExchange")
     instance.initialize(course.at(0), float(course.times[0]))
     wanted = set(np.linspace(0, len(course.times) - 1, count).astype(int))
     for k, time in enumerate(course.times):
         instance.set(course.at(k))
         if k in wanted:
-            values = {n: course.at(k)[n] for n in knowns}
-            found = declared_dependencies.at_events(subject)
-            yield Point(instance, found, knowns, values, f"of the model at t = {time:.9g} s")
+            inputs = course.at(k)
+            values = {n: inputs[n] for n in moved}
+            yield Point(instance, found, moved, values, f"of the model at t = {time:.9g} s")
         if instance.terminated or k == len(course.times) - 1:
             return
         instance.step(float(time), course.step)
