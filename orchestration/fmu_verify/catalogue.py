@@ -46,7 +46,13 @@ from .checks import (
     variables,
 )
 
-READING: tuple[Check, ...] = (
+STATIC: tuple[Check, ...] = (
+    archive.safe,
+    archive.format_,
+    description.readable,
+    archive.layout,
+    description.encoding,
+    description.schema,
     description.identifier,
     description.capabilities,
     description.categories,
@@ -69,17 +75,6 @@ READING: tuple[Check, ...] = (
     terminals.terminals,
     layered.manifests,
     semantics.semantics,
-)
-"""Checks of a valid model description. They are safe to run in one process."""
-
-STATIC: tuple[Check, ...] = (
-    archive.safe,
-    archive.format_,
-    description.readable,
-    archive.layout,
-    description.encoding,
-    description.schema,
-    *READING,
     binaries.present,
     platforms.platform,
     binaries.symbols,

@@ -2,8 +2,7 @@
 
 import re
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import suppress
+from contextlib import closing, suppress
 from dataclasses import replace
 from typing import Any
 
@@ -16,7 +15,7 @@ from .findings import Finding
 from .host.fresh_process import EndedError
 from .scratch import list_writable, use_scratch
 from .settings import Settings
-from .subprocess_run import run_each_in_subprocess
+from .subprocess_run import CheckProcess
 from .terms import in_terms_of
 from .verdict import (
     LEAVES_EXCEPTION,
@@ -40,25 +39,46 @@ _MOST_MEMORY = 2**62
 
 def run_check(check: Check, subject: Any, settings: Settings) -> Finding:
     """Run a check within the limits of the settings."""
-    return next(run_checks([check], subject, settings))
+    with closing(CheckRunner(subject, settings)) as runner:
+        return runner.run(check)
 
 
-def run_checks(checks: Sequence[Check], subject: Any, settings: Settings) -> Iterator[Finding]:
-    """Run checks in sequence in one process. Start a new process if a check ends it.
+class CheckRunner:
+    """Runs checks of one subject, each within the limits of the settings.
 
-    The limits of the first check apply to all.
+    Checks share a process until one of them loads the FMU or ends it.
     """
-    seconds, memory = (
-        checks[0].time_factor * settings.seconds,
-        min(round(checks[0].memory_factor * settings.memory), _MOST_MEMORY),
-    )
-    began = time.monotonic()
-    items, places = [(check, subject) for check in checks], list_writable(subject, checks[0] is RECORDED)
-    outcomes = run_each_in_subprocess(_do, items, seconds, memory, places)
-    for check, outcome in zip(checks, outcomes, strict=True):
-        ended = time.monotonic()
-        yield make_finding(check, outcome, ended - began, _version(subject))
-        began = ended
+
+    def __init__(self, subject: Any, settings: Settings) -> None:
+        self.subject, self._settings = subject, settings
+        self._process: CheckProcess | None = None
+
+    def run(self, check: Check) -> Finding:
+        """Run a check."""
+        began = time.monotonic()
+        seconds = check.time_factor * self._settings.seconds
+        memory = min(round(check.memory_factor * self._settings.memory), _MOST_MEMORY)
+        outcome = self.call(check, seconds, memory)
+        return make_finding(check, outcome, time.monotonic() - began, _version(self.subject))
+
+    def call(self, check: Check, seconds: float, memory: int) -> CheckOutcome:
+        """Return the outcome of a check in a process with these limits in s and bytes."""
+        records = check is RECORDED
+        if self._process is not None and (records or self._process.memory != memory):
+            self.close()
+        if self._process is None:
+            places = list_writable(self.subject, records)
+            self._process = CheckProcess(do_check, (self.subject,), memory, places)
+        outcome = self._process.call((check,), seconds)
+        if not self._process.can_continue:
+            self.close()
+        return outcome
+
+    def close(self) -> None:
+        """End the process. The next check gets another one, with what the subject has read until then."""
+        if self._process is not None:
+            self._process.close()
+            self._process = None
 
 
 def skip_blocked(check: Check, needed: Finding, version: int = 2) -> Finding:
@@ -85,7 +105,8 @@ def make_finding(check: Check, outcome: CheckOutcome, seconds: float = 0.0, vers
     return Finding(check.name, check.title, outcome, clause, hint, seconds, check.done)
 
 
-def _do(check: Check, subject: Any) -> CheckOutcome:
+def do_check(subject: Any, check: Check) -> CheckOutcome:
+    """Return the outcome of a check in this process."""
     use_scratch(subject)
     outcome = _examine(check, subject)
     with suppress(Exception):  # it cannot be read

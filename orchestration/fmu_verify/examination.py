@@ -3,16 +3,17 @@
 import difflib
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import suppress
+from contextlib import closing, suppress
 
 from emla_cosim.base.errors import CommandError
 from emla_cosim.base.files import hash_file
 
-from .catalogue import CHECKS, READING, RECORDED, VITAL
+from .catalogue import CHECKS, RECORDED, VITAL
 from .check import Check
-from .check_runner import run_checks, skip_blocked
+from .check_runner import CheckRunner, skip_blocked
 from .findings import Examined, Finding
 from .gate import find_objections, is_selected_by
+from .host.experiment import FEWEST_STEPS
 from .settings import Settings
 from .subject import Subject
 from .subprocess_run import ERROR_OF_CHECK
@@ -24,9 +25,6 @@ _READ_AFTER = {"description.readable": ("tree", "description"), "description.sch
 
 _UNPACKS = "archive.safe"
 """The check that unpacks the FMU. It runs again when an examination is resumed."""
-
-_FEWEST_STEPS = 5
-"""Fewest steps of a run of a slow FMU."""
 
 
 def examine_fmu(
@@ -44,15 +42,17 @@ def examine_fmu(
     began = time.monotonic()
     earlier = {f.check: f for f in done}
     findings: dict[str, Finding] = {}
-    for together in _group_checks(select_needed_checks(subject.settings)):
-        left = [c for c in together if c.name not in earlier or c.name == _UNPACKS]
-        new = {f.check: f for f in _findings(left, subject, {**earlier, **findings})} if left else {}
-        for check in together:
-            found = earlier.get(check.name) or new[check.name]
+    with closing(CheckRunner(subject, subject.settings)) as runner:
+        for check in select_needed_checks(subject.settings):
+            found = earlier.get(check.name)
+            if found is None or check.name == _UNPACKS:
+                new = _find(check, runner, {**earlier, **findings})
+                found = found or new
             if check.name not in earlier:
                 progress(found)
             findings[found.check] = found
-            _take_over(found, subject)
+            if _take_over(found, subject):
+                runner.close()
     names = {c.name for c in select_checks(subject.settings)} | _find_failed(findings, subject.settings)
     others = {c.name for c in CHECKS if c.only_for not in (0, subject.known_version)}
     shown = tuple(f for f in findings.values() if f.check in (names - others or names))
@@ -75,14 +75,18 @@ def _not_in_version(subject: Subject, others: Iterable[str], shown: Sequence[Fin
             yield f"--must-run {pattern}: FMI {subject.known_version}.0 does not have what it is about."
 
 
-def _take_over(found: Finding, subject: Subject) -> None:
-    """Read what later checks need, and limit their runs, after a check that passed."""
-    if found.verdict == Verdict.PASSED:
-        for name in _READ_AFTER.get(found.check, ()):
-            with suppress(Exception):  # reading may fail here although it worked in the check's process
-                getattr(subject, name)
-        if found.check == "run.completes":
-            subject.most_steps = max(_FEWEST_STEPS, found.outcome.figures["steps"])
+def _take_over(found: Finding, subject: Subject) -> bool:
+    """Read what later checks need, and limit their runs, after a check that passed; return whether it did."""
+    if found.verdict != Verdict.PASSED:
+        return False
+    names = _READ_AFTER.get(found.check, ())
+    for name in names:
+        with suppress(Exception):  # reading may fail here although it worked in the check's process
+            getattr(subject, name)
+    if found.check == "run.completes":
+        subject.most_steps = max(FEWEST_STEPS, found.outcome.figures["steps"])
+        return True
+    return bool(names)
 
 
 def select_checks(settings: Settings) -> list[Check]:
@@ -126,34 +130,14 @@ def _find_failed(findings: Mapping[str, Finding], settings: Settings) -> set[str
     return failed - {c.name for c in CHECKS if any(_is_match(p, c) for p in settings.skip)}
 
 
-def _group_checks(checks: Sequence[Check]) -> Iterator[list[Check]]:
-    """Yield groups of checks that can share a process."""
-    reading = [c for c in checks if c in READING]
-    for check in checks:
-        if check not in READING:
-            yield [check]
-        elif check is reading[0]:
-            yield reading
-
-
-def _findings(checks: Sequence[Check], subject: Subject, before: Mapping[str, Finding]) -> Iterator[Finding]:
-    """Run checks. Skip those that need a check which failed or was skipped."""
-    known, ready, skip = dict(before), [], subject.settings.skip
-    for check in checks:
-        if (missing := _missing(check, known, skip)) is not None:
-            known[check.name] = skip_blocked(check, missing, subject.known_version)
-        else:
-            ready.append(check)
-    found = {f.check: f for f in run_checks(ready, subject, subject.settings)} if ready else {}
-    for check in checks:
-        if check.name in found:  # a needed check may be in the same group
-            missing = _missing(check, known, skip) or _hindering(check, found[check.name], known)
-            known[check.name] = (
-                skip_blocked(check, missing, subject.known_version)
-                if missing is not None
-                else found[check.name]
-            )
-        yield known[check.name]
+def _find(check: Check, runner: CheckRunner, before: Mapping[str, Finding]) -> Finding:
+    """Run a check. Skip it if it needs one which failed or was skipped."""
+    subject = runner.subject
+    if (missing := _missing(check, before, subject.settings.skip)) is None:
+        found = runner.run(check)
+        if (missing := _hindering(check, found, before)) is None:
+            return found
+    return skip_blocked(check, missing, subject.known_version)
 
 
 def _missing(check: Check, before: Mapping[str, Finding], skip: Sequence[str]) -> Finding | None:

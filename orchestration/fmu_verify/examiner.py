@@ -6,6 +6,7 @@ Checks fork from it. It has no threads and few modules loaded, whatever the call
 import gc
 import tempfile
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 from typing import NamedTuple
 
@@ -19,6 +20,9 @@ from .host.process_state import adopt_orphans, end_children
 from .settings import Settings
 from .subject import Subject
 from .systems import SystemKind, examine_system
+
+_LOADED = ("lief", "numpy.ma", "numpy.random", "encodings.cp437", "importlib.resources.readers")
+"""Modules that checks load: once, before forks."""
 
 
 class ExaminerJob(NamedTuple):
@@ -42,8 +46,8 @@ def examine_jobs(channel: Channel, folder: str) -> None:
         channel: Gets each finding as soon as its check is done, and then the report or an error.
         folder: The folder for temporary files.
     """
-    import lief  # noqa: F401  # slow to load: once, before forks
-
+    for module in _LOADED:
+        import_module(module)
     confine_signals()
     adopt_orphans()
     gc.freeze()  # forks then share memory that they only read

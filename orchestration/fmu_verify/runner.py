@@ -1,4 +1,4 @@
-"""Verify files with one examiner process per core."""
+"""Verify files with an examiner process for each core, and one more."""
 
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -200,7 +200,7 @@ def examine_all(
     advance: Callable[[], None] = lambda: None,
     interrupted: Callable[[], bool] | None = None,
 ) -> tuple[tuple[Examined, ...], bool]:
-    """Examine files with one process for each core.
+    """Examine files in several processes at once.
 
     Args:
         jobs: The files.
@@ -212,7 +212,8 @@ def examine_all(
         The findings in the order of the jobs, and whether all checks ran.
     """
     pool = ChildPool(lambda: Child(examine_jobs, str(folder)))
-    with ThreadPoolExecutor(min(count_cores(), len(jobs))) as threads:
+    count = count_cores() + 1  # checks also wait, for example for the next second
+    with ThreadPoolExecutor(min(count, len(jobs))) as threads:
         examined = [threads.submit(_examine, job, pool, advance) for job in jobs]
         left = set(examined)
         try:

@@ -1,8 +1,8 @@
 """Run a check in a subprocess, which it may crash, fill or never leave."""
 
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import closing
+from collections.abc import Callable, Sequence
+from contextlib import closing, suppress
 from pathlib import Path
 from typing import Any
 
@@ -37,8 +37,17 @@ _TIMEOUT_AT_END = 1.0
 """Seconds that a process may take to end after its answer."""
 
 
-def note(doing: str) -> None:
-    """Note the next action, as messages name it: `fmi2DoStep at t = 1 s`."""
+_is_used = False
+"""Whether this process may have loaded an FMU."""
+
+
+def note(doing: str, is_reading: bool = False) -> None:
+    """Note the next action, as messages name it: `fmi2DoStep at t = 1 s`.
+
+    No other check runs in this process then, unless the action only reads files (`is_reading`).
+    """
+    global _is_used
+    _is_used = _is_used or not is_reading
     crash_page.write_note(doing)
 
 
@@ -65,54 +74,74 @@ def run_in_subprocess(
         memory: Memory limit in bytes, in addition to what the process uses now.
         writable: Folders that the process may write to, if the system can confine it. Default: all.
     """
-    return next(run_each_in_subprocess(do, [arguments], seconds, memory, writable))
+    with closing(CheckProcess(do, arguments, memory, writable)) as process:
+        return process.call((), seconds, is_last=True)
 
 
-def run_each_in_subprocess(
-    do: Callable[..., CheckOutcome],
-    items: Sequence[tuple[Any, ...]],
-    seconds: float,
-    memory: int,
-    writable: Sequence[Path] | None = None,
-) -> Iterator[CheckOutcome]:
-    """Call `do` for each of several arguments like `run_in_subprocess`, in as few processes as possible.
+class CheckProcess:
+    """A copy of this process that calls `do`, again and again as long as no call loads an FMU.
 
-    If one call ends its process or exceeds a limit, the next call gets a new process.
+    Args:
+        do: Function to call; returns a `CheckOutcome`.
+        arguments: Its first arguments, as they are now.
+        memory: Memory limit in bytes, in addition to what this process uses now.
+        writable: Folders that the process may write to, if the system can confine it. Default: all.
     """
-    left = list(items)
-    while left:
-        with (
-            closing(CrashPageFile()) as notes,
-            closing(Child(_answer, do, left, notes.path, memory, writable, fork=True)) as child,
-        ):
-            can_continue = True
-            while left and can_continue:
-                outcome, can_continue = _receive_outcome(child, notes, seconds)
-                del left[0]
-                if can_continue and not left and (code := child.wait(_TIMEOUT_AT_END) or 0) < 0:
-                    outcome = failed(f"It ended the process in {_read(notes)} ({describe_exit(code)}).")
-                yield outcome
+
+    def __init__(
+        self,
+        do: Callable[..., CheckOutcome],
+        arguments: tuple[Any, ...],
+        memory: int,
+        writable: Sequence[Path] | None = None,
+    ) -> None:
+        self._notes = CrashPageFile()
+        try:
+            self._child = Child(_answer, do, arguments, self._notes.path, memory, writable, fork=True)
+        except BaseException:
+            self._notes.close()
+            raise
+        self.memory, self.can_continue = memory, True
+
+    def call(self, arguments: tuple[Any, ...], seconds: float, is_last: bool = False) -> CheckOutcome:
+        """Call `do` with further arguments; see `run_in_subprocess`. `can_continue` is then up to date."""
+        with suppress(ChildEndedError):  # `receive` reports it
+            self._child.send((arguments, is_last))
+        outcome, self.can_continue, has_ended = _receive_outcome(self._child, self._notes, seconds)
+        if not (self.can_continue or has_ended) and (code := self._child.wait(_TIMEOUT_AT_END) or 0) < 0:
+            return failed(f"It ended the process in {_read(self._notes)} ({describe_exit(code)}).")
+        return outcome
+
+    def close(self) -> None:
+        """End the process."""
+        self._child.close()
+        self._notes.close()
 
 
-def _receive_outcome(child: Child, notes: CrashPageFile, seconds: float) -> tuple[CheckOutcome, bool]:
-    """Return the next outcome, and whether the process can continue."""
+def _receive_outcome(child: Child, notes: CrashPageFile, seconds: float) -> tuple[CheckOutcome, bool, bool]:
+    """Return the next outcome, whether the process takes another call, and whether it was lost."""
     began = moved = now = time.monotonic()
     doing = _read(notes)
     while True:
         try:
-            return read_outcome(child.receive_bytes(min(LOOK, began + seconds - now))), True
+            answer = child.receive_bytes(min(LOOK, began + seconds - now))
+            return read_outcome(answer[1:]), answer[:1] == _CAN_CONTINUE, False
         except TimeoutError:
             now = time.monotonic()
         except (ChildEndedError, ValueError) as error:
             if isinstance(error, ValueError) or isinstance(error.__cause__, GarbledError):
-                return failed(f"It wrote into a file of this program, in {_read(notes, doing)}."), False
+                said = f"It wrote into a file of this program, in {_read(notes, doing)}."
+                return failed(said), False, True
             said = f"It ended the process in {_read(notes, doing)} ({error})."
-            return failed(said, clause=RETURNS), False
+            return failed(said, clause=RETURNS), False, True
         if doing != (doing := _read(notes, doing)):
             moved = now
         if now > began + seconds:
-            return _describe_timeout(doing, seconds, now - moved), False
+            return _describe_timeout(doing, seconds, now - moved), False, True
 
+
+_CAN_CONTINUE, _ENDS = b"+", b"-"
+"""What an answer begins with: whether its process takes another call."""
 
 _FAULT = "The machine has too little space or memory, or a limit is too low (`ulimit -a`)."
 _SLOW = "The FMU may only be slow. Increase the time limit (--seconds)."
@@ -132,7 +161,7 @@ def _describe_timeout(doing: str, seconds: float, still: float) -> CheckOutcome:
 def _answer(
     channel: Channel,
     do: Callable[..., CheckOutcome],
-    items: Sequence[tuple[Any, ...]],
+    first: tuple[Any, ...],
     notes: Path,
     memory: int,
     writable: Sequence[Path] | None,
@@ -143,9 +172,13 @@ def _answer(
     if writable is not None:
         confine(writable)
     limit_memory(memory)
-    for arguments in items:
-        note(_FIRST)
-        channel.send_bytes(write_outcome(_call_limited(do, arguments, memory)))
+    for arguments, is_last in channel.requests():
+        note(_FIRST, is_reading=True)
+        outcome = write_outcome(_call_limited(do, (*first, *arguments), memory))
+        ends = is_last or _is_used
+        channel.send_bytes((_ENDS if ends else _CAN_CONTINUE) + outcome)
+        if ends:
+            return
 
 
 def _call_limited(do: Callable[..., CheckOutcome], arguments: tuple[Any, ...], memory: int) -> CheckOutcome:

@@ -148,7 +148,7 @@ def _lacking(library: Library, version: int) -> Iterator[str]:
         if library.platform not in _HERE:  # `binaries.loads` reports the others
             yield f"{library} is truncated: its last {missing} bytes are missing."
         return
-    note(f"reading {library}")
+    note(f"reading {library}", is_reading=True)
     binary = parse_library(library.path)
     if binary is None:
         yield f"{library} is not a readable shared library."

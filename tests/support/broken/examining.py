@@ -3,7 +3,7 @@
 import faulthandler
 import os
 import tempfile
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Collection
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,8 +14,10 @@ from emla_cosim.fmu.unpack import unpack
 from fmu_verify import check_runner
 from fmu_verify.catalogue import CHECKS, DYNAMIC
 from fmu_verify.check import Check
+from fmu_verify.check_runner import CheckRunner, do_check
 from fmu_verify.examination import examine_fmu
 from fmu_verify.findings import Examined
+from fmu_verify.scratch import list_writable
 from fmu_verify.settings import Settings
 from fmu_verify.subject import Subject
 from fmu_verify.subprocess_run import ERROR_OF_CHECK, run_in_subprocess
@@ -40,21 +42,15 @@ def examine(
     settings = replace(settings, only=only or settings.only)
     tests, scratch = os.getpid(), check_runner.use_scratch
 
-    def run_each(
-        do: Callable[..., CheckOutcome],
-        items: Sequence[tuple[Check, Subject]],
-        seconds: float,
-        memory: int,
-        writable: Sequence[Path],
-    ) -> Iterator[CheckOutcome]:
-        for check, subject in items:
-            if check.name in apart:
-                yield run_in_subprocess(_run_quietly, (do, check, subject), seconds, memory, writable)
-            else:
-                yield _run_here(do, check, subject)
+    def call(runner: CheckRunner, check: Check, seconds: float, memory: int) -> CheckOutcome:
+        subject = runner.subject
+        places = list_writable(subject)
+        if check.name in apart:
+            return run_in_subprocess(_run_quietly, (subject, check), seconds, memory, places)
+        return _run_here(subject, check)
 
     with pytest.MonkeyPatch.context() as patch, tempfile.TemporaryDirectory() as folder:
-        patch.setattr(check_runner, "run_each_in_subprocess", run_each)
+        patch.setattr(CheckRunner, "call", call)
         # this process keeps its folders
         patch.setattr(check_runner, "use_scratch", lambda of: None if os.getpid() == tests else scratch(of))
         patch.chdir(path.parent)
@@ -74,15 +70,15 @@ def list_problems(examined: Examined) -> dict[str, str]:
     return {f.check: f.sentence for f in examined.findings if f.verdict in (Verdict.FAILED, Verdict.WARNING)}
 
 
-def _run_here(do: Callable[..., CheckOutcome], check: Check, subject: Subject) -> CheckOutcome:
+def _run_here(subject: Subject, check: Check) -> CheckOutcome:
     """Return the outcome of a check; that it went wrong is no matter where what it needs has failed."""
     try:
-        return do(check, subject)
+        return do_check(subject, check)
     except Exception as error:
         return failed(f"{ERROR_OF_CHECK} {error!r}.")
 
 
-def _run_quietly(do: Callable[..., CheckOutcome], check: Check, subject: Subject) -> CheckOutcome:
+def _run_quietly(subject: Subject, check: Check) -> CheckOutcome:
     """Return the outcome of a check whose process may crash, without the traceback that pytest prints."""
     faulthandler.disable()
-    return do(check, subject)
+    return do_check(subject, check)

@@ -99,7 +99,7 @@ def test_invalid_status_violates_the_section_on_statuses(
         raise CallError("fmi2SetDebugLogging", status)
 
     monkeypatch.setattr(check_runner, "use_scratch", lambda _: None)
-    outcome = check_runner._do(answers, None)
+    outcome = check_runner.do_check(None, answers)
     assert (outcome.verdict, outcome.clause) == (Verdict.FAILED, clause)
 
 
