@@ -1,20 +1,24 @@
 """The scripts behind tables of the documentation: what they count, and what they say of tools that fail."""
 
+import argparse
 import csv
 import shutil
 import subprocess
 import sys
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from docs import verifiers
-from docs.good_fmus import summarize
-from docs.verifiers import OURS, examine, with_command, with_fmpy
+from benchmarks.checker_tools import CRASHED, HUNG, NOT_APPLICABLE, Answer, Checker, find_checkers, run
+from benchmarks.checkers import GROUPS, OURS, examine, group_of, summarize
+from docs import good_fmus
+from fmu_verify.catalogue import CHECKS
 from tests.support.broken.static import STATIC
+from tests.support.broken.table import BROKEN
 from tests.support.paths import ROOT
+
+OPTIONS = ("fmusim", "vdmcheck2", "vdmcheck3", "fmu_compliance_checker")
 
 
 @pytest.mark.slow
@@ -49,7 +53,7 @@ def test_findings_are_counted_by_check_and_tool() -> None:
     warning = _finding("c.d", "warning", "c.d", "emla verify")
     second = _fmu("OpenModelica Compiler v1.13.0", _finding("a.b", "failed", "2.1.5"), warning)
     clean = _fmu("Acme 3", _finding("a.b", "skipped", "2.3"))
-    text = summarize([{"examined": [first, second]}, {"examined": [clean]}])
+    text = good_fmus.summarize([{"examined": [first, second]}, {"examined": [clean]}])
     assert text.splitlines()[0] == "3 FMUs, 1 without a finding."
     assert text.splitlines()[4:] == [
         "| failed | `a.b` | 2 | Dymola, OpenModelica | 2.1.5, 2.3 |",
@@ -58,19 +62,33 @@ def test_findings_are_counted_by_check_and_tool() -> None:
 
 
 @pytest.mark.slow
-def test_only_new_findings_of_a_broken_fmu_count(tmp_path: Path) -> None:
-    of_schema = [b for b in STATIC if b.check == "variables.start"][:1]
-    tools = {"FMPy": with_fmpy, "grumbler": partial(with_command, ["false", "{}"])}
-    rows = examine({"the file": of_schema}, tools, tmp_path)
-    assert [(row[OURS], row["FMPy"], row["grumbler"]) for row in rows] == [("yes", "yes", "")]
-    assert "| all | 1 | 1 | 1 | 0 |" in verifiers.summarize(rows, [OURS, *tools])
+def test_only_complaints_that_the_good_fmu_does_not_get_count(tmp_path: Path) -> None:
+    broken = [b for b in STATIC if b.check == "variables.start"][:1]
+    fmpy = next(c for c in find_checkers(argparse.Namespace(**dict.fromkeys(OPTIONS)))[0] if not c.calls)
+    tools = [fmpy, Checker("grumbler", "1.0", ["false"], "x"), Checker("other", "", ["true"], "x", (3,))]
+    rows = examine(tools, broken, [], tmp_path, 60.0, 1)
+    assert rows[-1][OURS] == "found: force has no start value."
+    assert rows[-1][fmpy.name].startswith('found: Variable "force"')
+    assert rows[-1]["grumbler"] == rows[-1]["other"] == NOT_APPLICABLE
+    row = rows[0] | {"grumbler": "hung", "other": "not found"}
+    table = summarize([row, rows[-1] | {"grumbler": "crashed: SIGSEGV"}], tools, ["fmusim"])
+    assert "| grumbler 1.0 | - | 0 of 1 | - | - | - | - | 0 of 1 | 1 | 0 | 1 of 1 |" in table
+    assert "| other | - | - | - | - | - | - | - | 0 | 0 | 0 of 1 |" in table
+    assert table.endswith("Not there: fmusim.")
 
 
-def test_a_tool_without_an_answer_does_not_count(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(verifiers, "LIMIT", 0.1)
-    answer = with_command(["sleep", "60"], tmp_path / "X.fmu")
-    assert answer == verifiers.NO_ANSWER
-    assert with_command(["sh", "-c", "kill -9 $PPID"], tmp_path / "X.fmu") == "yes"
-    group = next(iter(verifiers.SETS))
-    rows = [{"set": group, "fmu": "x", "what": "", OURS: "yes", "slow": answer}]
-    assert verifiers.summarize(rows, [OURS, "slow"]).endswith("which do not count: slow 1.\n")
+def test_tools_that_do_not_answer(tmp_path: Path) -> None:
+    def answer(script: str, limit: float = 60.0) -> Answer:
+        return run(Checker("x", "", ["sh", "-c", script], "^warning"), (), tmp_path / "X.fmu", limit)
+
+    assert answer("sleep 60", 0.1).verdict == HUNG
+    assert answer("kill -9 $PPID") == Answer(["SIGKILL"], -9, CRASHED)
+    assert answer("kill -11 $$") == Answer(["SIGSEGV"], 139, CRASHED)
+    assert answer("echo fine; echo warning: /tmp/a/X.fmu") == Answer(["warning: X.fmu"])
+    assert answer("echo bad; exit 255") == Answer(["exit code 255: bad"], 255)
+
+
+def test_groups_of_the_table_of_checkers() -> None:
+    assert {group_of(b.check) for b in BROKEN} == set(GROUPS)
+    prefixes = [prefix for prefixes in GROUPS.values() for prefix in prefixes]
+    assert set(prefixes) <= {check.group for check in CHECKS}
