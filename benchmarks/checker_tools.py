@@ -191,7 +191,7 @@ def run(checker: Checker, options: Sequence[str], path: Path, limit: float) -> A
     number = -code if code < 0 else code - 128  # of the shell, or of the tool, as the shell says it
     if number in signal.valid_signals():
         return Answer([signal.Signals(number).name], code, CRASHED)
-    lines = [_without_paths(line) for line in text.splitlines() if line.strip()]
+    lines = [without_paths(line) for line in text.splitlines() if line.strip()]
     complaints = [line for line in lines if re.search(checker.complaint, line)]
     if code and not complaints:
         complaints = [f"exit code {code}: {lines[-1] if lines else ''}".rstrip(": ")]
@@ -212,6 +212,6 @@ def fmi_version(path: Path) -> int:
     return 3 if 'fmiVersion="3' in read_description(path) else 2
 
 
-def _without_paths(line: str) -> str:
+def without_paths(line: str) -> str:
     """Return a line without colors, and with names of files instead of paths."""
     return re.sub(r"(file:)?(/[\w.+-]+)+/", "", re.sub(r"\x1b\[[\d;]*m", "", line)).strip()

@@ -13,7 +13,8 @@ good one with the most similar model description. The other answers:
 - hung: it did not answer within the time limit.
 - not applicable: it is not for this version of FMI, or it fails with the FMU without the fault, too.
 
-`emla verify` is asked for the check of the fault, with the settings of its test, and of good FMUs for all.
+`emla verify` is asked for the check of the fault, with the settings of its test, and for all checks of FMUs
+that are not broken.
 """
 
 import argparse
@@ -57,6 +58,7 @@ from .checker_tools import (
     find_checkers,
     fmi_version,
     read_description,
+    without_paths,
 )
 
 GROUPS = {
@@ -65,9 +67,12 @@ GROUPS = {
     "calls": ("instance", "calls", "state", "log", "process"),
     "behavior": (),
     "memory": ("sanitizer",),
-    "references": ("reference",),
+    "references": ("reference", "related"),
 }
 """Groups of checks by what the fault is in; a group of checks that is not listed is about behavior."""
+
+GOOD, OTHER = "no fault", "other"
+"""Groups of FMUs that are not broken: those that the broken ones are made of, and those of an option."""
 
 OURS = "emla verify"
 MOST_TEXT = 160
@@ -83,7 +88,9 @@ def main() -> None:
     parser.add_argument(
         "--fmu-compliance-checker", type=_file, metavar="PATH", help="fmuCheck.linux64 or alike"
     )
-    parser.add_argument("--good", type=_file, nargs="*", default=[], metavar="FMU", help="more good FMUs")
+    parser.add_argument(
+        "--others", type=_file, nargs="*", default=[], metavar="FMU", help="FMUs that are counted apart"
+    )
     parser.add_argument("--csv", type=Path, metavar="FILE", help="write every answer to this file")
     parser.add_argument("--write", action="store_true", help="put the table into docs/verify.md")
     parser.add_argument("--limit", type=float, default=120.0, metavar="S", help="time of a tool in s")
@@ -95,7 +102,7 @@ def main() -> None:
         print(f"{name} is not on PATH, and no option names it: it does not run.", file=sys.stderr)
     broken = [b for b in BROKEN if arguments.only in b.name]
     with tempfile.TemporaryDirectory() as folder:
-        rows = examine(checkers, broken, arguments.good, Path(folder), arguments.limit, arguments.jobs)
+        rows = examine(checkers, broken, arguments.others, Path(folder), arguments.limit, arguments.jobs)
     if arguments.csv:
         with arguments.csv.open("w", newline="", encoding="utf-8") as stream:
             writer = csv.DictWriter(stream, [*rows[0]], lineterminator="\n")
@@ -118,7 +125,7 @@ def _file(text: str) -> Path:
 def examine(
     checkers: Sequence[Checker],
     broken: Sequence[Broken],
-    more: Sequence[Path],
+    others: Sequence[Path],
     folder: Path,
     limit: float,
     jobs: int,
@@ -128,14 +135,14 @@ def examine(
     Args:
         checkers: The tools.
         broken: The FMUs with a fault.
-        more: Good FMUs, in addition to those that the broken ones were made of.
+        others: FMUs whose complaints are counted apart.
         folder: Folder for the FMUs.
         limit: Time of a tool for one FMU in s.
         jobs: Number of FMUs at the same time.
     """
     (folder / "good").mkdir()
     origins = build_origins(folder / "good")
-    names = {path: f"{path.stem} {fmi_version(path)}.0" for path in [*origins, *more]}
+    names = {path: f"{path.stem} {fmi_version(path)}.0" for path in [*origins, *others]}
     whole = [(Broken(name, "", "", lambda _, path=path: path), Settings()) for path, name in names.items()]
     by_name = examined_all([*whole, *((b, replace(b.settings, only=(b.check,))) for b in broken)], folder)
     known: dict[tuple[str, object], Answer] = {}
@@ -143,9 +150,10 @@ def examine(
     def ask_all(path: Path) -> list[Answer]:
         return [ask(checker, path, limit, known) for checker in checkers]
 
-    def row_of_good(path: Path, answers: Sequence[Answer]) -> dict[str, str]:
+    def row_of_whole(path: Path, answers: Sequence[Answer]) -> dict[str, str]:
         ours = [f"{check}: {text}" for check, text in list_problems(by_name[names[path]]).items()]
-        row = {"fmu": names[path], "fmi": f"{fmi_version(path)}", "group": "good", "check": "", "fault": ""}
+        row = {"fmu": names[path], "fmi": f"{fmi_version(path)}", "group": GOOD if path in origins else OTHER}
+        row |= {"check": "", "fault": ""}
         row[OURS] = _cell(_verdict(ours), ours)
         for checker, answer in zip(checkers, answers, strict=True):
             row[checker.name] = _cell(answer.verdict or _verdict(answer.complaints), answer.complaints)
@@ -165,7 +173,7 @@ def examine(
 
     with ThreadPoolExecutor(jobs) as pool:
         good = dict(zip(names, pool.map(ask_all, names), strict=True))
-        rows = [row_of_good(path, answers) for path, answers in good.items()]
+        rows = [row_of_whole(path, answers) for path, answers in good.items()]
         for row in pool.map(row_of_broken, broken):
             print(*row.values(), sep=" | ", file=sys.stderr, flush=True)
             rows.append(row)
@@ -218,39 +226,37 @@ def _verdict(complaints: Sequence[str]) -> str:
 
 
 def _cell(verdict: str, complaints: Sequence[str]) -> str:
-    return f"{verdict}: {complaints[0]}"[:MOST_TEXT] if complaints else verdict
+    return f"{verdict}: {without_paths(complaints[0])}"[:MOST_TEXT] if complaints else verdict
 
 
 def summarize(rows: Sequence[Mapping[str, str]], checkers: Sequence[Checker], missing: Sequence[str]) -> str:
     """Return the table: a line for each tool, a column for each group of faults."""
-    good = [row for row in rows if row["group"] == "good"]
-    broken = [row for row in rows if row["group"] != "good"]
-    head = ["Tool", *GROUPS, "all", "crashed", "hung", "complaints about good FMUs"]
+    by_group = {name: [row for row in rows if row["group"] == name] for name in [*GROUPS, GOOD, OTHER]}
+    broken = [row for group in GROUPS for row in by_group[group]]
+    head = ["Tool", *GROUPS, "all", "crashed", "hung", "FMUs without a fault", "other FMUs"]
     lines = [
-        f"Made on {datetime.now(UTC):%Y-%m-%d} on {fmpy.platform}, with {len(broken)} broken FMUs "
-        f"and {len(good)} good ones.",
+        f"Made on {datetime.now(UTC):%Y-%m-%d} on {fmpy.platform}: {len(broken)} broken FMUs, "
+        f"{len(by_group[GOOD])} without a fault, {len(by_group[OTHER])} others.",
         "",
         f"| {' | '.join(head)} |",
         f"|---|{'---:|' * (len(head) - 1)}",
     ]
     versions = {OURS: version("emla-cosim")} | {checker.name: checker.version for checker in checkers}
     for name in versions:
-        cells = [_count([row[name] for row in broken if row["group"] == group], FOUND) for group in GROUPS]
-        of_broken, of_good = [row[name] for row in broken], [row[name] for row in good]
-        ended = [str(sum(cell.startswith(word) for cell in of_broken)) for word in (CRASHED, HUNG)]
-        cells += [_count(of_broken, FOUND), *ended, _count(of_good, FOUND, CRASHED, HUNG)]
+        cells = [_count(by_group[group], name, FOUND) for group in GROUPS]
+        cells.append(_count(broken, name, FOUND))
+        cells += [str(sum(row[name].startswith(verdict) for row in broken)) for verdict in (CRASHED, HUNG)]
+        cells += [_count(by_group[group], name, FOUND, CRASHED, HUNG) for group in (GOOD, OTHER)]
         lines.append(f"| {f'{name} {versions[name]}'.strip()} | {' | '.join(cells)} |")
     if missing:
         lines += ["", f"Not there: {', '.join(missing)}."]
     return "\n".join(lines)
 
 
-def _count(cells: Sequence[str], *verdicts: str) -> str:
-    """Return how many cells have one of the verdicts, and how many there are that apply."""
-    applicable = [cell for cell in cells if cell != NOT_APPLICABLE]
-    return (
-        f"{sum(cell.startswith(verdicts) for cell in applicable)} of {len(applicable)}" if applicable else "-"
-    )
+def _count(rows: Sequence[Mapping[str, str]], name: str, *verdicts: str) -> str:
+    """Return for how many FMUs a tool has one of the verdicts, and to how many it applies."""
+    cells = [row[name] for row in rows if row[name] != NOT_APPLICABLE]
+    return f"{sum(cell.startswith(verdicts) for cell in cells)} of {len(cells)}" if cells else "-"
 
 
 if __name__ == "__main__":

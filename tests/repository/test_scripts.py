@@ -72,8 +72,8 @@ def test_only_complaints_that_the_good_fmu_does_not_get_count(tmp_path: Path) ->
     assert rows[-1]["grumbler"] == rows[-1]["other"] == NOT_APPLICABLE
     row = rows[0] | {"grumbler": "hung", "other": "not found"}
     table = summarize([row, rows[-1] | {"grumbler": "crashed: SIGSEGV"}], tools, ["fmusim"])
-    assert "| grumbler 1.0 | - | 0 of 1 | - | - | - | - | 0 of 1 | 1 | 0 | 1 of 1 |" in table
-    assert "| other | - | - | - | - | - | - | - | 0 | 0 | 0 of 1 |" in table
+    assert "| grumbler 1.0 | - | 0 of 1 | - | - | - | - | 0 of 1 | 1 | 0 | 1 of 1 | - |" in table
+    assert "| other | - | - | - | - | - | - | - | 0 | 0 | 0 of 1 | - |" in table
     assert table.endswith("Not there: fmusim.")
 
 
