@@ -62,7 +62,7 @@ from .checker_tools import (
 )
 
 GROUPS = {
-    "file": ("archive", "binaries", "sources", "documents"),
+    "file": ("archive", "binaries", "sources", "documents", "layered"),
     "description": ("description", "units", "variables", "structure"),
     "calls": ("instance", "calls", "state", "log", "process"),
     "behavior": (),
