@@ -48,7 +48,8 @@ def test_every_model_and_scenario_named_exists() -> None:
 def test_every_named_file_exists(page: str) -> None:
     text = (ROOT / page).read_text(encoding="utf-8")
     package = ROOT / "orchestration/emla_cosim"
-    homes = {path.name: path for above in (package / "analyses", package, ROOT) for path in above.iterdir()}
+    above = (package / "analyses", package, package.parent, ROOT)
+    homes = {path.name: path for folder in above for path in folder.iterdir()}
     named = [n for n in re.findall(r"`(\w+)/([^`* ]*)`", text) if n[0] in homes or n[1].endswith(".py")]
     assert len(named) > 15
     for first, rest in named:

@@ -131,10 +131,14 @@ class Integrator(ABC, Generic[Model]):
             if not waiting:
                 break
         else:
-            raise self._integration_error(
+            raise self._endless_iteration(
                 f"the discrete states do not settle in {MOST_ITERATIONS} iterations."
             )
         self._next_event = min(m.next_event for m in self.members)
+
+    def _endless_iteration(self, reason: str) -> Exception:
+        """Return the error for an event whose iteration does not end."""
+        return self._integration_error(reason)
 
     def _finish_event(self) -> None:
         """Iterate an event until the discrete states settle, and enter continuous-time mode."""

@@ -3,7 +3,7 @@
 from ..check import check
 from ..host.experiment import make_experiment
 from ..host.fresh_process import EndedError, in_fresh_process
-from ..host.hosted_instance import CallError, HostedInstance
+from ..host.hosted_instance import CallError, EndlessIterationError, HostedInstance
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, blocked, failed, fmi3, passed, skipped
 
@@ -44,16 +44,9 @@ def iteration(subject: Subject) -> CheckOutcome:
 
 def explain_endless(error: CallError) -> CheckOutcome:
     """Return the outcome of a check that needs event iterations to end; raise errors of another kind."""
-    if not is_endless(error):
+    if not isinstance(error, EndlessIterationError):
         raise error
     return blocked(f"It needs {NAME}, which failed.")
-
-
-def is_endless(error: CallError) -> bool:
-    """Return whether an error is that of an event iteration which does not end."""
-    function = error.call.partition(",")[0].split()[0]
-    updates = function.endswith(("DiscreteStates", "GetClock"))
-    return updates and ("repeatedly" in error.call or "in a row" in error.call)
 
 
 def _has_event_mode(subject: Subject, kind: str) -> bool:
@@ -73,8 +66,6 @@ def _find_endless(subject: Subject, kind: str) -> str:
             where = f"in the step from t = {time:.9g} s"
             instance.set(course.at(k))
             instance.step(float(time), course.step)
-    except CallError as error:
-        if is_endless(error):
-            return where
-        raise
+    except EndlessIterationError:
+        return where
     return ""

@@ -50,6 +50,8 @@ _CLAUSES = {
     Problem.WRONG_SHIFT: _INTERVAL,
 }
 
+_ENDLESS = (Problem.ENDLESS_UPDATES, Problem.ENDLESS_TICKS)
+
 _CLOCKS = POINTER(c_uint32), c_size_t
 _ARGUMENTS: dict[str, tuple[Any, ...]] = {
     DO_STEP: (c_double, c_double, c_bool, *3 * (POINTER(c_bool),), POINTER(c_double)),
@@ -220,7 +222,7 @@ class HostedEvents:
         if problem != Problem.NONE:
             call, answer = describe_answer(problem, record, self._tables)
             said = f"{_c_name(call)} answered {answer}."
-            raise self._instance.violation(said, _CLAUSES.get(problem))
+            raise self._instance.violation(said, _CLAUSES.get(problem), problem in _ENDLESS)
 
     def _call(self, name: str, _: Any, *arguments: Any) -> int:
         """Call a function of the FMU for the stepper; an exception waits until the stepper returns."""

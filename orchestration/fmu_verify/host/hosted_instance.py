@@ -20,7 +20,7 @@ from ..subprocess_run import last_note, note
 from ..verdict import LEAVES_EXCEPTION, Clause, NotRunError, left_exception
 from .arrays import Arrays, ElementDependency, set_elements
 from .event_mode import EARLY, EventState, HostedEvents
-from .integration import HostedIntegration, IntegrationError, RunEndedError
+from .integration import EndlessEventError, HostedIntegration, IntegrationError, RunEndedError
 from .log import LOG, format_message
 
 RETURNS_EARLY = "mightReturnEarlyFromDoStep"
@@ -53,7 +53,11 @@ class CallError(Exception):
 
     def __reduce__(self) -> Any:
         """Pickle the message instead of the log lines."""
-        return CallError, (self.call, self.status, (), str(self), self.clause)
+        return type(self), (self.call, self.status, (), str(self), self.clause)
+
+
+class EndlessIterationError(CallError):
+    """Updates of discrete states that ask for another one, without end."""
 
 
 def _quote(lines: Iterable[LogLine]) -> str:
@@ -181,9 +185,10 @@ class HostedInstance(FmiInstance):
         """Return the error for a call that left an exception of Python."""
         return CallError(function, ERROR, (), left_exception(last_note(), error), LEAVES_EXCEPTION)
 
-    def violation(self, sentence: str, clause: Clause | None) -> CallError:
-        """Return the error for what a function said against a clause of the standard."""
-        return CallError(sentence.split()[0], ERROR, (), sentence, clause)
+    def violation(self, sentence: str, clause: Clause | None, is_endless: bool = False) -> CallError:
+        """Return the error for what a function said against a clause, or for an iteration without end."""
+        kind = EndlessIterationError if is_endless else CallError
+        return kind(sentence.split()[0], ERROR, (), sentence, clause)
 
     def save_state(self) -> Any:
         """Return a new copy of the state."""
@@ -412,7 +417,8 @@ class HostedInstance(FmiInstance):
             sentence = (
                 f"The model cannot be integrated from t = {time:.9g} s on: {format_message(str(error))}"
             )
-            raise CallError("the solver", ERROR, sentence=sentence) from error
+            kind = EndlessIterationError if isinstance(error, EndlessEventError) else CallError
+            raise kind("the solver", ERROR, sentence=sentence) from error
 
     def _wait(self) -> None:
         """Wait until a pending step is completed."""

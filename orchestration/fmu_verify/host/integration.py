@@ -27,6 +27,10 @@ class IntegrationError(Exception):
     """The model cannot be integrated; the text says why."""
 
 
+class EndlessEventError(IntegrationError):
+    """The iteration of an event does not end."""
+
+
 class _RefusedError(FMICallException, DiscardedCall):
     """A call that the FMU discarded."""
 
@@ -116,6 +120,9 @@ class HostedIntegration(Integrator[HostedModel]):
     def _finish_event(self) -> None:
         super()._finish_event()
         self._is_interrupted = True
+
+    def _endless_iteration(self, reason: str) -> IntegrationError:
+        return EndlessEventError(reason)
 
     def _integration_error(self, reason: str) -> IntegrationError:
         return IntegrationError(reason)
