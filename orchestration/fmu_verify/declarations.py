@@ -1,10 +1,12 @@
 """Read the declarations of a model description without resolving references.
 
-fmpy resolves references and stops at the first invalid one. Checks report all of them.
+fmpy resolves references and stops at the first invalid one. Checks report all of them. Value references of
+FMI 3.0 become positions of variables in ModelVariables, as FMI 2.0 has them; one that no variable has becomes
+a negative number.
 """
 
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -19,6 +21,7 @@ REAL = ("Real", "Float32", "Float64")
 
 TYPES = ("Real", "Integer", "Boolean", "String", "Enumeration")
 
+_PARAMETERS = ("parameter", "calculatedParameter", "structuralParameter")
 _EXACT = ("exact",)
 _CALCULATED = ("calculated", "approx")
 _ANY = ("calculated", "exact", "approx")
@@ -75,16 +78,16 @@ class DeclaredVariable:
     attributes: Mapping[str, str]
     multiple_sets: bool
     """Whether it has the attribute canHandleMultipleSetPerTimeInstant."""
-    aliases: tuple[str, ...] = ()
-    alias_display_units: tuple[str, ...] = ()
-    dimensions: tuple[Dimension, ...] = ()
-    clocks: tuple[int, ...] | None = None
+    aliases: tuple[str, ...]
+    alias_display_units: tuple[str, ...]
+    dimensions: tuple[Dimension, ...]
+    clocks: tuple[int, ...] | None
     """Positions of its Clocks; None if it has none."""
-    previous: int | None = None
+    previous: int | None
     """Position of the variable with its previous value."""
-    starts: int = 0
-    """Number of start values of an array."""
-    version: int = 2
+    starts: int
+    """Number of start values."""
+    version: int
     """Version of FMI."""
 
     @property
@@ -164,6 +167,8 @@ _LISTS_3 = {
     "Outputs": "Output",
     "Derivatives": "ContinuousStateDerivative",
     "InitialUnknowns": "InitialUnknown",
+    "ClockedStates": "ClockedState",
+    "EventIndicators": "EventIndicator",
 }
 
 
@@ -177,9 +182,9 @@ class Declarations:
     outputs: tuple[DeclaredUnknown, ...]
     derivatives: tuple[DeclaredUnknown, ...]
     initial_unknowns: tuple[DeclaredUnknown, ...]
-    clocked_states: tuple[DeclaredUnknown, ...] = ()
-    event_indicators: tuple[DeclaredUnknown, ...] = ()
-    version: int = 2
+    clocked_states: tuple[DeclaredUnknown, ...]
+    event_indicators: tuple[DeclaredUnknown, ...]
+    version: int
 
     def describe_missing(self, index: int) -> str:
         """Return what is wrong with an index of no variable: `variable 9; there are only 8`."""
@@ -229,19 +234,51 @@ class Declarations:
         """Units by name; the first one if several have the same name."""
         return {u.name: u for u in reversed(self.units)}
 
+    def sizes(self, variable: DeclaredVariable) -> Iterator[int | None]:
+        """Yield the sizes of a variable's dimensions; None for one that is not known."""
+        for dimension in variable.dimensions:
+            if dimension.size is not None:
+                yield dimension.size
+                continue
+            named = self.variable(dimension.index or 0)
+            start = "" if named is None else (named.start or "").strip()
+            yield int(start) if start.isdigit() else None
 
-def read_declarations(root: Any) -> Declarations:
-    """Read the declarations from the root element of a valid model description."""
-    types = tuple(_type(e) for e in root.iterfind("TypeDefinitions/SimpleType"))
+
+def read_declarations(root: Any, version: int) -> Declarations:
+    """Read the declarations from the root element of a valid model description of FMI 2.0 or 3.0."""
+    variable_tag, type_tag = ("*", "*") if version == 3 else ("ScalarVariable", "SimpleType")
+    elements = list(root.iterfind(f"ModelVariables/{variable_tag}"))
+    find_place: Callable[[str], int] = int
+    if version == 3:
+        places: dict[int, int] = {}
+        for place, element in enumerate(elements, start=1):
+            places.setdefault(int(element.get("valueReference")), place)
+        find_place = lambda reference: places.get(int(reference), -1 - int(reference))  # noqa: E731
+    types = tuple(_type(e, version) for e in root.iterfind(f"TypeDefinitions/{type_tag}"))
     by_name = {t.name: t for t in reversed(types)}
-    variables = root.iterfind("ModelVariables/ScalarVariable")
+
+    def read_unknowns(name: str) -> tuple[DeclaredUnknown, ...]:
+        path, reference = (_LISTS_3[name], "valueReference") if version == 3 else (f"{name}/Unknown", "index")
+        return tuple(
+            DeclaredUnknown(
+                find_place(e.get(reference)),
+                _places(e.get("dependencies"), find_place),
+                None if (kinds := e.get("dependenciesKind")) is None else tuple(kinds.split()),
+            )
+            for e in root.iterfind(f"ModelStructure/{path}")
+        )
+
     return Declarations(
-        variables=tuple(_variable(i, e, by_name) for i, e in enumerate(variables, start=1)),
+        variables=tuple(_variable(i, e, version, by_name, find_place) for i, e in enumerate(elements, 1)),
         units=tuple(_unit(e) for e in root.iterfind("UnitDefinitions/Unit")),
         types=types,
-        outputs=_unknowns(root, "Outputs"),
-        derivatives=_unknowns(root, "Derivatives"),
-        initial_unknowns=_unknowns(root, "InitialUnknowns"),
+        outputs=read_unknowns("Outputs"),
+        derivatives=read_unknowns("Derivatives"),
+        initial_unknowns=read_unknowns("InitialUnknowns"),
+        clocked_states=read_unknowns("ClockedStates"),
+        event_indicators=read_unknowns("EventIndicators"),
+        version=version,
     )
 
 
@@ -250,54 +287,71 @@ def find_repeated(names: Iterable[str]) -> list[str]:
     return [name for name, count in Counter(names).items() if count > 1]
 
 
-def _variable(index: int, element: Any, types: Mapping[str, DeclaredType]) -> DeclaredVariable:
-    value = _typed(element)
+def _places(words: str | None, find_place: Callable[[str], int]) -> tuple[int, ...] | None:
+    return None if words is None else tuple(find_place(word) for word in words.split())
+
+
+def _variable(
+    index: int,
+    element: Any,
+    version: int,
+    types: Mapping[str, DeclaredType],
+    find_place: Callable[[str], int],
+) -> DeclaredVariable:
+    value = _typed(element, version)
     own = dict(value.attrib)
+    if "derivative" in own:
+        own["derivative"] = str(find_place(own["derivative"]))
+    if (starts := element.findall("Start")) and "start" not in own:
+        own["start"] = " ".join(start.get("value", "") for start in starts)
+    causality, variability = element.get("causality", "local"), element.get("variability")
+    if variability is None and version == 3 and causality in _PARAMETERS:
+        variability = "fixed"
+    elif variability is None:
+        variability = "continuous" if version == 2 or value.tag in REAL else "discrete"
     declared_type = types.get(own.get("declaredType", ""))
-    inherited = declared_type.attributes if declared_type else {}
+    aliases = element.findall("Alias")
     return DeclaredVariable(
         index=index,
         name=element.get("name"),
         reference=int(element.get("valueReference")),
-        causality=element.get("causality", "local"),
-        variability=element.get("variability", "continuous"),
+        causality=causality,
+        variability=variability,
         given_initial=element.get("initial"),
         type=value.tag,
         own=own,
-        attributes={**inherited, **own},
+        attributes={**(declared_type.attributes if declared_type else {}), **own},
         multiple_sets="canHandleMultipleSetPerTimeInstant" in element.attrib,
+        aliases=tuple(e.get("name", "") for e in aliases),
+        alias_display_units=tuple(text for e in aliases if (text := e.get("displayUnit")) is not None),
+        dimensions=tuple(_dimension(e, find_place) for e in element.iterfind("Dimension")),
+        clocks=_places(own.get("clocks"), find_place),
+        previous=find_place(own["previous"]) if "previous" in own else None,
+        starts=len(starts) or len(own.get("start", "").split()),
+        version=version,
     )
 
 
-def _typed(element: Any) -> Any:
-    """Return the child element with the type of a variable or SimpleType."""
-    return next(child for child in element.iterchildren(*TYPES))
+def _dimension(element: Any, find_place: Callable[[str], int]) -> Dimension:
+    size, reference = element.get("start"), element.get("valueReference")
+    return Dimension(
+        None if size is None else int(size), None if reference is None else find_place(reference)
+    )
+
+
+def _typed(element: Any, version: int) -> Any:
+    """Return the element with the type of a variable or type: in FMI 2.0 a child."""
+    return element if version == 3 else next(child for child in element.iterchildren(*TYPES))
+
+
+def _type(element: Any, version: int) -> DeclaredType:
+    value = _typed(element, version)
+    attributes = {name: text for name, text in value.attrib.items() if name not in ("name", "description")}
+    items = tuple(dict(e.attrib) for e in value.iterfind("Item"))
+    return DeclaredType(element.get("name"), value.tag.removesuffix("Type"), attributes, items)
 
 
 def _unit(element: Any) -> DeclaredUnit:
     base = element.find("BaseUnit")
     display = tuple(dict(e.attrib) for e in element.iterfind("DisplayUnit"))
     return DeclaredUnit(element.get("name"), None if base is None else dict(base.attrib), display)
-
-
-def _type(element: Any) -> DeclaredType:
-    value = _typed(element)
-    items = tuple(dict(e.attrib) for e in value.iterfind("Item"))
-    return DeclaredType(element.get("name"), value.tag, dict(value.attrib), items)
-
-
-def _unknowns(root: Any, name: str) -> tuple[DeclaredUnknown, ...]:
-    return tuple(
-        DeclaredUnknown(
-            int(e.get("index")), _indices(e.get("dependencies")), _words(e.get("dependenciesKind"))
-        )
-        for e in root.iterfind(f"ModelStructure/{name}/Unknown")
-    )
-
-
-def _indices(text: str | None) -> tuple[int, ...] | None:
-    return None if text is None else tuple(int(word) for word in text.split())
-
-
-def _words(text: str | None) -> tuple[str, ...] | None:
-    return None if text is None else tuple(text.split())

@@ -17,7 +17,6 @@ from emla_cosim.fmu.interface import Interface, read_with_fmpy
 from emla_cosim.fmu.shared_library import find_library
 
 from .declarations import Declarations, read_declarations
-from .declarations_3 import read_declarations_3
 from .messages import shorten_sentence
 from .settings import Settings
 
@@ -113,7 +112,7 @@ class Subject:
     @cached_property
     def declared(self) -> Declarations:
         """The declarations of the model description. Needs `description.schema`."""
-        return (read_declarations_3 if self.version == 3 else read_declarations)(self.tree)
+        return read_declarations(self.tree, self.version)
 
     @cached_property
     def interface(self) -> Interface:

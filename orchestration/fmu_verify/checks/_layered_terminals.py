@@ -10,7 +10,6 @@ from emla_cosim.base.untrusted_xml import parse_xml
 from emla_cosim.fmu.document import TERMINALS
 
 from ..declarations import DeclaredVariable
-from ..declarations_3 import sizes
 from ..layered_schema import STRUCT
 from ..messages import Breach, Problem
 from ..subject import Subject
@@ -180,7 +179,7 @@ def _judge_map(name: str, members: Sequence[Member], is_grid: bool, subject: Sub
             what = f"{variable} in the map {name} is of type {variable.type}, but {before[1]} is of type"
             yield Breach(f"{what} {before[1].type}.", _SAME_TYPE)
         before = kind, variable
-    shapes = {v.index: list(sizes(v, subject.declared)) for _, v in members}
+    shapes = {v.index: list(subject.declared.sizes(v)) for _, v in members}
     domains = [v for kind, v in members if kind == "domain"]
     for domain in domains:
         if len(domain.dimensions) != 1:

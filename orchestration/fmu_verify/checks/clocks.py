@@ -5,7 +5,6 @@ from collections.abc import Iterator
 
 from ..check import check
 from ..declarations import Declarations, DeclaredVariable, find_repeated
-from ..declarations_3 import sizes
 from ..messages import Breach, Problem, judge_problems
 from ..subject import Subject
 from ..verdict import CheckOutcome, fmi3, skipped
@@ -189,7 +188,7 @@ def _wrong_dimensions(variable: DeclaredVariable, declared: Declarations) -> Ite
             ):
                 what = f"{named}, a {named.variability} {named.causality} of type {named.type}"
                 yield Breach(f"A Dimension of {variable} is {what}.", _NAMED)
-    found = list(sizes(variable, declared))
+    found = list(declared.sizes(variable))
     if 0 in found:
         yield Breach(f"A Dimension of {variable} has the size 0.", _SIZE)
     elif None not in found:
