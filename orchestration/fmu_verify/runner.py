@@ -28,7 +28,7 @@ from .repetition import list_options
 from .report import Report
 from .settings import Recording, Settings
 from .systems import SystemKind
-from .verdict import RETURNS, CheckOutcome, Verdict, failed
+from .verdict import RETURNS, Verdict, failed
 
 
 def verify(
@@ -145,12 +145,10 @@ def _settings(
     fail_on: Sequence[str],
     must_run: Sequence[str],
 ) -> Settings:
-    only = convert_value([only] if isinstance(only, str) else list(only), Sequence[str], "'only'")
-    skip = convert_value([skip] if isinstance(skip, str) else list(skip), Sequence[str], "'skip'")
-    must_run = [must_run] if isinstance(must_run, str) else list(must_run)
-    must_run = convert_value(must_run, Sequence[str], "'must_run'")
-    fail_on = convert_value(
-        [fail_on] if isinstance(fail_on, str) else list(fail_on), Sequence[str], "'fail_on'"
+    lists = {"only": only, "skip": skip, "must_run": must_run, "fail_on": fail_on}
+    only, skip, must_run, fail_on = (
+        convert_value([words] if isinstance(words, str) else list(words), Sequence[str], f"'{name}'")
+        for name, words in lists.items()
     )
     check_names([*only, *skip, *must_run])
     for word in fail_on:
@@ -247,49 +245,29 @@ def _examine(job: ExaminerJob, pool: ChildPool, advance: Callable[[], None]) -> 
         except ChildEndedError as error:
             if pool.is_closed:
                 break
-            lost = _find_lost_check(job, done)
+            names = {f.check for f in done}
+            lost = next((c for c in _list_checks(job) if c.name not in names), None)
             if lost is None:
-                return _report_without_examiner(job, done)
-            done.append(make_finding(lost, _describe_loss(str(error))))
+                break
+            said = f"It ended the process of emla verify that runs the checks ({error})."
+            hint = "Look for signals that the FMU sends to other processes."
+            done.append(make_finding(lost, failed(said, clause=RETURNS, hint=hint)))
             advance()
-    return _report_interrupted(job, done)
+    return _report_incomplete(job, done)
 
 
-def _report_interrupted(job: ExaminerJob, done: Sequence[Finding]) -> Examined:
-    """Return what was found about an FMU until its examination was interrupted; it does not pass."""
+def _report_incomplete(job: ExaminerJob, done: Sequence[Finding]) -> Examined:
+    """Return the findings about an FMU whose examiner ended; it does not pass if checks are missing."""
     count = len(_list_checks(job))
     selected = {c.name for c in (_list_checks(job) if job.system else select_checks(job.settings))}
     shown = tuple(f for f in done if f.check in selected or f.verdict == Verdict.FAILED)
-    said = f"The examination was interrupted: {count - len(done)} of {count} checks did not run."
-    seconds = sum(f.seconds for f in done)
-    return Examined(
-        job.given,
-        {},
-        shown,
-        seconds,
-        job.name,
-        (*find_objections(shown, job.settings), said),
-        options=list_options(job.settings),
-    )
-
-
-def _find_lost_check(job: ExaminerJob, done: Sequence[Finding]) -> Check | None:
-    """Return the check during which the examiner ended, or None if all were done."""
-    names = {f.check for f in done}
-    return next((c for c in _list_checks(job) if c.name not in names), None)
+    objections = find_objections(shown, job.settings)
+    if left := count - len(done):
+        objections += (f"The examination was interrupted: {left} of {count} checks did not run.",)
+    seconds, options = sum(f.seconds for f in done), list_options(job.settings)
+    return Examined(job.given, {}, shown, seconds, job.name, objections, options=options)
 
 
 def _list_checks(job: ExaminerJob) -> list[Check]:
     """Return the checks that run for a job."""
     return [job.system.select_check(job.settings)] if job.system else select_needed_checks(job.settings)
-
-
-def _describe_loss(how: str) -> CheckOutcome:
-    sentence = f"It ended the process of emla verify that runs the checks ({how})."
-    return failed(sentence, clause=RETURNS, hint="Look for signals that the FMU sends to other processes.")
-
-
-def _report_without_examiner(job: ExaminerJob, done: Sequence[Finding]) -> Examined:
-    """Return the findings of an FMU whose examiner ended after the last check."""
-    objections = find_objections(done, job.settings)
-    return Examined(job.given, {}, tuple(done), 0.0, job.name, objections, options=list_options(job.settings))

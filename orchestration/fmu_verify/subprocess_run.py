@@ -1,10 +1,15 @@
 """Run a check in a subprocess, which it may crash, fill or never leave."""
 
+import dataclasses
+import json
 import time
 from collections.abc import Callable, Sequence
-from contextlib import closing, suppress
+from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, get_origin
+
+import msgspec
+import numpy as np
 
 from emla_cosim.base import crash_page
 from emla_cosim.base.channel import LOOK, Channel, GarbledError
@@ -14,7 +19,6 @@ from emla_cosim.base.process import Child, ChildEndedError, describe_exit, limit
 from emla_cosim.fmu.python_exceptions import REMEDY, find_left_exception
 
 from .confinement import confine
-from .plain_outcome import read_outcome, write_outcome
 from .verdict import (
     LEAVES_EXCEPTION,
     RETURNS,
@@ -51,33 +55,6 @@ def note(doing: str, is_reading: bool = False) -> None:
     crash_page.write_note(doing)
 
 
-def last_note() -> str:
-    """Return the last note of this process or one forked from it."""
-    return crash_page.read_note()
-
-
-def run_in_subprocess(
-    do: Callable[..., CheckOutcome],
-    arguments: tuple[Any, ...],
-    seconds: float,
-    memory: int,
-    writable: Sequence[Path] | None = None,
-) -> CheckOutcome:
-    """Call `do` in a subprocess and return its outcome.
-
-    The outcome is failed, with the last note, if the process ends, exceeds a limit, or `do` raises.
-
-    Args:
-        do: Function to call.
-        arguments: Its arguments.
-        seconds: Time limit in s.
-        memory: Memory limit in bytes, in addition to what the process uses now.
-        writable: Folders that the process may write to, if the system can confine it. Default: all.
-    """
-    with closing(CheckProcess(do, arguments, memory, writable)) as process:
-        return process.call((), seconds, is_last=True)
-
-
 class CheckProcess:
     """A copy of this process that calls `do`, again and again as long as no call loads an FMU.
 
@@ -103,13 +80,17 @@ class CheckProcess:
             raise
         self.memory, self.can_continue = memory, True
 
-    def call(self, arguments: tuple[Any, ...], seconds: float, is_last: bool = False) -> CheckOutcome:
-        """Call `do` with further arguments; see `run_in_subprocess`. `can_continue` is then up to date."""
+    def call(self, arguments: tuple[Any, ...], seconds: float) -> CheckOutcome:
+        """Call `do` with further arguments, for at most `seconds`. `can_continue` is then up to date.
+
+        The outcome is failed, with the last note, if the process ends, exceeds a limit, or `do` raises.
+        """
         with suppress(ChildEndedError):  # `receive` reports it
-            self._child.send((arguments, is_last))
+            self._child.send(arguments)
         outcome, self.can_continue, has_ended = _receive_outcome(self._child, self._notes, seconds)
         if not (self.can_continue or has_ended) and (code := self._child.wait(_TIMEOUT_AT_END) or 0) < 0:
-            return failed(f"It ended the process in {_read(self._notes)} ({describe_exit(code)}).")
+            doing = self._notes.note() or _FIRST
+            return failed(f"It ended the process in {doing} ({describe_exit(code)}).")
         return outcome
 
     def close(self) -> None:
@@ -121,7 +102,7 @@ class CheckProcess:
 def _receive_outcome(child: Child, notes: CrashPageFile, seconds: float) -> tuple[CheckOutcome, bool, bool]:
     """Return the next outcome, whether the process takes another call, and whether it was lost."""
     began = moved = now = time.monotonic()
-    doing = _read(notes)
+    doing = notes.note() or _FIRST
     while True:
         try:
             answer = child.receive_bytes(min(LOOK, began + seconds - now))
@@ -129,12 +110,11 @@ def _receive_outcome(child: Child, notes: CrashPageFile, seconds: float) -> tupl
         except TimeoutError:
             now = time.monotonic()
         except (ChildEndedError, ValueError) as error:
+            doing = notes.note() or doing
             if isinstance(error, ValueError) or isinstance(error.__cause__, GarbledError):
-                said = f"It wrote into a file of this program, in {_read(notes, doing)}."
-                return failed(said), False, True
-            said = f"It ended the process in {_read(notes, doing)} ({error})."
-            return failed(said, clause=RETURNS), False, True
-        if doing != (doing := _read(notes, doing)):
+                return failed(f"It wrote into a file of this program, in {doing}."), False, True
+            return failed(f"It ended the process in {doing} ({error}).", clause=RETURNS), False, True
+        if doing != (doing := notes.note() or doing):  # none while the next one is being written
             moved = now
         if now > began + seconds:
             return _describe_timeout(doing, seconds, now - moved), False, True
@@ -172,12 +152,11 @@ def _answer(
     if writable is not None:
         confine(writable)
     limit_memory(memory)
-    for arguments, is_last in channel.requests():
+    for arguments in channel.requests():
         note(_FIRST, is_reading=True)
         outcome = write_outcome(_call_limited(do, (*first, *arguments), memory))
-        ends = is_last or _is_used
-        channel.send_bytes((_ENDS if ends else _CAN_CONTINUE) + outcome)
-        if ends:
+        channel.send_bytes((_ENDS if _is_used else _CAN_CONTINUE) + outcome)
+        if _is_used:
             return
 
 
@@ -185,16 +164,44 @@ def _call_limited(do: Callable[..., CheckOutcome], arguments: tuple[Any, ...], m
     try:
         return do(*arguments)
     except MemoryError:
-        return failed(f"It needs more than {memory / 2**20:.0f} MiB of memory in {last_note()}.", clause=_OWN)
+        return failed(
+            f"It needs more than {memory / 2**20:.0f} MiB of memory in {crash_page.read_note()}.", clause=_OWN
+        )
     except Exception as error:  # a bug in a check must not lose the rest of the report
         if find_left_exception(error) is not None:
-            return failed(left_exception(last_note(), error), clause=LEAVES_EXCEPTION, hint=REMEDY)
+            return failed(left_exception(crash_page.read_note(), error), clause=LEAVES_EXCEPTION, hint=REMEDY)
         if (fault := find_machine_fault(error)) is not None:
             said = f"It could not run on this machine: {fault.strerror}."
             return blocked(said, hint=_FAULT, gaps=(said,))
         return failed(f"{ERROR_OF_CHECK} {type(error).__name__}: {error}.")
 
 
-def _read(notes: CrashPageFile, before: str = _FIRST) -> str:
-    """Return the last note, or the one before while the next is being written."""
-    return notes.note() or before
+def write_outcome(outcome: CheckOutcome) -> bytes:
+    """Return an outcome as one line of JSON, without its end: reading it executes nothing."""
+    return json.dumps(outcome, default=_to_plain).encode("ascii")
+
+
+def read_outcome(text: bytes) -> CheckOutcome:
+    """Return the outcome of `write_outcome`.
+
+    Raises:
+        ValueError: It is something else.
+    """
+    try:
+        return msgspec.convert(json.loads(text), CheckOutcome, dec_hook=_to_array)
+    except (RecursionError, TypeError) as error:
+        raise ValueError(str(error)) from None
+
+
+def _to_plain(content: Any) -> Any:
+    if dataclasses.is_dataclass(content):
+        return {f.name: getattr(content, f.name) for f in dataclasses.fields(content)}
+    if isinstance(content, (np.ndarray, np.generic)):
+        return content.tolist()
+    raise TypeError(f"{type(content).__name__} is not plain data")
+
+
+def _to_array(kind: Any, content: Any) -> Any:
+    if get_origin(kind) is np.ndarray and isinstance(content, list):
+        return np.array(content, dtype=np.float64)
+    raise ValueError(f"{kind} is not plain data")

@@ -5,10 +5,10 @@ from contextlib import closing
 from typing import Any
 
 from emla_cosim.base.channel import Channel
+from emla_cosim.base.crash_page import read_note
 from emla_cosim.base.process import Child, ChildEndedError, describe_exit
 
 from ..subject import Subject
-from ..subprocess_run import last_note
 
 
 class EndedError(Exception):
@@ -38,9 +38,9 @@ def in_fresh_process(do: Callable[..., Any], *arguments: Any, timeout: float | N
             is_done, answer = child.receive(timeout)
         except TimeoutError:
             child.kill()
-            raise EndedError(last_note(), describe_exit(child.wait())) from None
+            raise EndedError(read_note(), describe_exit(child.wait())) from None
         except ChildEndedError as error:
-            raise EndedError(last_note(), str(error)) from None
+            raise EndedError(read_note(), str(error)) from None
     if not is_done:
         raise answer
     return answer

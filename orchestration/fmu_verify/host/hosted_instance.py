@@ -9,6 +9,7 @@ from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import fmi2DoStepStatus
 from fmpy.model_description import ModelVariable
 
+from emla_cosim.base.crash_page import read_note
 from emla_cosim.base.errors import CommandError
 from emla_cosim.fmu.elements import ElementLayout
 from emla_cosim.fmu.instance import DISCARD, ERROR, FINE, OK, PENDING, STATUS, WARNING, FmiInstance, load
@@ -16,7 +17,7 @@ from emla_cosim.fmu.log import LogLine
 from emla_cosim.fmu.python_exceptions import find_left_exception
 
 from ..subject import Subject
-from ..subprocess_run import last_note, note
+from ..subprocess_run import note
 from ..verdict import LEAVES_EXCEPTION, Clause, NotRunError, left_exception
 from .arrays import Arrays, ElementDependency, set_elements
 from .event_mode import EARLY, EventState, HostedEvents
@@ -183,7 +184,7 @@ class HostedInstance(FmiInstance):
 
     def python_error(self, function: str, error: Exception) -> CallError:
         """Return the error for a call that left an exception of Python."""
-        return CallError(function, ERROR, (), left_exception(last_note(), error), LEAVES_EXCEPTION)
+        return CallError(function, ERROR, (), left_exception(read_note(), error), LEAVES_EXCEPTION)
 
     def violation(self, sentence: str, clause: Clause | None, is_endless: bool = False) -> CallError:
         """Return the error for what a function said against a clause, or for an iteration without end."""

@@ -4,6 +4,7 @@ import faulthandler
 import os
 import tempfile
 from collections.abc import Collection
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,7 +21,7 @@ from fmu_verify.findings import Examined
 from fmu_verify.scratch import list_writable
 from fmu_verify.settings import Settings
 from fmu_verify.subject import Subject
-from fmu_verify.subprocess_run import ERROR_OF_CHECK, run_in_subprocess
+from fmu_verify.subprocess_run import ERROR_OF_CHECK, CheckProcess
 from fmu_verify.verdict import CheckOutcome, Verdict, failed
 
 CALLING = frozenset(c.name for c in CHECKS if c in DYNAMIC or c.group == "binaries")
@@ -46,7 +47,8 @@ def examine(
         subject = runner.subject
         places = list_writable(subject)
         if check.name in apart:
-            return run_in_subprocess(_run_quietly, (subject, check), seconds, memory, places)
+            with closing(CheckProcess(_run_quietly, (subject, check), memory, places)) as process:
+                return process.call((), seconds)
         return _run_here(subject, check)
 
     with pytest.MonkeyPatch.context() as patch, tempfile.TemporaryDirectory() as folder:

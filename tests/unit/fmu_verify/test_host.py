@@ -15,6 +15,7 @@ from fmpy.fmi1 import FMICallException
 from fmpy.model_description import ModelVariable, SimpleType
 from scipy.linalg import expm
 
+from emla_cosim.base.crash_page import read_note
 from emla_cosim.fmu.elements import ElementVariable
 from fmu_verify.checks._sameness import compare_runs
 from fmu_verify.examination import examine_fmu
@@ -26,7 +27,6 @@ from fmu_verify.host.junk import FIRST, SECOND, Junk, fill_memory
 from fmu_verify.host.other_values import other_of
 from fmu_verify.settings import Settings
 from fmu_verify.subject import Subject
-from fmu_verify.subprocess_run import last_note
 from fmu_verify.verdict import Verdict
 from tests.support.broken.dynamic import build_good_fmu
 from tests.support.broken.examining import examine, list_problems, unpacked
@@ -91,7 +91,7 @@ def _run_with_fault(subject: Subject, fault: int, has_mode: bool, early: bool) -
         instance.initialize({"period": 0.3, "threshold": 0.35, "end": 0.72, "fault": fault})
         for k in range(8):
             instance.step(0.125 * k, 0.125)
-    return str(caught.value), caught.value.clause.section if caught.value.clause else "", last_note()
+    return str(caught.value), caught.value.clause.section if caught.value.clause else "", read_note()
 
 
 @pytest.mark.parametrize(

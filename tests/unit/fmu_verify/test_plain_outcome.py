@@ -7,14 +7,14 @@ import stat
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from emla_cosim.base.tubes.signal_check import Comparison
 from emla_cosim.base.tubes.tolerance import Tube
-from fmu_verify.plain_outcome import read_outcome, write_outcome
-from fmu_verify.subprocess_run import run_in_subprocess
+from fmu_verify.subprocess_run import CheckProcess, read_outcome, write_outcome
 from fmu_verify.verdict import RETURNS, CheckOutcome, Verdict, failed, passed
 
 
@@ -52,6 +52,11 @@ def test_invalid_outcomes(text: bytes) -> None:
         read_outcome(text)
 
 
+def _run(do: Callable[..., CheckOutcome], arguments: tuple[Any, ...], seconds: float) -> CheckOutcome:
+    with contextlib.closing(CheckProcess(do, arguments, 2**31)) as process:
+        return process.call((), seconds)
+
+
 def _open_files() -> set[int]:
     return {int(path.name) for path in Path("/dev/fd").iterdir()}
 
@@ -82,7 +87,7 @@ def _send_a_program(others: set[int], path: Path) -> CheckOutcome:
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="Pipes have no number there.")
 def test_answer_of_a_process_is_not_executed(tmp_path: Path) -> None:
-    found = run_in_subprocess(_send_a_program, (_open_files(), tmp_path / "here"), 20.0, 2**31)
+    found = _run(_send_a_program, (_open_files(), tmp_path / "here"), 20.0)
     assert not (tmp_path / "here").exists()
     assert found.verdict == Verdict.FAILED
     assert found.sentence.startswith("It wrote into a file of this program")
@@ -97,7 +102,7 @@ def _begin_an_answer(others: set[int]) -> CheckOutcome:
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="Pipes have no number there.")
 def test_unfinished_answer_times_out() -> None:
     began = time.monotonic()
-    found = run_in_subprocess(_begin_an_answer, (_open_files(),), 1.0, 2**31)
+    found = _run(_begin_an_answer, (_open_files(),), 1.0)
     assert time.monotonic() - began < 20.0
     assert found.verdict == Verdict.SKIPPED
     assert found.sentence.startswith("It did not finish within 1 s")
