@@ -9,10 +9,9 @@ import numpy as np
 
 from emla_cosim.base.arrays import Vector
 
-from ..host.declared_dependencies import Dependency, at_events
 from ..host.experiment import make_experiment
 from ..host.hosted_instance import HostedInstance
-from ..host.points import Point, in_initialization
+from ..host.points import Dependency, Point, at_events, in_initialization
 from ..subject import Subject
 
 MOST_STATES = 50

@@ -11,10 +11,9 @@ from fmpy.model_description import ModelVariable
 from emla_cosim.base.arrays import Vector
 
 from ..check import check
-from ..host.experiment import make_experiment, span
+from ..host.experiment import limits_of, make_experiment, span
 from ..host.fresh_process import in_fresh_process, in_separate_process
 from ..host.hosted_instance import CallError, HostedInstance
-from ..host.limits import limits_of
 from ..host.other_values import Values, other_of, others, settable, start_of
 from ..messages import join_few_names, judge_problems, list_left_out
 from ..subject import Subject

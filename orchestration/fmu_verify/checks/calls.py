@@ -12,11 +12,10 @@ from fmpy.model_description import ModelVariable
 from emla_cosim.fmu.instance import FATAL, FINE
 
 from ..check import check
-from ..host.experiment import make_experiment, span
+from ..host.experiment import make_experiment, parse_number, span
 from ..host.fresh_process import EndedError, in_fresh_process, in_separate_process
 from ..host.hosted_instance import CallError, HostedInstance
 from ..host.instance_runs import outputs
-from ..host.limits import parse_number
 from ..messages import list_left_out
 from ..subject import Subject
 from ..verdict import RETURNS, CheckOutcome, failed, fmi3, noted, own_rule, passed, warned

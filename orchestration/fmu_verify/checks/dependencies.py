@@ -8,12 +8,21 @@ from fmpy.model_description import ModelVariable
 
 from ..check import check
 from ..host.arrays import ElementDependency
-from ..host.declared_dependencies import ALL_TYPES, Dependency, at_events, at_initialization
 from ..host.experiment import span
 from ..host.fresh_process import EndedError, in_fresh_process
 from ..host.hosted_instance import CallError, HostedInstance
 from ..host.other_values import other_of, same, settable, start_of
-from ..host.points import Point, choose, in_event_mode, in_initialization, list_unexamined_pairs
+from ..host.points import (
+    ALL_TYPES,
+    Dependency,
+    Point,
+    at_events,
+    at_initialization,
+    choose,
+    in_event_mode,
+    in_initialization,
+    list_unexamined_pairs,
+)
 from ..messages import judge_problems, list_left_out
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, failed, fmi3, passed, skipped

@@ -9,12 +9,12 @@ from emla_cosim.fmu.instance import ERROR, FATAL, OK, STATUS
 from emla_cosim.fmu.log import LogLine
 
 from ..check import check
-from ..host.c_library import load_c_library
 from ..host.experiment import make_experiment
 from ..host.fresh_process import EndedError, in_fresh_process, in_separate_process
 from ..host.hosted_instance import CallError, HostedInstance
 from ..host.instance_runs import run_instance
 from ..host.log import LOG, format_message
+from ..host.process_state import load_c_library
 from ..messages import list_left_out
 from ..subject import Subject
 from ..verdict import RETURNS, CheckOutcome, Clause, failed, fmi3, noted, passed, skipped, warned

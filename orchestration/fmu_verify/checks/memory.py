@@ -8,13 +8,12 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from ..check import check
-from ..host.c_library import load_c_library
 from ..host.experiment import make_experiment
 from ..host.fresh_process import in_fresh_process
 from ..host.hosted_instance import CallError, HostedInstance
 from ..host.log import LOG
 from ..host.other_values import settable, start_of
-from ..host.process_state import can_read_memory, read_memory
+from ..host.process_state import can_read_memory, load_c_library, read_memory
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, fmi3, passed, skipped, warned
 

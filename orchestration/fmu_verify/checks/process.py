@@ -9,7 +9,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 from ..check import check
-from ..host.c_library import load_c_library
 from ..host.experiment import make_experiment
 from ..host.fresh_process import EndedError, in_fresh_process, is_single_instance
 from ..host.hosted_instance import CallError, HostedInstance
@@ -20,6 +19,7 @@ from ..host.process_state import (
     can_list_resources,
     count_resources,
     end_children,
+    load_c_library,
     read_settings,
     settle,
 )

@@ -6,12 +6,11 @@ import time
 import numpy as np
 
 from ..check import check
-from ..host.experiment import make_experiment, span
+from ..host.experiment import limits_of, make_experiment, span
 from ..host.fresh_process import in_fresh_process
 from ..host.hosted_instance import CallError, HostedInstance
 from ..host.instance_runs import OutputTrajectory, run_alone, run_instance, step_instance
 from ..host.junk import FIRST, SECOND, Junk, fill_memory
-from ..host.limits import limits_of
 from ..messages import join_few_names
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, failed, fmi3, noted, passed, warned

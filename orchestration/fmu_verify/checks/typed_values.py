@@ -10,12 +10,12 @@ from typing import Any
 from fmpy.model_description import ModelVariable
 
 from ..check import check
-from ..host.c_library import load_c_library
 from ..host.experiment import make_experiment
 from ..host.fresh_process import in_fresh_process, is_single_instance
 from ..host.hosted_instance import CallError, HostedInstance
 from ..host.junk import FIRST, fill_memory
 from ..host.other_values import MOST, Values, items_of, others, settable
+from ..host.process_state import load_c_library
 from ..messages import judge_problems, list_left_out, shorten_sentence
 from ..subject import Subject
 from ..subprocess_run import note

@@ -10,7 +10,6 @@ from fmpy.model_description import ModelVariable
 from emla_cosim.base.arrays import Vector
 
 from ..subject import Subject
-from .limits import limits_of, parse_number
 
 MOST_STEPS = 100
 """Most steps of one run. References reveal later problems."""
@@ -69,3 +68,22 @@ def _vary_input(variable: ModelVariable, index: int, times: Vector) -> Vector:
     periods = 2.0 + 0.5 * (index % 7)
     phase = 2.0 * np.pi * periods * (times - times[0]) / (times[-1] - times[0])
     return np.clip(middle + width * np.sin(phase), low, high)
+
+
+def limits_of(variable: ModelVariable) -> tuple[float, float]:
+    """Return min and max of a variable or its declared type, infinite if there are none."""
+    declared = variable.declaredType
+    ends = [
+        getattr(variable, name) if getattr(variable, name) is not None else getattr(declared, name, None)
+        for name in ("min", "max")
+    ]
+    return parse_number(ends[0], -math.inf), parse_number(ends[1], math.inf)
+
+
+def parse_number(value: Any, otherwise: float) -> float:
+    """Convert an attribute to a number; return `otherwise` if it is not finite."""
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        return otherwise
+    return number if math.isfinite(number) else otherwise

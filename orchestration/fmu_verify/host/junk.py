@@ -5,7 +5,7 @@ import ctypes
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-from .c_library import load_c_library
+from .process_state import load_c_library
 
 
 class Junk(NamedTuple):

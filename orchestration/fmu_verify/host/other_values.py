@@ -10,9 +10,9 @@ from emla_cosim.fmu.elements import number_range
 from emla_cosim.fmu.instance import kind_of
 
 from ..subject import Subject
+from .experiment import limits_of, parse_number
 from .fresh_process import EndedError, in_fresh_process
 from .hosted_instance import CallError
-from .limits import limits_of, parse_number
 
 MOST = 300
 """Most variables that a check changes or reads."""

@@ -1,23 +1,21 @@
-"""Points at which an FMU can be evaluated repeatedly for values and derivatives."""
+"""Points at which an FMU can be evaluated repeatedly, and the dependencies that it declares there."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import TypeVar
 
 import numpy as np
+from fmpy.model_description import Unknown
 
 from emla_cosim.base.arrays import Vector
 
 from ..messages import list_left_out
 from ..subject import Subject
-from . import declared_dependencies
-from .declared_dependencies import Dependency
-from .experiment import make_experiment
+from .experiment import limits_of, make_experiment, parse_number
 from .fresh_process import is_single_instance
 from .hosted_instance import HostedInstance
-from .limits import limits_of, parse_number
 
 T = TypeVar("T")
 
@@ -29,6 +27,44 @@ _MOST_PAIRS = 40_000
 """Most pairs of an unknown and a known at a point, such as 200 of each."""
 
 _FEWEST_KNOWNS = 20
+
+
+@dataclass(frozen=True)
+class Dependency:
+    """An unknown and the names of its dependencies; None if they are not declared."""
+
+    unknown: str
+    on: frozenset[str] | None
+
+    def excludes(self, name: str) -> bool:
+        """Return whether the declaration excludes a dependency on a variable."""
+        return self.on is not None and name not in self.on
+
+
+REAL = ("Real",)
+ALL_TYPES = ("Real", "Integer", "Boolean", "String", "Enumeration")
+
+
+def at_initialization(subject: Subject, types: Sequence[str] = REAL) -> list[Dependency]:
+    """Return the dependencies of outputs of some types in initialization mode."""
+    found = _read(subject.description.initialUnknowns, types)
+    return [d for d in found if subject.variables[d.unknown].causality == "output"]
+
+
+def at_events(subject: Subject, types: Sequence[str] = REAL) -> list[Dependency]:
+    """Return the dependencies of outputs and state derivatives in event and continuous-time mode."""
+    return _read([*subject.description.outputs, *subject.description.derivatives], types)
+
+
+def _read(unknowns: Iterable[Unknown], types: Sequence[str]) -> list[Dependency]:
+    return [
+        Dependency(
+            u.variable.name,
+            None if u.dependencies is None else frozenset(v.name for v in u.dependencies),
+        )
+        for u in unknowns
+        if u.variable is not None and u.variable.type in types
+    ]
 
 
 @dataclass(frozen=True)
@@ -94,7 +130,7 @@ def _spread(items: list[T], most: int) -> list[T]:
 def list_unexamined_pairs(subject: Subject) -> tuple[str, ...]:
     """Return a gap for *Not examined* if points have not all inputs and outputs."""
     knowns = [v.name for v in subject.of_causality("input")]
-    every = declared_dependencies.at_initialization(subject)
+    every = at_initialization(subject)
     some, moved = choose(every, knowns)
     return (
         *list_left_out(len(moved), len(knowns), "inputs were moved alone."),
@@ -106,7 +142,7 @@ def in_initialization(subject: Subject, count: int) -> Iterator[Point]:
     """Yield instances in initialization mode, with the inputs at several times of the experiment."""
     course = make_experiment(subject)
     knowns = [v.name for v in subject.of_causality("input")]
-    found, moved = choose(declared_dependencies.at_initialization(subject), knowns)
+    found, moved = choose(at_initialization(subject), knowns)
     places = np.linspace(0, len(course.times) - 1, 1 if is_single_instance(subject) else count)
     for k in np.unique(places.astype(int)):
         instance = HostedInstance(subject)
@@ -121,7 +157,7 @@ def in_event_mode(subject: Subject, count: int) -> Iterator[Point]:
     """Yield a model in event mode at several times of the experiment."""
     course = make_experiment(subject, _STEPS)
     knowns = [v.name for v in subject.of_causality("input") if v.variability in (None, "continuous")]
-    found, moved = choose(declared_dependencies.at_events(subject), knowns)
+    found, moved = choose(at_events(subject), knowns)
     instance = HostedInstance(subject, kind="ModelExchange")
     instance.initialize(course.at(0), float(course.times[0]))
     wanted = set(np.linspace(0, len(course.times) - 1, count).astype(int))

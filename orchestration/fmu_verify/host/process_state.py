@@ -15,8 +15,6 @@ from typing import Any
 
 import psutil
 
-from .c_library import load_c_library
-
 _PROC = Path("/proc/self")
 _SETTLE = 1.0
 """Longest time in s for threads and children to end after their instance is freed."""
@@ -25,6 +23,12 @@ _MASKS = {"SigBlk": "blocked signals", "SigIgn": "ignored signals", "SigCgt": "h
 _SET_CHILD_SUBREAPER = 36
 _MXCSR = {"linux": 28, "darwin": 4}
 """Offset of the register for floating-point numbers in the `fenv_t` of x86-64, by platform."""
+
+
+def load_c_library() -> Any:
+    """Return the functions of the C library; those that a system lacks raise AttributeError."""
+    # only systems with dlopen can look a name up in all loaded libraries
+    return ctypes.CDLL("ucrtbase" if sys.platform == "win32" else None)
 
 
 def can_list_resources() -> bool:

@@ -9,7 +9,7 @@ from fmpy.model_description import ModelVariable
 from emla_cosim.base.arrays import Vector
 from emla_cosim.fmu.elements import number_range
 
-from ..host.limits import limits_of, parse_number
+from ..host.experiment import limits_of, parse_number
 from ..subject import Subject
 
 
