@@ -61,25 +61,9 @@ class Check:
         return " ".join(inspect.cleandoc(self.examine.__doc__ or "").partition("\n\n")[0].split())
 
 
-def check(
-    name: str,
-    title: str,
-    clause: Clause,
-    hint: str,
-    needs: tuple[str, ...] = (),
-    time_factor: float = 1.0,
-    memory_factor: float = 1.0,
-    advisory: bool = False,
-    only_for: int = 0,
-) -> Callable[[Examine], Check]:
+def check(name: str, title: str, clause: Clause, hint: str, **more: Any) -> Callable[[Examine], Check]:
     """Decorate a function as a check. `Check` describes the arguments."""
-
-    def made(examine: Examine) -> Check:
-        return Check(
-            name, title, clause, hint, examine, needs, time_factor, memory_factor, advisory, only_for
-        )
-
-    return made
+    return lambda examine: Check(name, title, clause, hint, examine, **more)
 
 
 def _of(module: str, name: str) -> Check:

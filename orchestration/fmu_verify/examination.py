@@ -96,23 +96,19 @@ def select_checks(settings: Settings) -> list[Check]:
     return [
         c
         for c in CHECKS
-        if (not settings.only or any(_is_match(p, c) for p in settings.only))
-        and not any(_is_match(p, c) for p in settings.skip)
+        if (not settings.only or any(is_selected_by(p, c.name) for p in settings.only))
+        and not any(is_selected_by(p, c.name) for p in settings.skip)
     ]
 
 
 def check_names(patterns: Iterable[str]) -> None:
     """Raise CommandError for a name or pattern that matches no check."""
     for pattern in patterns:
-        if not any(_is_match(pattern, c) for c in CHECKS):
+        if not any(is_selected_by(pattern, c.name) for c in CHECKS):
             names = [c.name for c in CHECKS]
             near = difflib.get_close_matches(pattern, names, n=3, cutoff=0.4)
             meant = f"did you mean {' or '.join(near)}?" if near else "`emla verify --list` lists all checks."
             raise CommandError(f"there is no check '{pattern}'; {meant}", name=pattern, choices=names)
-
-
-def _is_match(pattern: str, check: Check) -> bool:
-    return is_selected_by(pattern, check.name)
 
 
 def select_needed_checks(settings: Settings) -> list[Check]:
@@ -127,7 +123,7 @@ def select_needed_checks(settings: Settings) -> list[Check]:
 def _find_failed(findings: Mapping[str, Finding], settings: Settings) -> set[str]:
     """Return failed checks to report even if not selected: the checks that need them are only skipped."""
     failed = {name for name, f in findings.items() if f.verdict == Verdict.FAILED}
-    return failed - {c.name for c in CHECKS if any(_is_match(p, c) for p in settings.skip)}
+    return failed - {c.name for c in CHECKS if any(is_selected_by(p, c.name) for p in settings.skip)}
 
 
 def _find(check: Check, runner: CheckRunner, before: Mapping[str, Finding]) -> Finding:

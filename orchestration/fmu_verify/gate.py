@@ -28,34 +28,23 @@ def is_selected_by(pattern: str, check: str) -> bool:
 
 def find_objections(findings: Sequence[Finding], settings: Settings) -> tuple[str, ...]:
     """Return why an FMU does not pass, in addition to its failed checks."""
-    return (*_not_run(findings), *_too_strict(findings, settings), *_not_done(findings, settings))
+    return tuple(_yield_objections(findings, settings))
 
 
-def _not_run(findings: Sequence[Finding]) -> Iterator[str]:
-    """Yield a message if checks apply, but could not run for a reason that no failed check reports."""
+def _yield_objections(findings: Sequence[Finding], settings: Settings) -> Iterator[str]:
     failed = {f"It needs {f.check}, which failed." for f in findings if f.verdict == Verdict.FAILED}
-    lost = [f for f in findings if f.outcome.blocked and f.sentence not in failed]
-    if lost:
+    if lost := [f for f in findings if f.outcome.blocked and f.sentence not in failed]:
         count = "1 check" if len(lost) == 1 else f"{len(lost)} checks"
         yield f"{count} could not run. {lost[0].check}: {lost[0].sentence}"
-
-
-def _too_strict(findings: Sequence[Finding], settings: Settings) -> Iterator[str]:
     for one in settings.fail_on:
         if found := [f.check for f in findings if f.verdict == _VERDICTS[Strictness(one)]]:
             word = "warned" if one == Strictness.WARNING else "was skipped"
-            yield f"--fail-on {one}: {found[0]} {word}{_and_others(found)}."
-
-
-def _not_done(findings: Sequence[Finding], settings: Settings) -> Iterator[str]:
+            others = f", and {len(found) - 1} more" if len(found) > 1 else ""
+            yield f"--fail-on {one}: {found[0]} {word}{others}."
     for pattern in settings.must_run:
         for f in findings:
             if f.verdict == Verdict.SKIPPED and is_selected_by(pattern, f.check):
                 yield f"--must-run {pattern}: {f.check} was skipped. {f.sentence}"
-
-
-def _and_others(names: Sequence[str]) -> str:
-    return f", and {len(names) - 1} more" if len(names) > 1 else ""
 
 
 def list_unselected(patterns: Sequence[str], selected: Sequence[Check]) -> list[str]:

@@ -16,16 +16,16 @@ from .verdict import Verdict
 def render(report: Findings) -> str:
     """Return the report as JUnit XML."""
     names = shorten_names([one.label for one in report.examined])
-    suites = [_suite(one, name, report) for one, name in zip(report.examined, names, strict=True)]
+    objections = sum(len(one.objections) for one in report.examined)
     root = _element(
         "testsuites",
         name="emla verify",
-        tests=sum(report.counts.values()) + sum(len(one.objections) for one in report.examined),
-        failures=report.counts[Verdict.FAILED] + sum(len(one.objections) for one in report.examined),
+        tests=sum(report.counts.values()) + objections,
+        failures=report.counts[Verdict.FAILED] + objections,
         errors=0,
         time=_time(sum(one.seconds for one in report.examined)),
     )
-    root.extend(suites)
+    root.extend(_suite(one, name, report) for one, name in zip(report.examined, names, strict=True))
     etree.indent(root)
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{etree.tostring(root, encoding="unicode")}\n'
 
@@ -46,17 +46,13 @@ def _suite(one: Examined, name: str, report: Findings) -> Any:
     properties.extend(_element("property", name=fact, value=value) for fact, value in facts.items())
     suite.append(properties)
     suite.extend(_case(one, finding, _class_name(name)) for finding in one.findings)
-    suite.extend(_objection(objection, _class_name(name)) for objection in one.objections)
+    for sentence in one.objections:  # why an FMU does not pass although no check failed
+        case = _element("testcase", classname=_class_name(name), name="fully verified", time=_time(0.0))
+        case.append(_element("failure", sentence, type="not passed", message=sentence))
+        suite.append(case)
     if one.not_examined:
         suite.append(_element("system-out", "\n".join(["Not examined:", *one.not_examined])))
     return suite
-
-
-def _objection(sentence: str, class_name: str) -> Any:
-    """Return a failed case for an FMU that does not pass although no check failed."""
-    case = _element("testcase", classname=class_name, name="fully verified", time=_time(0.0))
-    case.append(_element("failure", sentence, type="not passed", message=sentence))
-    return case
 
 
 def _class_name(label: str) -> str:

@@ -32,34 +32,21 @@ def judge_problems(
         doubts: Messages that only warn.
         gaps: What the check could not judge.
     """
-    for make, found in ((failed, problems), (warned, doubts)):
-        if found:
-            every = [*problems, *doubts]
-            clause = found[0].clause if isinstance(found[0], Breach) else None
-            lines = _lines([_line(one) for one in every]) if len(every) > 1 else ()
-            first = f"{shorten_sentence(_message(found[0]))}{_and_more(len(every) - 1)}"
-            return make(first, lines=lines, clause=clause, gaps=gaps)
-    return passed(fine, gaps=gaps)
-
-
-def _message(problem: Problem) -> str:
-    return problem.message if isinstance(problem, Breach) else problem
-
-
-def _line(problem: Problem) -> tuple[str, Clause | None]:
-    """Return the message and its own clause."""
-    return shorten_sentence(_message(problem)), problem.clause if isinstance(problem, Breach) else None
-
-
-def _and_more(count: int) -> str:
-    if count == 0:
-        return ""
-    return " There is one more place." if count == 1 else f" There are {count} more places."
-
-
-def _lines(found: Sequence[tuple[str, Clause | None]]) -> tuple[tuple[str, Clause | None], ...]:
-    rest = ((f"There are {len(found) - MOST} more.", None),) if len(found) > MOST else ()
-    return (*found[:MOST], *rest)
+    lines = [
+        (shorten_sentence(one.message), one.clause)
+        if isinstance(one, Breach)
+        else (shorten_sentence(one), None)
+        for one in (*problems, *doubts)
+    ]
+    if not lines:
+        return passed(fine, gaps=gaps)
+    said, clause = lines[0]
+    if more := len(lines) - 1:
+        said += " There is one more place." if more == 1 else f" There are {more} more places."
+    if len(lines) > MOST:
+        lines[MOST:] = [(f"There are {len(lines) - MOST} more.", None)]
+    make = failed if problems else warned
+    return make(said, lines=tuple(lines) if more else (), clause=clause, gaps=gaps)
 
 
 def shorten_sentence(text: str) -> str:

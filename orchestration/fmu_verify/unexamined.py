@@ -1,6 +1,6 @@
 """List what an examination could not judge: the section *Not examined* of a report."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 
 import fmpy
 
@@ -24,15 +24,13 @@ def list_unexamined(subject: Subject, findings: Mapping[str, Finding]) -> tuple[
         subject: The FMU.
         findings: All findings by check, also those that the report leaves out.
     """
-    found = list(findings.values())
-    protection = list_gaps() if "run.completes" in findings else ()
     return (
         *_values(findings),
-        *_not_run(found),
-        *_gaps(found),
+        *_not_run(findings.values()),
+        *(f"{f.check}: {gap}" for f in findings.values() for gap in f.outcome.gaps),
         *_other_platforms(subject),
         *_of_version_3(subject),
-        *protection,
+        *(list_gaps() if "run.completes" in findings else ()),
     )
 
 
@@ -45,7 +43,7 @@ def _values(findings: Mapping[str, Finding]) -> Iterator[str]:
         yield _VALUES
 
 
-def _not_run(found: Sequence[Finding]) -> Iterator[str]:
+def _not_run(found: Iterable[Finding]) -> Iterator[str]:
     """Yield the checks that apply, but could not run, by reason."""
     reasons: dict[str, list[str]] = {}
     for f in found:
@@ -53,11 +51,6 @@ def _not_run(found: Sequence[Finding]) -> Iterator[str]:
             reasons.setdefault(f.sentence, []).append(f.check)
     for reason, names in reasons.items():
         yield f"{join_few_names(names)}: {reason}"
-
-
-def _gaps(found: Sequence[Finding]) -> Iterator[str]:
-    for f in found:
-        yield from (f"{f.check}: {gap}" for gap in f.outcome.gaps)
 
 
 def _of_version_3(subject: Subject) -> Iterator[str]:
