@@ -16,19 +16,19 @@ from ..host.hosted_instance import CallError, HostedInstance
 from ..host.instance_runs import OutputTrajectory, outputs
 from ..messages import join_few_names, sentence
 from ..references.experiments import (
+    SSV,
     TRANSIENT,
     TYPES,
     ExperimentSetup,
     list_experiment_files,
     read_experiments,
+    read_parameter_values,
     read_setup,
 )
 from ..references.judgment import check_columns, combine, judge_run
-from ..references.meta_data import SRMD, find_fault, is_xml
-from ..references.parameter_sets import SSV, read_parameter_values
 from ..references.playback import run_reference
 from ..references.reference_files import ReferenceSolution, list_companions
-from ..references.related_files import RelatedFile, is_of_type, list_related
+from ..references.related_files import SRMD, RelatedFile, find_fault, is_of_type, is_xml, list_related
 from ..subject import Subject
 from ..verdict import RETURNS, CheckOutcome, Clause, NotRunError, Verdict, failed, passed, skipped, warned
 from ._sameness import ROUNDING, compare_runs

@@ -1,4 +1,7 @@
-"""Read files of experiments (MA-HS-Experiments), which FMI-LS-REF lists, and the files that they name."""
+"""Read files of experiments (MA-HS-Experiments), which FMI-LS-REF lists, and the files that they name.
+
+The latter are tables and parameter sets (SSV).
+"""
 
 import math
 from collections.abc import Mapping
@@ -11,14 +14,19 @@ from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 
 from emla_cosim.base.arrays import Vector
 from emla_cosim.base.errors import CommandError
+from emla_cosim.base.files import read_file
 from emla_cosim.base.untrusted_xml import parse_xml
+from emla_cosim.fmu.parameters.parameter_sets import convert_parameter, parse_parameter_set
+from emla_cosim.fmu.variables import convert_start_value
 
 from ..host.experiment import span
 from ..subject import Subject
 from ..verdict import NotRunError
-from .parameter_sets import SSV, read_parameter_values
 from .reference_files import ReferenceSolution, read_columns, read_tolerance
 from .related_files import RelatedFile, is_of_type, is_relative, list_related, resolve_source
+
+SSV = "application/x-ssp-parameter-set"
+"""MIME type of parameter sets."""
 
 TYPES = ("application/x-ma-hs-experiments", "application/x-ma-ls-experiments")
 """MIME types of files of experiments; the example of FMI-LS-REF has the second one."""
@@ -172,6 +180,26 @@ def read_setup(subject: Subject, setup: ExperimentSetup) -> tuple[ReferenceSolut
         solver_tolerance=setup.numbers.get("tolerance"),
     )
     return reference, unknown
+
+
+def read_parameter_values(subject: Subject, file: Path) -> tuple[dict[str, Any], list[str]]:
+    """Return the values of a parameter set by variable, and the names that the FMU does not have.
+
+    Raises:
+        CommandError: The file is invalid, or a variable does not accept its value.
+        NotRunError: It sets structural parameters, which are not set here.
+    """
+    values, unknown, interface = dict[str, Any](), list[str](), subject.interface
+    for parameter in parse_parameter_set(read_file(file, "the parameter set"), file.name).parameters:
+        variable = interface.variables.get(parameter.name)
+        if variable is None:
+            unknown.append(parameter.name)
+            continue
+        if interface.is_structural(parameter.name):
+            raise NotRunError(f"It sets the structural parameter {parameter.name}.")
+        value = convert_parameter(parameter, interface.unit(parameter.name), file.name)
+        values[parameter.name] = convert_start_value(subject.path.stem, interface, variable, value)
+    return values, unknown
 
 
 def _path(setup: ExperimentSetup, element: str) -> Path | None:
