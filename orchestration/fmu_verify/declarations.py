@@ -163,13 +163,14 @@ class DeclaredUnknown:
     kinds: tuple[str, ...] | None
 
 
-_LISTS_3 = {
+LISTS_3 = {
     "Outputs": "Output",
     "Derivatives": "ContinuousStateDerivative",
     "InitialUnknowns": "InitialUnknown",
     "ClockedStates": "ClockedState",
     "EventIndicators": "EventIndicator",
 }
+"""Elements of ModelStructure of FMI 3.0, by the lists of FMI 2.0, or as these would be called."""
 
 
 @dataclass(frozen=True)
@@ -194,7 +195,7 @@ class Declarations:
 
     def list_name(self, name: str) -> str:
         """Return how this version of FMI calls a list of ModelStructure."""
-        return _LISTS_3.get(name, name) if self.version == 3 else name
+        return LISTS_3.get(name, name) if self.version == 3 else name
 
     def variable(self, index: int) -> DeclaredVariable | None:
         """Return the variable with an index of ModelStructure, or None."""
@@ -259,7 +260,7 @@ def read_declarations(root: Any, version: int) -> Declarations:
     by_name = {t.name: t for t in reversed(types)}
 
     def read_unknowns(name: str) -> tuple[DeclaredUnknown, ...]:
-        path, reference = (_LISTS_3[name], "valueReference") if version == 3 else (f"{name}/Unknown", "index")
+        path, reference = (LISTS_3[name], "valueReference") if version == 3 else (f"{name}/Unknown", "index")
         return tuple(
             DeclaredUnknown(
                 find_place(e.get(reference)),

@@ -46,8 +46,8 @@ from typing import Any
 from emla_cosim.base.tubes.signal_check import Comparison
 from emla_cosim.pages.plain import to_plain
 
+from .explanation import format_command
 from .findings import Examined, Finding, Findings, worst
-from .repetition import format_command
 from .report_files import JSON_FORMAT
 from .verdict import Verdict
 

@@ -7,9 +7,8 @@ from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 
 from emla_cosim.pages.text import make_visible
 
-from .explanation import explain_finding
+from .explanation import explain_finding, shorten_names
 from .findings import Examined, Finding, Findings
-from .short_names import shorten_names
 from .verdict import Verdict
 
 

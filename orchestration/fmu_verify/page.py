@@ -11,9 +11,8 @@ from typing import Any
 from emla_cosim.pages.comparisons import build_comparison_rows
 from emla_cosim.pages.page import Plots, render_template
 
+from .explanation import format_command, shorten_names
 from .findings import Examined, Finding, Findings, worst
-from .repetition import format_command
-from .short_names import shorten_names
 from .verdict import Verdict
 
 _MOST_ROWS = 200

@@ -21,10 +21,10 @@ from .check import Check
 from .check_runner import make_finding
 from .examination import check_names, select_checks, select_needed_checks
 from .examiner import ExaminerJob, examine_jobs
+from .explanation import list_options
 from .findings import Examined, Finding
 from .gate import Strictness, find_objections, list_unselected
 from .references.recording import check_recording
-from .repetition import list_options
 from .report import Report
 from .settings import Recording, Settings
 from .systems import SystemKind

@@ -45,12 +45,8 @@ def mend_guid(root: Any, version: int, libraries: Mapping[str, bytes]) -> Iterat
     # the end of a text in the data of a library, whose beginning need not follow a zero
     pattern = re.compile(rb"(?<![\w{-])(\{?" + re.escape(match[1].encode()) + rb"\}?)(?=\0)", re.IGNORECASE)
     spellings = {m[1].decode() for content in libraries.values() for m in pattern.finditer(content)}
-    if len(spellings) == 1 and given not in spellings and _agree(pattern, libraries):
+    # a library without the GUID could have it in another form
+    if len(spellings) == 1 and given not in spellings and all(pattern.search(c) for c in libraries.values()):
         (after,) = spellings
         root.set(name, after)
         yield Change("instance.guid", name, given, after)
-
-
-def _agree(pattern: re.Pattern[bytes], libraries: Mapping[str, bytes]) -> bool:
-    """Return whether all libraries have the GUID; one without it could have it in another form."""
-    return all(pattern.search(content) for content in libraries.values())

@@ -6,13 +6,12 @@ from typing import Any
 from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 
 from ..checks.structure import _LINEAR, _ignored, _initially_unknown
-from ..declarations import REAL, Declarations
+from ..declarations import LISTS_3, REAL, Declarations
 from ..subject import Subject
 from .change import Change, describe_element
 
 _ORDER_3 = ("Output", "ContinuousStateDerivative", "ClockedState", "InitialUnknown", "EventIndicator")
 _ORDER_2 = ("Outputs", "Derivatives", "DiscreteStates", "InitialUnknowns")
-_LISTS_3 = {"Outputs": "Output", "InitialUnknowns": "InitialUnknown"}
 
 
 def mend_structure(subject: Subject) -> Iterator[Change]:
@@ -50,7 +49,7 @@ class _Mender:
 
     def _list(self, name: str) -> list[Any]:
         """Return the elements of a list, by its name in FMI 2.0."""
-        path = _LISTS_3[name] if self._is_3 else f"{name}/Unknown"
+        path = LISTS_3[name] if self._is_3 else f"{name}/Unknown"
         return self._structure.findall(path)
 
     def _index(self, element: Any) -> int:
@@ -65,7 +64,7 @@ class _Mender:
         for index in sorted(wanted - {self._index(e) for e in self._list(name)}):
             variable = self._declared.variables[index - 1]
             reference = variable.reference if self._is_3 else index
-            tag = _LISTS_3[name] if self._is_3 else "Unknown"
+            tag = LISTS_3[name] if self._is_3 else "Unknown"
             element = etree.Element(tag, {self._attribute: str(reference)})
             self._insert(name, element)
             where = f"{self._declared.list_name(name)}, {variable}"
@@ -82,7 +81,7 @@ class _Mender:
             after = next(later, None) if name == "InitialUnknowns" else None  # which is in order
             parent.insert(len(parent) if after is None else parent.index(after), element)
             return
-        self._structure.insert(self._find_place(_ORDER_3, _LISTS_3[name]), element)
+        self._structure.insert(self._find_place(_ORDER_3, LISTS_3[name]), element)
 
     def _find_place(self, order: tuple[str, ...], tag: str) -> int:
         """Return where to insert an element so that those of the structure stay in order."""

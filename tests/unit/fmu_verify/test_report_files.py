@@ -11,8 +11,8 @@ import pytest
 from lxml import etree
 
 from emla_cosim.base.errors import CommandError
+from fmu_verify.explanation import shorten_names
 from fmu_verify.report import Report
-from fmu_verify.short_names import shorten_names
 from fmu_verify.verdict import passed
 from tests.support.reports import CLAUSE, STARTED, examined, finding, hostile, ordinary, report
 
