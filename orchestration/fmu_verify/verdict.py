@@ -44,6 +44,11 @@ def fmi3(section: str, sentence: str) -> Clause:
     return Clause(section, sentence, document="FMI 3.0.2")
 
 
+def in_both(section: str, section_3: str, sentence: str) -> Clause:
+    """Return a quotation of FMI 2.0.4 that FMI 3.0.2 has in another section, with its own prefix."""
+    return Clause(section, sentence, in_3=fmi3(section_3, sentence.replace("fmi2", "fmi3")))
+
+
 _OWN = "emla verify"
 
 

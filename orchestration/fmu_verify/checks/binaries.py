@@ -28,7 +28,7 @@ from ..libraries import (
 from ..messages import Breach, Problem, join_few_names, judge_problems, shorten_sentence
 from ..subject import Subject
 from ..subprocess_run import note
-from ..verdict import CheckOutcome, Clause, blocked, failed, fmi3, passed, skipped
+from ..verdict import CheckOutcome, Clause, blocked, failed, fmi3, in_both, passed, skipped
 
 _HERE = (fmpy.platform_tuple, fmpy.platform)
 _NAME = Clause(
@@ -163,15 +163,11 @@ def _lacking(library: Library, version: int) -> Iterator[str]:
 @check(
     "binaries.loads",
     "The library can be loaded here",
-    Clause(
+    in_both(
         "2.3",
+        "2.5.1.4.1",
         "FMUs should contain all resources that are required to load and execute a shared library, link "
         "against a static library, or compile from source.",
-        in_3=fmi3(
-            "2.5.1.4.1",
-            "FMUs should contain all resources that are required to load and execute a shared library, link "
-            "against a static library, or compile from source.",
-        ),
     ),
     "`ldd` lists what a library needs. Link it statically, or ship it and set the RPATH to $ORIGIN.",
     needs=("binaries.platform", "binaries.symbols"),

@@ -14,7 +14,7 @@ from ..check import check
 from ..declarations import find_repeated
 from ..messages import Breach, Problem, judge_problems, shorten_sentence
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, failed, fmi3, passed
+from ..verdict import CheckOutcome, Clause, failed, fmi3, in_both, passed
 
 _ROOT = "fmiModelDescription"
 
@@ -134,11 +134,7 @@ def _schema(name: str) -> Any:
 @check(
     "description.encoding",
     "The model description is in UTF-8",
-    Clause(
-        "2.2",
-        "It is required that the encoding scheme is always UTF-8:",
-        in_3=fmi3("2.4", "It is required that the encoding scheme is always UTF-8:"),
-    ),
+    in_both("2.2", "2.4", "It is required that the encoding scheme is always UTF-8:"),
     'Write the file in UTF-8, with `<?xml version="1.0" encoding="UTF-8"?>` as its first line.',
     needs=("description.readable",),
 )

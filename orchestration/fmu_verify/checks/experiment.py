@@ -6,21 +6,17 @@ from collections.abc import Iterator, Mapping
 from ..check import check
 from ..messages import judge_problems
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, fmi3, skipped
+from ..verdict import CheckOutcome, in_both, skipped
 
 
 @check(
     "description.experiment",
     "The default experiment can be run",
-    Clause(
+    in_both(
         "2.2.5",
+        "2.4.6",
         "However, it is convenient for a user that startTime, stopTime, tolerance and stepSize have already "
         "a meaningful default value for the model at hand.",
-        in_3=fmi3(
-            "2.4.6",
-            "However, it is convenient for a user that startTime, stopTime, tolerance and stepSize have "
-            "already a meaningful default value for the model at hand.",
-        ),
     ),
     "Set the start before the stop, and a positive step and tolerance.",
     needs=("description.schema",),

@@ -17,7 +17,7 @@ from ..libraries import (
 )
 from ..messages import join_few_names, judge_problems
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, fmi3, noted, skipped
+from ..verdict import CheckOutcome, in_both, noted, skipped
 
 _EVERYWHERE = re.compile(
     r"""
@@ -39,15 +39,11 @@ _UNDEFINED = 0
 @check(
     "binaries.imports",
     "Libraries need only standard system libraries",
-    Clause(
+    in_both(
         "2.3",
+        "2.5.1.4.1",
         "Shared libraries should be statically linked against their dependencies [e.g. the Visual Studio C "
         "Runtime on Windows].",
-        in_3=fmi3(
-            "2.5.1.4.1",
-            "Shared libraries should be statically linked against their dependencies [e.g. the Visual Studio "
-            "C Runtime on Windows].",
-        ),
     ),
     "Link it statically, ship it beside the library, or name it in documentation/externalDependencies.txt.",
     needs=("binaries.symbols",),

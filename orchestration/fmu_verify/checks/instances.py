@@ -16,29 +16,33 @@ from ..host.instance_runs import OutputTrajectory, outputs, run_alone, run_insta
 from ..host.log import LOG
 from ..host.process_state import can_read_memory, read_memory
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, Verdict, blocked, failed, fmi3, noted, passed, skipped, warned
+from ..verdict import (
+    CheckOutcome,
+    Clause,
+    Verdict,
+    blocked,
+    failed,
+    fmi3,
+    in_both,
+    noted,
+    passed,
+    skipped,
+    warned,
+)
 from ._sameness import compare_runs
 from .memory import read_allocated
 
-_SEVERAL = Clause(
+_SEVERAL = in_both(
     "2.1.5",
+    "2.3.1",
     "An FMU can be instantiated many times (provided capability flag "
     "canBeInstantiatedOnlyOncePerProcess = false).",
-    in_3=fmi3(
-        "2.3.1",
-        "An FMU can be instantiated many times (provided capability flag canBeInstantiatedOnlyOncePerProcess "
-        "= false).",
-    ),
 )
-_FREED = Clause(
+_FREED = in_both(
     "2.1.5",
+    "2.3.1",
     "Disposes the given instance, unloads the loaded model, and frees all the allocated memory and "
     "other resources that have been allocated by the functions of the FMU interface.",
-    in_3=fmi3(
-        "2.3.1",
-        "Disposes the given instance, unloads the loaded model, and frees all the allocated memory and other "
-        "resources that have been allocated by the functions of the FMU interface.",
-    ),
 )
 
 
@@ -330,10 +334,8 @@ def _in_threads(subject: Subject, courses: list[Experiment]) -> list[OutputTraje
 @check(
     "instance.reset",
     "Reset restores the initial state",
-    Clause(
-        "2.1.6",
-        "The FMU goes into the same state as if fmi2Instantiate would have been called.",
-        in_3=fmi3("2.3.1", "The FMU goes into the same state as if fmi3Instantiate would have been called."),
+    in_both(
+        "2.1.6", "2.3.1", "The FMU goes into the same state as if fmi2Instantiate would have been called."
     ),
     "fmi2Reset must set every variable and hidden state as fmi2Instantiate does.",
     needs=("run.deterministic",),

@@ -15,7 +15,7 @@ from ..host.log import LOG
 from ..host.other_values import settable, start_of
 from ..host.process_state import can_read_memory, load_c_library, read_memory
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, fmi3, passed, skipped, warned
+from ..verdict import CheckOutcome, in_both, passed, skipped, warned
 
 _CALLS = 1000
 """Calls of a batch, unless they are slow."""
@@ -63,12 +63,8 @@ def read_allocated() -> float | None:
 @check(
     "instance.memory",
     "Calls keep no memory",
-    Clause(
-        "1.1",
-        "All memory (and other resources) allocated by the FMU are freed (released) by the FMU.",
-        in_3=fmi3(
-            "1.3", "All memory (and other resources) allocated by the FMU are freed (released) by the FMU."
-        ),
+    in_both(
+        "1.1", "1.3", "All memory (and other resources) allocated by the FMU are freed (released) by the FMU."
     ),
     "Free what a call allocates before it returns, or use the same memory in the next one.",
     needs=("run.completes",),

@@ -26,7 +26,7 @@ from ..host.process_state import (
 from ..messages import join_few_names, judge_problems
 from ..subject import Subject
 from ..subprocess_run import note
-from ..verdict import CheckOutcome, Clause, failed, fmi3, own_rule, passed, skipped, warned
+from ..verdict import CheckOutcome, failed, in_both, own_rule, passed, skipped, warned
 
 _STEPS = 10
 _CYCLES = 3
@@ -43,15 +43,11 @@ def _run(subject: Subject) -> HostedInstance:
 @check(
     "process.resources",
     "Instances free files, threads and processes",
-    Clause(
+    in_both(
         "2.1.5",
+        "2.3.1",
         "Disposes the given instance, unloads the loaded model, and frees all the allocated memory and "
         "other resources that have been allocated by the functions of the FMU interface.",
-        in_3=fmi3(
-            "2.3.1",
-            "Disposes the given instance, unloads the loaded model, and frees all the allocated memory and "
-            "other resources that have been allocated by the functions of the FMU interface.",
-        ),
     ),
     "Close files, join threads, and end and await child processes in fmi2FreeInstance.",
     needs=("run.completes",),
@@ -105,12 +101,8 @@ _NOTHING = "nothing"
 @check(
     "process.settings",
     "The settings of the process are unchanged",
-    Clause(
-        "2.1",
-        "FMI functions must not change global settings which affect other processes/threads.",
-        in_3=fmi3(
-            "2.2.1", "FMI functions must not change global settings which affect other processes/threads."
-        ),
+    in_both(
+        "2.1", "2.2.1", "FMI functions must not change global settings which affect other processes/threads."
     ),
     "Restore the setting before the function returns. Other FMUs and the host compute with it.",
     needs=("run.completes",),

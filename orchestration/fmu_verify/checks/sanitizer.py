@@ -8,7 +8,7 @@ from ..messages import Breach, Problem, judge_problems
 from ..sanitizer.reports import count_bytes
 from ..sanitizer.run import TIME_FACTOR, SanitizedRun, run_sanitized
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, fmi3, skipped
+from ..verdict import CheckOutcome, Clause, in_both, skipped
 
 _check = partial(
     check,
@@ -73,15 +73,11 @@ def address(subject: Subject) -> CheckOutcome:
 @_check(
     "sanitizer.leaks",
     "All memory is freed",
-    Clause(
+    in_both(
         "2.1.5",
+        "2.3.1",
         "Disposes the given instance, unloads the loaded model, and frees all the allocated memory and "
         "other resources that have been allocated by the functions of the FMU interface.",
-        in_3=fmi3(
-            "2.3.1",
-            "Disposes the given instance, unloads the loaded model, and frees all the allocated memory and "
-            "other resources that have been allocated by the functions of the FMU interface.",
-        ),
     ),
     "Free in fmi2FreeInstance what the instance allocated, and in fmi2FreeFMUstate what the state did.",
 )

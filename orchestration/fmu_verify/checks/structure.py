@@ -6,7 +6,7 @@ from ..check import check
 from ..declarations import Declarations, DeclaredUnknown, DeclaredVariable, find_repeated
 from ..messages import Breach, Problem, join_few_names, judge_problems
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, fmi3
+from ..verdict import CheckOutcome, Clause, fmi3, in_both
 
 _LINEAR = ("constant", "fixed", "tunable", "discrete")
 """Kinds of dependencies that only Real unknowns can have."""
@@ -58,11 +58,7 @@ _INITIAL = Clause(
     'state derivatives [...] with initial="approx" or "calculated"',
     in_3=fmi3("2.4.8", "Ordered list of all exposed unknowns in InitializationMode."),
 )
-_NO_DUPLICATES = Clause(
-    "2.2.8",
-    "The resulting list is not allowed to have duplicates",
-    in_3=fmi3("2.4.8", "The resulting list is not allowed to have duplicates"),
-)
+_NO_DUPLICATES = in_both("2.2.8", "2.4.8", "The resulting list is not allowed to have duplicates")
 _ORDER = Clause(
     "2.2.8",
     "The Unknowns in this list must be ordered according to their ScalarVariable index (for example, if "

@@ -20,7 +20,7 @@ from ..host.other_values import (
 )
 from ..messages import Breach, judge_problems, list_left_out
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, fmi3, skipped
+from ..verdict import CheckOutcome, Clause, fmi3, in_both, skipped
 
 _EXACT = Clause(
     "2.2.7",
@@ -148,11 +148,7 @@ def _after_setting(subject: Subject, changes: Values) -> Values:
 @check(
     "values.reset",
     "Reset restores the values of parameters and inputs",
-    Clause(
-        "2.1.6",
-        "All variables have their default values.",
-        in_3=fmi3("2.3.1", "All variables have their default values."),
-    ),
+    in_both("2.1.6", "2.3.1", "All variables have their default values."),
     "fmi2Reset must set every parameter and input to its start value.",
     needs=("run.completes",),
     time_factor=2.0,

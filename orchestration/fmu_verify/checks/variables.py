@@ -8,7 +8,7 @@ from ..check import check
 from ..declarations import Declarations, DeclaredVariable, find_repeated
 from ..messages import Breach, Problem, judge_problems
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, fmi3
+from ..verdict import CheckOutcome, Clause, fmi3, in_both
 
 _NONDIGIT = "_a-zA-Z"
 _QUOTED = r"'(?:[_a-zA-Z0-9!#$%&()*+,\-./:;<>=?@\[\]^{}|~ ]|\\['\"?\\abfnrtv])+'"
@@ -91,11 +91,7 @@ _SAME_UNIT = Clause(
 @check(
     "variables.names",
     "Variables have unique names",
-    Clause(
-        "2.2.9",
-        "The names must be unique, non-empty strings.",
-        in_3=fmi3("2.4.7.5.1", "The names must be unique, non-empty strings."),
-    ),
+    in_both("2.2.9", "2.4.7.5.1", "The names must be unique, non-empty strings."),
     "Rename them. With variableNamingConvention `flat`, every name is allowed.",
     needs=("description.schema",),
 )
