@@ -18,6 +18,7 @@ from ..host.other_values import Values, other_of, others, settable, start_of
 from ..messages import join_few_names, judge_problems, list_left_out
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, failed, fmi3, noted, passed, skipped, warned
+from ._clauses import INDICES
 
 _STEPS = 20
 _MOST_PAIRS = 100
@@ -137,13 +138,7 @@ def _apart(x: Vector, slopes: Vector, points: Vector) -> float:
 @check(
     "exchange.inputs",
     "Inputs have an effect",
-    Clause(
-        "2.2.8",
-        "Otherwise the Unknown depends on the Knowns defined by the given ScalarVariable indices.",
-        in_3=fmi3(
-            "2.4.8", "Otherwise the unknown depends on the knowns defined by the given value references."
-        ),
-    ),
+    INDICES,
     "Use the input in the equations, or remove it from the dependencies of outputs and derivatives.",
     needs=("run.deterministic",),
     time_factor=2.0,

@@ -15,6 +15,7 @@ from ..declarations import find_repeated
 from ..messages import Breach, Problem, judge_problems, shorten_sentence
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, failed, fmi3, in_both, passed
+from ._clauses import IN_SCHEMA
 
 _ROOT = "fmiModelDescription"
 
@@ -91,12 +92,7 @@ def _other_version(version: str | None) -> CheckOutcome:
     Clause(
         "2.2",
         "The normative definition are the above mentioned schema files.",
-        in_3=fmi3(
-            "2.4",
-            "All static information related to the core functionality of an FMU is stored in the text file "
-            "modelDescription.xml in XML format as specified by the XML schema file "
-            "fmi3ModelDescription.xsd.",
-        ),
+        in_3=IN_SCHEMA,
     ),
     "Line numbers refer to `modelDescription.xml`. The schema files come with the standard.",
     needs=("description.readable",),

@@ -29,21 +29,9 @@ from ..verdict import (
     skipped,
     warned,
 )
+from ._clauses import FREED, SEVERAL
 from ._sameness import compare_runs
 from .memory import read_allocated
-
-_SEVERAL = in_both(
-    "2.1.5",
-    "2.3.1",
-    "An FMU can be instantiated many times (provided capability flag "
-    "canBeInstantiatedOnlyOncePerProcess = false).",
-)
-_FREED = in_both(
-    "2.1.5",
-    "2.3.1",
-    "Disposes the given instance, unloads the loaded model, and frees all the allocated memory and "
-    "other resources that have been allocated by the functions of the FMU interface.",
-)
 
 
 @check(
@@ -135,7 +123,7 @@ _PAGES = 2.0**13
 @check(
     "instance.cycles",
     "Instances free their memory",
-    _FREED,
+    FREED,
     "Run the FMU in a memory checker such as valgrind. Free all memory in fmi2FreeInstance.",
     needs=("run.completes",),
     time_factor=4.0,
@@ -202,7 +190,7 @@ def _read_used() -> tuple[float, float]:
 @check(
     "instance.independent",
     "Instances share nothing",
-    _SEVERAL,
+    SEVERAL,
     "Keep states in the instance, not in static variables, or set canBeInstantiatedOnlyOncePerProcess.",
     needs=("run.deterministic",),
     time_factor=6.0,

@@ -15,7 +15,8 @@ from ..host.hosted_instance import CallError, HostedInstance
 from ..host.other_values import other_of, same, settable, show
 from ..messages import join_few_names, judge_problems, list_left_out
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, fmi3, skipped
+from ..verdict import CheckOutcome, Clause, skipped
+from ._clauses import KEPT
 
 _STEPS = 6
 _MORE_STEPS = 60
@@ -45,11 +46,7 @@ class _Late(NamedTuple):
         'Whenever a parameter or input signal with variability = "tunable" changes, an event is triggered '
         "externally (ModelExchange), or the change is performed at the next Communication Point "
         "(Co-Simulation)",
-        in_3=fmi3(
-            "2.2.7.2",
-            "With two exceptions, all variables that are allowed to be set with fmi3Set{VariableType} keep "
-            "their respective values until the next call to fmi3Set{VariableType}.",
-        ),
+        in_3=KEPT,
     ),
     "Compute with the present value of each input and tunable parameter in each step, not with a copy of it.",
     needs=("run.deterministic", "run.finite"),

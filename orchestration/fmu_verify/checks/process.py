@@ -27,6 +27,7 @@ from ..messages import join_few_names, judge_problems
 from ..subject import Subject
 from ..subprocess_run import note
 from ..verdict import CheckOutcome, failed, in_both, own_rule, passed, skipped, warned
+from ._clauses import FREED
 
 _STEPS = 10
 _CYCLES = 3
@@ -43,12 +44,7 @@ def _run(subject: Subject) -> HostedInstance:
 @check(
     "process.resources",
     "Instances free files, threads and processes",
-    in_both(
-        "2.1.5",
-        "2.3.1",
-        "Disposes the given instance, unloads the loaded model, and frees all the allocated memory and "
-        "other resources that have been allocated by the functions of the FMU interface.",
-    ),
+    FREED,
     "Close files, join threads, and end and await child processes in fmi2FreeInstance.",
     needs=("run.completes",),
     time_factor=2.0,

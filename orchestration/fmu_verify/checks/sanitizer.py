@@ -8,7 +8,8 @@ from ..messages import Breach, Problem, judge_problems
 from ..sanitizer.reports import count_bytes
 from ..sanitizer.run import TIME_FACTOR, SanitizedRun, run_sanitized
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, in_both, skipped
+from ..verdict import CheckOutcome, Clause, skipped
+from ._clauses import FREED
 
 _check = partial(
     check,
@@ -73,12 +74,7 @@ def address(subject: Subject) -> CheckOutcome:
 @_check(
     "sanitizer.leaks",
     "All memory is freed",
-    in_both(
-        "2.1.5",
-        "2.3.1",
-        "Disposes the given instance, unloads the loaded model, and frees all the allocated memory and "
-        "other resources that have been allocated by the functions of the FMU interface.",
-    ),
+    FREED,
     "Free in fmi2FreeInstance what the instance allocated, and in fmi2FreeFMUstate what the state did.",
 )
 def leaks(subject: Subject) -> CheckOutcome:

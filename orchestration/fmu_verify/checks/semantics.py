@@ -8,8 +8,9 @@ from emla_cosim.fmu.attribute_faults import find_attribute_fault
 from ..check import check
 from ..messages import shorten_sentence
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, Verdict, fmi3, noted, passed
+from ..verdict import CheckOutcome, Clause, Verdict, noted, passed
 from . import description, starts, structure, types, units, variables
+from ._clauses import IN_SCHEMA
 
 _SAY_IT_BETTER = (
     description.capabilities,
@@ -33,12 +34,7 @@ _SAY_IT_BETTER = (
         "2.2",
         "All static information related to an FMU is stored in the text file modelDescription.xml in XML "
         "format.",
-        in_3=fmi3(
-            "2.4",
-            "All static information related to the core functionality of an FMU is stored in the text file "
-            "modelDescription.xml in XML format as specified by the XML schema file "
-            "fmi3ModelDescription.xsd.",
-        ),
+        in_3=IN_SCHEMA,
     ),
     "Tools that are based on FMPy may refuse the FMU.",
     needs=("description.schema",),

@@ -10,7 +10,8 @@ from ..host.fresh_process import in_fresh_process, is_single_instance
 from ..host.hosted_instance import HostedInstance
 from ..host.other_values import MOST, Values, others, settable, where_accepted
 from ..subject import Subject
-from ..verdict import CheckOutcome, Verdict, failed, in_both, skipped
+from ..verdict import CheckOutcome, Verdict, failed, skipped
+from ._clauses import SEVERAL
 from .values import judge_unchanged, read_values
 
 _ROUNDING = 1e-9
@@ -23,12 +24,7 @@ _STEPS = 3
 @check(
     "values.shared",
     "Instances have their own parameters and inputs",
-    in_both(
-        "2.1.5",
-        "2.3.1",
-        "An FMU can be instantiated many times (provided capability flag "
-        "canBeInstantiatedOnlyOncePerProcess = false).",
-    ),
+    SEVERAL,
     "Keep parameters in the instance, not in static variables, or set canBeInstantiatedOnlyOncePerProcess.",
     needs=("run.deterministic",),
     time_factor=2.0,

@@ -8,6 +8,7 @@ from ..declarations import NUMERIC, DeclaredVariable
 from ..messages import Breach, Problem, judge_problems
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, fmi3
+from ._clauses import ENUMERATION
 
 _REQUIRED = Clause(
     "2.2.7",
@@ -46,11 +47,7 @@ _ITEM = Clause(
     "2.2.7",
     "For Enumeration it is required, because the Enumeration items are defined in TypeDefinitions / "
     "SimpleType.",
-    in_3=fmi3(
-        "2.4.7.5",
-        "For <Enumeration> the attribute declaredType is required because the <Enumeration> items are "
-        "defined in <TypeDefinitions><TypeDefinition>.",
-    ),
+    in_3=ENUMERATION,
 )
 
 

@@ -7,6 +7,7 @@ from ..declarations import Declarations, DeclaredUnknown, DeclaredVariable, find
 from ..messages import Breach, Problem, join_few_names, judge_problems
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, fmi3, in_both
+from ._clauses import DERIVATIVE, INDICES
 
 _LINEAR = ("constant", "fixed", "tunable", "discrete")
 """Kinds of dependencies that only Real unknowns can have."""
@@ -28,15 +29,6 @@ _DERIVATIVES = Clause(
     "Ordered list of all state derivatives, in other words, a list of ScalarVariable indices where every "
     "corresponding ScalarVariable must be a state derivative.",
     in_3=fmi3("2.4.8", "Ordered list of value references of all derivatives of continuous states."),
-)
-_DERIVATIVE = Clause(
-    "2.2.7",
-    'If present, this variable is the derivative of variable with ScalarVariable index "derivative".',
-    in_3=fmi3(
-        "2.4.7.5",
-        "If present, then the variable with this attribute is the derivative of the variable with value "
-        "reference given in derivative.",
-    ),
 )
 _DEFINED_STATES = Clause(
     "2.2.7",
@@ -64,11 +56,6 @@ _ORDER = Clause(
     "The Unknowns in this list must be ordered according to their ScalarVariable index (for example, if "
     "for two variables A and B the ScalarVariable index of A is less than the index of B, then A must "
     "appear before B in InitialUnknowns).",
-)
-_INDICES = Clause(
-    "2.2.8",
-    "Otherwise the Unknown depends on the Knowns defined by the given ScalarVariable indices.",
-    in_3=fmi3("2.4.8", "Otherwise the unknown depends on the knowns defined by the given value references."),
 )
 _ASCENDING = Clause(
     "2.2.8",
@@ -271,11 +258,11 @@ def _misdirected(variable: DeclaredVariable, declared: Declarations) -> Iterator
     of = declared.variable(index)
     if of is None:
         what = f"{variable} is the derivative of {declared.describe_missing(index)}."
-        yield Breach(what, _DERIVATIVE)
+        yield Breach(what, DERIVATIVE)
     elif of.index == variable.index:
-        yield Breach(f"{variable} is its own derivative.", _DERIVATIVE)
+        yield Breach(f"{variable} is its own derivative.", DERIVATIVE)
     elif not of.is_real:
-        yield Breach(f"{variable} is the derivative of {of}, which is of type {of.type}.", _DERIVATIVE)
+        yield Breach(f"{variable} is the derivative of {of}, which is of type {of.type}.", DERIVATIVE)
 
 
 @check(
@@ -431,7 +418,7 @@ def _ill_formed(who: str, unknown: DeclaredUnknown, declared: Declarations) -> I
     indices, kinds = unknown.dependencies, unknown.kinds
     beyond = [i for i in indices or () if declared.variable(i) is None]
     if beyond:
-        yield Breach(f"{who} depends on {declared.describe_missing(beyond[0])}.", _INDICES)
+        yield Breach(f"{who} depends on {declared.describe_missing(beyond[0])}.", INDICES)
     elif declared.version == 2 and indices is not None and list(indices) != sorted(set(indices)):
         yield Breach(f"The dependencies of {who} are not in ascending order.", _ASCENDING)
     if kinds is None:
@@ -463,7 +450,7 @@ def _unknown_knowns(
             f"{who} depends on {join_few_names([v.name for v in others])}, which is not known when it is "
             "computed."
         )
-        yield Breach(what, _INDICES)
+        yield Breach(what, INDICES)
 
 
 def _listing(

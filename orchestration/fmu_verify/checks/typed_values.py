@@ -20,6 +20,7 @@ from ..messages import judge_problems, list_left_out, shorten_sentence
 from ..subject import Subject
 from ..subprocess_run import note
 from ..verdict import CheckOutcome, Clause, fmi3, skipped
+from ._clauses import ENUMERATION
 
 _STEPS = 60
 _EVERY = 7
@@ -52,11 +53,7 @@ def booleans(subject: Subject) -> CheckOutcome:
         "2.2.3",
         "The values can be any integer number but must be unique within the same enumeration (in order that "
         'the mapping between "name" and "value" is bijective).',
-        in_3=fmi3(
-            "2.4.7.5",
-            "For <Enumeration> the attribute declaredType is required because the <Enumeration> items are "
-            "defined in <TypeDefinitions><TypeDefinition>.",
-        ),
+        in_3=ENUMERATION,
     ),
     "Add an item for the value to the SimpleType, or return another one.",
     needs=("run.completes",),

@@ -17,6 +17,7 @@ from ..declarations import Declarations, DeclaredUnit, DeclaredVariable, find_re
 from ..messages import Breach, Problem, judge_problems
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, fmi3
+from ._clauses import DERIVATIVE
 
 _RAD = BASE_UNITS.index("rad")
 
@@ -163,15 +164,7 @@ def _contradictions(unit: DeclaredUnit) -> Iterator[str]:
 @check(
     "units.derivatives",
     "A derivative has the unit of its variable per second",
-    Clause(
-        "2.2.7",
-        'If present, this variable is the derivative of variable with ScalarVariable index "derivative".',
-        in_3=fmi3(
-            "2.4.7.5",
-            "If present, then the variable with this attribute is the derivative of the variable with value "
-            "reference given in derivative.",
-        ),
-    ),
+    DERIVATIVE,
     "Set the unit of the derivative to that of its variable divided by `s`, with the same factor.",
     needs=("units.consistent", "structure.derivatives"),
 )

@@ -21,6 +21,7 @@ from ..host.other_values import (
 from ..messages import Breach, judge_problems, list_left_out
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, fmi3, in_both, skipped
+from ._clauses import KEPT
 
 _EXACT = Clause(
     "2.2.7",
@@ -98,11 +99,7 @@ def read_values(instance: HostedInstance, names: Sequence[str]) -> Values:
         "2.1.7",
         "Set parameters, inputs, and start values, and re-initialize caching of variables that depend on "
         "these variables",
-        in_3=fmi3(
-            "2.2.7.2",
-            "With two exceptions, all variables that are allowed to be set with fmi3Set{VariableType} keep "
-            "their respective values until the next call to fmi3Set{VariableType}.",
-        ),
+        in_3=KEPT,
     ),
     "Store the value in fmi2SetXXX, or return fmi2Discard or fmi2Error if it cannot be taken.",
     needs=("run.completes",),
