@@ -10,9 +10,9 @@ _MACH = {7: "x86", 0x01000007: "x86_64", 0x0100000C: "aarch64"}
 _MACH_MAGIC = {b"\xce\xfa\xed\xfe": "<", b"\xcf\xfa\xed\xfe": "<"}
 _FAT = (b"\xca\xfe\xba\xbe", b"\xca\xfe\xba\xbf")
 _MOST_PARTS = 20
+"""Most processors of a universal library: Java classes begin with the same bytes."""
 _32_BITS = 1
 """Class of an ELF file: `ELFCLASS32`."""
-"""Most processors of a universal library: Java classes begin with the same bytes."""
 
 _OF_FOLDER = {
     "linux32": ("linux", "x86"),

@@ -2,7 +2,7 @@
 
 import re
 import time
-from contextlib import closing, suppress
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
@@ -35,12 +35,6 @@ _LICENSE = re.compile(r"licen[sc]e", re.IGNORECASE)
 
 _MOST_MEMORY = 2**62
 """Largest limit of memory in bytes that systems take."""
-
-
-def run_check(check: Check, subject: Any, settings: Settings) -> Finding:
-    """Run a check within the limits of the settings."""
-    with closing(CheckRunner(subject, settings)) as runner:
-        return runner.run(check)
 
 
 class CheckRunner:

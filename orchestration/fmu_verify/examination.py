@@ -53,7 +53,11 @@ def examine_fmu(
             findings[found.check] = found
             if _take_over(found, subject):
                 runner.close()
-    names = {c.name for c in select_checks(subject.settings)} | _find_failed(findings, subject.settings)
+    # failed checks are reported even if not selected: the checks that need them are only skipped
+    skip = subject.settings.skip
+    failed = {name for name, f in findings.items() if f.verdict == Verdict.FAILED}
+    failed = {name for name in failed if not any(is_selected_by(p, name) for p in skip)}
+    names = {c.name for c in select_checks(subject.settings)} | failed
     others = {c.name for c in CHECKS if c.only_for not in (0, subject.known_version)}
     shown = tuple(f for f in findings.values() if f.check in (names - others or names))
     return Examined(
@@ -118,12 +122,6 @@ def select_needed_checks(settings: Settings) -> list[Check]:
         if check.name in names:
             names.update(check.needs)
     return [c for c in (*CHECKS, RECORDED) if c.name in names]
-
-
-def _find_failed(findings: Mapping[str, Finding], settings: Settings) -> set[str]:
-    """Return failed checks to report even if not selected: the checks that need them are only skipped."""
-    failed = {name for name, f in findings.items() if f.verdict == Verdict.FAILED}
-    return failed - {c.name for c in CHECKS if any(is_selected_by(p, c.name) for p in settings.skip)}
 
 
 def _find(check: Check, runner: CheckRunner, before: Mapping[str, Finding]) -> Finding:

@@ -41,11 +41,6 @@ class LayeredManifest:
         """Path of the manifest in the FMU."""
         return label_manifest(self.path)
 
-    @property
-    def root_name(self) -> str:
-        """Name of the root element without its namespace."""
-        return etree.QName(self.root).localname
-
 
 def list_manifests(unpacked: Path) -> list[Path]:
     """Return the manifests of an FMU that is unpacked to a folder, sorted by path."""

@@ -1,8 +1,10 @@
-"""List and parse the shared libraries of an FMU."""
+"""List and parse the shared libraries of an FMU, and list the functions that they must export."""
 
-from collections.abc import Iterator
+import re
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -84,20 +86,33 @@ def parse_library(path: Path) -> Any:
     return None
 
 
+@cache
+def list_functions(kind: str, version: int) -> tuple[str, ...]:
+    """Return the functions of an FMU of a kind, in the order of the header file of FMI 2.0 or 3.0."""
+    header = (files("fmpy") / "c-code" / f"fmi{version}Functions.h").read_text(encoding="utf-8")
+    if version == 3:
+        return tuple(re.findall(r"FMI3_Export\s+fmi3\w+TYPE\s+(fmi3\w+);", header))
+    title = {"ModelExchange": "Model Exchange", "CoSimulation": "Co-Simulation"}[kind]
+    parts = re.split(r"/\*{9,}\s*(.+?)\s*\*{9,}/", header)
+    wanted = [
+        body
+        for name, body in zip(parts[1::2], parts[2::2], strict=True)
+        if name.endswith((title, "Common Functions"))
+    ]
+    return tuple(re.findall(r"fmi2FullName\((fmi2\w+)\)", "".join(wanted)))
+
+
 def list_exports(binary: Any) -> set[str]:
     """Return the C names of the functions that a library exports."""
     import lief
 
-    names = {str(f.name) for f in binary.exported_functions} | set(_symbols(binary))
-    if isinstance(binary, lief.MachO.Binary):
-        names |= {str(s.name) for s in binary.symbols if _is_defined(s)}  # older linkers write no export trie
-        return {name.removeprefix("_") for name in names}
-    return names
-
-
-def _is_defined(symbol: Any) -> bool:
-    """Return whether a symbol of a Mach-O library is defined in it and visible outside."""
-    return bool(symbol.raw_type & _EXTERNAL) and symbol.raw_type & (_DEBUG_OR_PRIVATE | _TYPE) == _IN_SECTION
+    names = {str(one.name) for one in (*binary.exported_functions, *getattr(binary, "exported_symbols", ()))}
+    if not isinstance(binary, lief.MachO.Binary):
+        return names
+    # older linkers write no export trie: symbols that are defined in the library and visible outside
+    kinds = ((str(s.name), s.raw_type) for s in binary.symbols)
+    names |= {n for n, t in kinds if t & _EXTERNAL and t & (_DEBUG_OR_PRIVATE | _TYPE) == _IN_SECTION}
+    return {name.removeprefix("_") for name in names}
 
 
 def list_needed_libraries(binary: Any) -> list[str]:
@@ -108,8 +123,3 @@ def list_needed_libraries(binary: Any) -> list[str]:
         return [str(name) for name in binary.libraries]
     own = lief.MachO.LoadCommand.TYPE.ID_DYLIB
     return [str(command.name) for command in binary.libraries if command.command != own]
-
-
-def _symbols(binary: Any) -> Iterator[str]:
-    for symbol in getattr(binary, "exported_symbols", ()):
-        yield str(symbol.name)

@@ -24,7 +24,10 @@ def list_writable(subject: Subject | WholeSystem, records: bool = False) -> list
     folder of the user is writable, and the user's cache is not found.
     """
     subject.scratch.mkdir(parents=True, exist_ok=True)
-    if _needs_stepper(subject) and not (cache := subject.scratch / _CACHE).exists():
+    # a system runs, or the events of an FMU are handled
+    is_system = isinstance(subject, WholeSystem)
+    needs_stepper = is_system or (subject.known_version == 3 and "CoSimulation" in subject.kinds)
+    if needs_stepper and not (cache := subject.scratch / _CACHE).exists():
         _copy_stepper(cache)
     recording = subject.settings.recording
     return [subject.scratch, *([recording.folder.absolute()] if recording is not None and records else [])]
@@ -41,27 +44,15 @@ def use_scratch(subject: Subject | WholeSystem) -> None:
         os.environ["EMLA_COSIM_CACHE"] = str(subject.scratch / _CACHE)
         for folder in (home, temporary, working):
             folder.mkdir(exist_ok=True)
-        if can_confine():
-            _link_home(home)
+        with suppress(OSError, RuntimeError):  # there is no home folder, or it cannot be read
+            for path in Path.home().iterdir() if can_confine() else ():
+                with suppress(FileExistsError):
+                    (home / path.name).symlink_to(path)
         os.environ.update({name: str(home) for name in ("HOME", "USERPROFILE")})
         os.environ.update({name: str(temporary) for name in ("TMPDIR", "TEMP", "TMP")})
         tempfile.tempdir = str(temporary)
     if subject.settings.recording is None:
         os.chdir(working)
-
-
-def _link_home(home: Path) -> None:
-    with suppress(OSError, RuntimeError):  # there is no home folder, or it cannot be read
-        for path in Path.home().iterdir():
-            with suppress(FileExistsError):
-                (home / path.name).symlink_to(path)
-
-
-def _needs_stepper(subject: Subject | WholeSystem) -> bool:
-    """Return whether a system runs, or the events of an FMU are handled."""
-    if isinstance(subject, WholeSystem):
-        return True
-    return subject.known_version == 3 and "CoSimulation" in subject.kinds
 
 
 def _copy_stepper(folder: Path) -> None:

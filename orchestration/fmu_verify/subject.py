@@ -19,13 +19,7 @@ from emla_cosim.fmu.shared_library import find_library
 from .declarations import Declarations, read_declarations
 from .messages import shorten_sentence
 from .settings import Settings
-
-_FLAGS = {
-    "canGetAndSetFMUstate": "canGetAndSetFMUState",
-    "canSerializeFMUstate": "canSerializeFMUState",
-    "providesDirectionalDerivative": "providesDirectionalDerivatives",
-}
-"""Capability flags of FMI 2.0 that have another name in FMI 3.0."""
+from .terms import FLAGS
 
 
 @dataclass(frozen=True)
@@ -159,7 +153,7 @@ class Subject:
         """Return whether a flag is set, by its name in FMI 2.0, by default for the first kind."""
         kind = kind or self.kinds[0]
         if self.version == 3:  # fmpy (0.3.32) does not read all of them
-            return self.has_flag(_FLAGS.get(capability, capability), kind)
+            return self.has_flag(FLAGS.get(capability, capability), kind)
         return bool(getattr(self.find_kind_element(kind), capability, False))
 
     def has_flag(self, flag: str, kind: str | None = None) -> bool:

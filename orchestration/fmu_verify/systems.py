@@ -2,12 +2,12 @@
 
 import time
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, closing
 from dataclasses import dataclass
 from pathlib import Path
 
 from .check import Check
-from .check_runner import run_check
+from .check_runner import CheckRunner
 from .confinement import list_gaps
 from .findings import Examined, Finding
 from .gate import find_objections
@@ -41,7 +41,8 @@ def examine_system(
 ) -> Examined:
     """Run a system in a scratch folder. Compare it with an earlier run if the settings name one."""
     began = time.monotonic()
-    found = run_check(kind.select_check(settings), WholeSystem(path, settings, scratch), settings)
+    with closing(CheckRunner(WholeSystem(path, settings, scratch), settings)) as runner:
+        found = runner.run(kind.select_check(settings))
     progress(found)
     return Examined(
         path,

@@ -25,12 +25,14 @@ _FUNCTIONS = {
 }
 """Functions of FMI 2.0 that have another name in FMI 3.0; others differ in the first letters only."""
 
-_NAMES = {
-    "GUID": "instantiation token",
+FLAGS = {
     "canGetAndSetFMUstate": "canGetAndSetFMUState",
     "canSerializeFMUstate": "canSerializeFMUState",
     "providesDirectionalDerivative": "providesDirectionalDerivatives",
 }
+"""Capability flags of FMI 2.0 that have another name in FMI 3.0."""
+
+_NAMES = {"GUID": "instantiation token", **FLAGS}
 """Names in messages of checks."""
 
 _IN_CATALOGUE = {

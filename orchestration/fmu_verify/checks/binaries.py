@@ -14,13 +14,13 @@ from emla_cosim.fmu.shared_library import explain_missing_library, missing_bytes
 from ..binary_headers import NAMES_OF_VERSION_2, describe_mismatch
 from ..build_description import list_source_files
 from ..check import check
-from ..fmi_functions import list_all_functions_3, list_required_functions
 from ..libraries import (
     SUFFIXES,
     Library,
     find_dependencies_file,
     find_suffix,
     list_exports,
+    list_functions,
     list_libraries,
     list_platforms,
     parse_library,
@@ -154,8 +154,7 @@ def _lacking(library: Library, version: int) -> Iterator[str]:
         yield f"{library} is not a readable shared library."
         return
     names = list_exports(binary)
-    wanted = list_all_functions_3() if version == 3 else ()
-    wanted = wanted or dict.fromkeys(n for kind in library.kinds for n in list_required_functions(kind))
+    wanted = dict.fromkeys(n for kind in library.kinds for n in list_functions(kind, version))
     if lacking := [name for name in wanted if name not in names]:
         yield f"{library} does not export {join_few_names(lacking)}."
 

@@ -231,7 +231,9 @@ class HostedEvents:
                 self._keep([v for v in self._clocked if belongs(v, self._ticking)])
                 self._ticking.clear()
             fmu = self._instance.fmu
-            with self._instance.calling(_at(arguments[0]) if name == DO_STEP else None):
+            with self._instance.calling(
+                f"fmi3DoStep at t = {arguments[0]:.9g} s" if name == DO_STEP else None
+            ):
                 getattr(fmu, _c_name(name))(fmu.component, *arguments)
             if name == DO_STEP:
                 self._judge_step(*arguments)
@@ -239,8 +241,11 @@ class HostedEvents:
                 references, count, active = arguments
                 ticking = [references[k] for k in range(count) if active[k]]
                 self._ticking.update(ticking)
-                if name == SET_CLOCK:
-                    self._set_clocked(ticking)
+                if name == SET_CLOCK:  # they start to tick: set the inputs that belong to them
+                    variables, values = self._instance.subject.variables, self._inputs
+                    self._instance.set_now(
+                        {n: v for n, v in values.items() if belongs(variables[n], ticking)}
+                    )
         except Exception as error:
             self._error = error
             return ERROR
@@ -264,17 +269,8 @@ class HostedEvents:
                 )
                 raise self._instance.violation(said, EARLY)
 
-    def _set_clocked(self, clocks: Sequence[int]) -> None:
-        """Set the inputs that belong to clocks which start to tick."""
-        variables = self._instance.subject.variables
-        self._instance.set_now({n: v for n, v in self._inputs.items() if belongs(variables[n], clocks)})
-
     def _keep(self, variables: Sequence[ModelVariable]) -> None:
         self._values.update(zip((v.name for v in variables), self._instance.read(variables), strict=True))
-
-
-def _at(time: float) -> str:
-    return f"fmi3DoStep at t = {time:.9g} s"
 
 
 def _c_name(call: str) -> str:

@@ -73,7 +73,9 @@ def settle(wanted: Callable[[], bool]) -> None:
 def read_settings() -> dict[str, str]:
     """Return the settings of this process that concern all of its parts, by name."""
     library = load_c_library()
-    found = {"the working folder": _working_folder()}
+    found = {"the working folder": "a folder that does not exist"}
+    with contextlib.suppress(OSError):
+        found["the working folder"] = str(Path.cwd())
     with contextlib.suppress(AttributeError):
         library.setlocale.restype = ctypes.c_char_p
         found["the locale"] = (library.setlocale(locale.LC_ALL, None) or b"").decode(errors="replace")
@@ -129,13 +131,6 @@ def _streams() -> dict[str, str]:
             continue
         found[name] = "closed"
     return found
-
-
-def _working_folder() -> str:
-    try:
-        return str(Path.cwd())
-    except OSError:
-        return "a folder that does not exist"
 
 
 def _floating_point() -> dict[str, str]:

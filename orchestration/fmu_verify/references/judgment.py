@@ -1,6 +1,6 @@
 """Judge runs by tubes around their references, and several runs together."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 from emla_cosim.base.errors import CommandError
 from emla_cosim.base.tubes.signal_check import Comparison, compare_signal, describe_departure, select_outside
@@ -74,14 +74,13 @@ def combine(outcomes: Mapping[str, CheckOutcome], missing: str) -> CheckOutcome:
     return CheckOutcome(
         first.verdict,
         lines[labels[0]],
-        details=(*_details(labels, lines), *(line for label in labels for line in outcomes[label].details)),
+        details=(
+            *(lines.values() if len(labels) > 1 else ()),
+            *(line for label in labels for line in outcomes[label].details),
+        ),
         comparisons=tuple(c for o in outcomes.values() if o.verdict == Verdict.FAILED for c in o.comparisons),
         figures={"compared": sum(len(o.comparisons) for o in outcomes.values())},
         hint=first.hint,
         clause=first.clause,
         gaps=tuple(f"{label}: {gap}" for label in labels for gap in outcomes[label].gaps),
     )
-
-
-def _details(labels: Sequence[str], lines: Mapping[str, str]) -> tuple[str, ...]:
-    return tuple(lines[label] for label in labels) if len(labels) > 1 else ()

@@ -1,7 +1,7 @@
 """Find the related files of an FMU, with their roles as FMI-LS-REF lists them, and check their XML."""
 
 import hashlib
-from collections.abc import Collection, Iterator
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -53,16 +53,16 @@ def list_related(unpacked: Path) -> list[RelatedFile]:
     if not manifest.is_file():
         return []
     try:
-        return list(_read(read_manifest(manifest).root, manifest, unpacked))
+        root = read_manifest(manifest).root
     except CommandError as error:
         raise NotRunError(sentence(error)) from error
-
-
-def _read(root: Any, manifest: Path, unpacked: Path) -> Iterator[RelatedFile]:
+    found = []
     for element in root.iterfind("Related"):
         role, _, purpose = element.get("role", "").partition("/")
         source, type_ = element.get("source", ""), element.get("type", "application/octet-stream")
-        yield RelatedFile(role, purpose, type_, source, resolve_source(manifest, source, unpacked))
+        path = resolve_source(manifest, source, unpacked)
+        found.append(RelatedFile(role, purpose, type_, source, path))
+    return found
 
 
 def resolve_source(file: Path, source: str, unpacked: Path) -> Path | None:

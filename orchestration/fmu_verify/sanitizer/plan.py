@@ -62,7 +62,7 @@ def write_plan(subject: Subject, kind: str) -> str:
     lines += _references(version, "UNKNOWN", outputs)
     lines += _references(version, "KNOWN", continuous)
     lines += [
-        _array(_c_type(version, "ValueReference"), "CLOCK", [clock.reference for clock in clocks]),
+        _array(f"fmi{version}ValueReference", "CLOCK", [clock.reference for clock in clocks]),
         _array("double", "CLOCK_INTERVAL", [_real(clock.interval or 0.0) for clock in clocks]),
         _array("double", "CLOCK_SHIFT", [_real(clock.shift) for clock in clocks]),
     ]
@@ -107,7 +107,7 @@ def _group(version: int, name: str, variables: Iterable[ModelVariable], values: 
         lines += _references(version, own, found)
         if values:
             literals = [_literal(value) for v in _once(found) for value in _starts(v)]
-            lines.append(_array(_c_type(version, kind), f"{own}_VALUES", literals))
+            lines.append(_array(f"fmi{version}{kind}", f"{own}_VALUES", literals))
     return lines
 
 
@@ -117,7 +117,7 @@ def _references(version: int, name: str, variables: Iterable[ModelVariable]) -> 
     return [
         f"#define {name}_REFERENCES {len(found)}",
         f"#define {name}_COUNT {sum(getattr(v, 'size', 1) for v in found)}",
-        _array(_c_type(version, "ValueReference"), name, [v.valueReference for v in found]),
+        _array(f"fmi{version}ValueReference", name, [v.valueReference for v in found]),
     ]
 
 
@@ -134,10 +134,6 @@ def _starts(variable: ModelVariable) -> Sequence[Any]:
     if isinstance(variable, ElementVariable) and variable.size > 1:
         return variable.array_start
     return [start_of(variable)]
-
-
-def _c_type(version: int, name: str) -> str:
-    return f"fmi{version}{name}"
 
 
 def _array(ctype: str, name: str, values: Sequence[Any]) -> str:

@@ -75,7 +75,8 @@ def read_memory_error(text: str, sources: Path, call: str = "") -> MemoryFault |
     if not said.startswith("It "):
         access = _ACCESS.search(stacks[0])
         size = f" {count_bytes(int(access['size']))}" if access else ""
-        verb = "writes" if _is_write(stacks[0]) else "reads"
+        is_write = "WRITE of size" in stacks[0] or "caused by a WRITE" in stacks[0]
+        verb = "writes" if is_write else "reads"
         said = f"It {verb}{size} {'at' if kind == 'SEGV' else 'of' if 'use-after' in kind else ''} {said}"
         said = " ".join(said.split())
     return MemoryFault(kind, f"{said}{_where(places) or (f' in {call}' if call else '')}.")
@@ -84,10 +85,6 @@ def read_memory_error(text: str, sources: Path, call: str = "") -> MemoryFault |
 def count_bytes(size: int) -> str:
     """Return `1 byte` or `8 bytes`."""
     return f"{size} byte" if size == 1 else f"{size} bytes"
-
-
-def _is_write(stack: str) -> bool:
-    return "WRITE of size" in stack or "caused by a WRITE" in stack
 
 
 def _where(places: Sequence[Place]) -> str:
