@@ -2,6 +2,7 @@
 
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
@@ -10,19 +11,13 @@ from emla_cosim.base.untrusted_xml import parse_xml
 from emla_cosim.fmu.document import TERMINALS
 
 from ..declarations import DeclaredVariable
-from ..layered_schema import STRUCT
+from ..layered_manifest import STRUCT
 from ..messages import Breach, Problem
 from ..subject import Subject
 from ..verdict import Clause
 
-
-def _bus(section: str, sentence: str) -> Clause:
-    return Clause(section, sentence, document="FMI-LS-BUS 1.3.0-beta.1")
-
-
-def _struct(section: str, sentence: str) -> Clause:
-    return Clause(section, sentence, document="FMI-LS-STRUCT 1.0.0-rc.1")
-
+_bus = partial(Clause, document="FMI-LS-BUS 1.3.0-beta.1")
+_struct = partial(Clause, document="FMI-LS-STRUCT 1.0.0-rc.1")
 
 _NETWORK, _FRAME, _PDU = (f"org.fmi-ls-bus.{kind}-terminal" for kind in ("network", "frame", "pdu"))
 _CONFIGURATION = f"{_NETWORK}.configuration"

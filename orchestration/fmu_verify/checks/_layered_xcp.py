@@ -1,22 +1,19 @@
 """What FMI-LS-XCP demands of the files and variables that its manifest names."""
 
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote, urlsplit
 
 from ..declarations import DeclaredVariable, find_repeated
-from ..layered_manifest import LayeredManifest
-from ..layered_schema import XCP_ROLES
+from ..layered_manifest import XCP_ROLES, LayeredManifest
 from ..libraries import list_platforms
 from ..messages import Breach, Problem
 from ..subject import Subject
 from ..verdict import Clause
 
-
-def _xcp(section: str, sentence: str) -> Clause:
-    return Clause(section, sentence, document="FMI-LS-XCP 1.0.0")
-
+_xcp = partial(Clause, document="FMI-LS-XCP 1.0.0")
 
 _DEFINITION = _xcp(
     "2",

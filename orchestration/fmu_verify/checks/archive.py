@@ -1,4 +1,4 @@
-"""Checks of the archive: safe to unpack, format, layout."""
+"""Checks of the archive: safe to unpack, format, layout, documents."""
 
 import difflib
 import zipfile
@@ -12,7 +12,7 @@ from ..check import check
 from ..declarations import find_repeated
 from ..messages import Breach, Problem, join_few_names, judge_problems, shorten_sentence
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, failed, fmi3
+from ..verdict import CheckOutcome, Clause, failed, fmi3, passed, warned
 
 _LARGEST = 256 * 2**20
 """Size in bytes up to which the compression ratio is not checked."""
@@ -35,7 +35,7 @@ _KNOWN_INSIDE = (
     "terminalsAndIcons/icon.png",
     "terminalsAndIcons/terminalsAndIcons.xml",
 )
-LICENCE_KINDS = ("txt", "html", "spdx")
+_LICENCE_KINDS = ("txt", "html", "spdx")
 """Suffixes of the entry point of licences."""
 _PICTURES = {
     "documentation/diagram": fmi3(
@@ -50,6 +50,8 @@ _LICENCE = fmi3(
     "If it is present, it must contain either a license.spdx, license.txt or license.html file as entry "
     "point.",
 )
+_PAGES = (".pdf", ".md", ".htm", ".html", ".txt")
+"""How the names of start pages end."""
 _STORED_OR_DEFLATED = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 _VERSION = 20
 _STREAMED = 1 << 3
@@ -212,11 +214,36 @@ def _incomplete(folder: Path) -> Iterator[Problem]:
         if (folder / f"{place}.svg").is_file() and not (folder / f"{place}.png").is_file():
             yield Breach(f"The FMU has {place}.svg, but no {place}.png.", clause)
     licences = folder / "documentation/licenses"
-    if licences.is_dir() and not any((licences / f"license.{kind}").is_file() for kind in LICENCE_KINDS):
-        names = " or ".join(f"license.{kind}" for kind in LICENCE_KINDS)
+    if licences.is_dir() and not any((licences / f"license.{kind}").is_file() for kind in _LICENCE_KINDS):
+        names = " or ".join(f"license.{kind}" for kind in _LICENCE_KINDS)
         yield Breach(f"documentation/licenses has no {names}.", _LICENCE)
 
 
 def _words(error: Exception) -> str:
     said = error.strerror if isinstance(error, OSError) else str(error)
     return shorten_sentence(said or type(error).__name__).rstrip(".")
+
+
+@check(
+    "documents.present",
+    "The documentation has a start page",
+    Clause(
+        "2.3",
+        "index.html // Entry point of the documentation",
+        in_3=fmi3("2.5.1", "index.html                       // entry point of the documentation"),
+    ),
+    "Write documentation/index.html, which may only link to the other files.",
+    needs=("description.readable",),
+)
+def documents(subject: Subject) -> CheckOutcome:
+    """Check that documentation has its start page. Documentation and a licence are optional."""
+    folder = subject.folder / "documentation"
+    others = sorted(p.name for p in folder.glob("*.*") if p.suffix.lower() in _PAGES)
+    has_page = any(name.lower() == "index.html" for name in others)  # `archive.layout` reports the case
+    if others and not has_page:
+        return warned(f"documentation/index.html is missing; there is {others[0]}.")
+    licences = [folder / "licenses" / f"license.{kind}" for kind in _LICENCE_KINDS]
+    has_licence = any(p.is_file() for p in licences) or bool(subject.tree.get("license"))
+    page = "It has a start page." if has_page else "It has no documentation, which is optional."
+    licence = "It has a licence." if has_licence else "It names no licence, which is only recommended."
+    return passed(f"{page} {licence}")

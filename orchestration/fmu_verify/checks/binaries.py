@@ -12,7 +12,7 @@ from emla_cosim.fmu.load_diagnosis import diagnose_library
 from emla_cosim.fmu.shared_library import explain_missing_library, missing_bytes
 
 from ..binary_headers import NAMES_OF_VERSION_2, describe_mismatch
-from ..build_description import list_source_files
+from ..c_sources import list_source_files
 from ..check import check
 from ..libraries import (
     SUFFIXES,

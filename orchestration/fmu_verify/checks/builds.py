@@ -5,9 +5,8 @@ from typing import Any
 
 from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 
-from ..build_description import BUILD_DESCRIPTION, read_build_description
+from ..c_sources import BUILD_DESCRIPTION, find_inside, read_build_description
 from ..check import check
-from ..compiler import find_inside
 from ..declarations import find_repeated
 from ..messages import Breach, Problem, judge_problems, shorten_sentence
 from ..subject import Subject

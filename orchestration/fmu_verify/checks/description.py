@@ -1,7 +1,8 @@
 """Checks of the model description: readable, valid, consistent."""
 
+import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import cache
 from importlib.resources import as_file, files
 from typing import Any
@@ -14,7 +15,7 @@ from ..check import check
 from ..declarations import find_repeated
 from ..messages import Breach, Problem, judge_problems, shorten_sentence
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, failed, fmi3, in_both, passed
+from ..verdict import CheckOutcome, Clause, failed, fmi3, in_both, passed, skipped
 from ._clauses import IN_SCHEMA
 
 _ROOT = "fmiModelDescription"
@@ -238,3 +239,39 @@ def identifier(subject: Subject) -> CheckOutcome:
     ]
     names = " and ".join(sorted(set(given.values())))
     return judge_problems(problems, shorten_sentence(f"The model identifier is {names}."))
+
+
+@check(
+    "description.experiment",
+    "The default experiment can be run",
+    in_both(
+        "2.2.5",
+        "2.4.6",
+        "However, it is convenient for a user that startTime, stopTime, tolerance and stepSize have already "
+        "a meaningful default value for the model at hand.",
+    ),
+    "Set the start before the stop, and a positive step and tolerance.",
+    needs=("description.schema",),
+)
+def experiment(subject: Subject) -> CheckOutcome:
+    """Check that times are finite, the stop is after the start, and the step is positive."""
+    element = subject.tree.find("DefaultExperiment")
+    if element is None:
+        return skipped("The FMU has no default experiment.")
+    given = {name: float(text) for name, text in element.attrib.items() if "}" not in name}
+    fine = ", ".join(f"{name} {value:g}" for name, value in given.items())
+    return judge_problems(
+        (), f"The default experiment has {fine or 'no attributes'}.", list(_doubtful_times(given))
+    )
+
+
+def _doubtful_times(given: Mapping[str, float]) -> Iterator[str]:
+    for name, value in given.items():
+        if not math.isfinite(value):
+            yield f"{name} is {value}; it must be a finite number."
+    start, stop = given.get("startTime", 0.0), given.get("stopTime", math.inf)
+    if stop <= start:
+        yield f"stopTime is {stop:g} s, which is not after startTime, {start:g} s."
+    for name in ("stepSize", "tolerance"):
+        if given.get(name, 1.0) <= 0.0:
+            yield f"{name} is {given[name]:g}; it should be positive."

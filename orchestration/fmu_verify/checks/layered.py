@@ -9,8 +9,19 @@ from urllib.parse import unquote, urlsplit
 from emla_cosim.base.errors import CommandError
 
 from ..check import check
-from ..layered_manifest import EXTRA, MANIFEST, LayeredManifest, list_manifests, read_manifest
-from ..layered_schema import BUS, MANIFESTS, REF, STRUCT, XCP, find_element_problems
+from ..layered_manifest import (
+    BUS,
+    EXTRA,
+    MANIFEST,
+    MANIFESTS,
+    REF,
+    STRUCT,
+    XCP,
+    LayeredManifest,
+    find_element_problems,
+    list_manifests,
+    read_manifest,
+)
 from ..messages import Breach, Problem, judge_problems, sentence
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, fmi3, noted, skipped
@@ -193,47 +204,43 @@ class _Standard(NamedTuple):
     judge: Callable[[LayeredManifest, Subject, Findings], None]
 
 
-def _clause(document: str, section: str, sentence: str) -> Clause:
-    return Clause(section, sentence, document=document)
-
-
 _STANDARDS = {
     REF: _Standard(
-        _clause(
-            "FMI-LS-REF 1.0.0-alpha.1",
+        Clause(
             "2.1",
             "All information about the related files included with the FMU are contained in the layered "
             "standard manifest file.",
+            document="FMI-LS-REF 1.0.0-alpha.1",
         ),
         (2, 3),
         _judge_related,
     ),
     BUS: _Standard(
-        _clause(
-            "FMI-LS-BUS 1.3.0-beta.1",
+        Clause(
             "2",
             "The manifest file shall be stored inside the FMU at the following path: "
             "/extra/org.fmi-standard.fmi-ls-bus/fmi-ls-manifest.xml.",
+            document="FMI-LS-BUS 1.3.0-beta.1",
         ),
         (3,),
         lambda manifest, subject, found: found.problems.extend(judge_buses(subject)),
     ),
     XCP: _Standard(
-        _clause(
-            "FMI-LS-XCP 1.0.0",
+        Clause(
             "2",
             "This layered standard defines additional elements that carry relevant interface definitions and "
             "capability flags in the layered standard manifest file.",
+            document="FMI-LS-XCP 1.0.0",
         ),
         (2, 3),
         lambda manifest, subject, found: found.problems.extend(judge_xcp(manifest, subject)),
     ),
     STRUCT: _Standard(
-        _clause(
-            "FMI-LS-STRUCT 1.0.0-rc.1",
+        Clause(
             "2",
             "The manifest file shall be stored inside the FMU at the following path: "
             "/extra/org.fmi-standard.fmi-ls-struct/fmi-ls-manifest.xml.",
+            document="FMI-LS-STRUCT 1.0.0-rc.1",
         ),
         (3,),
         lambda manifest, subject, found: found.problems.extend(judge_maps(subject)),

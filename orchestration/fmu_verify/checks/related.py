@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 
 import fmpy
 import numpy as np
@@ -33,14 +34,11 @@ from ..subject import Subject
 from ..verdict import RETURNS, CheckOutcome, Clause, NotRunError, Verdict, failed, passed, skipped, warned
 from ._sameness import ROUNDING, compare_runs
 
-_DOCUMENT = "FMI-LS-REF 1.0.0-alpha.1"
 _FACTOR, _PART = 6.0, 0.8
 """Factor of the time limit for all experiments of a check, and the part of that in which they run."""
 
 
-def _clause(section: str, text: str) -> Clause:
-    return Clause(section, text, document=_DOCUMENT)
-
+_clause = partial(Clause, document="FMI-LS-REF 1.0.0-alpha.1")
 
 _PERFORMED = _clause(
     "2.5.2",

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from importlib.resources import as_file, files
 from pathlib import Path
 
+from ..c_sources import NO_COMPILER, find_inside, find_machine_compiler, find_zig, run_compiler
 from ..check import check
-from ..compiler import NO_COMPILER, find_inside, find_machine_compiler, find_zig, run_compiler
 from ..messages import Breach, join_few_names, judge_problems, shorten_sentence
 from ..sanitizer.compiling import find_sources
 from ..subject import Subject

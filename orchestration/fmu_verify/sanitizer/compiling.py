@@ -11,12 +11,9 @@ from typing import Any
 import fmpy
 from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 
-from emla_cosim.base.untrusted_xml import parse_xml
-
-from ..compiler import find_inside, find_machine_compiler, find_zig, run_compiler
+from ..c_sources import find_inside, find_machine_compiler, find_zig, read_build_description, run_compiler
 from ..subject import Subject
 
-_BUILD_DESCRIPTION = "buildDescription.xml"
 _FLAGS = ("-g", "-O0", "-w", "-fno-omit-frame-pointer", "-fno-common")
 _LESS = "-fno-sanitize=null,object-size,pointer-overflow,nonnull-attribute"
 """Parts of UBSan that take long to compile, for accesses that AddressSanitizer sees. The last one reports
@@ -68,11 +65,12 @@ def find_sources(subject: Subject, kind: str) -> SourceSet | None:
     folder = subject.folder / "sources"
     names = [e.get("name") for e in subject.tree.iterfind(f"{kind}/SourceFiles/File")]
     includes, macros = [folder], list[str]()
-    built = folder / _BUILD_DESCRIPTION
-    if built.is_file() and (chosen := _read_configuration(subject, kind, built)) is not None:
+    if (chosen := _read_configuration(subject, kind)) is not None:
         names = [e.get("name") for e in chosen.iterfind("SourceFileSet/SourceFile")]
         includes += [folder / str(e.get("name")) for e in chosen.iterfind("SourceFileSet/IncludeDirectory")]
-        macros = [_macro(e) for e in chosen.iterfind("SourceFileSet/PreprocessorDefinition")]
+        for e in chosen.iterfind("SourceFileSet/PreprocessorDefinition"):
+            value = e.get("value")
+            macros.append(f"-D{e.get('name')}" + (f"={value}" if value is not None else ""))
     paths = [find_inside(folder, str(name)) for name in names]
     if not paths or None in paths:
         return None
@@ -81,21 +79,16 @@ def find_sources(subject: Subject, kind: str) -> SourceSet | None:
     return SourceSet(tuple(p for p in paths if p is not None), tuple(includes), tuple(macros))
 
 
-def _read_configuration(subject: Subject, kind: str, path: Path) -> Any:
-    """Return the element of the build description for the model identifier of a kind."""
+def _read_configuration(subject: Subject, kind: str) -> Any:
+    """Return the element of the build description for the model identifier of a kind, or None."""
     wanted = subject.tree.find(kind).get("modelIdentifier")
     with suppress(etree.XMLSyntaxError, OSError):
-        root = parse_xml(path.read_bytes())
-        found = root.findall("BuildConfiguration")
+        root = read_build_description(subject)
+        found = [] if root is None else root.findall("BuildConfiguration")
         mine = [e for e in found if e.get("modelIdentifier") == wanted]
         platforms = (fmpy.platform_tuple, fmpy.platform, None)
         return next((e for p in platforms for e in mine if e.get("platform") == p), None)
     return None
-
-
-def _macro(element: Any) -> str:
-    value = element.get("value")
-    return f"-D{element.get('name')}" + (f"={value}" if value is not None else "")
 
 
 def compile_host(compiler: Compiler, folder: Path, plan: str, seconds: float) -> Path:

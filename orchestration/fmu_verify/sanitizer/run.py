@@ -10,7 +10,7 @@ from pathlib import Path
 from emla_cosim.base.process import describe_exit
 from emla_cosim.fmu.instance import ERROR, FATAL, STATUS
 
-from ..compiler import NO_COMPILER
+from ..c_sources import NO_COMPILER
 from ..compute_once import compute_once
 from ..messages import join_few_names, shorten_sentence
 from ..subject import Subject
