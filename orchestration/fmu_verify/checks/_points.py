@@ -3,7 +3,6 @@
 import ctypes
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -11,13 +10,10 @@ from emla_cosim.base.arrays import Vector
 
 from ..host.experiment import make_experiment
 from ..host.hosted_instance import HostedInstance
-from ..host.points import Dependency, Point, at_events, in_initialization
+from ..host.points import Dependency, Point, at_events, in_initialization, run_model
 from ..subject import Subject
 
 MOST_STATES = 50
-_STEPS = 20
-"""Steps of a model's run between points."""
-
 _MOST_UPDATES = 100
 """Most updates of discrete states before a point; a model that needs more fails another check."""
 
@@ -92,32 +88,20 @@ class _ModelPoint(Point):
 
 def in_continuous_time_mode(subject: Subject, count: int) -> Iterator[Point]:
     """Yield a model in continuous-time mode at several times, with inputs and states as knowns."""
-    course, states = make_experiment(subject, _STEPS), list_states(subject)
+    states = list_states(subject)
     inputs = [v.name for v in subject.of_causality("input") if v.variability in (None, "continuous")]
     inputs = [name for name in inputs if name not in states]
-    instance = HostedInstance(subject, kind="ModelExchange")
-    instance.initialize(course.at(0), float(course.times[0]))
-    wanted = {*np.linspace(0, len(course.times) - 1, count).astype(int)}
-    for k, time in enumerate(course.times):
-        instance.set(course.at(k))
-        if k in wanted:
-            with instance.calling():
-                _enter_continuous_time(instance.fmu)
-                found = (ctypes.c_double * len(states))()
-                instance.fmu.getContinuousStates(found, len(states))
-            values = {**{n: course.at(k)[n] for n in inputs}, **dict(zip(states, found, strict=True))}
-            knowns = [*inputs, *states[:MOST_STATES]]
-            where = f"of the model in continuous time at t = {time:.9g} s"
-            yield _ModelPoint(instance, at_events(subject), knowns, values, where, states)
-            with instance.calling():
-                instance.fmu.enterEventMode()
-        if instance.terminated or k == len(course.times) - 1:
-            return
-        instance.step(float(time), course.step)
-
-
-def _enter_continuous_time(fmu: Any) -> None:
-    for _ in range(_MOST_UPDATES):
-        if not fmu.newDiscreteStates()[0]:
-            break
-    fmu.enterContinuousTimeMode()
+    for instance, given, time in run_model(subject, count):
+        with instance.calling():
+            for _ in range(_MOST_UPDATES):
+                if not instance.fmu.newDiscreteStates()[0]:
+                    break
+            instance.fmu.enterContinuousTimeMode()
+            found = (ctypes.c_double * len(states))()
+            instance.fmu.getContinuousStates(found, len(states))
+        values = {**{n: given[n] for n in inputs}, **dict(zip(states, found, strict=True))}
+        knowns = [*inputs, *states[:MOST_STATES]]
+        where = f"of the model in continuous time at t = {time:.9g} s"
+        yield _ModelPoint(instance, at_events(subject), knowns, values, where, states)
+        with instance.calling():
+            instance.fmu.enterEventMode()

@@ -41,7 +41,8 @@ def compare_runs(
     name, time = found.first_difference(wanted)
     worst = int(apart.argmax()) if len(apart) else 0
     figures = {"largest_difference": float(apart[worst]) if len(apart) else 0.0}
-    sentence = f"{what} differs from {name} at t = {time:.9g} s on{_most(wanted, worst, figures)}."
+    most = f", most in {wanted.names[worst]}, by {apart[worst]:.3g} of its range" if wanted.names else ""
+    sentence = f"{what} differs from {name} at t = {time:.9g} s on{most}."
     return (failed if figures["largest_difference"] > allowed else warned)(sentence, figures=figures)
 
 
@@ -55,9 +56,3 @@ def differing(found: OutputTrajectory, wanted: OutputTrajectory, rows: int) -> t
     apart = found.until(rows).distance(wanted.until(rows))
     far = [(name, d) for name, d in zip(wanted.names, apart, strict=True) if d > _CLOSE]
     return [f"{name} differs by {d:.3g} of its range" for name, d in far], max(apart, default=0.0)
-
-
-def _most(wanted: OutputTrajectory, worst: int, figures: dict[str, float]) -> str:
-    if not wanted.names:
-        return ""
-    return f", most in {wanted.names[worst]}, by {figures['largest_difference']:.3g} of its range"

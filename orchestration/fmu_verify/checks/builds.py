@@ -44,17 +44,24 @@ _FILE = fmi3("2.4.10.2", "Path of the source file relative to the sources direct
 )
 def description(subject: Subject) -> CheckOutcome:
     """Check the build description: its schema, version, model identifiers and source files."""
+    folder = subject.folder / "sources"
     try:
         root = read_build_description(subject)
     except etree.XMLSyntaxError as error:
         return failed(shorten_sentence(f"{BUILD_DESCRIPTION} cannot be read: {str(error).rstrip('.')}."))
     if root is None:
-        if any((subject.folder / "sources").rglob("*.c")):
+        if any(folder.rglob("*.c")):
             return warned(f"The FMU has sources, but no {BUILD_DESCRIPTION}.")
         return skipped("The FMU has no sources.")
     if problems := find_schema_problems(root, "fmi3BuildDescription.xsd"):
         return judge_problems(problems, "")
-    found: list[Problem] = [*_unlike_model(root, subject), *_missing_files(root, subject)]
+    names = dict.fromkeys(e.get("name") for e in root.iterfind(".//SourceFile"))
+    missing = [
+        Breach(f"The source file {name} is not in `sources`.", _FILE)
+        for name in names
+        if find_inside(folder, name) is None
+    ]
+    found: list[Problem] = [*_unlike_model(root, subject), *missing]
     count = len(root.findall("BuildConfiguration"))
     return judge_problems(found, f"The build description has {count} configurations; all files exist.")
 
@@ -72,10 +79,3 @@ def _unlike_model(root: Any, subject: Subject) -> Iterator[Problem]:
     fallbacks = [e.get("modelIdentifier") for e in configurations if e.get("platform") is None]
     for name in find_repeated(fallbacks):
         yield Breach(f"{name} has more than one build configuration without a platform.", _FALLBACK)
-
-
-def _missing_files(root: Any, subject: Subject) -> Iterator[Problem]:
-    folder = subject.folder / "sources"
-    for name in dict.fromkeys(e.get("name") for e in root.iterfind(".//SourceFile")):
-        if find_inside(folder, name) is None:
-            yield Breach(f"The source file {name} is not in `sources`.", _FILE)

@@ -57,8 +57,9 @@ def observed(subject: Subject) -> CheckOutcome:
     cosimulates = subject.kinds[0] == "CoSimulation"
     of_all_types = _excluded_of_all_types(subject)  # first: threads of the library end in a fork
     found = _look(in_initialization(subject, _POINTS)) if cosimulates else ({}, 0, 0)
-    excluded, seen, declared = _together(found, _of_model(subject))
-    excluded = {**of_all_types, **excluded}
+    of_model = _of_model(subject)
+    seen, declared = (one + other for one, other in zip(found[1:], of_model[1:], strict=True))
+    excluded = {**of_all_types, **found[0], **of_model[0]}
     if excluded:
         lines = tuple(
             f"{unknown} changes with {known} {where}, which its dependencies exclude."
@@ -72,10 +73,6 @@ def observed(subject: Subject) -> CheckOutcome:
 
 
 Look = tuple[Pairs, int, int]
-
-
-def _together(one: Look, other: Look) -> Look:
-    return {**one[0], **other[0]}, one[1] + other[1], one[2] + other[2]
 
 
 def _of_model(subject: Subject) -> Look:

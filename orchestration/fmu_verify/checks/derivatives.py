@@ -96,7 +96,8 @@ def directional(subject: Subject) -> CheckOutcome:
         if list_settable_states(subject):
             found.append(_apart(subject, in_initialization_with_states, gaps))
         if not subject.has_clocks:
-            found.append(_without_held(_apart(subject, in_step_mode, gaps)))
+            slopes = _apart(subject, in_step_mode, gaps)
+            found.append([s for s in slopes if s.difference])  # an FMU may hold outputs until the next step
     if "ModelExchange" in claimed and "ModelExchange" in subject.run_kinds:
         found.append(_apart(subject, in_event_mode))
         if list_states(subject):
@@ -128,16 +129,7 @@ def _apart(subject: Subject, points: Points, gaps: list[str] | None = None) -> l
 
 
 def _slopes_at(subject: Subject, points: Points) -> list[_Slope]:
-    return _slopes(points(subject, _POINTS))
-
-
-def _slopes(points: Iterable[Point]) -> list[_Slope]:
-    return [slope for point in points for slope in _at(point)]
-
-
-def _without_held(found: Sequence[_Slope]) -> list[_Slope]:
-    """Return the slopes that are not 0: between steps, an FMU may hold outputs until the next one."""
-    return [slope for slope in found if slope.difference]
+    return [slope for point in points(subject, _POINTS) for slope in _at(point)]
 
 
 def _at(point: Point) -> Iterator[_Slope]:

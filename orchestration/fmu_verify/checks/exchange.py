@@ -95,7 +95,9 @@ def split(subject: Subject) -> CheckOutcome:
     if not subject.has_capability("canHandleVariableCommunicationStepSize"):
         return skipped("canHandleVariableCommunicationStepSize is not set.")
     course = make_experiment(subject)
-    whole, halves = run_alone(subject, course), run_alone(subject, _halved(course))
+    times = course.times[0] + 0.5 * course.step * np.arange(2 * len(course.times) - 1)
+    held = {name: np.repeat(v, 2)[:-1] for name, v in course.inputs.items()}  # for two half steps
+    whole, halves = run_alone(subject, course), run_alone(subject, Experiment(times, held))
     rows = min(len(whole.times), (len(halves.times) + 1) // 2)  # the FMU may end the run early
     every_other = OutputTrajectory(whole.times[:rows], whole.names, halves.values[: 2 * rows : 2])
     far, most = differing(whole, every_other, rows)
@@ -106,9 +108,3 @@ def split(subject: Subject) -> CheckOutcome:
             f"{len(far)} of {len(whole.names)} outputs depend on the step size: {lines[0]}", details=lines
         )
     return passed(f"Half steps and whole steps agree within {most:.1g} of each output's range.")
-
-
-def _halved(course: Experiment) -> Experiment:
-    """Return the experiment with half steps; inputs are held for two of them."""
-    times = course.times[0] + 0.5 * course.step * np.arange(2 * len(course.times) - 1)
-    return Experiment(times, {name: np.repeat(v, 2)[:-1] for name, v in course.inputs.items()})

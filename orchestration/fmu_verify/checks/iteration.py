@@ -30,7 +30,8 @@ NAME = "events.iteration"
 )
 def iteration(subject: Subject) -> CheckOutcome:
     """Run the FMU with its events, and look whether updates of discrete states ask for more without end."""
-    kinds = [k for k in subject.run_kinds if k == "ModelExchange" or _has_event_mode(subject, k)]
+    has_mode = subject.version == 3 and subject.has_flag("hasEventMode", "CoSimulation")
+    kinds = [k for k in subject.run_kinds if k == "ModelExchange" or (k == "CoSimulation" and has_mode)]
     if not kinds:
         return skipped("It has no event mode.")
     for kind in kinds:
@@ -47,10 +48,6 @@ def explain_endless(error: CallError) -> CheckOutcome:
     if not isinstance(error, EndlessIterationError):
         raise error
     return blocked(f"It needs {NAME}, which failed.")
-
-
-def _has_event_mode(subject: Subject, kind: str) -> bool:
-    return kind == "CoSimulation" and subject.version == 3 and subject.has_flag("hasEventMode", kind)
 
 
 def _find_endless(subject: Subject, kind: str) -> str:

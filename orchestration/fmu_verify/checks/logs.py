@@ -165,7 +165,9 @@ def _said(subject: Subject, asked: Sequence[tuple[bool, list[str]]]) -> tuple[li
     with tempfile.TemporaryFile() as stream:
         os.dup2(stream.fileno(), 1)
         found = [in_separate_process(_run, subject, logging, names) for logging, names in asked]
-        _flush()
+        if sys.stdout is not None:
+            sys.stdout.flush()
+        load_c_library().fflush(None)
         stream.seek(0)
         text = stream.read().decode(errors="replace").strip()
     return found, text.partition("\n")[0]
@@ -180,10 +182,3 @@ def _run(subject: Subject, logging: bool, names: list[str]) -> list[LogLine]:
     run_instance(instance, course)
     instance.close()
     return list(LOG.lines)
-
-
-def _flush() -> None:
-    """Flush the output buffers of C and Python."""
-    if sys.stdout is not None:
-        sys.stdout.flush()
-    load_c_library().fflush(None)

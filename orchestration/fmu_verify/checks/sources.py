@@ -60,7 +60,10 @@ def compile_(subject: Subject) -> CheckOutcome:
     if subject.version == 3:
         return _judge_configurations(subject)
     folder = subject.folder / "sources"
-    lists = {kind: _listed(subject, kind) for kind in subject.kinds}
+    lists = {
+        kind: [e.get("name") for e in subject.tree.iterfind(f"{kind}/SourceFiles/File")]
+        for kind in subject.kinds
+    }
     if not any(lists.values()):
         if folder.is_dir() and any(folder.rglob("*.c")):
             said = "The FMU has sources, but SourceFiles does not list which to compile."
@@ -110,10 +113,6 @@ def _judge_configurations(subject: Subject) -> CheckOutcome:
     return passed(f"The sources for {' and '.join(found)} compile and link.")
 
 
-def _listed(subject: Subject, kind: str) -> list[str]:
-    return [e.get("name") for e in subject.tree.iterfind(f"{kind}/SourceFiles/File")]
-
-
 def _compiled(
     folder: Path,
     names: Sequence[str],
@@ -149,13 +148,9 @@ def _compiled(
     sentence = shorten_sentence(
         f"{', '.join(names)} does not compile: {reason.replace(f'{folder}/', '').rstrip('. ')}."
     )
-    missing = _MISSING.search(done.stderr)
-    if missing and _shipped(folder, missing[1]):
-        return failed(sentence)
+    if missing := _MISSING.search(done.stderr):
+        # the FMU should have a header that its sources include by a name in quotes
+        include = re.compile(rb'#\s*include\s*"' + re.escape(missing[1].encode()) + rb'"')
+        if any(include.search(p.read_bytes()) for p in folder.rglob("*.[ch]")):
+            return failed(sentence)
     return warned(sentence)  # it may need compiler options that only its documentation lists
-
-
-def _shipped(folder: Path, header: str) -> bool:
-    """Return whether the FMU should have this header: its sources include it by a name in quotes."""
-    include = re.compile(rb'#\s*include\s*"' + re.escape(header.encode()) + rb'"')
-    return any(include.search(p.read_bytes()) for p in folder.rglob("*.[ch]"))

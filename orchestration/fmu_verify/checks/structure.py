@@ -202,12 +202,19 @@ def _no_derivatives(declared: Declarations) -> Iterator[Problem]:
             listed = declared.list_name("Derivatives")
             what = f"{variable} is listed in {listed}, but has no attribute `derivative`."
             yield Breach(what, _DEFINED_STATES)
-        elif (state := declared.variable(int(variable.own["derivative"]))) is not None:
-            yield from _no_state(state)
+        elif (state := declared.variable(int(variable.own["derivative"]))) is not None and (
+            state.causality not in ("local", "output") or state.variability != "continuous"
+        ):
+            has = f"The state {state} is {state.variability} and {state.causality}"
+            yield Breach(f"{has}; it must be continuous, and local or an output.", _STATES)
         if variable.variability != "continuous" or not variable.is_real:
             what = f"{variable} is a state derivative, but {variable.variability}, of type {variable.type}."
             yield Breach(what, _CONTINUOUS)
-    states = [v.own["derivative"].strip() for v in _distinct(listed_ones) if "derivative" in v.own]
+    states = [
+        v.own["derivative"].strip()
+        for v in {v.index: v for v in listed_ones}.values()
+        if "derivative" in v.own
+    ]
     for index in find_repeated(states):
         listed = declared.list_name("Derivatives")
         what = f"More than one of {listed} is the derivative of {declared.variable(int(index)) or index}."
@@ -240,15 +247,6 @@ def _event_indicators(declared: Declarations) -> Iterator[Problem]:
 
 def _listed_variables(unknowns: Iterable[DeclaredUnknown], declared: Declarations) -> list[DeclaredVariable]:
     return [v for u in unknowns if (v := declared.variable(u.index)) is not None]
-
-
-def _no_state(state: DeclaredVariable) -> Iterator[Problem]:
-    if state.causality not in ("local", "output") or state.variability != "continuous":
-        what = (
-            f"The state {state} is {state.variability} and {state.causality}; "
-            "it must be continuous, and local or an output."
-        )
-        yield Breach(what, _STATES)
 
 
 def _misdirected(variable: DeclaredVariable, declared: Declarations) -> Iterator[Problem]:
@@ -341,7 +339,9 @@ def dependencies(subject: Subject) -> CheckOutcome:
         ("Derivatives", declared.derivatives, known),
         ("InitialUnknowns", declared.initial_unknowns, exact),
     ]
-    computed = {v.index for v in declared.variables} - _left_out(subject)
+    computed = {v.index for v in declared.variables}
+    if _ignores_derivatives(subject):  # dependencies leave out its states
+        computed -= declared.states()
     problems: list[Problem] = []
     doubts: list[Problem] = []
     for name, unknowns, knowns in lists:
@@ -356,11 +356,6 @@ def dependencies(subject: Subject) -> CheckOutcome:
         doubts += _unlike_initial(declared, states & computed)
     count = sum(len(u.dependencies or ()) for _, unknowns, _ in lists for u in unknowns)
     return judge_problems(problems, f"{count} dependencies are on variables that are known.", doubts)
-
-
-def _left_out(subject: Subject) -> set[int]:
-    """Return the states that dependencies of an FMU leave out: a co-simulation without their derivatives."""
-    return subject.declared.states() if _ignores_derivatives(subject) else set()
 
 
 def _lacks_alias(
@@ -487,7 +482,3 @@ def _compared(
 
 def _names(indices: Iterable[int], declared: Declarations) -> list[str]:
     return [str(declared.variable(i)) for i in indices]
-
-
-def _distinct(variables: Iterable[DeclaredVariable]) -> list[DeclaredVariable]:
-    return list({v.index: v for v in variables}.values())

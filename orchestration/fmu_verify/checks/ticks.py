@@ -110,7 +110,7 @@ def ticks(subject: Subject) -> CheckOutcome:
     instance, course = HostedInstance(subject), make_experiment(subject)
     instance.initialize(course.at(0), float(course.times[0]))
     assert instance.events is not None
-    readable, changed, before = variables, dict[str, str](), dict[str, float]()
+    readable, changed, before = variables, dict[str, str](), dict[str, Any]()
     for k, time in enumerate(course.times[:-1]):
         ticks = sum(instance.events.ticks.values())
         instance.set(course.at(k))
@@ -121,9 +121,10 @@ def ticks(subject: Subject) -> CheckOutcome:
         readable = [v for v in readable if v.name in found]
         if sum(instance.events.ticks.values()) == ticks:
             for name, value in found.items():
-                if name in before and not _is_same(value, before[name]):
+                was = before.get(name, value)
+                if value != was and not (math.isnan(value) and math.isnan(was)):
                     text = (
-                        f"{name} changes from {before[name]:.9g} to {value:.9g} in the step to "
+                        f"{name} changes from {was:.9g} to {value:.9g} in the step to "
                         f"t = {time + course.step:.9g} s, in which no Clock ticks."
                     )
                     changed.setdefault(name, text)
@@ -145,7 +146,3 @@ def _read(instance: HostedInstance, variable: ModelVariable) -> Sequence[Any]:
         return instance.read([variable])
     except CallError:
         return ()
-
-
-def _is_same(one: float, other: float) -> bool:
-    return one == other or (math.isnan(one) and math.isnan(other))

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from ..check import check
-from ..declarations import Declarations, DeclaredType, find_repeated
+from ..declarations import Declarations, find_repeated
 from ..messages import Breach, Problem, judge_problems
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, fmi3
@@ -41,7 +41,13 @@ _ITEMS = Clause(
 def types(subject: Subject) -> CheckOutcome:
     """Check that every declared type is defined once and matches the type of its variables."""
     declared = subject.declared
-    problems = [*_names(declared), *_uses(declared), *(p for t in declared.types for p in _items(t))]
+    problems = [*_names(declared), *_uses(declared)]
+    problems += [
+        Breach(f"More than one item of the enumeration {one.name} has the {attribute} {twice}.", _ITEMS)
+        for one in declared.types
+        for attribute in ("name", "value")
+        for twice in find_repeated(item[attribute] for item in one.items)
+    ]
     return judge_problems(problems, f"{len(declared.types)} types are defined and used correctly.")
 
 
@@ -70,10 +76,3 @@ def _uses(declared: Declarations) -> Iterator[Problem]:
             other = by_name[name].type
             what = f"{variable} is of type {variable.type}, but declared as {name}, which is {other}."
             yield Breach(what, _DEFINED)
-
-
-def _items(one: DeclaredType) -> Iterator[Problem]:
-    for attribute in ("name", "value"):
-        for twice in find_repeated(item[attribute] for item in one.items):
-            what = f"More than one item of the enumeration {one.name} has the {attribute} {twice}."
-            yield Breach(what, _ITEMS)

@@ -52,7 +52,8 @@ def starts(subject: Subject) -> CheckOutcome:
     """Compare values after an initialization in which nothing is set with modelDescription.xml."""
     firm = settable(subject, "parameter", "input", most=None)
     names = {v.name for v in firm}
-    loose = [v for v in subject.description.modelVariables if v.name not in names and _is_exact(v)]
+    loose = [v for v in subject.description.modelVariables if v.name not in names and v.start is not None]
+    loose = [v for v in loose if v.initial == "exact" or v.variability == "constant"]
     every = [*firm, *loose]
     variables = every[:MOST]
     found = in_fresh_process(_read_after_start, subject, [v.name for v in variables])
@@ -75,10 +76,6 @@ def starts(subject: Subject) -> CheckOutcome:
 def _is_bound(start: Any, value: Any) -> bool:
     """Return whether a start value of 0 became a tiny one, as FMUs do that divide by it."""
     return isinstance(value, float) and start == 0.0 and 0.0 < abs(value) < _TINY
-
-
-def _is_exact(variable: Any) -> bool:
-    return variable.start is not None and (variable.initial == "exact" or variable.variability == "constant")
 
 
 def _read_after_start(subject: Subject, names: Sequence[str]) -> Values:

@@ -155,18 +155,23 @@ def in_initialization(subject: Subject, count: int) -> Iterator[Point]:
 
 def in_event_mode(subject: Subject, count: int) -> Iterator[Point]:
     """Yield a model in event mode at several times of the experiment."""
-    course = make_experiment(subject, _STEPS)
     knowns = [v.name for v in subject.of_causality("input") if v.variability in (None, "continuous")]
     found, moved = choose(at_events(subject), knowns)
+    for instance, inputs, time in run_model(subject, count):
+        values = {n: inputs[n] for n in moved}
+        yield Point(instance, found, moved, values, f"of the model at t = {time:.9g} s")
+
+
+def run_model(subject: Subject, count: int) -> Iterator[tuple[HostedInstance, dict[str, float], float]]:
+    """Yield a model in event mode at several times of the experiment, its inputs, and the time in s."""
+    course = make_experiment(subject, _STEPS)
     instance = HostedInstance(subject, kind="ModelExchange")
     instance.initialize(course.at(0), float(course.times[0]))
     wanted = set(np.linspace(0, len(course.times) - 1, count).astype(int))
     for k, time in enumerate(course.times):
         instance.set(course.at(k))
         if k in wanted:
-            inputs = course.at(k)
-            values = {n: inputs[n] for n in moved}
-            yield Point(instance, found, moved, values, f"of the model at t = {time:.9g} s")
+            yield instance, course.at(k), float(time)
         if instance.terminated or k == len(course.times) - 1:
             return
         instance.step(float(time), course.step)
