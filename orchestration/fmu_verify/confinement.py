@@ -109,26 +109,22 @@ def _restrict(rules: _Ruleset, allowed: Mapping[Path, int]) -> None:
     try:
         for path, access in allowed.items():
             with suppress(FileNotFoundError):
-                _allow(ruleset, path, access)
+                place = os.open(path, os.O_PATH | os.O_CLOEXEC)
+                try:
+                    rule = ctypes.byref(_Beneath(access, place))
+                    _call(
+                        _ADD_RULE,
+                        ctypes.c_int(ruleset),
+                        ctypes.c_int(_PATH_BENEATH),
+                        rule,
+                        ctypes.c_uint32(0),
+                    )
+                finally:
+                    os.close(place)
         ctypes.CDLL(None).prctl(_NO_NEW_PRIVILEGES, 1, 0, 0, 0)
         _call(_RESTRICT_SELF, ctypes.c_int(ruleset), ctypes.c_uint32(0))
     finally:
         os.close(ruleset)
-
-
-def _allow(ruleset: int, path: Path, access: int) -> None:
-    place = os.open(path, os.O_PATH | os.O_CLOEXEC)
-    try:
-        rule = _Beneath(access, place)
-        arguments = (
-            ctypes.c_int(ruleset),
-            ctypes.c_int(_PATH_BENEATH),
-            ctypes.byref(rule),
-            ctypes.c_uint32(0),
-        )
-        _call(_ADD_RULE, *arguments)
-    finally:
-        os.close(place)
 
 
 def _call(number: int, *arguments: Any) -> int:

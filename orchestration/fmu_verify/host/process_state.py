@@ -122,14 +122,12 @@ def _limits() -> dict[str, str]:
 
 def _streams() -> dict[str, str]:
     """Return where the standard streams lead."""
-    names = {0: "standard input", 1: "standard output", 2: "standard error"}
-    found = {}
-    for number, name in names.items():
+    found: dict[str, str] = {}
+    for number, name in enumerate(("standard input", "standard output", "standard error")):
+        found[name] = "closed"
         with contextlib.suppress(OSError):
             state = os.fstat(number)
             found[name] = f"file {state.st_dev}:{state.st_ino}"
-            continue
-        found[name] = "closed"
     return found
 
 
