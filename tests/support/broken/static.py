@@ -205,7 +205,7 @@ STATIC: list[Broken] = [
     Broken("unknown-not-listed", "An initial unknown that is not listed", "structure.initial_unknowns",
         without("//InitialUnknowns/Unknown[@index='16']")),
     Broken("depends-on-nothing", "A dependency on a variable that is not there", "structure.dependencies",
-        setting("//Outputs/Unknown[@index='16']", dependencies="1 4294967295")),
+        setting("//Outputs/Unknown[@index='16']", dependencies="1 12 4294967295")),
     Broken("kinds-missing", "Fewer kinds than dependencies", "structure.dependencies",
         setting("//Outputs/Unknown[@index='16']", dependenciesKind="dependent")),
     Broken("no-binary", "No library of the model's name, and no sources", "binaries.present",

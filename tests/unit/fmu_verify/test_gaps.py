@@ -11,7 +11,7 @@ import fmublock
 from emla_cosim.fmu.instance import FATAL
 from fmu_verify import check_runner
 from fmu_verify.check import check
-from fmu_verify.checks import behavior, calls, logs, typed_values, values
+from fmu_verify.checks import behavior, calls, logs, sharing, typed_values, values
 from fmu_verify.host.fresh_process import in_fresh_process
 from fmu_verify.host.hosted_instance import CallError, HostedInstance
 from fmu_verify.subject import Subject
@@ -51,8 +51,9 @@ def test_values_that_the_fmu_rejects_are_left_out(tmp_path: Path, monkeypatch: M
         return [in_fresh_process(do, subject, dict(list(changes.items())[:2]))]
 
     monkeypatch.setattr(values, "where_accepted", accept_two)
+    monkeypatch.setattr(sharing, "where_accepted", accept_two)
     subject = unpacked(build_wide_fmu(tmp_path))
-    for one in (values.kept, values.reset, values.shared):
+    for one in (values.kept, values.reset, sharing.shared):
         outcome = one.examine(subject)
         assert outcome.verdict == Verdict.PASSED
         assert outcome.gaps == ("Only 2 of 15 parameters and inputs were judged with other values.",)
