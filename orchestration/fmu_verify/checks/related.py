@@ -123,9 +123,7 @@ def _judge_experiment(subject: Subject, setup: ExperimentSetup, until: float) ->
 def _judge_outputs(found: OutputTrajectory) -> CheckOutcome:
     wrong = ~np.isfinite(found.values)
     if wrong.any():
-        k = int(np.argmax(wrong.any(axis=1)))
-        name = found.names[int(np.argmax(wrong[k]))]
-        return failed(f"{name} is {found.values[k][wrong[k]][0]} at t = {found.times[k]:.9g} s.")
+        return failed(found.describe(wrong))
     return passed(f"It ran to t = {found.times[-1]:.9g} s with finite outputs; it has no references.")
 
 

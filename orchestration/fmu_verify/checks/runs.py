@@ -81,9 +81,7 @@ def finite(subject: Subject) -> CheckOutcome:
         if subject.variables[name].clocks and not wrong[:, column].all():  # it may begin with the first tick
             wrong[: int(np.argmin(wrong[:, column])), column] = False
     if wrong.any():
-        k = int(np.argmax(wrong.any(axis=1)))
-        name = found.names[int(np.argmax(wrong[k]))]
-        return failed(f"{name} is {found.values[k][wrong[k]][0]} at t = {found.times[k]:.9g} s.")
+        return failed(found.describe(wrong))
     return passed(f"{len(found.names)} outputs are finite at {len(found.times)} times.")
 
 

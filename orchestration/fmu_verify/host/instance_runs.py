@@ -39,6 +39,12 @@ class OutputTrajectory:
         k = int(np.argmax(differs.any(axis=1)))
         return self.names[int(np.argmax(differs[k]))], float(self.times[k])
 
+    def describe(self, wrong: "np.ndarray[Any, np.dtype[np.bool_]]") -> str:
+        """Return the first of the values that a mask selects: `x is nan at t = 1 s.`"""
+        k = int(np.argmax(wrong.any(axis=1)))
+        name, value = self.names[int(np.argmax(wrong[k]))], self.values[k][wrong[k]][0]
+        return f"{name} is {value} at t = {self.times[k]:.9g} s."
+
     def until(self, rows: int) -> "OutputTrajectory":
         """Return the first rows."""
         return OutputTrajectory(self.times[:rows], self.names, self.values[:rows])

@@ -9,7 +9,7 @@ from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 
 from emla_cosim.base.units import BASE_UNITS, SiUnit, find_unit
 
-from .change import Change, describe_element
+from .record import Change, describe_element
 
 _DATE = "generationDateAndTime"
 _VALID_DATE = re.compile(r"-?\d{4,}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d+)?(Z|[+-]\d\d:\d\d)?")

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import PurePosixPath
 from typing import Any
 
-from .change import Change
+from .record import Change
 
 _GUID = re.compile(r"\{?([0-9A-Fa-f-]{16,64})\}?")
 _SUFFIXES = (".so", ".dll", ".dylib")

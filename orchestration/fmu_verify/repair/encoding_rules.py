@@ -4,7 +4,7 @@ import codecs
 import re
 from collections.abc import Iterator
 
-from .change import Change
+from .record import Change
 
 _CHECK = "description.encoding"
 _DECLARATION = re.compile(r"\s*<\?xml\b[^>]*\?>\s*")

@@ -1,12 +1,13 @@
-"""Write into a model description what was repaired."""
+"""What a repair changes, and the record of it in the model description."""
 
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 
-from .change import Change
+from ..catalogue import CHECKS
+from ..verdict import Clause
 
 TOOL = "EMLA-Cosim"
 """The tool that FMI 2.0 names in VendorAnnotations."""
@@ -15,6 +16,33 @@ TYPE = "org.emla-cosim.repair"
 """The type of the annotation in FMI 3.0."""
 
 _BEFORE_ANNOTATIONS = ("ModelVariables", "ModelStructure")
+
+
+@dataclass(frozen=True)
+class Change:
+    """One change of a text in an FMU.
+
+    Attributes:
+        check: Name of the check whose clause the text violated.
+        where: What was changed, such as an element and an attribute.
+        before: The text before; empty for something that was missing.
+        after: The text after; empty for something that was removed.
+    """
+
+    check: str
+    where: str
+    before: str
+    after: str
+
+    def find_clause(self, version: int) -> Clause:
+        """Return the clause of the check for a version of FMI, 2 or 3."""
+        return next(c for c in CHECKS if c.name == self.check).of(version).clause
+
+
+def describe_element(element: Any) -> str:
+    """Return the start tag of an element."""
+    text = "".join(f' {name}="{value}"' for name, value in element.attrib.items())
+    return f"<{element.tag}{text}>"
 
 
 def write_record(root: Any, version: int, changes: Sequence[Change], tool_version: str) -> None:
@@ -32,7 +60,11 @@ def write_record(root: Any, version: int, changes: Sequence[Change], tool_versio
         repairs = etree.SubElement(holder, "Repairs")
     repair = etree.SubElement(repairs, "Repair", version=tool_version)
     for change in changes:
-        values = {name: _printable(text) for name, text in asdict(change).items()}
+        # without characters that XML does not allow
+        values = {
+            name: "".join(c if c.isprintable() else " " for c in text)
+            for name, text in asdict(change).items()
+        }
         etree.SubElement(repair, "Change", values)
 
 
@@ -51,8 +83,3 @@ def _find_holder(root: Any, version: int) -> Any:
         root.insert(root.index(variables), group)
     own = next((e for e in group.iterfind("Tool") if e.get("name") == TOOL), None)
     return etree.SubElement(group, "Tool", name=TOOL) if own is None else own
-
-
-def _printable(text: str) -> str:
-    """Return a text without characters that XML does not allow."""
-    return "".join(c if c.isprintable() else " " for c in text)

@@ -25,9 +25,8 @@ from ..subject import Subject
 from ..verdict import Verdict
 from .attribute_rules import mend_annotations, mend_attributes
 from .binary_rules import find_libraries, mend_guid, mend_identifier
-from .change import Change
 from .encoding_rules import mend_encoding
-from .record import write_record
+from .record import Change, write_record
 from .structure_rules import mend_structure
 
 _MARK = b"repaired by emla-cosim"

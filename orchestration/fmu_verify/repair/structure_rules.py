@@ -8,7 +8,7 @@ from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 from ..checks.structure import _LINEAR, _ignored, _initially_unknown
 from ..declarations import LISTS_3, REAL, Declarations
 from ..subject import Subject
-from .change import Change, describe_element
+from .record import Change, describe_element
 
 _ORDER_3 = ("Output", "ContinuousStateDerivative", "ClockedState", "InitialUnknown", "EventIndicator")
 _ORDER_2 = ("Outputs", "Derivatives", "DiscreteStates", "InitialUnknowns")

@@ -8,7 +8,7 @@ from typing import Any
 from rich.markup import escape
 
 from fmu_verify.findings import Examined
-from fmu_verify.repair.change import Change
+from fmu_verify.repair.record import Change
 from fmu_verify.repair.repairing import Repair, is_repaired, repair
 from fmu_verify.verdict import Verdict
 
