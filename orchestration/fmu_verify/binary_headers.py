@@ -92,12 +92,7 @@ def describe_mismatch(path: Path, folder: str) -> str:
 
 
 def suggest_platform(folder: str, version: int) -> str:
-    """Return the standardized name that is meant by another name of a platform; empty if none is.
-
-    Args:
-        folder: Name of a folder in `binaries`.
-        version: Version of FMI, 2 or 3.
-    """
+    """Return the name in FMI 2.0 or 3.0 that the name of a folder in `binaries` means; empty if none is."""
     words = [word for word in _WORDS.findall(folder.lower()) if word not in "-_ "]
     systems = [_SYSTEMS[word] for word in words if word in _SYSTEMS]
     processors = [_PROCESSORS[word] for word in words if word in _PROCESSORS]

@@ -21,13 +21,7 @@ def shorten_names(names: Sequence[str]) -> list[str]:
 
 
 def explain_finding(examined: Examined, finding: Finding, most: int | None = None) -> str:
-    """Return message, details, clause, what was done, hint and the command to repeat it, as paragraphs.
-
-    Args:
-        examined: The FMU.
-        finding: What was found.
-        most: Most details; all if None.
-    """
+    """Return message, at most `most` details, clause, what was done, hint and the command to repeat it."""
     details = list(finding.outcome.details[:most])
     if more := len(finding.outcome.details) - len(details):
         details.append(f"and {more} more")

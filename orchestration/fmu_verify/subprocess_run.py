@@ -59,7 +59,7 @@ class CheckProcess:
     """A copy of this process that calls `do`, again and again as long as no call loads an FMU.
 
     Args:
-        do: Function to call; returns a `CheckOutcome`.
+        do: Function to call.
         arguments: Its first arguments, as they are now.
         memory: Memory limit in bytes, in addition to what this process uses now.
         writable: Folders that the process may write to, if the system can confine it. Default: all.

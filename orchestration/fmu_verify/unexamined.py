@@ -18,12 +18,7 @@ _VALUES = (
 
 
 def list_unexamined(subject: Subject, findings: Mapping[str, Finding]) -> tuple[str, ...]:
-    """Return what was not judged, as sentences.
-
-    Args:
-        subject: The FMU.
-        findings: All findings by check, also those that the report leaves out.
-    """
+    """Return what was not judged, as sentences, by all findings, also those that the report leaves out."""
     return (
         *_values(findings),
         *_not_run(findings.values()),

@@ -25,10 +25,7 @@ class EndedError(Exception):
 def in_fresh_process(do: Callable[..., Any], *arguments: Any, timeout: float | None = None) -> Any:
     """Call `do` in a new process that belongs to the same check. Return its result or raise its exception.
 
-    Args:
-        do: The function.
-        *arguments: Its arguments.
-        timeout: Seconds after which the process is ended. Default: wait until the check is ended.
+    After `timeout` s the process is ended. Default: wait until the check is ended.
 
     Raises:
         EndedError: The process ended during the call.

@@ -87,11 +87,7 @@ def list_experiment_files(subject: Subject) -> list[RelatedFile]:
 
 
 def read_experiments(file: Path, unpacked: Path) -> list[ExperimentSetup]:
-    """Read a file of experiments.
-
-    Args:
-        file: The file.
-        unpacked: Folder with the content of the FMU.
+    """Read a file of experiments of an unpacked FMU.
 
     Raises:
         CommandError: The file is not valid.

@@ -66,13 +66,7 @@ def list_related(unpacked: Path) -> list[RelatedFile]:
 
 
 def resolve_source(file: Path, source: str, unpacked: Path) -> Path | None:
-    """Return the file of a relative URI in another file; None if the FMU has no such file.
-
-    Args:
-        file: The file with the URI.
-        source: The URI.
-        unpacked: Folder with the content of the FMU.
-    """
+    """Return the file of a relative URI in another file; None if the unpacked FMU has no such file."""
     if not is_relative(source):
         return None
     path = (file.parent / unquote(urlsplit(source).path)).resolve()
@@ -100,11 +94,7 @@ def is_xml(file: RelatedFile) -> bool:
 
 
 def find_fault(file: RelatedFile, unpacked: Path) -> str:
-    """Return what is wrong with an XML document, as a sentence; empty if nothing is.
-
-    Args:
-        file: The file, which is in the FMU.
-        unpacked: Folder with the content of the FMU.
+    """Return what is wrong with an XML document in the FMU, as a sentence; empty if nothing is.
 
     Raises:
         NotRunError: It is about a file that is not in the FMU, which the standard allows.

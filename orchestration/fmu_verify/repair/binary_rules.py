@@ -31,13 +31,7 @@ def mend_identifier(root: Any, names: list[str]) -> Iterator[Change]:
 
 
 def mend_guid(root: Any, version: int, libraries: Mapping[str, bytes]) -> Iterator[Change]:
-    """Mend a GUID that libraries have in another case, or with braces; all libraries must agree.
-
-    Args:
-        root: The root element of the model description.
-        version: The version of FMI, 2 or 3.
-        libraries: The libraries by name.
-    """
+    """Mend a GUID that libraries have in another case, or with braces; all libraries must agree."""
     name = "instantiationToken" if version == 3 else "guid"
     given = root.get(name, "")
     if (match := _GUID.fullmatch(given)) is None:

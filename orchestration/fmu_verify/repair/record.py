@@ -46,14 +46,7 @@ def describe_element(element: Any) -> str:
 
 
 def write_record(root: Any, version: int, changes: Sequence[Change], tool_version: str) -> None:
-    """Add a list of changes to the annotations of a model description.
-
-    Args:
-        root: The root element.
-        version: The version of FMI, 2 or 3.
-        changes: The changes.
-        tool_version: The version of EMLA-Cosim.
-    """
+    """Add a list of changes to the annotations of a model description of FMI 2.0 or 3.0."""
     holder = _find_holder(root, version)
     repairs = holder.find("Repairs")
     if repairs is None:
