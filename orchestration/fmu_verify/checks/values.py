@@ -105,11 +105,9 @@ def read_values(instance: HostedInstance, names: Sequence[str]) -> Values:
 def kept(subject: Subject) -> CheckOutcome:
     """Check that parameters and inputs have the values that were set, after initialization."""
     changes = others(settable(subject, "parameter", "input"))
-    if not changes:
-        return skipped(_NOTHING)
-    answers = where_accepted(_after_setting, subject, changes)
+    answers = where_accepted(_after_setting, subject, changes) if changes else []
     if not answers:
-        return skipped(_REFUSED)
+        return skipped(_REFUSED if changes else _NOTHING)
     lost = {
         name: f"{name} is {show(found[name])} after it was set to {show(changes[name])} without an error."
         for found in answers
@@ -167,11 +165,9 @@ def _after_reset(subject: Subject, changes: Values) -> tuple[Values, Values]:
 def judge_unchanged(subject: Subject, do: Any, when: str) -> CheckOutcome:
     """Judge values that should be those of a new instance, for the changes that were taken."""
     changes = others(settable(subject, "parameter", "input"))
-    if not changes:
-        return skipped(_NOTHING)
-    answers = where_accepted(do, subject, changes)
+    answers = where_accepted(do, subject, changes) if changes else []
     if not answers:
-        return skipped(_REFUSED)
+        return skipped(_REFUSED if changes else _NOTHING)
     fresh = in_fresh_process(_read_after_start, subject, list(changes))
     problems, count = [], 0
     for taken, found in answers:
