@@ -67,7 +67,8 @@ def _item(kind: Verdict, one: dict[str, Any], finding: dict[str, Any]) -> str:
 def _text(text: object) -> str:
     """Escape Markdown and HTML in a text, and shorten it to one line."""
     line = " ".join(shorten_text(make_visible(text), _LONGEST).split())
-    return re.sub(r"[\\`*_{}\[\]()#+!|~@:]", lambda found: f"&#{ord(found[0])};", html.escape(line))
+    line = html.escape(line, quote=False)  # entities of quotation marks have a #, which is escaped below
+    return re.sub(r"[\\`*_{}\[\]()#+!|~@:]", lambda found: f"&#{ord(found[0])};", line)
 
 
 def main() -> None:
