@@ -81,6 +81,8 @@ def repair(path: Path) -> Repair:
     Raises:
         CommandError: It does not exist, or is not an archive that can be unpacked safely.
     """
+    if path.is_dir():
+        raise CommandError(f"'{path}' is a folder; name one FMU.")
     before = verify(path, only=_CHECKS).examined[0]
     if any(f.check == "archive.safe" for f in before.of(Verdict.FAILED)):
         raise CommandError(f"'{path}' cannot be repaired: {before['archive.safe'].sentence}")

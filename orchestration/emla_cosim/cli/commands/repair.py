@@ -2,6 +2,8 @@
 
 from collections import Counter
 from dataclasses import dataclass
+from filecmp import cmp
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -47,7 +49,8 @@ def command(chosen: Parameters, given: dict[str, Any]) -> None:
     target = None
     if chosen.output is not None:
         check_output_files({chosen.output: "the repaired FMU"}, {chosen.fmu: "the FMU to repair"})
-        target = OutputFile(chosen.output, "the repaired FMU", is_repaired, given.get("overwrite", False))
+        overwrite = given.get("overwrite", False)
+        target = OutputFile(chosen.output, "the repaired FMU", partial(_is_ours, chosen.fmu), overwrite)
     elif not chosen.dry_run:
         raise CommandError("name the FMU to write with --output, or use --dry-run.")
     done = repair(chosen.fmu)
@@ -56,8 +59,13 @@ def command(chosen: Parameters, given: dict[str, Any]) -> None:
         done.save(target)
         show_file(target.path)
     if done.remaining:
-        count = format_count(len(done.remaining), "check fails", "checks fail")
-        raise CosimError(f"{count} that text alone cannot mend, or that have more than one remedy.")
+        count = format_count(len(done.remaining), "check still fails", "checks still fail")
+        raise CosimError(f"{count}: text alone cannot mend it, or there is more than one remedy.")
+
+
+def _is_ours(fmu: Path, path: Path) -> bool:
+    """Return whether a file is from a repair, which copies an FMU without faults as it is."""
+    return is_repaired(path) or (fmu.is_file() and cmp(fmu, path, shallow=False))
 
 
 def _show(done: Repair) -> None:
