@@ -80,12 +80,15 @@ def convert_to_code_quality(sarif: Mapping[str, Any]) -> list[dict[str, Any]]:
 def main() -> None:
     """Verify, write the reports, and exit with the code of `emla verify`."""
     folder = Path(sys.argv[1])
-    folder.mkdir(parents=True, exist_ok=True)
     files = {kind: folder / name for kind, name in REPORTS.items()}
-    for file in (*files.values(), folder / CODE_QUALITY):
-        file.unlink(missing_ok=True)  # none may be that of an earlier run
     try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for file in (*files.values(), folder / CODE_QUALITY):
+            file.unlink(missing_ok=True)  # none may be that of an earlier run
         fmus = find_files(os.environ.get("VERIFY_FMUS", ""))
+    except OSError as error:
+        _report_error(f"The folder of reports '{folder}' cannot be used: {error.strerror or error}.")
+        sys.exit(2)
     except NoFilesError as error:
         _report_error(str(error))
         sys.exit(2)
@@ -114,7 +117,7 @@ def _report_error(message: str) -> None:
     """Show an error message; GitHub also shows it on the page of the run."""
     if os.environ.get("GITHUB_ACTIONS") == "true":
         escaped = message.replace("%", "%25").replace("\r", "%0D").replace("\n", "%0A")
-        print(f"::error title=No FMUs::{escaped}", flush=True)
+        print(f"::error title=FMUs were not verified::{escaped}", flush=True)
     else:
         print(f"Error: {message}", file=sys.stderr)
 

@@ -43,7 +43,7 @@ def test_message_without_files(
     monkeypatch.setattr("sys.argv", ["pipeline", "out"])
     monkeypatch.setenv("VERIFY_FMUS", "100%.fmu")
     for on_github, shown in (
-        ("true", "::error title=No FMUs::The input fmus has '100%25.fmu'"),
+        ("true", "::error title=FMUs were not verified::The input fmus has '100%25.fmu'"),
         ("", "Error: "),
     ):
         monkeypatch.setenv("GITHUB_ACTIONS", on_github)
@@ -54,6 +54,17 @@ def test_message_without_files(
         assert ended.value.code == 2
         assert shown in "".join(capsys.readouterr())
         assert list((tmp_path / "out").iterdir()) == []
+
+
+def test_folder_that_is_a_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "out").touch()
+    monkeypatch.setattr("sys.argv", ["pipeline", str(tmp_path / "out")])
+    with pytest.raises(SystemExit) as ended:
+        pipeline.main()
+    assert ended.value.code == 2
+    assert f"The folder of reports '{tmp_path / 'out'}' cannot be used: " in "".join(capsys.readouterr())
 
 
 def test_entries_of_code_quality() -> None:
