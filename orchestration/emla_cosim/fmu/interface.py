@@ -384,7 +384,7 @@ def _read_faulty(path: Path, error: ValidationError, structure: Mapping[str, int
     except Exception as more:  # numbers and references that the schema would have found
         raise_machine_fault(more, f"'{path}'")
         text = _one_line(error.problems[0]) if error.problems else "it has problems"
-        raise CommandError(f"'{path}' is not a valid FMU: {text} (`fmpy validate` shows more).") from more
+        raise CommandError(f"'{path}' is not a valid FMU: {text} (`emla verify` shows more).") from more
     if is_version_3(interface.description):
         try:
             _split_arrays(interface.description, path, structure)
@@ -394,7 +394,7 @@ def _read_faulty(path: Path, error: ValidationError, structure: Mapping[str, int
     if grave and not is_lenient():
         text = find_attribute_fault(path, fatal=False) or grave[0]
         raise CommandError(
-            f"'{path}' is not a valid FMU: {text} (`fmpy validate` shows more). {ADVICE}."
+            f"'{path}' is not a valid FMU: {text} (`emla verify` shows more). {ADVICE}."
         ) from error
     note_fault(str(path), *grave, *problems)
     return interface

@@ -83,7 +83,7 @@ def test_parameters_without_variability_are_fixed(tmp_path: Path, emla: Emla) ->
     name = next(v.name for v in read_interface(whole).variables.values() if v.causality == "parameter")
     text = sentence(emla("run", str(faulty), "--no-plots"), 2)
     assert "is a parameter without variability; it needs fixed or tunable, as the default, continuous" in text
-    assert text.endswith("(`fmpy validate` shows more). `--lenient` accepts this.")
+    assert text.endswith("(`emla verify` shows more). `--lenient` accepts this.")
     info = emla("info", str(faulty))
     assert info.exit_code == 0 and name in info.stdout
     assert emla("run", str(faulty), "--no-plots", "--output", "faulty", "--lenient").exit_code == 0
