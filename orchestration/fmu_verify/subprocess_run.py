@@ -32,7 +32,7 @@ from .verdict import (
 _FIRST = "its first call"
 """The note before the first call."""
 
-_OWN = own_rule("emla verify", "A check stays within its limits of time and memory.")
+_OWN = own_rule("limits", "A check stays within its limits of time and memory.")
 
 ERROR_OF_CHECK = "The check itself has an error:"
 """How the message begins if a check raises an exception."""
