@@ -46,7 +46,7 @@ _UNDEFINED = 0
         "Runtime on Windows].",
     ),
     "Link it statically, ship it beside the library, or name it in documentation/externalDependencies.txt.",
-    needs=("binaries.symbols",),
+    needs=("binaries.present",),
 )
 def imports(subject: Subject) -> CheckOutcome:
     """Check that every needed library and function is standard or shipped with the FMU."""

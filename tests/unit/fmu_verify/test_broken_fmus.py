@@ -51,7 +51,7 @@ MAY_BE_SKIPPED = {
     "third-starts": {"binaries.loads", *SANITIZER},
     "third-clock": SANITIZER,
     "third-build": {"sources.compile", *SANITIZER},
-    "third-platform": {"binaries.symbols"},
+    "third-platform": {"binaries.symbols", "binaries.imports"},
 }
 """Checks that say themselves why they cannot run on an FMU, by its name."""
 
