@@ -40,7 +40,7 @@ def test_counts_and_failures_are_shown() -> None:
     "odd",
     [
         "a|b",
-        "it's \"so\"",
+        'it\'s "so"',
         "<script>alert(1)</script>",
         "[x](javascript:1) ![y](z)",
         "one\n\n# two\n- three",
