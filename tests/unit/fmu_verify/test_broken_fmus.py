@@ -84,8 +84,12 @@ WORDS = {
 }
 """What the message of an FMU has: the call, the time, and how it ended."""
 
-NEEDS_AN_EXAMINER = "StepKillParent", "StepKillGroup", "Leak", "StateNotReused", "Exit", "Category", "LogOff"
-"""FMUs that would end the process of the tests, leave memory behind, or unload what that process has."""
+NEEDS_AN_EXAMINER = (
+    *("StepKillParent", "StepKillGroup", "Leak", "StateNotReused", "Exit", "Category", "LogOff"),
+    *("RelatedSmokeReference", "RelatedValidationReference"),
+)
+"""FMUs that would end the process of the tests, leave memory behind, unload what that process has, or read
+tables, which a copy of a process cannot do that has read one: the threads of Polars are not copied."""
 
 SAFE_TO_RUN = [b for b in BROKEN if b.check.split(".")[0] not in ("instance", "run", "process", "binaries")]
 """FMUs that do no harm until their check calls them."""
