@@ -111,7 +111,11 @@ def _judge_experiment(subject: Subject, setup: ExperimentSetup, until: float) ->
     reference, unknown = read_setup(subject, setup)
     check_columns(subject, reference)
     found = in_fresh_process(run_reference, subject, reference, until)
-    outcome = judge_run(subject, reference, found) if "References" in setup.data else _judge_outputs(found)
+    outcome = (
+        judge_run(subject, reference, found, is_experiment=True)
+        if "References" in setup.data
+        else _judge_outputs(found)
+    )
     gaps = (*_list_gaps(reference, found, until), *reference.notes)
     if unknown and outcome.verdict == Verdict.PASSED:
         return warned(

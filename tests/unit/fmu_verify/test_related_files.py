@@ -4,7 +4,9 @@ from pathlib import Path
 
 import pytest
 
+import emla_cosim as ec
 from fmu_verify.findings import Finding
+from fmu_verify.settings import Settings
 from fmu_verify.verdict import Verdict
 from tests.support.broken.dynamic import build_good_fmu
 from tests.support.broken.examining import examine
@@ -56,6 +58,24 @@ def test_all_roles_together(tmp_path: Path) -> None:
     varied = "Nothing was varied: the format of experiments does not say what to vary."
     assert found.pop("related.uncertainty") == (Verdict.PASSED, (varied,))
     assert set(found.values()) == {(Verdict.PASSED, ())} and len(found) == 5
+
+
+@pytest.mark.parametrize(("with_folder", "verdict"), [(False, Verdict.PASSED), (True, Verdict.FAILED)])
+def test_tolerance_of_a_folder_of_references_is_not_for_experiments(
+    with_folder: bool, verdict: Verdict, tmp_path: Path
+) -> None:
+    inside = '<Parameters source="p.ssv"/><Stimuli source="in.csv"/><References source="ref.csv"/>'
+    related: Related = {
+        "a.exp": ("experiment/validation", EXPERIMENTS, experiment(inside, stopTime=0.05, stepSize=0.01)),
+        "p.ssv": ("parameter", SSV, parameter_set(gain=0.0)),
+        "in.csv": ("", "", RISING),
+        "ref.csv": ("", "", "time,moving\n0,1\n0.05,1\n"),
+    }
+    path = build_with_related(tmp_path, "Good", related)
+    wide = {"*": ec.Tolerance(absolute=2.0)}
+    settings = Settings(reference=tmp_path if with_folder else None, tolerance=wide)
+    found = examine(path, "related.validation", settings=settings, apart=())["related.validation"]
+    assert found.verdict == verdict
 
 
 def test_solver_tolerance_and_times_of_an_experiment_are_used(tmp_path: Path) -> None:
