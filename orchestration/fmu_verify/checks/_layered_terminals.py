@@ -1,5 +1,6 @@
 """What FMI-LS-BUS and FMI-LS-STRUCT demand of terminals."""
 
+import re
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
@@ -40,6 +41,12 @@ _DATA = _bus(
     "The Tx_Data/Rx_Data variables are of type fmi3Binary and may contain zero, one or multiple Bus "
     "Operations, as sent or received by the FMU.",
 )
+_MIME = _bus(
+    "5.3.3",
+    "The following table lists the MIME types to use for the Tx/Rx data variables within a Bus Terminal:",
+)
+_BUS_TYPE = re.compile(r"application/org\.fmi-standard\.fmi-ls-bus\.(\w+) *(;.*)?")
+_CLOCKED = {"Rx": _RX, "Tx": _bus("5.3", "The Tx_Data variable is clocked by the Tx_Clock Clock.")}
 _RULE = _bus("4.5.1", "matchingRule must be bus.")
 
 _MAP = f"{STRUCT}.map."
@@ -78,6 +85,28 @@ _DOMAIN = _struct(
     "For each of the n dimensions of the domain set, a 1-dimensional array variable containing the "
     "coordinates (along this dimension) is provided.",
 )
+_VALUES = _struct(
+    "3.1.2",
+    "For each of the represented points in the domain set, the values to which they are mapped are provided.",
+)
+_MATCHING = _struct(
+    "3.1.3",
+    "The matching rule org.fmi-standard.fmi-ls-struct.map should be used for terminals that represent maps.",
+)
+_CAUSALITIES = {
+    "domainInput": (
+        ("input", "output", "local"),
+        _struct("3.1.2", "The causality of such a variable can be input, output or local"),
+    ),
+    "codomainOutput": (
+        ("output", "local"),
+        _struct(
+            "3.1.2",
+            "The causality of such a variable can be output or local, since it represents a value computed "
+            "from the map and cannot be driven from outside the FMU.",
+        ),
+    ),
+}
 _PAIRS = {"domainInput": "domain", "codomainOutput": "codomain"}
 Member = tuple[str, DeclaredVariable]
 """Last part of the variableKind of a member of a map, and its variable."""
@@ -137,6 +166,19 @@ def _judge_transceiver(
             if variable.causality != causality:
                 what = f"{member} of the bus terminal {name} has the causality {variable.causality}"
                 yield Breach(f"{what}, not {causality}.", _TX if causality == "output" else _RX)
+    binaries = [v for way in _CLOCKED if (v := variables.get(found.get(f"{way}_Data", ""))) is not None]
+    types = [v.attributes.get("mimeType", "application/octet-stream") for v in binaries if v.type == "Binary"]
+    buses = [match[1] for type_ in types if (match := _BUS_TYPE.fullmatch(type_))]
+    if len(buses) < len(types):
+        other = next(type_ for type_ in types if not _BUS_TYPE.fullmatch(type_))
+        yield Breach(f"Data of the bus terminal {name} have the mimeType {other}, which is of no bus.", _MIME)
+    elif len(set(buses)) > 1:
+        yield Breach(f"Data of the bus terminal {name} have the mimeTypes of {' and '.join(buses)}.", _MIME)
+    for way, clause in _CLOCKED.items():
+        data, clock = (variables.get(found.get(f"{way}_{of}", "")) for of in ("Data", "Clock"))
+        if data is not None and clock is not None and clock.index not in (data.clocks or ()):
+            what = f"{way}_Data of the bus terminal {name}, {data}, does not belong to its Clock {clock}."
+            yield Breach(what, clause)
 
 
 def judge_maps(subject: Subject) -> Iterator[Problem]:
@@ -164,10 +206,26 @@ def judge_maps(subject: Subject) -> Iterator[Problem]:
         yield Breach(f"The FMU has no terminal of a kind of {STRUCT}.", _MAPS)
 
 
+def doubt_maps(subject: Subject) -> Iterator[Problem]:
+    """Yield terminals of maps with a matching rule that is not the recommended one."""
+    rule = _MAP.removesuffix(".")
+    for terminal in _list_terminals(subject):
+        if terminal.get("terminalKind") in (_GRID, _IRREGULAR) and terminal.get("matchingRule") != rule:
+            what = f"The map {terminal.get('name')} has the matchingRule {terminal.get('matchingRule')}"
+            yield Breach(f"{what}, not {rule}.", _MATCHING)
+
+
 def _judge_map(name: str, members: Sequence[Member], is_grid: bool, subject: Subject) -> Iterator[Problem]:
     """Yield what is wrong with the order, types and sizes of the members of a map."""
+    for needed, clause in (("domain", _DOMAIN), ("codomain", _VALUES)):
+        if all(kind != needed for kind, _ in members):
+            yield Breach(f"The map {name} has no member of the variableKind {_MAP}{needed}.", clause)
     before: Member | None = None
     for kind, variable in members:
+        causalities, clause = _CAUSALITIES.get(kind, ((variable.causality,), _KINDS))
+        if variable.causality not in causalities:
+            what = f"{variable} in the map {name} is a {kind}, but has the causality {variable.causality}."
+            yield Breach(what, clause)
         if kind in _PAIRS and (before is None or before[0] != _PAIRS[kind]):
             yield Breach(f"{variable} in the map {name} does not follow a {_PAIRS[kind]}.", _AFTER)
         elif kind in _PAIRS and before is not None and before[1].type != variable.type:

@@ -1,5 +1,6 @@
 """What FMI-LS-XCP demands of the files and variables that its manifest names."""
 
+import re
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
@@ -32,6 +33,12 @@ _ROLE_ONCE = _xcp(
     "entries of a different Interface.",
 )
 _TYPES = _xcp("2", "The value is provided as a list of interface type names to which this interface applies.")
+_WHOLE = _xcp(
+    "3.3",
+    "This layered standard forbids the use of the including mechanism of additional A2L files to simplify "
+    "complete extraction and copying of the A2L file to a location where it is accessible by the MCD tool.",
+)
+_INCLUDE = re.compile(rb"^[ \t]*/include\b", re.MULTILINE | re.IGNORECASE)
 _ALLOWED = _xcp(
     "4.1",
     "All variables that are defined must be defined as scalars with one of the following "
@@ -67,8 +74,12 @@ def _judge_interface(interface: Any, folder: Path, subject: Subject) -> Iterator
         yield Breach(f"{who} must have a relative path without . and .. as its definition.", _DEFINITION)
     else:
         targets = [folder, *(folder / path.name for path in list_platforms(subject))]
-        if not any(target.joinpath(*parts).is_file() for target in targets):
+        files = [file for target in targets if (file := target.joinpath(*parts)).is_file()]
+        if not files:
             yield Breach(f"{who} has no such file, also not in the folder of a platform.", _VALID)
+        for file in files:
+            if _INCLUDE.search(file.read_bytes()):
+                yield Breach(f"{file.relative_to(folder).as_posix()} includes another A2L file.", _WHOLE)
     flags = ("containsXCPService", "supportsDirectMemoryAccess")
     if not any(interface.get(flag) in ("true", "1") for flag in flags):
         yield Breach(f"{who} sets neither {flags[0]} nor {flags[1]}.", _VALID)

@@ -25,7 +25,7 @@ from ..layered_manifest import (
 from ..messages import Breach, Problem, judge_problems, sentence
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, fmi3, noted, skipped
-from ._layered_terminals import judge_buses, judge_maps
+from ._layered_terminals import doubt_maps, judge_buses, judge_maps
 from ._layered_xcp import judge_xcp
 
 _DOMAIN = re.compile(r"[A-Za-z][\w-]*(\.[\w-]+)+")
@@ -48,6 +48,8 @@ _ATTRIBUTES = fmi3(
     "The root element of this XML file shall have the following attributes in the XML namespace "
     "http://fmi-standard.org/fmi-ls-manifest:",
 )
+_SEMANTIC = re.compile(r"(0|[1-9]\d*)\.(0|[1-9]\d*)(\.(0|[1-9]\d*))?([-+][\w.+-]+)?$")
+_VERSIONS = fmi3("2.6", "The use of semantic versioning is highly recommended.")
 _PRESENT = fmi3(
     "2.6",
     "A layered standard should require the presence of an XML file named fmi-ls-manifest.xml in the "
@@ -167,6 +169,9 @@ def _judge_known(
         found.problems.append(Breach(f"{label} is for {name}; it must be in {EXTRA}/{name}.", clause))
     if not (manifest.version or "").strip():
         found.problems.append(Breach(f"{label} has no fmi-ls-version.", clause))
+    elif not _SEMANTIC.match(manifest.version or ""):
+        what = f"{label} has the fmi-ls-version {manifest.version}, which is not a semantic version."
+        found.doubts.append(Breach(what, _VERSIONS))
     elif manifest.version is not None and not manifest.version.startswith("1."):
         found.gaps.append(f"{label} is for version {manifest.version}; it was judged by version 1.")
     if not (manifest.description or "").strip():
@@ -194,6 +199,11 @@ def _judge_related(manifest: LayeredManifest, subject: Subject, found: Findings)
         elif not path.is_file():
             what = f"{manifest.label} names the file {source}, which does not exist."
             found.doubts.append(Breach(what, _RELATED))
+
+
+def _judge_struct(manifest: LayeredManifest, subject: Subject, found: Findings) -> None:
+    found.problems.extend(judge_maps(subject))
+    found.doubts.extend(doubt_maps(subject))
 
 
 class _Standard(NamedTuple):
@@ -243,7 +253,7 @@ _STANDARDS = {
             document="FMI-LS-STRUCT 1.0.0-rc.1",
         ),
         (3,),
-        lambda manifest, subject, found: found.problems.extend(judge_maps(subject)),
+        _judge_struct,
     ),
 }
 """The layered standards of the FMI project by name."""

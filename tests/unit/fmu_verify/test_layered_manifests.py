@@ -18,11 +18,14 @@ TRANSCEIVER = write_terminal(
     "org.fmi-ls-bus.transceiver",
     {name: (name, "signal") for name in ("Tx_Data", "Tx_Clock", "Rx_Data", "Rx_Clock")},
 )
-VARIABLES = """
+CAN = "application/org.fmi-standard.fmi-ls-bus.can; version=&quot;1.0.0&quot;"
+VARIABLES = f"""
 <Clock name="Rx_Clock" valueReference="94" causality="input" intervalVariability="triggered"/>
 <Clock name="Tx_Clock" valueReference="95" causality="input" intervalVariability="countdown"/>
-<Binary name="Rx_Data" valueReference="96" causality="input" clocks="94"><Start value=""/></Binary>
-<Binary name="Tx_Data" valueReference="97" causality="output" clocks="95" initial="calculated"/>
+<Binary name="Rx_Data" valueReference="96" causality="input" clocks="94" mimeType="{CAN}">
+  <Start value=""/></Binary>
+<Binary name="Tx_Data" valueReference="97" causality="output" clocks="95" initial="calculated"
+  mimeType="{CAN}"/>
 """
 GRID = write_terminal(
     "org.fmi-standard.fmi-ls-struct.map.rectilinearGrid",
@@ -67,13 +70,17 @@ def test_faults_are_named(broken: Broken, tmp_path: Path) -> None:
             'causality="local" clocks="95"',
             "not output",
         ),
+        ('clocks="94"', 'clocks="95"', "Rx_Data, does not belong to its Clock Rx_Clock"),
+        (CAN, "application/octet-stream", "the mimeType application/octet-stream, which is of no bus"),
+        ("bus.can", "bus.lin", "have the mimeTypes of "),
         ('Clock name="Tx_Clock"', 'Clock name="Other"', ""),  # `description.terminals` reports it
         ('<Binary name="Rx_Data"', '<String name="Rx_Data"', "is of type String, not Binary"),
     ],
 )
 def test_bus_terminals(old: str, new: str, words: str, tmp_path: Path) -> None:
-    variables = VARIABLES.replace(old, new) if old else VARIABLES
-    variables = variables.replace("</Binary>", "</String>") if "String" in new else variables
+    variables = VARIABLES.replace(old, new, 1) if old else VARIABLES
+    if "String" in new:
+        variables = variables.replace("</Binary>", "</String>").replace(f' mimeType="{CAN}"', "", 1)
     finding = examine(with_manifest("bus", terminal=TRANSCEIVER, variables=variables)(tmp_path), CHECK)[CHECK]
     assert finding.verdict == (Verdict.FAILED if words else Verdict.PASSED), finding.sentence
     assert words in finding.sentence
