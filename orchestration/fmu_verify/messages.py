@@ -1,10 +1,14 @@
 """Format messages, and judge lists of problems."""
 
+import re
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from emla_cosim.base.faults import ADVICE
+
 from .verdict import CheckOutcome, Clause, failed, passed, warned
 
+_ADVICE = re.compile(rf" \({re.escape(ADVICE)}[^)]*\)| {re.escape(ADVICE)}\.")
 LONGEST = 400
 """Most characters of a message; names in an FMU can have any length."""
 MOST = 50
@@ -67,5 +71,6 @@ def join_few_names(names: Sequence[str], most: int = 5) -> str:
 
 
 def sentence(text: object) -> str:
-    """Capitalize the message of an error."""
-    return str(text)[:1].upper() + str(text)[1:]
+    """Capitalize the message of an error. Leave out the advice to use an option of other commands."""
+    said = _ADVICE.sub("", str(text))
+    return said[:1].upper() + said[1:]

@@ -11,10 +11,10 @@ from ..references.experiments import ExperimentSetup, list_experiment_files, rea
 from ..references.judgment import check_columns, combine, judge_run
 from ..references.playback import run_reference
 from ..references.recording import record_reference as write_references
-from ..references.reference_files import find_solution, read_reference
+from ..references.reference_files import find_solution, list_companions, read_reference
 from ..references.related_files import RelatedFile, list_related
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, NotRunError, blocked, failed, passed, skipped
+from ..verdict import CheckOutcome, Clause, NotRunError, blocked, failed, passed, skipped, warned
 
 _RULES = Clause(
     "3",
@@ -22,7 +22,11 @@ _RULES = Clause(
     "FMI Cross-Check Rules 4.1",
 )
 
-_UNREAD = "The result in the FMU was not compared."
+_RESULT = Clause(
+    "2.2",
+    "Result file, e.g., a result file that contains the results of an experiment or simulation run.",
+    "FMI-LS-REF 1.0.0-alpha.1",
+)
 
 
 @check(
@@ -71,17 +75,27 @@ def _judge_result(subject: Subject, file: RelatedFile) -> CheckOutcome:
     assert file.path is not None
     try:
         setup = _find_experiment(subject, file.path)
-        reference = read_setup(subject, setup)[0] if setup else read_reference(file.path, subject.interface)
-        check_columns(subject, reference)
-    except (CommandError, NotRunError) as error:
-        return skipped(f"The result in the FMU is no reference: {sentence(error)}", gaps=(_UNREAD,))
-    if (
-        setup is None
-        and not reference.inputs
-        and any(v.causality == "input" for v in subject.variables.values())
-    ):
-        return skipped("The result in the FMU has no file with its inputs.", gaps=(_UNREAD,))
+        reference = read_setup(subject, setup)[0] if setup else None
+        if reference is not None:
+            check_columns(subject, reference)
+    except (CommandError, NotRunError) as error:  # `related` judges experiments
+        return _leave_out(sentence(error))
+    if reference is None:
+        try:
+            reference = read_reference(file.path, subject.interface)
+            if not reference.inputs and any(v.causality == "input" for v in subject.variables.values()):
+                return _leave_out(f"There is no file with its inputs, {list_companions(file.path)[0].name}.")
+            check_columns(subject, reference)
+        except CommandError as error:
+            hint = "Correct the files of the result: columns are `time` and variables of the FMU."
+            reason = sentence(error).replace(f"{file.path.parent}/", "")
+            return warned(f"{file.source} cannot be compared: {reason}", hint=hint, clause=_RESULT)
     return judge_run(subject, reference, in_fresh_process(run_reference, subject, reference))
+
+
+def _leave_out(reason: str) -> CheckOutcome:
+    said = f"The result in the FMU was not compared. {reason}"
+    return skipped(said, gaps=(said,))
 
 
 def _find_experiment(subject: Subject, result: Path) -> ExperimentSetup | None:

@@ -191,6 +191,10 @@ def read_parameter_values(subject: Subject, file: Path) -> tuple[dict[str, Any],
         if variable is None:
             unknown.append(parameter.name)
             continue
+        kind = variable.type
+        if parameter.type != kind and (parameter.type in ("Boolean", "String") or kind == "String"):
+            what = f"'{parameter.name}' of '{file.name}' has the type {parameter.type}"
+            raise CommandError(f"{what}, but the variable of the FMU has the type {kind}.")
         if interface.is_structural(parameter.name):
             raise NotRunError(f"It sets the structural parameter {parameter.name}.")
         value = convert_parameter(parameter, interface.unit(parameter.name), file.name)

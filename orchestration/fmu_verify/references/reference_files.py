@@ -85,8 +85,11 @@ def find_solution(fmu: Path, given: Path | None) -> Path | None:
 
 
 def list_companions(solution: Path) -> list[Path]:
-    """Return the files that belong to a solution `NAME_ref.csv` by their names: inputs, times, the rest."""
-    name = solution.name.removesuffix(_SOLUTION)
+    """Return the files that belong to a solution by their names: inputs, times, the rest.
+
+    The solution is `NAME_ref.csv`, or `NAME_out.csv` as in the Reference FMUs.
+    """
+    name = solution.name.removesuffix(_SOLUTION).removesuffix("_out.csv").removesuffix(".csv")
     return [solution.with_name(f"{name}_{end}") for end in ("in.csv", "ref.opt", "ref.toml")]
 
 

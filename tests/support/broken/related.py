@@ -137,6 +137,11 @@ RELATED_FILES: list[Broken] = [
         "p.ssv": ("parameter", SSV, parameter_set(u=11.0))}),
     _fails("state bytes", "a serialized state in the FMU is that of another build", "related.states", {
         "a.state": ("serialized-state", "application/octet-stream", b"state of another build")}),
+    _fails("result column", "a result in the FMU has a column that is no variable", "reference.agrees", {
+        "a_ref.csv": ("result", "text/csv", "time,place\n0,0\n0.5,0\n"),
+        "a_in.csv": ("", "", RISING)}, Verdict.WARNING),
+    _fails("parameter type", "a parameter set in the FMU has a text for a Real", "related.parameters", {
+        "p.ssv": ("parameter", SSV, parameter_set(gain=2.0).replace(b"Real", b"String"))}),
     _fails("meta data name", "meta-data in the FMU have no name", "related.metadata", {
         "a.srmd": ("meta-data", "application/x-srmd-meta-data", meta_data())}),
     _fails("meta data checksum", "meta-data in the FMU have the checksum of another file",

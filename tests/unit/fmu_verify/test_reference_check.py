@@ -80,16 +80,22 @@ def test_another_result_in_the_fmu_fails(plant: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"in": None}, "The result in the FMU has no file with its inputs."),
-        ({"ref": "time,i_q\n0,false\n1,true\n"}, "The result in the FMU is no reference: "),
+        ({"in": None}, "There is no file with its inputs, "),
     ],
 )
 def test_result_that_cannot_be_compared_is_skipped(
     changes: dict[str, str | None], words: str, plant: Path, tmp_path: Path
 ) -> None:
     found = compare(alone(plant, tmp_path, **changes))
-    assert found.verdict == Verdict.SKIPPED and found.sentence.startswith(words)
-    assert "The result in the FMU was not compared." in found.outcome.gaps
+    said = f"The result in the FMU was not compared. {words}"
+    assert found.verdict == Verdict.SKIPPED and found.sentence.startswith(said)
+    assert found.sentence in found.outcome.gaps
+
+
+def test_result_that_cannot_be_read_warns_without_temporary_paths(plant: Path, tmp_path: Path) -> None:
+    found = compare(alone(plant, tmp_path, ref="time,i_q\n0,false\n1,true\n"))
+    assert found.verdict == Verdict.WARNING
+    assert "cannot be compared: The reference 'EmlaPlant_ref.csv' " in found.sentence
 
 
 @pytest.mark.parametrize(
@@ -142,7 +148,10 @@ def test_all_results_in_the_fmu_are_compared(tmp_path: Path) -> None:
     assert [line.partition(":")[0] for line in found.outcome.details] == [
         f"The result {name}.csv" for name in ("wrong", "right", "other")
     ]
-    assert found.outcome.gaps == ("The result other.csv: The result in the FMU was not compared.",)
+    assert found.outcome.gaps == (
+        "The result other.csv: The result in the FMU was not compared. There is no file with its inputs, "
+        "other_in.csv.",
+    )
 
 
 def test_named_folder_without_reference_is_skipped(plant: Path, tmp_path: Path) -> None:
