@@ -76,8 +76,8 @@ class DeclaredVariable:
     type: str
     own: Mapping[str, str]
     attributes: Mapping[str, str]
-    multiple_sets: bool
-    """Whether it has the attribute canHandleMultipleSetPerTimeInstant."""
+    multiple_sets: str
+    """The attribute canHandleMultipleSetPerTimeInstant; empty without it."""
     aliases: tuple[str, ...]
     alias_display_units: tuple[str, ...]
     dimensions: tuple[Dimension, ...]
@@ -322,7 +322,7 @@ def _variable(
         type=value.tag,
         own=own,
         attributes={**(declared_type.attributes if declared_type else {}), **own},
-        multiple_sets="canHandleMultipleSetPerTimeInstant" in element.attrib,
+        multiple_sets=element.get("canHandleMultipleSetPerTimeInstant", ""),
         aliases=tuple(e.get("name", "") for e in aliases),
         alias_display_units=tuple(text for e in aliases if (text := e.get("displayUnit")) is not None),
         dimensions=tuple(_dimension(e, find_place) for e in element.iterfind("Dimension")),

@@ -95,6 +95,8 @@ def _misnamed(subject: Subject) -> Iterator[_Misnamed]:
             continue
         files = [p for p in sorted(folder.iterdir()) if p.is_file() and p.suffix.lower() in SUFFIXES]
         found = {p.stem for p in files if p.suffix == suffix and p.stem in names}
+        if not any(folder.iterdir()):
+            yield _Misnamed(folder.name, f"binaries/{folder.name} is empty.", False)
         if not files or found == names:
             continue
         if found:

@@ -5,9 +5,11 @@ from typing import Any
 
 from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 
+from ..binary_headers import NAMES_OF_VERSION_2, wanted_target
 from ..c_sources import BUILD_DESCRIPTION, find_inside, read_build_description
 from ..check import check
 from ..declarations import find_repeated
+from ..libraries import list_platforms
 from ..messages import Breach, Problem, judge_problems, shorten_sentence
 from ..subject import Subject
 from ..verdict import CheckOutcome, failed, fmi3, skipped, warned
@@ -32,6 +34,15 @@ _FALLBACK = fmi3(
     "2.4.10", "Thus there must not be more than one BuildConfiguration without a platform attribute."
 )
 _FILE = fmi3("2.4.10.2", "Path of the source file relative to the sources directory.")
+_INCLUDES = fmi3("2.4.10.5", "Path of the include directory relative to the sources directory")
+_PLATFORM = fmi3(
+    "2.4.10", "Platform tuple of the platform the <BuildConfiguration> is intended for (e.g. x86_64-linux)."
+)
+_LIBRARY = fmi3(
+    "2.4.10.6",
+    "Boolean attribute that determines whether the library is contained in the binaries/<platform_tuple> "
+    "directory (false) or if it has to be provided by the environment (true).",
+)
 
 
 @check(
@@ -55,15 +66,10 @@ def description(subject: Subject) -> CheckOutcome:
         return skipped("The FMU has no sources.")
     if problems := find_schema_problems(root, "fmi3BuildDescription.xsd"):
         return judge_problems(problems, "")
-    names = dict.fromkeys(e.get("name") for e in root.iterfind(".//SourceFile"))
-    missing = [
-        Breach(f"The source file {name} is not in `sources`.", _FILE)
-        for name in names
-        if find_inside(folder, name) is None
-    ]
-    found: list[Problem] = [*_unlike_model(root, subject), *missing]
+    found: list[Problem] = [*_unlike_model(root, subject), *_missing_files(root, subject)]
     count = len(root.findall("BuildConfiguration"))
-    return judge_problems(found, f"The build description has {count} configurations; all files exist.")
+    fine = f"The build description has {count} configurations; all files exist."
+    return judge_problems(found, fine, [*_missing_libraries(root, subject)])
 
 
 def _unlike_model(root: Any, subject: Subject) -> Iterator[Problem]:
@@ -79,3 +85,30 @@ def _unlike_model(root: Any, subject: Subject) -> Iterator[Problem]:
     fallbacks = [e.get("modelIdentifier") for e in configurations if e.get("platform") is None]
     for name in find_repeated(fallbacks):
         yield Breach(f"{name} has more than one build configuration without a platform.", _FALLBACK)
+
+
+def _missing_files(root: Any, subject: Subject) -> Iterator[Problem]:
+    folder = subject.folder / "sources"
+    for name in dict.fromkeys(e.get("name") for e in root.iterfind(".//SourceFile")):
+        if find_inside(folder, name) is None:
+            yield Breach(f"The source file {name} is not in `sources`.", _FILE)
+    for name in dict.fromkeys(e.get("name") for e in root.iterfind(".//IncludeDirectory")):
+        if not (folder / name).is_dir():
+            yield Breach(f"The include directory {name} is not in `sources`.", _INCLUDES)
+    for configuration in root.iterfind("BuildConfiguration"):
+        platform = configuration.get("platform")
+        if platform in NAMES_OF_VERSION_2:
+            tuple_ = "-".join(reversed(wanted_target(platform) or ()))
+            yield Breach(f"A build configuration is for {platform}; in FMI 3.0 that is {tuple_}.", _PLATFORM)
+
+
+def _missing_libraries(root: Any, subject: Subject) -> Iterator[Problem]:
+    """Yield libraries that the environment need not provide, but that the FMU does not have."""
+    for configuration in root.iterfind("BuildConfiguration"):
+        platform = configuration.get("platform")
+        folders = [p for p in list_platforms(subject) if platform in (None, p.name)]
+        stems = {p.stem.removeprefix("lib") for f in folders for p in f.iterdir()}
+        for library in configuration.iterfind("Library"):
+            name = library.get("name")
+            if library.get("external") not in ("true", "1") and not stems & {name, name.removeprefix("lib")}:
+                yield Breach(f"The library {name} is not external, but not in `binaries`.", _LIBRARY)

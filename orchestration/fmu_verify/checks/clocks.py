@@ -23,6 +23,20 @@ _REQUIRED = fmi3(
 _NOT_USED = fmi3("2.4.4", "It must not be used otherwise.")
 _SHIFT = fmi3("2.4.4", "This attribute requires that intervalDecimal is present.")
 _SHIFT_VALUE = fmi3("2.4.4", "The value of this attribute value must be equal to or greater than 0.0.")
+_FRACTION = fmi3(
+    "2.4.4",
+    "This attribute may be present if supportsFraction = true and Clock type is constant, fixed or tunable "
+    "periodic Clocks.",
+)
+_RESOLUTION = fmi3(
+    "2.4.4",
+    "This attribute is required for time-based periodic clocks if supportsFraction = true and "
+    "intervalCounter is present.",
+)
+_EQUAL = fmi3(
+    "2.4.4",
+    "This attribute defines (together with resolution) the interval between consecutive clock ticks:",
+)
 _CLOCKS = fmi3(
     "2.4.7.4",
     "The value of the attribute clocks is a non-empty list of value references of Clocks this variable "
@@ -87,10 +101,30 @@ def _wrong_clock(clock: DeclaredVariable) -> Iterator[Problem]:
         yield Breach(f"The Clock {clock} is {kind}, but has an intervalDecimal.", _NOT_USED)
     if interval is not None and not 0.0 < float(interval) < math.inf:
         yield Breach(f"The Clock {clock} has the intervalDecimal {interval}.", _INTERVAL)
+    yield from _wrong_fractions(clock, kind)
     if shift is not None and interval is None:
         yield Breach(f"The Clock {clock} has a shiftDecimal, but no intervalDecimal.", _SHIFT)
     if shift is not None and not float(shift) >= 0.0:
         yield Breach(f"The Clock {clock} has the shiftDecimal {shift}.", _SHIFT_VALUE)
+
+
+def _wrong_fractions(clock: DeclaredVariable, kind: str) -> Iterator[Problem]:
+    """Yield what is wrong with the interval and the shift as fractions."""
+    given = clock.attributes
+    resolution = given.get("resolution")
+    for attribute, of in (("intervalCounter", "intervalDecimal"), ("shiftCounter", "shiftDecimal")):
+        counter, decimal = given.get(attribute), given.get(of)
+        if counter is None:
+            continue
+        if given.get("supportsFraction") not in ("true", "1") or kind not in _PERIODIC:
+            yield Breach(f"The Clock {clock} has {attribute}, but is {kind}, or no fraction.", _FRACTION)
+        elif resolution is None:
+            yield Breach(f"The Clock {clock} has {attribute}, but no resolution.", _RESOLUTION)
+        elif decimal is not None and int(resolution) > 0:
+            fraction = int(counter) / int(resolution)
+            if not math.isclose(fraction, float(decimal), rel_tol=1e-6, abs_tol=1e-12):
+                what = f"The Clock {clock} has {attribute} / resolution = {counter}/{resolution} s"
+                yield Breach(f"{what}, but {of} = {decimal} s.", _EQUAL)
 
 
 def _wrong_clocks(variable: DeclaredVariable, declared: Declarations) -> Iterator[Problem]:

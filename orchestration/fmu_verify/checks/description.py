@@ -15,6 +15,7 @@ from ..check import check
 from ..declarations import find_repeated
 from ..messages import Breach, Problem, judge_problems, shorten_sentence
 from ..subject import Subject
+from ..terms import say
 from ..verdict import CheckOutcome, Clause, failed, fmi3, in_both, passed, skipped
 from ._clauses import IN_SCHEMA
 
@@ -80,6 +81,8 @@ _VERSION = Clause(
 def _other_version(version: str | None) -> CheckOutcome:
     if version is None:
         return failed(f"{DESCRIPTION} has no fmiVersion.", clause=_VERSION)
+    if re.fullmatch(r"2\.0\.\d+", version):
+        return failed(f"The fmiVersion is {version}; it must be 2.0.", hint="Write 2.0.", clause=_VERSION)
     return failed(
         shorten_sentence(f"It is an FMI {version} FMU; only FMI 2.0 and 3.0 are supported."),
         hint="Use a tool for its FMI version, or export the model for FMI 2.0 or 3.0.",
@@ -154,7 +157,7 @@ def encoding(subject: Subject) -> CheckOutcome:
         "If this is the case, then flag canGetAndSetFMUstate must be true as well.",
         in_3=fmi3("2.4.2", "If true, the flag canGetAndSetFMUState must be true as well."),
     ),
-    "An FMU that can serialize its state must also support getting and setting it.",
+    "Names of flags are case-sensitive. An FMU that can serialize its state must also get and set it.",
     needs=("description.schema",),
 )
 def capabilities(subject: Subject) -> CheckOutcome:
@@ -168,14 +171,57 @@ def capabilities(subject: Subject) -> CheckOutcome:
     ]
     if subject.version == 3 and "CoSimulation" in subject.kinds:
         problems += _inconsistent(subject)
-    return judge_problems(problems, "The capability flags are consistent.")
+    misspelled, doubts = _undefined(subject) if subject.version == 3 else ([], [])
+    problems = [*misspelled, *problems]  # a misspelled flag is the reason of others
+    return judge_problems(problems, "The capability flags are consistent.", doubts)
 
 
+_NAMED = fmi3(
+    "2.4.2",
+    "Exporters must not generate capability flags without an XML namespace, unless specified by this "
+    "standard or any later release of this standard.",
+)
 _EARLY = fmi3(
     "4.4",
     "canReturnEarlyAfterIntermediateUpdate may only be true, if providesIntermediateUpdate is true.",
 )
+_FIXED_STEP = fmi3(
+    "4.4",
+    "The importer should use an integer multiple of this value as communicationStepSize",
+)
 _EVENT_MODE = fmi3("4.4", "If the FMU has clocks, then hasEventMode must be true.")
+
+
+def _undefined(subject: Subject) -> tuple[list[Problem], list[Problem]]:
+    """Return attributes that differ by case from one of FMI 3.0, and others that it does not have.
+
+    The schema allows any attribute.
+    """
+    misspelled, unknown = list[Problem](), list[Problem]()
+    for kind in subject.kinds:
+        names = _attributes_of(kind)
+        by_case = {name.casefold(): name for name in names}
+        for name in subject.tree.find(kind).attrib:
+            # terms also write names of FMI 2.0 as they are in FMI 3.0
+            if right := by_case.get(name.casefold(), by_case.get(say(name, 3).casefold())):
+                what = f"{kind} has the attribute {right}, but not with exactly this name."
+                misspelled += [Breach(what, _NAMED)] if name != right else []
+            elif not name.startswith("{"):
+                unknown.append(
+                    Breach(f"{kind} has the attribute {name}, which FMI 3.0 does not have.", _NAMED)
+                )
+    return misspelled, unknown
+
+
+@cache
+def _attributes_of(kind: str) -> tuple[str, ...]:
+    """Return the names of the attributes of an interface type of FMI 3.0."""
+    with as_file(files("fmpy") / "schema" / "fmi3") as folder:
+        root = etree.parse(str(folder / "fmi3InterfaceType.xsd"))
+    types = [
+        t for t in root.iterfind("{*}complexType") if t.get("name") in ("fmi3InterfaceType", f"fmi3{kind}")
+    ]
+    return tuple(e.get("name") for t in types for e in t.iterfind(".//{*}attribute"))
 
 
 def _inconsistent(subject: Subject) -> Iterator[Problem]:
@@ -183,6 +229,9 @@ def _inconsistent(subject: Subject) -> Iterator[Problem]:
     early, update = "canReturnEarlyAfterIntermediateUpdate", "providesIntermediateUpdate"
     if subject.has_flag(early, "CoSimulation") and not subject.has_flag(update, "CoSimulation"):
         yield Breach(f"CoSimulation declares {early}, but not {update}.", _EARLY)
+    step = subject.tree.find("CoSimulation").get("fixedInternalStepSize")
+    if step is not None and not float(step) > 0.0:
+        yield Breach(f"The fixedInternalStepSize is {step} s; it must be positive.", _FIXED_STEP)
     clock = next((v for v in subject.declared.variables if v.type == "Clock"), None)
     if clock is not None and not subject.has_flag("hasEventMode", "CoSimulation"):
         yield Breach(

@@ -15,9 +15,9 @@ from ..libraries import (
     list_needed_libraries,
     parse_library,
 )
-from ..messages import join_few_names, judge_problems
+from ..messages import Breach, Problem, join_few_names, judge_problems
 from ..subject import Subject
-from ..verdict import CheckOutcome, in_both, noted, skipped
+from ..verdict import CheckOutcome, fmi3, in_both, noted, skipped
 
 _EVERYWHERE = re.compile(
     r"""
@@ -32,6 +32,14 @@ _EVERYWHERE = re.compile(
 )
 """Libraries that come with every GNU/Linux, macOS or Windows."""
 
+_ORIGIN = fmi3(
+    "2.5.1.4.1",
+    'RPATH="$ORIGIN" should be set when building ELF binaries to allow dynamic loading of dependencies on '
+    "the target machine.",
+)
+_SYSTEM_FOLDER = re.compile(r"/(usr/(local/)?)?lib(32|64)?(/[^/]*-linux-[^/]*)?/?")
+"""Folders with the libraries of a system, which every program finds without a path."""
+
 _UNDEFINED = 0
 """Section index of symbols that other libraries define."""
 
@@ -45,7 +53,8 @@ _UNDEFINED = 0
         "Shared libraries should be statically linked against their dependencies [e.g. the Visual Studio C "
         "Runtime on Windows].",
     ),
-    "Link it statically, ship it beside the library, or name it in documentation/externalDependencies.txt.",
+    "Link it statically, ship it beside the library (with the RPATH $ORIGIN), or name it in "
+    "documentation/externalDependencies.txt.",
     needs=("binaries.present",),
 )
 def imports(subject: Subject) -> CheckOutcome:
@@ -56,11 +65,11 @@ def imports(subject: Subject) -> CheckOutcome:
     if not found:
         return skipped("There are no readable binaries.")
     doubts = [p for one, binary in found for p in (*_needed(one, binary), *_undefined(one, binary))]
-    if doubts and (documented := find_dependencies_file(subject)):
+    paths = [p for one, binary in found for p in _foreign_paths(one, binary)]
+    if doubts and not paths and (documented := find_dependencies_file(subject)):
         return noted(f"{doubts[0]} {documented} is there to document what it needs.", details=tuple(doubts))
-    return judge_problems(
-        (), f"{join_few_names([str(one) for one, _ in found])} need only standard libraries.", doubts
-    )
+    fine = f"{join_few_names([str(one) for one, _ in found])} need only standard libraries."
+    return judge_problems((), fine, [*doubts, *paths])
 
 
 def _needed(library: Library, binary: Any) -> Iterator[str]:
@@ -69,6 +78,26 @@ def _needed(library: Library, binary: Any) -> Iterator[str]:
     unusual = [n or "''" for n in names if not _EVERYWHERE.fullmatch(n) and n.lower() not in shipped]
     if unusual:
         yield f"{library} needs {join_few_names(unusual)}, which some systems do not have."
+
+
+def _foreign_paths(library: Library, binary: Any) -> Iterator[Problem]:
+    """Yield folders of the machine of the exporter in which a Linux library looks for others."""
+    import lief
+
+    if not isinstance(binary, lief.ELF.Binary):
+        return
+    for entry in binary.dynamic_entries:
+        if isinstance(entry, lief.ELF.DynamicEntryRpath):
+            kind, paths = "RPATH", entry.rpath
+        elif isinstance(entry, lief.ELF.DynamicEntryRunPath):
+            kind, paths = "RUNPATH", entry.runpath
+        else:
+            continue
+        folders = [f for f in str(paths).split(":") if f]
+        other = [f for f in folders if not f.startswith(("$ORIGIN", "${ORIGIN}"))]
+        if foreign := [f for f in other if not _SYSTEM_FOLDER.fullmatch(f)]:
+            what = f"{library} looks for libraries in {join_few_names(foreign)} ({kind})"
+            yield Breach(f"{what}, which is not in the FMU.", _ORIGIN)
 
 
 def _undefined(library: Library, binary: Any) -> Iterator[str]:

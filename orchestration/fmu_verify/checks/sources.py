@@ -4,12 +4,13 @@ import re
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from importlib.resources import as_file, files
 from pathlib import Path
 
 from ..c_sources import NO_COMPILER, find_inside, find_machine_compiler, find_zig, run_compiler
 from ..check import check
+from ..libraries import list_exports, list_functions, parse_library
 from ..messages import Breach, join_few_names, judge_problems, shorten_sentence
 from ..sanitizer.compiling import find_sources
 from ..subject import Subject
@@ -78,9 +79,10 @@ def compile_(subject: Subject) -> CheckOutcome:
         return skipped(f"The sources need {_BUILD_DESCRIPTION}, which is not supported.")
     seconds = _PART * _TIME_FACTOR * subject.settings.seconds
     for names in {tuple(names) for names in lists.values() if names}:
+        needed = {f for k, listed in lists.items() if tuple(listed) == names for f in list_functions(k, 2)}
         if any(Path(name).suffix not in _C for name in names):
             return skipped("Not all of the sources are C.")
-        if (outcome := _compiled(folder, names, seconds)) is not None:
+        if (outcome := _compiled(folder, names, seconds, needed=needed)) is not None:
             # some tools put headers into folders that the model description cannot list
             others = sorted({p.parent for p in folder.rglob("*.h")} - {folder})
             is_late = outcome.verdict == Verdict.SKIPPED
@@ -108,7 +110,8 @@ def _judge_configurations(subject: Subject) -> CheckOutcome:
             return skipped("Not all of the sources are C.")
         names = [path.relative_to(folder.resolve()).as_posix() for path in sources.files]
         macros = (*sources.macros, "-DFMI3_OVERRIDE_FUNCTION_PREFIX")
-        if (outcome := _compiled(folder, names, seconds, sources.includes, macros)) is not None:
+        needed = list_functions("CoSimulation", 3)
+        if (outcome := _compiled(folder, names, seconds, sources.includes, macros, needed)) is not None:
             return outcome
     return passed(f"The sources for {' and '.join(found)} compile and link.")
 
@@ -119,8 +122,18 @@ def _compiled(
     seconds: float,
     includes: Sequence[Path] = (),
     macros: Sequence[str] = (),
+    needed: Collection[str] = (),
 ) -> CheckOutcome | None:
-    """Compile and link these files, with more include folders and macros. Return None on success."""
+    """Compile and link these files, with more include folders and macros. Return None on success.
+
+    Args:
+        folder: The folder `sources`.
+        names: The files.
+        seconds: Time limit of the compiler in s.
+        includes: Further include folders.
+        macros: Further options.
+        needed: Functions that they must define.
+    """
     compiler = find_machine_compiler() or find_zig()
     if not compiler:
         return skipped(NO_COMPILER, gaps=(NO_COMPILER,))
@@ -141,6 +154,10 @@ def _compiled(
             return skipped(said, gaps=(said,))
         except OSError as error:
             return skipped(f"No compiler can be run: {error.strerror}.")
+        missing = _missing_functions(Path(scratch, "library"), needed) if done.returncode == 0 else []
+    if missing:
+        said = f"{', '.join(names)} compile, but do not define {join_few_names(missing)}."
+        return failed(shorten_sentence(said), hint="Implement all functions of the header files of FMI.")
     if done.returncode == 0:
         return None
     said = _ERROR.search(done.stderr)
@@ -154,3 +171,11 @@ def _compiled(
         if any(include.search(p.read_bytes()) for p in folder.rglob("*.[ch]")):
             return failed(sentence)
     return warned(sentence)  # it may need compiler options that only its documentation lists
+
+
+def _missing_functions(library: Path, needed: Collection[str]) -> list[str]:
+    """Return the functions that a compiled library lacks. Their names may have a prefix."""
+    binary = parse_library(library)
+    exported = set() if binary is None else list_exports(binary)
+    given = {name for name in needed if any(e == name or e.endswith(f"_{name}") for e in exported)}
+    return [name for name in needed if name not in given] if given else []  # none: they are hidden

@@ -1,7 +1,9 @@
 """Check the terminals and icons of FMI 3.0, which FMI 2.0.4 has, too."""
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
+from urllib.parse import unquote, urlsplit
 
 from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 
@@ -42,13 +44,30 @@ _MEMBER = fmi3(
     "2.4.9.2.3",
     "Therefore, the memberName attribute is required for plug and bus and must be unique per terminal.",
 )
+_STREAM = fmi3(
+    "2.4.9.2.4",
+    "The attribute inStreamVariableName and outStreamVariableName are used to identify the ModelVariables.",
+)
+_PNG = fmi3("2.4.9.2.5", "The PNG file with the extension '.png' has to be provided.")
+_ICON = fmi3(
+    "2.4.9.1.3",
+    "The optional image file of the FMU icon is placed at the path terminalsAndIcons/icon.png in the ZIP "
+    "archive of the FMU.",
+)
+_SVG = fmi3(
+    "2.4.9.1.3",
+    "Optionally an SVG file with path terminalsAndIcons/icon.svg can be provided if also the PNG file is "
+    "present.",
+)
+_PNG_START = b"\x89PNG\r\n\x1a\n"
 
 
 @check(
     "description.terminals",
     "Terminals are valid",
     _VALID,
-    "Name variables of the model description, each terminal of a level once, and each of its members once.",
+    "Name variables of the model description, each terminal of a level once, and each of its members once. "
+    "Ship the images.",
     needs=("description.schema",),
 )
 def terminals(subject: Subject) -> CheckOutcome:
@@ -60,7 +79,7 @@ def terminals(subject: Subject) -> CheckOutcome:
         root = parse_xml(path.read_bytes())
     except etree.XMLSyntaxError as error:
         return failed(shorten_sentence(f"{TERMINALS} cannot be read: {str(error).rstrip('.')}."))
-    if not root.get("fmiVersion", "").startswith("3."):  # as FMI 2.0 allows
+    if subject.version == 2 and not root.get("fmiVersion", "").startswith("3."):  # as FMI 2.0 allows
         return skipped(f"{TERMINALS} is for FMI {root.get('fmiVersion')}, not 3.0.")
     if problems := find_schema_problems(root, "fmi3TerminalsAndIcons.xsd"):
         return judge_problems(problems, "")
@@ -71,6 +90,7 @@ def terminals(subject: Subject) -> CheckOutcome:
     names = {name for v in subject.declared.variables for name in (v.name, *v.aliases)}
     top = root.find("Terminals")
     found += _wrong_level([] if top is None else top.findall("Terminal"), names)
+    found += _wrong_images(root, path.parent)
     return judge_problems(found, f"{len(root.findall('.//Terminal'))} terminals are valid.")
 
 
@@ -83,6 +103,12 @@ def _wrong_level(level: list[Any], names: set[str]) -> Iterator[Problem]:
             if member.get("variableName") not in names:
                 what = f"{member.get('variableName')}, which is no variable"
                 yield Breach(f"The terminal {terminal.get('name')} has {what}.", _VARIABLE)
+        for member in terminal.findall("TerminalStreamMemberVariable"):
+            for name in (member.get("inStreamVariableName"), member.get("outStreamVariableName")):
+                if name not in names:
+                    yield Breach(
+                        f"The terminal {terminal.get('name')} has {name}, which is no variable.", _STREAM
+                    )
         if terminal.get("matchingRule") in ("plug", "bus"):
             given = [m.get("memberName") for m in members]
             if None in given:
@@ -90,3 +116,20 @@ def _wrong_level(level: list[Any], names: set[str]) -> Iterator[Problem]:
             for name in find_repeated(n for n in given if n is not None):
                 yield Breach(f"The terminal {terminal.get('name')} has the member {name} twice.", _MEMBER)
         yield from _wrong_level(terminal.findall("Terminal"), names)
+
+
+def _wrong_images(root: Any, folder: Path) -> Iterator[Problem]:
+    """Yield images that are missing or not PNG. That of the FMU is optional."""
+    icon = folder / "icon.png"
+    if not icon.is_file() and (folder / "icon.svg").is_file():
+        yield Breach("The FMU has terminalsAndIcons/icon.svg, but no icon.png beside it.", _SVG)
+    images = [(icon, _ICON)] if icon.is_file() else []
+    for shape in root.iterfind("Terminals//TerminalGraphicalRepresentation"):
+        source = urlsplit(shape.get("iconBaseName"))
+        if not (source.scheme or source.netloc):
+            images.append((folder / f"{unquote(source.path)}.png", _PNG))
+    for image, clause in dict.fromkeys(images):
+        if not image.resolve().is_relative_to(folder.parent.resolve()) or not image.is_file():
+            yield Breach(f"The image {image.relative_to(folder.parent)} is not in the FMU.", clause)
+        elif not image.read_bytes().startswith(_PNG_START):
+            yield Breach(f"The image {image.relative_to(folder.parent)} is not a PNG file.", clause)

@@ -158,7 +158,9 @@ def _contradictions(unit: DeclaredUnit) -> Iterator[str]:
             continue
         text = explain_contradiction(define_display_unit(defined, display["name"], factor, offset))
         if text is not None:
-            yield f"In the display of {unit.name}, {text}."
+            name = find_unit(display["name"])
+            right = "" if name is None else f", by its name {defined.factor / name.factor:g}"
+            yield f"In the display of {unit.name}, {text}. DisplayUnit has the factor {factor:g}{right}."
 
 
 @check(

@@ -45,7 +45,11 @@ _INITIAL = Clause(
 )
 _REFERENCES = fmi3("2.4.7.4", "The valueReference must be unique for all variables of an FMU.")
 _INTERMEDIATE = fmi3("2.4.7.4", "Only continuous-time variables can have intermediateUpdate = true.")
-_MULTIPLE_SETS = fmi3("2.4.7.4", "Only for variables with causality = input.")
+_MULTIPLE_SETS = Clause(
+    "fmi2ScalarVariable.xsd",
+    'Only for ModelExchange and only for variables with variability = "input":',
+    in_3=fmi3("2.4.7.4", "Only for variables with causality = input."),
+)
 _REINIT = Clause(
     "2.2.7",
     "Can only be present for a continuous-time state.",
@@ -135,6 +139,8 @@ def attributes(subject: Subject) -> CheckOutcome:
         problems.append(Breach(both, _ONE_INDEPENDENT))
     if "ModelExchange" in subject.kinds:
         problems += _reinitialized(declared)
+    if declared.version == 3 or "ModelExchange" in subject.kinds:
+        problems += _set_once(declared)
     if declared.version == 3:
         problems += _of_version_3(declared, independent)
     elif "ModelExchange" not in subject.kinds:
@@ -163,13 +169,14 @@ def _of_version_3(declared: Declarations, independent: Sequence[str]) -> Iterato
             yield Breach(f"{variable} is independent, but of type {variable.type}.", _INDEPENDENT)
         if variable.own.get("intermediateUpdate") in ("true", "1") and variable.variability != "continuous":
             yield Breach(f"{variable} has intermediateUpdate, but is {variable.variability}.", _INTERMEDIATE)
-        forbids = variable.own.get("canHandleMultipleSetPerTimeInstant") in ("false", "0")
-        if forbids and variable.causality != "input":
-            what = (
-                f"{variable} has canHandleMultipleSetPerTimeInstant = false, but is "
-                f"{_article(variable.causality)}."
-            )
-            yield Breach(what, _MULTIPLE_SETS)
+
+
+def _set_once(declared: Declarations) -> Iterator[Problem]:
+    """Yield variables that can be set only once at a time, but are not inputs."""
+    for variable in declared.variables:
+        if variable.multiple_sets in ("false", "0") and variable.causality != "input":
+            what = f"{variable} has canHandleMultipleSetPerTimeInstant = false, but is"
+            yield Breach(f"{what} {_article(variable.causality)}.", _MULTIPLE_SETS)
 
 
 def _reinitialized(declared: Declarations) -> Iterator[Problem]:
@@ -181,7 +188,10 @@ def _reinitialized(declared: Declarations) -> Iterator[Problem]:
 
 
 def _exchanged(variable: DeclaredVariable) -> Iterator[Problem]:
-    has = {"reinit": "reinit" in variable.own, "canHandleMultipleSetPerTimeInstant": variable.multiple_sets}
+    has = {
+        "reinit": "reinit" in variable.own,
+        "canHandleMultipleSetPerTimeInstant": variable.multiple_sets != "",
+    }
     for attribute in (name for name, present in has.items() if present):
         yield Breach(f"{variable} has {attribute}, which is for Model Exchange only.", _MODEL_EXCHANGE)
 

@@ -273,6 +273,16 @@ STATIC: list[Broken] = [
             '</GraphicalRepresentation><Terminals><Terminal name="t" matchingRule="bus">'
             '<TerminalMemberVariable variableName="nothing" memberName="a" variableKind="signal"/>'
             "</Terminal></Terminals>", file="terminalsAndIcons/terminalsAndIcons.xml")),
+    Broken("set-once", "A parameter that can be set once at a time, which is for inputs",
+        "variables.attributes",
+        setting(_variable("body.mass"), canHandleMultipleSetPerTimeInstant="false")),
+    Broken("patch-version", "The patch number of FMI in the version", "description.readable",
+        with_text('fmiVersion="2.0"', 'fmiVersion="2.0.4"')),
+    Broken("empty-platform", "An empty folder of a platform", "binaries.present",
+        _entries("binaries/darwin64/", b""), verdict=Verdict.WARNING),
+    Broken("no-function", "Sources without a function that the header files of FMI declare",
+        "sources.compile",
+        with_text("fmi2GetStringStatus(", "get_string_status(", file="sources/fmi2_status.h")),
     Broken("no-source", "A source file that is listed, but not there", "sources.compile",
         setting("//SourceFiles/File", name="elsewhere.c")),
 ]

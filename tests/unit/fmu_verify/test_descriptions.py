@@ -1,6 +1,7 @@
 """Model descriptions and sources: errors fail, oddities warn, and what the standard allows passes."""
 
 import math
+import sys
 from pathlib import Path
 
 import pytest
@@ -251,3 +252,22 @@ def test_library_that_needs_another(documented: bool, tmp_path: Path) -> None:
     assert report["binaries.loads"].verdict == (Verdict.SKIPPED if documented else Verdict.FAILED)
     assert report["binaries.imports"].verdict == (Verdict.PASSED if documented else Verdict.WARNING)
     assert all("libq.so.6" in report[f"binaries.{name}"].sentence for name in ("loads", "imports"))
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="a path in ELF files")
+@pytest.mark.parametrize(
+    ("paths", "verdict"),
+    [("/home/builder/lib", Verdict.WARNING), ("$ORIGIN:/usr/lib/x86_64-linux-gnu", Verdict.PASSED)],
+)
+def test_path_of_the_exporters_machine(paths: str, verdict: Verdict, tmp_path: Path) -> None:
+    import lief
+
+    def edit(files: Files) -> None:
+        library = lief.ELF.parse(files[LIBRARY])
+        assert library is not None
+        library.add(lief.ELF.DynamicEntryRunPath(paths))
+        files[LIBRARY] = library.write_to_bytes()
+
+    finding = examine(with_files(edit)(tmp_path), "binaries")["binaries.imports"]
+    assert finding.verdict == verdict, finding.sentence
+    assert verdict == Verdict.PASSED or "/home/builder/lib (RUNPATH)" in finding.sentence
