@@ -156,7 +156,7 @@ def _compiled(
             return skipped(f"No compiler can be run: {error.strerror}.")
         missing = _missing_functions(Path(scratch, "library"), needed) if done.returncode == 0 else []
     if missing:
-        said = f"{', '.join(names)} compile, but do not define {join_few_names(missing)}."
+        said = f"The sources ({', '.join(names)}) do not define {join_few_names(missing)}."
         return failed(shorten_sentence(said), hint="Implement all functions of the header files of FMI.")
     if done.returncode == 0:
         return None
