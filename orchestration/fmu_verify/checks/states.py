@@ -5,12 +5,14 @@ import time
 
 import numpy as np
 
+from emla_cosim.base.wording import format_count
+
 from ..check import check
 from ..host.experiment import Experiment, make_experiment
 from ..host.fresh_process import EndedError, in_fresh_process, is_single_instance
-from ..host.hosted_instance import CallError, HostedInstance
+from ..host.hosted_instance import CallError, HostedInstance, SerializedState
 from ..host.instance_runs import OutputTrajectory, run_alone, run_instance, step_instance
-from ..host.process_state import can_read_memory, read_memory
+from ..host.process_state import can_read_memory, list_writable_memory, read_memory
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, Verdict, failed, fmi3, noted, passed, skipped
 from ._sameness import compare_runs
@@ -174,7 +176,46 @@ def serialized(subject: Subject) -> CheckOutcome:
     outcome = compare_runs(
         found, wanted, f"A run from the serialized state of t = {course.times[middle]:.9g} s", _ALLOWED
     )
+    if outcome.verdict == Verdict.PASSED and (count := len(_find_addresses(data))):
+        outcome = _judge_moved(subject, course, middle, data, count) or outcome
     return outcome if outcome.verdict != Verdict.PASSED else _damaged(subject, data)
+
+
+_WORD = 8
+_SHIFT = 1 << 46
+"""Added to addresses in the bytes of a state, which then lead nowhere."""
+
+
+def _find_addresses(data: bytes) -> list[int]:
+    """Return where the bytes of a state hold addresses of the process that saved it.
+
+    As doubles they are denormal, and as integers they are huge.
+    """
+    spans = getattr(data, "writable", ())
+    words = np.frombuffer(data[: len(data) // _WORD * _WORD], dtype=np.uint64)
+    inside = np.zeros(len(words), dtype=bool)
+    for low, high in spans:
+        inside |= (words >= low) & (words < high)
+    return (_WORD * np.flatnonzero(inside)).tolist()
+
+
+def _judge_moved(
+    subject: Subject, course: Experiment, middle: int, data: bytes, count: int
+) -> CheckOutcome | None:
+    """Return what is wrong if a state's addresses are those of another process; None for nothing."""
+    moved = bytearray(data)
+    for place in _find_addresses(data):
+        word = int.from_bytes(moved[place : place + _WORD], "little") + _SHIFT
+        moved[place : place + _WORD] = word.to_bytes(_WORD, "little")
+    addresses = format_count(count, "address", "addresses")
+    said = f"The bytes of a state contain {addresses} of its process"
+    try:
+        in_fresh_process(_from_bytes, subject, course, middle, bytes(moved), timeout=subject.settings.seconds)
+    except EndedError as error:
+        return failed(f"{said}, used where they are restored: {error.call} ends another process.")
+    except CallError:  # it may know that the bytes were changed
+        return None
+    return None
 
 
 def _bytes_at(subject: Subject, course: Experiment, middle: int) -> bytes | int:
@@ -184,7 +225,8 @@ def _bytes_at(subject: Subject, course: Experiment, middle: int) -> bytes | int:
     step_instance(instance, course, 0, middle)
     state = instance.save_state()
     data = instance.serialize(state)
-    if isinstance(data, bytes):
+    if isinstance(data, SerializedState):
+        data.writable = list_writable_memory()
         instance.free_state(state)
     return data
 
@@ -213,7 +255,7 @@ def _damaged(subject: Subject, data: bytes) -> CheckOutcome:
         cases[f"damaged bytes ({k + 1})"] = bytes(spoiled)
     try:
         for part in ([c] for c in cases.items()) if is_single_instance(subject) else (list(cases.items()),):
-            in_fresh_process(_take, subject, part)
+            in_fresh_process(_take, subject, part, timeout=subject.settings.seconds)
     except EndedError as error:
         return noted(f"{error.call} ends the process ({error.how}).")  # the standard does not require more
     return passed(

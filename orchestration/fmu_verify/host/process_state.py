@@ -156,3 +156,13 @@ def read_memory() -> float:
     """Return the resident memory of this process in bytes, after a garbage collection."""
     gc.collect()
     return float(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+
+
+def list_writable_memory() -> list[tuple[int, int]]:
+    """Return the spans of addresses that this process may write to; none if the system does not tell."""
+    try:
+        lines = Path("/proc/self/maps").read_text().splitlines()
+    except OSError:
+        return []
+    spans = (line.split()[0].split("-") for line in lines if "w" in line.split()[1])
+    return [(int(low, 16), int(high, 16)) for low, high in spans]
