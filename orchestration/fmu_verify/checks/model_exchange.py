@@ -1,9 +1,12 @@
 """Checks of Model Exchange: integration, and agreement with Co-Simulation."""
 
+import numpy as np
+
 from ..check import check
-from ..host.experiment import make_experiment
+from ..host.experiment import Experiment, make_experiment, span
 from ..host.hosted_instance import CallError, HostedInstance
 from ..host.instance_runs import run_alone, run_instance
+from ..messages import judge_problems
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, fmi3, noted, own_rule, passed, skipped
 from ._sameness import differing
@@ -42,6 +45,60 @@ def runs(subject: Subject) -> CheckOutcome:
     instance.close()
     states = len(subject.description.derivatives)
     return passed(f"{states} states were integrated to t = {found.times[-1]:.9g} s.")
+
+
+@check(
+    "model_exchange.split",
+    "Results do not depend on where the host stops",
+    Clause(
+        "3.1",
+        "An event occurs when the event indicator changes its domain",
+        in_3=fmi3(
+            "3.1",
+            "An event indicator, and only an event indicator, signals a state event with the domain change",
+        ),
+    ),
+    "Tell state events by event indicators and time events by nextEventTime. Sample only when it is time.",
+    needs=("model_exchange.runs",),
+    time_factor=3.0,
+)
+def split(subject: Subject) -> CheckOutcome:
+    """Compare a run with one that enters event mode more often.
+
+    Events near a communication point may fall on either side of it, so only many different rows count.
+    """
+    course = make_experiment(subject)
+    inputs = {name: np.full(len(course.times), v[0]) for name, v in course.inputs.items()}
+    start, step, count = span(subject)
+    stride = step * max(1, count // (len(course.times) - 1))
+    every = run_alone(
+        subject, Experiment(start + stride * np.arange(float(len(course.times))), inputs), "ModelExchange"
+    )
+    few = {name: v[::_STRIDE] for name, v in inputs.items()}
+    rare = run_alone(
+        subject,
+        Experiment(start + _STRIDE * stride * np.arange(float(len(course.times[::_STRIDE]))), few),
+        "ModelExchange",
+    )
+    rows = min(len(rare.times), len(every.times[::_STRIDE]))
+    one, other = every.values[::_STRIDE][:rows], rare.values[:rows]
+    scale = np.maximum(np.ptp(one, axis=0), np.ptp(other, axis=0))
+    far = (np.abs(one - other) > _FAR * scale).mean(axis=0)
+    names = [
+        f"{n} differs in {part:.0%} of the rows"
+        for n, part in zip(every.names, far, strict=True)
+        if part > _MANY
+    ]
+    fine = (
+        f"{len(every.names)} outputs are the same where the host enters event mode {_STRIDE} times as often."
+    )
+    lines = [f"{name} where the host enters event mode more often, with constant inputs." for name in names]
+    return judge_problems((), fine, lines)
+
+
+_STRIDE = 5
+_FAR = 5e-3
+_MANY = 0.3
 
 
 @check(

@@ -21,7 +21,13 @@ from ..subprocess_run import note
 from ..verdict import LEAVES_EXCEPTION, Clause, NotRunError, left_exception
 from .arrays import Arrays, ElementDependency, set_elements
 from .event_mode import EARLY, EventState, HostedEvents
-from .integration import EndlessEventError, HostedIntegration, IntegrationError, RunEndedError
+from .integration import (
+    EndlessEventError,
+    HostedIntegration,
+    HostedModel,
+    IntegrationError,
+    RunEndedError,
+)
 from .log import LOG, format_message
 
 RETURNS_EARLY = "mightReturnEarlyFromDoStep"
@@ -71,6 +77,8 @@ class SerializedState(bytes):
     """The bytes of a state, with what is known of the instance beside it."""
 
     events: EventState | None = None
+    writable: Sequence[tuple[int, int]] = ()
+    """Spans of addresses of the process that saved it, which may change."""
 
 
 class HostedInstance(FmiInstance):
@@ -135,6 +143,11 @@ class HostedInstance(FmiInstance):
         if uses_events or returns:
             self.events = HostedEvents(self, uses_events, returns)
         self.instantiate(logging)
+
+    @property
+    def model(self) -> HostedModel | None:
+        """What integrators call, of an instance for Model Exchange."""
+        return None if self._integration is None else self._integration.members[0]
 
     def instantiate(self, logging: bool = False) -> None:
         """Instantiate again after `free`, with the loaded library."""

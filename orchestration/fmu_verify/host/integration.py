@@ -4,9 +4,11 @@ import ctypes
 from functools import cached_property
 from typing import Any
 
+import numpy as np
 from fmpy.fmi1 import FMICallException
 from fmpy.model_description import ModelDescription
 
+from emla_cosim.base.arrays import Vector
 from emla_cosim.fmu.continuous_model import ContinuousModel, DiscardedCall
 from emla_cosim.fmu.cvode import IntegratorSettings, SolverError
 from emla_cosim.fmu.instance import DISCARD
@@ -42,6 +44,8 @@ class HostedModel(ContinuousModel):
 
     def __init__(self, fmu: Any, subject: Subject) -> None:
         self.fmu, self._subject = fmu, subject
+        self.untold: list[str] = []
+        """What events changed or announced without saying so, in sentences."""
 
     @property
     def _description(self) -> ModelDescription:
@@ -74,7 +78,27 @@ class HostedModel(ContinuousModel):
             raise
 
     def _update(self, call: str) -> tuple[bool, bool, bool, bool, bool, float]:
-        return self.fmu.newDiscreteStates()
+        before = self._states()
+        found = self.fmu.newDiscreteStates()
+        if not found[3] and (changed := before != self._states()).any():
+            self.untold.append(
+                f"{call} changed continuous state {int(np.argmax(changed)) + 1}, but "
+                "valuesOfContinuousStatesChanged is false."
+            )
+        if found[4] and found[5] < self._time:
+            self.untold.append(
+                f"{call} announced the next event for t = {found[5]:.9g} s, which is in the past."
+            )
+        return found
+
+    def _states(self) -> Vector:
+        found = np.zeros(self.state_count)
+        self.read_states(found.ctypes.data)
+        return found
+
+    def write_nominals(self, result: int) -> None:
+        """Write the nominal values of the states to an address."""
+        self._call("getNominalsOfContinuousStates", result, self.state_count)
 
     def _answer_error(self, call: str, answer: str) -> IntegrationError:
         return IntegrationError(f"{call} answered {answer}")

@@ -75,13 +75,15 @@ def settable(
 
     With `tunable`, parameters must be tunable. `most` limits the number; None: no limit.
     """
-    found: dict[tuple[str, int], ModelVariable] = {}
+    found: dict[tuple[str, int | str], ModelVariable] = {}
     for variable in subject.description.modelVariables:
         right = variable.causality in causalities and variable.variability != "constant"
         if tunable and variable.causality == "parameter":
             right = right and variable.variability == "tunable"
         if right and variable.start is not None:
-            found.setdefault((kind_of(variable), int(variable.valueReference)), variable)
+            # elements of an array of FMI 3.0 have the same value reference
+            alias = variable.name if subject.version == 3 else int(variable.valueReference)
+            found.setdefault((kind_of(variable), alias), variable)
     return list(found.values())[:most]
 
 

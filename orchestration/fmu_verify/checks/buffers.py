@@ -1,0 +1,102 @@
+"""Check that functions write only the values that they were asked for."""
+
+import ctypes
+from collections import defaultdict
+from collections.abc import Iterator
+from typing import Any
+
+from ..check import check
+from ..host.experiment import span
+from ..host.hosted_instance import HostedInstance
+from ..messages import judge_problems
+from ..subject import Subject
+from ..verdict import CheckOutcome, Clause, fmi3
+
+_GUARD = 64
+_FILL = 0xA5
+_TYPES_2 = {"Real": ctypes.c_double, "Integer": ctypes.c_int, "Boolean": ctypes.c_int}
+_TYPES_3 = {
+    "Float32": ctypes.c_float,
+    "Float64": ctypes.c_double,
+    "Boolean": ctypes.c_bool,
+    **{
+        f"{sign}Int{n}": getattr(ctypes, f"c_{sign.lower()}int{n}")
+        for sign in ("", "U")
+        for n in (8, 16, 32, 64)
+    },
+}
+
+
+@check(
+    "calls.buffers",
+    "Functions write only the values that they return",
+    Clause(
+        "2.1.7",
+        "Argument value is a vector with the actual values of these variables.",
+        in_3=fmi3(
+            "2.2.7.2",
+            "nValues provides the number of values in the values vector (and valueSizes vector, where "
+            "applicable) which is only equal to nValueReferences if all valueReferences point to scalar "
+            "variables.",
+        ),
+    ),
+    "Write values of the size of their type, and as many as there are in modelDescription.xml.",
+    needs=("run.completes",),
+)
+def buffers(subject: Subject) -> CheckOutcome:
+    """Look behind the arrays that functions fill: an FMU that writes there damages the memory of its host."""
+    instance, written = HostedInstance(subject), list[str]()
+    instance.initialize(None, span(subject)[0])
+    tried = 0
+    for function, kind, references in _list_calls(subject):
+        tried += 1
+        memory = _guarded(len(references) * ctypes.sizeof(kind))
+        values = ctypes.cast(memory, ctypes.POINTER(kind))
+        count = (len(references),) if subject.version == 3 else ()
+        array = (ctypes.c_uint * len(references))(*references)
+        instance.status(function, array, len(references), values, *count)
+        written += _overrun(memory, f"{function} of {len(references)} values")
+    instance.free()
+    if "ModelExchange" in subject.run_kinds:
+        instance = HostedInstance(subject, name="model", kind="ModelExchange")
+        instance.initialize(None, span(subject)[0])
+        model = instance.model
+        assert model is not None
+        for what, call, count in (
+            ("states", model.read_states, model.state_count),
+            ("derivatives", model.derive, model.state_count),
+            ("event indicators", model.indicate, model.indicator_count),
+        ):
+            tried += 1
+            memory = _guarded(8 * count)
+            with instance.calling():
+                call(ctypes.addressof(memory))
+            written += _overrun(memory, f"The function for {what}, of which there are {count},")
+        instance.free()
+    return judge_problems(written, f"{tried} functions wrote only the values that they return.")
+
+
+def _list_calls(subject: Subject) -> Iterator[tuple[str, Any, list[int]]]:
+    """Yield a function for each type of scalars, the type of its values, and their value references."""
+    found = defaultdict[str, list[int]](list)
+    for v in subject.description.modelVariables:
+        if not v.clocks and getattr(v, "size", 1) == 1:
+            found[str(getattr(v, "data_type", v.type))].append(int(v.valueReference))
+    number = "Int64" if subject.version == 3 else "Integer"
+    found[number] += found.pop("Enumeration", [])
+    types: dict[str, Any] = _TYPES_3 if subject.version == 3 else _TYPES_2
+    for name, references in found.items():
+        if name in types and references:
+            yield f"fmi{subject.version}Get{name}", types[name], references
+
+
+def _guarded(size: int) -> Any:
+    """Return memory with a guard behind it."""
+    return (ctypes.c_ubyte * (size + _GUARD))(*[_FILL] * (size + _GUARD))
+
+
+def _overrun(memory: Any, what: str) -> Iterator[str]:
+    """Yield a sentence if the guard changed."""
+    changed = [k for k, byte in enumerate(memory[len(memory) - _GUARD :]) if byte != _FILL]
+    if changed:
+        yield f"{what} writes {changed[-1] + 1} bytes behind them."

@@ -1,0 +1,200 @@
+"""Check what the functions of Model Exchange say of states, derivatives and event indicators."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from emla_cosim.base.arrays import Vector
+
+from ..check import check
+from ..host.experiment import Experiment, make_experiment, span
+from ..host.hosted_instance import CallError, HostedInstance
+from ..host.instance_runs import outputs
+from ..host.integration import HostedModel
+from ..messages import Breach, judge_problems
+from ..subject import Subject
+from ..verdict import CheckOutcome, Clause, fmi3, skipped
+
+_POSITIVE = Clause(
+    "3.2.2",
+    "Note that it is required that x_nominal[i] > 0.0.",
+    in_3=fmi3("2.3.2", "It is required that nominals[i] > 0.0."),
+)
+_JUMPED = Clause(
+    "3.2.2",
+    "If valuesOfContinuousStatesChanged = fmi2True, then at least one element of the continuous state vector "
+    "has changed its value due to the function call.",
+    in_3=fmi3(
+        "2.3.5",
+        "If argument valuesOfContinuousStatesChanged = fmi3True, then at least one continuous state has "
+        "changed its value because it was re-initialized",
+    ),
+)
+_FROZEN = Clause(
+    "3.1",
+    "When entering Continuous-Time Mode all relations reported via the event indicators z are fixed and "
+    "during this Mode these relations are replaced by r.",
+    in_3=fmi3(
+        "3.1",
+        "Even when an event indicator switches, its corresponding relation must stay “frozen” to assure the "
+        "continuity assumption of the integration algorithm.",
+    ),
+)
+_STEPS = 50
+_CLOSE = 1e-9
+"""Allowed distance of a derivative from the variable that it is, relative to the largest one."""
+
+_SHOWN = 4
+_HALVINGS = 30
+_JUMP = 0.02
+"""Least jump of a derivative, relative to its range in the run, that counts."""
+
+
+@check(
+    "model_exchange.states",
+    "States and derivatives are those of the model description",
+    Clause(
+        "3.2.2",
+        "The ordering of the elements of the derivatives vector is identical to the ordering of the state "
+        "vector (for example, derivatives[2] is the derivative of x[2]).",
+        in_3=fmi3(
+            "3.2.1",
+            "The order of the continuousStates vector must be the same as the ordered list of elements "
+            "<ContinuousStateDerivative> in <ModelStructure>.",
+        ),
+    ),
+    "Return states, derivatives and nominal values in the order of ModelStructure. In continuous-time mode, "
+    "keep what depends on an event; say in event mode which states changed.",
+    needs=("model_exchange.runs",),
+    time_factor=2.0,
+)
+def states(subject: Subject) -> CheckOutcome:
+    """Compare vectors of states and derivatives with the variables, and look for untold and early events."""
+    derivatives = [u.variable for u in subject.description.derivatives]
+    names = [(d.derivative.name, d.name) for d in derivatives if d is not None and d.derivative is not None]
+    if not derivatives or len(names) < len(derivatives):
+        return skipped("It has no continuous states.")
+    instance, course = HostedInstance(subject, kind="ModelExchange"), _whole_experiment(subject)
+    model = instance.model
+    assert model is not None
+    problems, doubts = list[str | Breach](), list[str | Breach]()
+    instance.initialize(course.at(0), float(course.times[0]))
+    visited = [_read(model.read_states, len(names))]
+    slopes = [_read(model.derive, len(names))]
+    problems += _nominal_problems(model, names)
+    for k in range(len(course.times) - 1):
+        problems = problems or [*_mismatches(instance, names, float(course.times[k]))]
+        instance.set(course.at(k))
+        instance.step(float(course.times[k]), course.step)
+        if instance.terminated:
+            break
+        visited.append(_read(model.read_states, len(names)))
+        slopes.append(_read(model.derive, len(names)))
+    problems += [Breach(said, _JUMPED) for said in model.untold[:1]]
+    instance.free()
+    doubts += _breaks(subject, course, names, np.array(visited), np.array(slopes))
+    fine = f"{len(names)} states and derivatives are the variables of their places, and continuous."
+    return judge_problems(problems, fine, doubts)
+
+
+def _whole_experiment(subject: Subject) -> Experiment:
+    """Return the default experiment to its end, in long steps: the host integrates, and events come late."""
+    course = make_experiment(subject, _STEPS)
+    start, step, count = span(subject)
+    stride = max(1, count // (len(course.times) - 1))
+    return Experiment(start + stride * step * np.arange(float(len(course.times))), course.inputs)
+
+
+def _read(function: Any, count: int) -> Vector:
+    found = np.zeros(count)
+    function(found.ctypes.data)
+    return found
+
+
+def _nominal_problems(model: HostedModel, names: list[tuple[str, str]]) -> Iterator[Breach]:
+    found = _read(model.write_nominals, len(names))
+    for (state, _), value in zip(names, found, strict=True):
+        if not value > 0.0:
+            yield Breach(f"The nominal value of {state} is {value:g}; it must be positive.", _POSITIVE)
+            return
+
+
+def _mismatches(instance: HostedInstance, names: list[tuple[str, str]], time: float) -> Iterator[str]:
+    """Yield the first state or derivative of the vectors that is not its variable, in event mode."""
+    model = instance.model
+    assert model is not None
+    for what, function, column in (("state", model.read_states, 0), ("derivative", model.derive, 1)):
+        vector = _read(function, len(names))
+        known = np.array(instance.get([pair[column] for pair in names]), dtype=float)
+        off = np.abs(vector - known) > _CLOSE * np.abs(known).max(initial=1e-300)
+        if off.any():
+            i = int(np.argmax(off))
+            yield (
+                f"{what} {i + 1} is {vector[i]:.9g} at t = {time:.9g} s, but {names[i][column]}, "
+                f"which is listed there, is {known[i]:.9g}."
+            )
+            return
+
+
+def _stale_outputs(instance: HostedInstance, visited: Vector) -> Iterator[str]:
+    """Yield an output that follows new states only after the derivatives were read."""
+    model, names = instance.model, outputs(instance.subject)
+    assert model is not None
+    for x in visited[1:3].copy():
+        model.place(instance.start_time, x.ctypes.data)
+        before = instance.get(names)
+        _read(model.derive, len(x))
+        for name, old, new in zip(names, before, instance.get(names), strict=True):
+            if old != new and old == old:
+                yield (
+                    f"{name} is {old:.9g} after new states were set, and {new:.9g} after their "
+                    "derivatives were read, too."
+                )
+                return
+
+
+def _breaks(
+    subject: Subject, course: Experiment, names: list[tuple[str, str]], visited: Vector, slopes: Vector
+) -> Iterator[str | Breach]:
+    """Yield a derivative that jumps between two states in continuous-time mode, without an event.
+
+    Between events it is a continuous function of the states, which integrators rely on.
+    """
+    instance = HostedInstance(subject, name="continuous", kind="ModelExchange")
+    model, begin = instance.model, float(course.times[0])
+    assert model is not None
+    instance.initialize(course.at(0), begin)
+    model.enter_continuous_time_mode()
+    yield from _stale_outputs(instance, visited)
+    scale = np.ptp(slopes, axis=0)
+
+    def derive(x: Vector) -> Vector:
+        model.place(begin, x.ctypes.data)
+        return _read(model.derive, len(names))
+
+    try:
+        with instance.calling():
+            for one, two in zip(visited[:-1].copy(), visited[1:].copy(), strict=True):
+                first, last = derive(one), derive(two)
+                if not (np.abs(last - first) > _JUMP * scale).any():
+                    continue
+                for _ in range(_HALVINGS):
+                    middle = 0.5 * (one + two)
+                    between = derive(middle)
+                    if np.abs(between - first).max() > np.abs(last - between).max():
+                        two, last = middle, between
+                    else:
+                        one, first = middle, between
+                jump = np.abs(last - first)
+                if np.isfinite(jump).all() and (jump > _JUMP * scale).any():
+                    i = int(np.argmax(jump > _JUMP * scale))
+                    at = ", ".join(f"{n} = {v:.6g}" for (n, _), v in zip(names[:_SHOWN], two, strict=False))
+                    yield Breach(
+                        f"{names[i][1]} jumps from {first[i]:.6g} to {last[i]:.6g} in continuous-time mode, "
+                        f"at {at}: an event indicator has to tell it.",
+                        _FROZEN,
+                    )
+                    return
+    except CallError:  # states beyond an event may be invalid
+        return
