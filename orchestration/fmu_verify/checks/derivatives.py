@@ -300,6 +300,9 @@ def _matrix(point: Point, directional: bool) -> tuple[Vector, Vector]:
 
 
 _MOST_ORDERS = 3
+_LATE = 0.1
+"""Distance from the slope one step before, relative to that from the present one, that shows a late one."""
+
 _MARGIN = 0.05
 """Allowed distance from the surrounding slopes, relative to the largest slope of the output."""
 
@@ -337,6 +340,10 @@ def of_outputs(subject: Subject) -> CheckOutcome:
         slopes = np.diff(values[order - 1], axis=0) / np.diff(times)[:, None]
         beside = _beside(values[order], slopes).mean(axis=0)
         wrong += [(name, order) for name, part in zip(names, beside, strict=True) if part > 0.5]
+        late = _are_late(values[order], slopes)
+        wrong += [
+            (n, order) for n, is_late in zip(names, late, strict=True) if is_late and (n, order) not in wrong
+        ]
     if wrong:
         lines = tuple(f"The derivative of order {order} of {name} does not match." for name, order in wrong)
         return warned(
@@ -377,6 +384,14 @@ def _slopes_on_the_way(subject: Subject, names: list[str], most: int) -> tuple[V
             break
     values = [np.array([row[order] for row in rows], dtype=float) for order in range(most + 1)]
     return course.times[1 : len(rows) + 1], values
+
+
+def _are_late(given: Vector, slopes: Vector) -> Vector:
+    """Return which derivatives are those of the communication point before."""
+    middle = 0.5 * (slopes[:-1] + slopes[1:])  # at the points 1 to the last but one
+    now, before = (np.abs(given[2:-1] - m).sum(axis=0) for m in (middle[1:], middle[:-1]))
+    moved = np.abs(np.diff(middle, axis=0)).sum(axis=0)
+    return (before < _LATE * now) & (moved > _MARGIN * np.abs(slopes).max(axis=0, initial=0.0))
 
 
 def _beside(given: Vector, slopes: Vector) -> Vector:
