@@ -21,6 +21,7 @@ from ..verdict import CheckOutcome, Clause, failed, fmi3, noted, passed, skipped
 from ._clauses import INDICES
 
 _STEPS = 20
+_MORE_STEPS = 100
 _MOST_PAIRS = 100
 _MOST_INPUTS = 10
 _MOST_CHOICES = 5
@@ -161,7 +162,7 @@ def inputs(subject: Subject) -> CheckOutcome:
         return skipped(said, gaps=(said,))
     found = every[:_MOST_INPUTS]
     bases = _Cached(_bases(subject, found, names))
-    without, tried = [], 0
+    without, tried, steps = [], 0, _STEPS
     for variable in _in_time(subject, found):
         tried += 1
         if not any(
@@ -170,11 +171,22 @@ def inputs(subject: Subject) -> CheckOutcome:
             for value in _tried(variable, base)
         ):
             without.append(variable.name)
+    if without:
+        without, steps = [*_without_long_effect(subject, without, names)], _MORE_STEPS
     gaps = list_left_out(tried, len(every), "inputs were moved alone.")
     said = f"{tried - len(without)} of {tried} inputs changed a result."
     if without:  # parameters or states, such as the direction of a flow, may switch them off
-        return noted(f"{join_few_names(without)} changed nothing in {_STEPS} steps. {said}", gaps=gaps)
+        return noted(f"{join_few_names(without)} changed nothing in {steps} steps. {said}", gaps=gaps)
     return passed(said, gaps=gaps)
+
+
+def _without_long_effect(subject: Subject, without: Sequence[str], names: Sequence[str]) -> Iterator[str]:
+    """Yield those of these inputs that change nothing in a longer run, either: it may sample them rarely."""
+    still = in_separate_process(_observe, subject, {}, names, _MORE_STEPS)
+    for name in _in_time(subject, without):
+        values = {name: other_of(subject.variables[name])}
+        if not _differs(subject, values, names, still, _MORE_STEPS):
+            yield name
 
 
 def _has_effect(subject: Subject, variables: Sequence[ModelVariable], names: Sequence[str]) -> bool | None:
@@ -254,20 +266,22 @@ def _tried(variable: ModelVariable, base: Values) -> list[Any]:
     return [start if base.get(variable.name) == other else other, *_far(variable)]
 
 
-def _differs(subject: Subject, changes: Values, names: Sequence[str], wanted: Any) -> bool:
+def _differs(
+    subject: Subject, changes: Values, names: Sequence[str], wanted: Any, steps: int = _STEPS
+) -> bool:
     try:
-        return in_separate_process(_observe, subject, changes, names) != wanted
+        return in_separate_process(_observe, subject, changes, names, steps) != wanted
     except CallError:  # the model does not bear this value, so it counts
         return True
 
 
-def _observe(subject: Subject, changes: Values, names: Sequence[str]) -> list[list[Any]]:
+def _observe(subject: Subject, changes: Values, names: Sequence[str], steps: int = _STEPS) -> list[list[Any]]:
     """Return values after initialization and each step of a run with these inputs."""
     start, step, count = span(subject)
     instance = HostedInstance(subject)
     instance.initialize(changes, start)
     rows = [[str(v) for v in instance.get(names)]]
-    for k in range(min(count, _STEPS)):
+    for k in range(min(count, steps)):
         instance.set({n: v for n, v in changes.items() if subject.variables[n].causality == "input"})
         instance.step(start + k * step, step)
         if instance.terminated:

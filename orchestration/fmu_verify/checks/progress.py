@@ -144,6 +144,9 @@ def _successful_times(subject: Subject, begin: float) -> Vector:
 
 _MOST_OUTPUTS = 300
 _MOST_INPUTS = 10
+_MOST_STEPS = 250
+"""More than others take: what stops does so late."""
+
 _FEWEST = 5
 """Fewest steps before and after a time at which something stops."""
 
@@ -175,7 +178,7 @@ def frozen(subject: Subject) -> CheckOutcome:
     """
     if subject.has_clocks:
         return skipped("Its Clocks decide when its variables change.")
-    course = make_experiment(subject)
+    course = make_experiment(subject, _MOST_STEPS)
     if len(course.times) <= 2 * _FEWEST:
         said = f"Runs have {len(course.times) - 1} steps: too few to see whether something stops."
         return skipped(said, gaps=(said,))

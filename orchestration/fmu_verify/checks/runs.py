@@ -2,14 +2,15 @@
 
 import math
 import time
+from collections.abc import Iterator
 
 import numpy as np
 
 from ..check import check
-from ..host.experiment import limits_of, make_experiment, span
+from ..host.experiment import Experiment, limits_of, make_experiment, span
 from ..host.fresh_process import in_fresh_process
 from ..host.hosted_instance import CallError, HostedInstance
-from ..host.instance_runs import OutputTrajectory, run_alone, run_instance, step_instance
+from ..host.instance_runs import OutputTrajectory, outputs, run_alone, run_instance, step_instance
 from ..host.junk import FIRST, SECOND, Junk, fill_memory
 from ..messages import join_few_names
 from ..subject import Subject
@@ -45,6 +46,7 @@ def completes(subject: Subject) -> CheckOutcome:
         instance.initialize(course.at(0), float(course.times[0]))
         while done < steps and not instance.terminated and (done == 0 or time.monotonic() < until):
             done += len(step_instance(instance, course, done, done + 1).times) - 1
+        more = sum(1 for _ in _go_on(instance, course)) if done == steps else 0
     except CallError as error:
         return explain_endless(error)
     instance.close()
@@ -58,8 +60,8 @@ def completes(subject: Subject) -> CheckOutcome:
         gaps = (f"Runs end after {done} of the {whole} steps of the default experiment.",)
     if instance.events is not None and (idle := instance.events.list_idle_clocks()):
         gaps += (f"{join_few_names(idle)} did not tick, so that what belongs to it was not examined.",)
-    said = f"{done} steps of {course.step:g} s were completed."
-    return passed(said, figures={"steps": done}, gaps=gaps)
+    said = f"{done + more} steps of {course.step:g} s were completed."
+    return passed(said, figures={"steps": done + more}, gaps=gaps)
 
 
 @check(
@@ -75,14 +77,38 @@ def completes(subject: Subject) -> CheckOutcome:
 )
 def finite(subject: Subject) -> CheckOutcome:
     """Check that no output is NaN or infinite while calls return fmi2OK."""
-    found = run_instance(HostedInstance(subject), make_experiment(subject))
+    instance, course = HostedInstance(subject), make_experiment(subject)
+    found = run_instance(instance, course)
     wrong = ~np.isfinite(found.values)
     for column, name in enumerate(found.names):
         if subject.variables[name].clocks and not wrong[:, column].all():  # it may begin with the first tick
             wrong[: int(np.argmin(wrong[:, column])), column] = False
     if wrong.any():
         return failed(found.describe(wrong))
+    for at, values in _go_on(instance, course):
+        for name, value in zip(found.names, values, strict=True):
+            if not subject.variables[name].clocks and not math.isfinite(value):
+                return failed(f"{name} is {value} at t = {at:.9g} s.")
     return passed(f"{len(found.names)} outputs are finite at {len(found.times)} times.")
+
+
+_REST = 0.05
+"""Part of the time limit in which a run goes on to the end of the default experiment."""
+
+
+def _go_on(instance: HostedInstance, course: Experiment) -> Iterator[tuple[float, list[float]]]:
+    """Step on with the last inputs to the end of the default experiment; yield times in s and outputs."""
+    until, (start, step, count) = (
+        time.monotonic() + _REST * instance.subject.settings.seconds,
+        span(instance.subject),
+    )
+    names = outputs(instance.subject)
+    for k in range(len(course.times) - 1, count):
+        if instance.terminated or time.monotonic() > until:
+            return
+        instance.step(start + k * step, step)
+        if not instance.terminated:
+            yield start + (k + 1) * step, [float(value) for value in instance.get(names)]
 
 
 _UNCERTAIN = 1e-6
