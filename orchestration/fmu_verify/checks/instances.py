@@ -9,7 +9,7 @@ import numpy as np
 from emla_cosim.fmu.clocks import CLOCK, explain_unsupported_clock, is_triggered_input
 
 from ..check import check
-from ..host.experiment import MOST_STEPS, Experiment, make_experiment
+from ..host.experiment import MOST_STEPS, Experiment, make_experiment, span
 from ..host.fresh_process import EndedError, in_fresh_process, is_single_instance
 from ..host.hosted_instance import CallError, HostedInstance
 from ..host.instance_runs import OutputTrajectory, outputs, run_alone, run_instance
@@ -300,8 +300,38 @@ def threads(subject: Subject) -> CheckOutcome:
         ]
         if worse := _worst(outcomes):
             return worse
+    if worse := _judge_long_steps(subject):
+        return worse
     counts = " and ".join(map(str, _THREADS))
     return passed(f"{counts} instances, each in its own thread, gave the same as one after the other.")
+
+
+_LONG_STEPS = 10
+_REPEATS = 40
+
+
+def _judge_long_steps(subject: Subject) -> CheckOutcome | None:
+    """Repeat a run of few long steps in threads: short ones take turns in this program."""
+    if subject.kinds[0] != "CoSimulation" or not subject.has_capability(
+        "canHandleVariableCommunicationStepSize"
+    ):
+        return None
+    start, step, count = span(subject)
+    times = start + step * max(1, count // _LONG_STEPS) * np.arange(min(_LONG_STEPS, count) + 1.0)
+    course = make_experiment(subject, len(times) - 1)
+    course = Experiment(times, {name: values[: len(times)] for name, values in course.inputs.items()})
+    until = time.monotonic() + _PART * subject.settings.seconds
+    try:
+        wanted = in_fresh_process(_one_by_one, subject, [course])[0]
+        for _ in range(_REPEATS):
+            for found in in_fresh_process(_in_threads, subject, [course] * 4):
+                if worse := _worst([compare_runs(found, wanted, "One of 4 instances in threads")]):
+                    return worse
+            if time.monotonic() > until:
+                break
+    except (CallError, EndedError):  # the steps may be too long
+        return None
+    return None
 
 
 def _one_by_one(subject: Subject, courses: list[Experiment]) -> list[OutputTrajectory]:
