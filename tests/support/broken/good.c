@@ -60,7 +60,7 @@ enum { EVENTS, WARNINGS, ERRORS, N_CATEGORIES };
 
 struct Model {
     COMMON;
-    double real[N_REALS], before[3]; /* position, speed and time before the last step */
+    double real[N_REALS], before[4]; /* position, speed, time and w before the last step */
     int moving, poison, last_set, steps;
     int is_model, terminates, discards, shown[N_CATEGORIES]; /* no state keeps these */
 };
@@ -75,6 +75,7 @@ static const Variable variables[] = {
 
 typedef struct {
     unsigned magic, check;
+    const double *place; /* used by a fault only */
     char state[KEPT_SIZE];
 } Bytes;
 
@@ -139,7 +140,8 @@ static int forbids(Model *m, unsigned reference, const void *set) {
 
 static double acceleration(const Model *m, double x, double v) {
     const double damping = IS(DISAGREE) && !m->is_model ? 1.2 * C : C;
-    return m->real[GAIN] * m->real[U] - K * x - damping * v;
+    const double stop = IS(RELATION) && m->is_model && x > THRESHOLD ? 2.0 : 0.0;
+    return m->real[GAIN] * m->real[U] - K * x - damping * v - stop;
 }
 
 static void integrate(Model *m, double length) {
@@ -164,6 +166,9 @@ static void compute(Model *m) {
     r[SPEED] = v;
     r[ACCELERATION] = acceleration(m, x, v);
     r[TOTAL] = x + 0.5 * r[W] + (IS(RANGE) ? 50.0 : 0.0);
+    if (IS(NAN_INITIAL) && m->mode == INITIALIZATION) r[POSITION] = NAN;
+    if (IS(NOT_FINAL) && m->mode == TERMINATED) r[POSITION] = 0.0;
+    if (IS(INDIRECT) && m->mode == STEP && !m->is_model && m->steps > 0) r[TOTAL] = x + 0.5 * m->before[3];
     r[TIME] = is_stale ? m->before[2] : m->time;
     r[DER_X] = r[V];
     r[DER_V] = acceleration(m, r[X], r[V]);
@@ -261,7 +266,7 @@ fmi2Status fmi2SerializedFMUstateSize(fmi2Component c, fmi2FMUstate state, size_
 }
 
 static fmi2Status serialize(Model *m, fmi2FMUstate state, fmi2Byte bytes[], size_t size) {
-    Bytes whole = {.magic = MAGIC};
+    Bytes whole = {.magic = MAGIC, .place = IS(STATE_ADDRESS) ? shared : NULL};
     if (size < sizeof whole) return REFUSE(m, "there is no room for a state.");
     memcpy(whole.state, state, KEPT_SIZE);
     if (IS(NOT_SERIALIZED)) memset(whole.state + offsetof(Model, real[V]), 0, sizeof(double));
@@ -274,6 +279,7 @@ fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte bytes[], size
     Bytes whole;
     if (size != sizeof whole) return REFUSE((Model *)c, "%u bytes are no state.", (unsigned)size);
     memcpy(&whole, bytes, sizeof whole);
+    if (IS(STATE_ADDRESS)) scratch = *whole.place;
     if (whole.magic == MAGIC && whole.check == sum(whole.state)) return (Status)copy_state(whole.state, state);
     if (IS(DAMAGED_CRASH)) raise(SIGSEGV);
     return REFUSE((Model *)c, "these bytes are no state.");
@@ -324,7 +330,8 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component i, const fmi2ValueReferenc
 fmi2Status fmi2GetRealOutputDerivatives(fmi2Component i, const fmi2ValueReference r[], size_t n,
                                         const fmi2Integer order[], fmi2Real value[]) {
     ENTER(ANY_MODE);
-    const double v = m->real[V], a = acceleration(m, m->real[X], v);
+    const int is_late = IS(OUTPUT_DERIVATIVE_LATE);
+    const double v = is_late ? m->before[1] : m->real[V], a = acceleration(m, is_late ? m->before[0] : m->real[X], v);
     for (size_t k = 0; k < n; k++) {
         value[k] = order[k] > 1 ? 0.0 : r[k] == SPEED ? a : r[k] == ACCELERATION ? -K * v - C * a : v;
         if (IS(OUTPUT_DERIVATIVE)) value[k] = 2.0 * value[k] + 10.0;
@@ -406,7 +413,8 @@ static int step(Model *m, double time, double length, Step *reached) {
     m->before[0] = m->real[X];
     m->before[1] = *v;
     m->before[2] = m->time;
-    integrate(m, length);
+    m->before[3] = m->real[W];
+    integrate(m, IS(STEP_IGNORED) ? 0.01 : length);
     m->time = time + length;
     m->steps++;
     m->moving = m->real[X] > THRESHOLD;
@@ -424,6 +432,8 @@ static int get_status(Model *m, int kind, void *value) {
 
 static int update(Model *m, Update *u) {
     u->again = IS(ENDLESS) || (IS(ENDLESS_LATER) && m->time > LATER);
+    if (IS(JUMP) && m->moving != (m->real[X] > THRESHOLD)) m->real[V] *= 0.9;
+    if (IS(EVENT_KICK)) m->real[V] += 1e-3, u->values_changed = 1;
     m->moving = m->real[X] > THRESHOLD;
     return OK;
 }
@@ -431,9 +441,13 @@ static int update(Model *m, Update *u) {
 static void derivatives(Model *m, double dx[]) {
     compute(m);
     memcpy(dx, m->real + DER_X, 2 * sizeof *dx);
+    if (IS(DERIVATIVES_SWAPPED)) dx[0] = m->real[DER_V], dx[1] = m->real[DER_X];
 }
 
-static void get_indicators(Model *m, double z[]) { z[0] = m->real[X] - THRESHOLD; }
+static void get_indicators(Model *m, double z[]) {
+    z[0] = m->real[X] - THRESHOLD;
+    if (IS(TWO_INDICATORS)) z[1] = 1.0;
+}
 
 static const Toy toy = {
     MODEL(variables), .state_size = KEPT_SIZE, .before = before, .wrong_mode = wrong_mode, .refused = refused,
