@@ -137,17 +137,15 @@ def _other(subject: Subject, name: str, value: Any) -> Any:
 def _list_pairs(subject: Subject) -> Iterator[tuple[str, list[str]]]:
     """Yield inputs and the outputs that depend on them by a constant or fixed factor."""
     found = dict[str, list[str]]()
-    for unknown in subject.description.outputs:
+    # elements of arrays of FMI 3.0 have no kinds: each may depend on all others
+    for unknown in subject.read_description().outputs:
         if unknown.variable is None:
             continue
         kinds = unknown.dependenciesKind or ()
         for known, kind in zip(unknown.dependencies or (), kinds, strict=False):
-            real = known.type == "Real" and unknown.variable.type == "Real"
-            if (
-                real
-                and known.causality == "input"
-                and kind in ("constant", "fixed")
-                and other_of(known) is not None
-            ):
+            reals = [subject.variables.get(v.name) for v in (known, unknown.variable)]
+            if known.causality != "input" or any(v is None or v.type != "Real" for v in reals):
+                continue
+            if kind in ("constant", "fixed") and other_of(subject.variables[known.name]) is not None:
                 found.setdefault(known.name, []).append(unknown.variable.name)
     yield from found.items()
