@@ -62,6 +62,12 @@ def buffers(subject: Subject) -> CheckOutcome:
         instance.initialize(None, span(subject)[0])
         model = instance.model
         assert model is not None
+        listed = int(subject.description.numberOfEventIndicators or 0)
+        if model.indicator_count != listed:
+            written.append(
+                f"It says that it has {model.indicator_count} event indicators; modelDescription.xml lists "
+                f"{listed}."
+            )
         for what, call, count in (
             ("states", model.read_states, model.state_count),
             ("derivatives", model.derive, model.state_count),
