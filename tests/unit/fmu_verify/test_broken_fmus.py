@@ -67,6 +67,8 @@ SHOWS_ELSEWHERE = {
     "StepNothing": {"exchange.interpolation"},  # derivatives of inputs do nothing, either
     "third-clock": {"instance.created"},  # has an event mode then, which the library does not
     "third-directional": {"derivatives.adjoint"},  # is compared with it
+    "DerivativesSwapped": {"model_exchange.agrees"},  # only the model has these faults
+    "EventKick": {"model_exchange.agrees"},
     "Stale": {"steps.split", "model_exchange.agrees"},  # with other steps, they are late by less
 }
 """Other checks that the same fault fails, by the name of the FMU."""
