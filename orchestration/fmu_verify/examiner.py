@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 from emla_cosim.base.channel import Channel
 from emla_cosim.base.errors import RunError, find_machine_fault
+from emla_cosim.fmu.instance import CLASSES, read_signatures
 
 from .confinement import confine_signals
 from .examination import examine_fmu
@@ -48,6 +49,8 @@ def examine_jobs(channel: Channel, folder: str) -> None:
     """
     for module in _LOADED:
         import_module(module)
+    for made in CLASSES.values():
+        read_signatures(made)  # remembers them
     confine_signals()
     adopt_orphans()
     gc.freeze()  # forks then share memory that they only read

@@ -5,7 +5,9 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from ctypes import byref, c_double, c_int
+from functools import cache, cached_property
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 from fmpy.fmi1 import FMICallException
@@ -42,6 +44,11 @@ class FmiInstance(ABC):
     """What `fmi3InstantiateCoSimulation` gets for `eventModeUsed` and `earlyReturnAllowed`."""
     configuration: Sequence[TypedValue] = ()
     """Values of structural parameters that an FMI 3.0 FMU gets right after instantiation."""
+
+    @cached_property
+    def _layouts(self) -> dict[tuple[int, ...], list[tuple[str, list[int], ElementLayout, Any]]]:
+        """How groups of variables are read: types, positions, and the variables themselves."""
+        return {}
 
     @abstractmethod
     def announce(self, function: str, arguments: Sequence[Any] = ()) -> None:
@@ -121,8 +128,11 @@ class FmiInstance(ABC):
     def get_typed(self, variables: Sequence[ModelVariable]) -> list[Any]:
         """Return values of variables, with one call per type; raises fmpy's exceptions."""
         found: list[Any] = [None] * len(variables)
-        for kind, positions in by_type(variables):
-            layout = ElementLayout(variables[i] for i in positions)
+        key = tuple(map(id, variables))
+        if key not in self._layouts:
+            kinds = [(kind, places, [variables[i] for i in places]) for kind, places in by_type(variables)]
+            self._layouts[key] = [(kind, places, ElementLayout(some), some) for kind, places, some in kinds]
+        for kind, positions, layout, _ in self._layouts[key]:
             count = () if layout.size == len(layout.references) else (layout.size,)
             got = getattr(self.fmu, f"get{kind}")(layout.references, *count)
             for i, value in zip(positions, layout.pick(got), strict=True):
@@ -151,10 +161,22 @@ class FmiInstance(ABC):
         self.fmu.fmi2FreeInstance(self.fmu.component)
 
 
+Signature = tuple[Sequence[str], Sequence[Any], Any]
+"""The names and the types in C of the arguments of a function, and the type of its result."""
+
+
 class _Announced:
     """Announces each call, and treats any other result than a fine status as an error."""
 
     instance: FmiInstance
+    dll: Any
+    _functions: dict[str, Any]
+
+    def _loadFunctions(self) -> None:
+        """Look up all functions; fmpy inspects its methods for each instance, which takes long."""
+        for name, (names, types, result) in read_signatures(type(self)).items():
+            function = self._functions[name] = getattr(self.dll, name)
+            function.argnames, function.argtypes, function.restype = names, types, result
 
     def _call(self, fname: str, *args: Any) -> Any:
         self.instance.announce(fname, args)
@@ -167,6 +189,23 @@ class _Announced:
         if fname not in _WITHOUT_STATUS and answer not in FINE:
             raise FMICallException(fname, answer)
         return answer
+
+
+@cache
+def read_signatures(made: type[Any]) -> Mapping[str, Signature]:
+    """Return the functions that fmpy's class for FMUs calls, by name."""
+    without_library: Any = object.__new__(made)
+    without_library.dll, without_library._functions = _AnyLibrary(), {}
+    FMU2Slave._loadFunctions(without_library)  # that of all of fmpy's classes
+    found = without_library._functions
+    return {name: (f.argnames, f.argtypes, f.restype) for name, f in found.items()}
+
+
+class _AnyLibrary:
+    """A library with functions of all names."""
+
+    def __getattr__(self, name: str) -> Any:
+        return SimpleNamespace()
 
 
 class FMU2AnnouncedSlave(_Announced, FMU2Slave):
@@ -185,6 +224,15 @@ class FMU3AnnouncedModel(_Announced, Model3):
     """fmpy's class for Model Exchange of FMI 3.0."""
 
 
+CLASSES = {
+    ("CoSimulation", 2): FMU2AnnouncedSlave,
+    ("ModelExchange", 2): FMU2AnnouncedModel,
+    ("CoSimulation", 3): FMU3AnnouncedSlave,
+    ("ModelExchange", 3): FMU3AnnouncedModel,
+}
+"""fmpy's classes for FMUs by kind and version of FMI."""
+
+
 def load(
     kind: str, library: Path, folder: Path, identifier: str, guid: str | None, version: str = "2.0"
 ) -> Any:
@@ -201,9 +249,7 @@ def load(
         guid: The GUID of the model description.
         version: The version of FMI.
     """
-    made = FMU2AnnouncedSlave if kind == "CoSimulation" else FMU2AnnouncedModel
-    if version != "2.0":
-        made = FMU3AnnouncedSlave if kind == "CoSimulation" else FMU3AnnouncedModel
+    made = CLASSES[kind, 2 if version == "2.0" else 3]
     with restore_working_folder():  # fmpy changes to the library's folder
         return made(
             guid=guid, unzipDirectory=str(folder), modelIdentifier=identifier, libraryPath=str(library)
