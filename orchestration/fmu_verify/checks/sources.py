@@ -12,7 +12,7 @@ from ..c_sources import NO_COMPILER, find_inside, find_machine_compiler, find_zi
 from ..check import check
 from ..libraries import list_exports, list_functions, parse_library
 from ..messages import Breach, join_few_names, judge_problems, shorten_sentence
-from ..sanitizer.compiling import find_sources
+from ..sanitizer.compiling import build_complete_library, find_sources
 from ..subject import Subject
 from ..subprocess_run import note
 from ..verdict import CheckOutcome, Clause, Verdict, failed, fmi3, passed, skipped, warned
@@ -23,9 +23,12 @@ _ERROR = re.compile(r"(?:error|undefined reference|multiple definition|cannot fi
 _MISSING = re.compile(r"fatal error: '?([^'\n]+?)'?(?:: No such file or directory| file not found)")
 
 
-_TIME_FACTOR = 6.0
-_PART = 0.4
+_TIME_FACTOR = 8.0
+_PART = 0.3
 """Part of the time limit for the compiler, which may run twice. What takes longer is not judged."""
+
+_SANITIZERS = 0.2
+"""Part of the time limit for the build with sanitizers. If it succeeds, other checks use it, too."""
 
 _TO_LIST = Clause(
     "2.3",
@@ -78,13 +81,15 @@ def compile_(subject: Subject) -> CheckOutcome:
     if (folder / _BUILD_DESCRIPTION).is_file():
         return skipped(f"The sources need {_BUILD_DESCRIPTION}, which is not supported.")
     seconds = _PART * _TIME_FACTOR * subject.settings.seconds
-    for names in {tuple(names) for names in lists.values() if names}:
+    # some tools put headers into folders that the model description cannot list
+    others = sorted({p.parent for p in folder.rglob("*.h")} - {folder})
+    for names, kind in {tuple(names): kind for kind, names in lists.items() if names}.items():
         needed = {f for k, listed in lists.items() if tuple(listed) == names for f in list_functions(k, 2)}
         if any(Path(name).suffix not in _C for name in names):
             return skipped("Not all of the sources are C.")
+        if not others and _builds_for_sanitizers(subject, kind, needed):
+            continue
         if (outcome := _compiled(folder, names, seconds, needed=needed)) is not None:
-            # some tools put headers into folders that the model description cannot list
-            others = sorted({p.parent for p in folder.rglob("*.h")} - {folder})
             is_late = outcome.verdict == Verdict.SKIPPED
             if is_late or not others or _compiled(folder, names, seconds, others) is not None:
                 return outcome
@@ -105,15 +110,27 @@ def _judge_configurations(subject: Subject) -> CheckOutcome:
     if not found:
         return skipped("The FMU has no sources with a build configuration for this machine.")
     folder = subject.folder / "sources"
-    for sources in dict.fromkeys(found.values()):
+    for sources, kind in {sources: kind for kind, sources in found.items()}.items():
         if not sources.is_c:
             return skipped("Not all of the sources are C.")
+        needed = list_functions(kind, 3)
+        if _builds_for_sanitizers(subject, kind, needed):
+            continue
         names = [path.relative_to(folder.resolve()).as_posix() for path in sources.files]
         macros = (*sources.macros, "-DFMI3_OVERRIDE_FUNCTION_PREFIX")
-        needed = list_functions("CoSimulation", 3)
         if (outcome := _compiled(folder, names, seconds, sources.includes, macros, needed)) is not None:
             return outcome
     return passed(f"The sources for {' and '.join(found)} compile and link.")
+
+
+def _builds_for_sanitizers(subject: Subject, kind: str, needed: Collection[str]) -> bool:
+    """Return whether the build with sanitizers, which takes longer and must be made anyway, has all."""
+    if (sources := find_sources(subject, kind)) is None:
+        return False
+    note(f"a compiler building {', '.join(path.name for path in sources.files)} with sanitizers")
+    seconds = _SANITIZERS * _TIME_FACTOR * subject.settings.seconds
+    library = build_complete_library(subject, sources, seconds)
+    return library is not None and not _missing_functions(library, needed)
 
 
 def _compiled(

@@ -1,6 +1,8 @@
 """Compile the sources of an FMU, and the host for it, with sanitizers."""
 
+import hashlib
 import subprocess
+import sys
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -14,13 +16,19 @@ from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 from ..c_sources import find_inside, find_machine_compiler, find_zig, read_build_description, run_compiler
 from ..subject import Subject
 
-_FLAGS = ("-g", "-O0", "-w", "-fno-omit-frame-pointer", "-fno-common")
+FOLDER = "sanitized"
+"""Folder for libraries and results in the scratch folder of a subject."""
+
+_FLAGS = ("-g1", "-O0", "-w", "-fno-omit-frame-pointer", "-fno-common")
 _LESS = "-fno-sanitize=null,object-size,pointer-overflow,nonnull-attribute"
 """Parts of UBSan that take long to compile, for accesses that AddressSanitizer sees. The last one reports
 what is common and harmless: a NULL pointer with a length of 0."""
 
 _ALL = ("-fsanitize=address,undefined", _LESS)
 _UNDEFINED_ONLY = ("-fsanitize=undefined", "-fno-sanitize-trap=undefined", _LESS)
+
+_WARN = ("-Wl,--no-undefined", "-Wl,--warn-unresolved-symbols")
+"""Options to warn of functions that no file has. Some compilers link those of sanitizers only to programs."""
 
 
 @dataclass(frozen=True)
@@ -96,23 +104,46 @@ def compile_host(compiler: Compiler, folder: Path, plan: str, seconds: float) ->
     folder.mkdir(exist_ok=True)
     (folder / "plan.h").write_text(plan, encoding="utf-8")
     target = folder / "host"
+    plain = ["-fno-sanitize=undefined"] if compiler.has_address else []  # the library brings it
     with as_file(files(__package__ or "").joinpath("host.c")) as source:
-        _compile(compiler, [f"-I{folder}", str(source), "-ldl"], target, folder, seconds)
+        _compile(compiler, [*plain, f"-I{folder}", str(source), "-ldl"], target, folder, seconds)
     return target
 
 
-def compile_library(compiler: Compiler, folder: Path, sources: SourceSet, seconds: float) -> Path:
-    """Compile the sources of an FMU into a folder. Raise CompilerError if they do not compile."""
+def compile_library(compiler: Compiler, subject: Subject, sources: SourceSet, seconds: float) -> Path:
+    """Return the library from sources of an FMU, which one check compiles for all.
+
+    Its name has the suffix `.so` if nothing is known to be missing in it.
+
+    Raises:
+        CompilerError: They do not compile.
+    """
+    folder = subject.scratch / FOLDER
     folder.mkdir(exist_ok=True)
-    target = folder / f"{len(list(folder.iterdir()))}.so"
+    target = folder / f"{hashlib.sha256(repr((compiler, sources)).encode()).hexdigest()[:16]}.so"
+    if target.exists():
+        return target
     options = ["-shared", "-fPIC", *sources.macros, *(f"-I{path}" for path in sources.includes)]
-    _compile(compiler, [*options, *map(str, sources.files), "-lm"], target, folder, seconds)
-    return target
+    options += _WARN if sys.platform == "linux" else []
+    part = target.with_suffix(".part")
+    said = _compile(compiler, [*options, *map(str, sources.files), "-lm"], part, folder, seconds)
+    is_complete = sys.platform == "linux" and "undefined" not in said
+    return part.rename(target) if is_complete else part
 
 
-def _compile(
-    compiler: Compiler, arguments: Sequence[str], target: Path, folder: Path, seconds: float
-) -> None:
+def build_complete_library(subject: Subject, sources: SourceSet, seconds: float) -> Path | None:
+    """Return the library from sources of an FMU, with sanitizers; None if something is missing or fails."""
+    compiler = next(iter(list_compilers()), None)
+    if compiler is None or not compiler.has_address:
+        return None
+    with suppress(CompilerError):
+        library = compile_library(compiler, subject, sources, seconds)
+        return library if library.suffix == ".so" else None
+    return None
+
+
+def _compile(compiler: Compiler, arguments: Sequence[str], target: Path, folder: Path, seconds: float) -> str:
+    """Compile, and return what the compiler said."""
     with as_file(files("fmpy") / "c-code") as headers:
         command = [*compiler.command, *_FLAGS, *compiler.flags, *arguments, f"-I{headers}", "-o", str(target)]
         try:
@@ -125,3 +156,4 @@ def _compile(
         lines = done.stderr.strip().splitlines() or ["the compiler failed"]
         errors = [line for line in lines if "error" in line or "cannot find" in line]
         raise CompilerError([*errors, lines[-1]][0].strip().rstrip("."))
+    return done.stderr

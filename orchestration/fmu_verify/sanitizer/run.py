@@ -15,6 +15,7 @@ from ..compute_once import compute_once
 from ..messages import join_few_names, shorten_sentence
 from ..subject import Subject
 from .compiling import (
+    FOLDER,
     Compiler,
     CompilerError,
     SourceSet,
@@ -67,7 +68,7 @@ class SanitizedRun:
 
 def run_sanitized(subject: Subject) -> SanitizedRun:
     """Return what sanitizers report about an FMU. Build and run it once for all checks of an examination."""
-    return compute_once(subject.folder.parent / "sanitized" / "run.pickle", lambda: _build_and_run(subject))
+    return compute_once(subject.scratch / FOLDER / "run.pickle", lambda: _build_and_run(subject))
 
 
 def _build_and_run(subject: Subject) -> SanitizedRun:
@@ -100,9 +101,7 @@ def _build_and_run_all(subject: Subject, sets: Mapping[str, SourceSet], scratch:
                 problem = f"The compiler of this machine has no sanitizers: {error}."
             continue
         try:
-            libraries = {
-                s: compile_library(compiler, scratch / "library", s, limit) for s in {*sets.values()}
-            }
+            libraries = {s: compile_library(compiler, subject, s, limit) for s in {*sets.values()}}
         except CompilerError as error:
             return SanitizedRun(f"Its sources do not compile with sanitizers: {error}.")
         return _join([_run(subject, k, compiler, hosts[k], libraries[s]) for k, s in sets.items()])
