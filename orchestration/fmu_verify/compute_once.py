@@ -5,8 +5,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TypeVar
 
-from filelock import FileLock
-
 T = TypeVar("T")
 
 
@@ -19,6 +17,8 @@ def compute_once(place: Path, do: Callable[[], T]) -> T:
         place: File for the result, which is unpickled. Other users must not be able to write to its folder.
         do: Function to call.
     """
+    from filelock import FileLock  # its handlers of forks cost all processes a millisecond
+
     place.parent.mkdir(parents=True, exist_ok=True)
     with FileLock(place.with_suffix(".lock")):
         if place.is_file():
