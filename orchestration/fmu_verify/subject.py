@@ -44,8 +44,6 @@ class Subject:
     settings: Settings = field(default_factory=Settings)
     most_steps: int = sys.maxsize
     """Most steps of one run: a slow FMU is run for fewer steps than others."""
-    runs: dict[Any, Any] = field(default_factory=dict)
-    """Runs that checks in this process share, see `run_alone`."""
 
     def __reduce__(self) -> Any:
         """Pickle without what was read."""

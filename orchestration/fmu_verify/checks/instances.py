@@ -1,5 +1,6 @@
 """Checks of instances: creation, independence, reset, memory."""
 
+import math
 import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -282,13 +283,11 @@ def threads(subject: Subject) -> CheckOutcome:
 
     The standard says in passing that they can be called in parallel.
     """
-    courses, began = _courses(subject, max(_THREADS)), time.monotonic()
-    wanted = in_fresh_process(_one_by_one, subject, courses[:1])
-    if (spent := time.monotonic() - began) > (limit := _PART * subject.settings.seconds):
-        steps = max(1, int(limit / spent * (len(courses[0].times) - 1)))
-        courses = _courses(subject, max(_THREADS), steps)
-        wanted = []
-    wanted += in_fresh_process(_one_by_one, subject, courses[len(wanted) :])
+    courses = _courses(subject, max(_THREADS))
+    wanted = in_fresh_process(_one_by_one, subject, courses, _PART * subject.settings.seconds)
+    if isinstance(wanted, int):
+        courses = _courses(subject, max(_THREADS), wanted)
+        wanted = in_fresh_process(_one_by_one, subject, courses)
     for count in _THREADS:
         try:
             found = in_fresh_process(_in_threads, subject, courses[:count])
@@ -334,12 +333,18 @@ def _judge_long_steps(subject: Subject) -> CheckOutcome | None:
     return None
 
 
-def _one_by_one(subject: Subject, courses: list[Experiment]) -> list[OutputTrajectory]:
+def _one_by_one(
+    subject: Subject, courses: list[Experiment], limit: float = math.inf
+) -> list[OutputTrajectory] | int:
+    """Return runs; or how many steps a run has in a limit in s, if the first one exceeds it."""
     found = []
     for course in courses:
+        began = time.monotonic()
         instance = HostedInstance(subject)
         found.append(run_instance(instance, course))
         instance.free()
+        if len(found) == 1 and (spent := time.monotonic() - began) > limit:
+            return max(1, int(limit / spent * (len(course.times) - 1)))
     return found
 
 

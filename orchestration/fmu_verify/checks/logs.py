@@ -4,13 +4,14 @@ import os
 import sys
 import tempfile
 from collections.abc import Sequence
+from contextlib import suppress
 
 from emla_cosim.fmu.instance import ERROR, FATAL, OK, STATUS
 from emla_cosim.fmu.log import LogLine
 
 from ..check import check
 from ..host.experiment import make_experiment
-from ..host.fresh_process import EndedError, in_fresh_process, in_separate_process
+from ..host.fresh_process import EndedError, in_fresh_process, in_separate_process, is_single_instance
 from ..host.hosted_instance import CallError, HostedInstance
 from ..host.instance_runs import run_instance
 from ..host.log import LOG, format_message
@@ -129,11 +130,7 @@ def errors(subject: Subject) -> CheckOutcome:
     FMI 3.0 requires it, FMI 2.0 expects it, so that it is noted there.
     """
     silent, refused = [], 0
-    for number, call in enumerate(list_refused_calls(subject)):
-        try:
-            status, is_explained = in_fresh_process(_refused, subject, number)
-        except (CallError, EndedError):  # other checks report it
-            continue
+    for call, (status, is_explained) in zip(list_refused_calls(subject), _answers(subject), strict=True):
         if status in (ERROR, FATAL):
             refused += 1
             silent += [] if is_explained else [f"{call.function} {call.phase}"]
@@ -147,14 +144,42 @@ def errors(subject: Subject) -> CheckOutcome:
     return passed(f"{refused} errors came with a message.")
 
 
-def _refused(subject: Subject, number: int) -> tuple[int, bool]:
-    """Return the status of a call in a wrong phase, and whether a message came."""
+_Answer = tuple[int, bool]
+"""The status of a call in a wrong phase, and whether a message came."""
+
+_NONE = OK, False
+
+
+def _answers(subject: Subject) -> list[_Answer]:
+    """Return the answers to all calls; each call has a process of its own if they do harm in one."""
+    numbers = range(len(list_refused_calls(subject)))
+    if not is_single_instance(subject):
+        with suppress(CallError, EndedError):
+            return in_fresh_process(_refused_all, subject, numbers)
+    return [_refused_alone(subject, number) for number in numbers]
+
+
+def _refused_alone(subject: Subject, number: int) -> _Answer:
+    try:
+        return in_fresh_process(_refused, subject, number)
+    except (CallError, EndedError):  # other checks report it
+        return _NONE
+
+
+def _refused_all(subject: Subject, numbers: Sequence[int]) -> list[_Answer]:
+    return [_refused(subject, number) for number in numbers]
+
+
+def _refused(subject: Subject, number: int) -> _Answer:
     call = list_refused_calls(subject)[number]
     instance = HostedInstance(subject, logging=True)
     go_to_phase(instance, call.phase)
     LOG.lines.clear()
     status = call.call(instance)
-    return status, any(line.status > OK and line.text for line in LOG.lines)
+    is_explained = any(line.status > OK and line.text for line in LOG.lines)
+    if status != FATAL:
+        instance.free()
+    return status, is_explained
 
 
 def _category(line: LogLine) -> str:

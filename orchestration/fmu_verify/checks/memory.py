@@ -17,8 +17,8 @@ from ..host.process_state import can_read_memory, load_c_library, read_memory
 from ..subject import Subject
 from ..verdict import CheckOutcome, in_both, passed, skipped, warned
 
-_CALLS = 1000
-"""Calls of a batch, unless they are slow."""
+_CALLS = {True: 300, False: 1000}
+"""Calls of a batch, unless they are slow: where the C library counts bytes, and where it does not."""
 
 _BATCHES = 4
 _LONGEST = 0.01
@@ -31,7 +31,7 @@ _BYTES = 16.0
 """Bytes that each call must keep to count."""
 
 _LEAST = {True: 2.0**12, False: 2.0**15}
-"""Bytes by which each batch must grow: where the C library counts them, and where the system counts pages."""
+"""Bytes by which each batch must grow."""
 
 _TYPES = ("Real", "Integer", "Boolean", "Enumeration", "String")
 
@@ -128,7 +128,7 @@ def _measure(call: Callable[[], object], seconds: float) -> float:
     used, numbers = [_read(counts)], list[int]()
     for _ in range(_BATCHES):
         until, number = clock.monotonic() + seconds, 0
-        while number < _CALLS and (number < 2 or clock.monotonic() < until):
+        while number < _CALLS[counts] and (number < 2 or clock.monotonic() < until):
             call()
             number += 1
         LOG.lines.clear()

@@ -40,7 +40,8 @@ def shared(subject: Subject) -> CheckOutcome:
     every = [v for v in subject.description.modelVariables if not v.clocks]
     names = [v.name for v in every if v.causality in ("output", "structuralParameter")]
     plain = in_fresh_process(_results, subject, None, names[:MOST])
-    for run in (_results, _tuned_results, _structural_results):
+    structural = [_structural_results] if settable(subject, "structuralParameter") else []
+    for run in (_results, _tuned_results, *structural):
         for found in where_accepted(partial(run, names=names[:MOST]), subject, changes):
             wrong = [n for n in plain if n in found and _differs(found[n], plain[n])]
             if wrong and outcome.verdict == Verdict.PASSED:
@@ -86,8 +87,6 @@ def _tuned_results(subject: Subject, changes: Values, names: Sequence[str]) -> V
 def _structural_results(subject: Subject, changes: Values, names: Sequence[str]) -> Values:
     """Return results of an instance beside one with other structural parameters."""
     structure = others(settable(subject, "structuralParameter"))
-    if not structure:
-        return {}
     instance, other = HostedInstance(subject), HostedInstance(subject, "other")
     with other.calling():
         other.fmu.enterConfigurationMode()

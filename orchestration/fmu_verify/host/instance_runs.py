@@ -1,5 +1,8 @@
 """Run an instance through an experiment and collect its outputs."""
 
+import hashlib
+import pickle
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -107,12 +110,16 @@ def step_instance(
 def run_alone(
     subject: Subject, course: Experiment | None = None, kind: str | None = None
 ) -> OutputTrajectory:
-    """Run an instance in its own process, or return the same run of an earlier check in this process."""
+    """Run an instance in its own process, or return the same run of an earlier check."""
     course = course or make_experiment(subject)
-    key = (kind, course.times.tobytes(), *((name, v.tobytes()) for name, v in course.inputs.items()))
-    if key not in subject.runs:
-        subject.runs[key] = in_fresh_process(_whole_run, subject, course, kind)
-    return subject.runs[key]
+    sum_ = hashlib.sha256(pickle.dumps((kind or subject.kinds[0], course)))
+    place = subject.scratch / "runs" / sum_.hexdigest()
+    with suppress(OSError):  # it is the first one
+        return pickle.loads(place.read_bytes())
+    found = in_fresh_process(_whole_run, subject, course, kind)
+    place.parent.mkdir(exist_ok=True)
+    place.write_bytes(pickle.dumps(found))
+    return found
 
 
 def _whole_run(subject: Subject, course: Experiment, kind: str | None) -> OutputTrajectory:
