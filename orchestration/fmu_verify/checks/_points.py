@@ -10,7 +10,7 @@ from emla_cosim.base.arrays import Vector
 
 from ..host.experiment import make_experiment
 from ..host.hosted_instance import HostedInstance
-from ..host.points import Dependency, Point, at_events, in_initialization, run_model
+from ..host.points import Dependency, Point, at_events, choose, in_initialization, run_model
 from ..subject import Subject
 
 MOST_STATES = 50
@@ -50,6 +50,7 @@ def in_step_mode(subject: Subject, count: int) -> Iterator[Point]:
     """Yield a co-simulation after some of its steps, with continuous inputs as knowns."""
     course = make_experiment(subject)
     knowns = [v.name for v in subject.of_causality("input") if v.variability in (None, "continuous")]
+    found, moved = choose(at_events(subject), knowns)
     instance, last = HostedInstance(subject, kind="CoSimulation"), len(course.times) - 1
     instance.initialize(course.at(0), float(course.times[0]))
     wanted = {*np.linspace(1, last, count).astype(int)}
@@ -59,9 +60,10 @@ def in_step_mode(subject: Subject, count: int) -> Iterator[Point]:
             break
         instance.set(course.at(k))
         if k in wanted:
-            values = {name: course.at(k)[name] for name in knowns}
+            inputs = course.at(k)
+            values = {name: inputs[name] for name in moved}
             where = f"after the step to t = {course.times[k]:.9g} s"
-            yield Point(instance, at_events(subject), knowns, values, where)
+            yield Point(instance, found, moved, values, where)
     instance.free()
 
 
