@@ -19,7 +19,7 @@ from emla_cosim.base.crash_page import read_note
 from emla_cosim.fmu.elements import ElementVariable
 from fmu_verify.checks._sameness import compare_runs
 from fmu_verify.examination import examine_fmu
-from fmu_verify.host.experiment import Experiment, make_experiment
+from fmu_verify.host.experiment import Experiment, make_experiment, span
 from fmu_verify.host.fresh_process import EndedError, in_fresh_process
 from fmu_verify.host.hosted_instance import CallError, HostedInstance
 from fmu_verify.host.instance_runs import OutputTrajectory, run_alone, step_instance
@@ -29,6 +29,7 @@ from fmu_verify.settings import Settings
 from fmu_verify.subject import Subject
 from fmu_verify.verdict import Verdict
 from tests.support.broken.dynamic import build_good_fmu
+from tests.support.broken.editing import setting
 from tests.support.broken.examining import examine, list_problems, unpacked
 from tests.support.hand_written_fmus import build_event_fmu, build_integrated_fmu, build_trigger_fmu
 
@@ -58,6 +59,7 @@ def test_other_values_fit_into_the_type(variable: ModelVariable, other: object) 
 def test_inputs_vary_within_the_limits_of_their_declared_type() -> None:
     declared = SimpleType("Angle", "Real", min="-1", max="1")
     subject: Any = SimpleNamespace(
+        version=2,
         of_causality=lambda _: [ModelVariable("u", 1, type="Real", start="0.99", declaredType=declared)],
         description=SimpleNamespace(defaultExperiment=None),
         most_steps=100,
@@ -77,6 +79,15 @@ def _levels(subject: Subject) -> list[float]:
         found.append(instance.get(["level"])[0])
     instance.close()
     return found
+
+
+@pytest.mark.parametrize(
+    ("internal", "step"), [("0.04", 0.04), ("0.005", 0.01), ("0.0003", 0.0099), ("5", 0.01)]
+)
+def test_steps_are_whole_steps_of_the_solver(internal: str, step: float, tmp_path: Path) -> None:
+    """The default experiment has the step size 0.01 s."""
+    build = setting("CoSimulation", fmi=3, fixedInternalStepSize=internal)
+    assert span(unpacked(build(tmp_path)))[1] == pytest.approx(step, rel=1e-12)
 
 
 def test_variables_of_output_clocks_are_read_when_they_tick(tmp_path: Path) -> None:
