@@ -317,8 +317,9 @@ def _judge_long_steps(subject: Subject) -> CheckOutcome | None:
         return None
     start, step, count = span(subject)
     times = start + step * max(1, count // _LONG_STEPS) * np.arange(min(_LONG_STEPS, count) + 1.0)
-    course = make_experiment(subject, len(times) - 1)
-    course = Experiment(times, {name: values[: len(times)] for name, values in course.inputs.items()})
+    inputs = make_experiment(subject, len(times) - 1).inputs
+    rows = min([len(times), *(len(values) for values in inputs.values())])  # fewer where many are set
+    course = Experiment(times[:rows], {name: values[:rows] for name, values in inputs.items()})
     until = time.monotonic() + _PART * subject.settings.seconds
     try:
         wanted = in_fresh_process(_one_by_one, subject, [course])[0]

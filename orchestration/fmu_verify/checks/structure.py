@@ -345,13 +345,14 @@ def dependencies(subject: Subject) -> CheckOutcome:
     problems: list[Problem] = []
     doubts: list[Problem] = []
     for name, unknowns, knowns in lists:
+        computed_knowns = knowns & computed
         for unknown in unknowns:
             who = f"{declared.variable(unknown.index) or unknown.index} in {declared.list_name(name)}"
             problems += _ill_formed(who, unknown, declared)
             if name == "InitialUnknowns":
                 problems += _later_kinds(who, unknown)
             doubts += _unknown_knowns(who, unknown, knowns, declared)
-            problems += _lacks_alias(who, unknown, knowns & computed, declared)
+            problems += _lacks_alias(who, unknown, computed_knowns, declared)
     if not problems:
         doubts += _unlike_initial(declared, states & computed)
     count = sum(len(u.dependencies or ()) for _, unknowns, _ in lists for u in unknowns)
