@@ -531,7 +531,10 @@ def test_one_name_has_one_use(emla: Emla, tmp_path: Path, faulty_fmu: Path) -> N
         (("run", "x.ssp", *SHORT, "--checkpoint", "link.ssp"), "'link.ssp' cannot be written: it is a"),
         ((*RUN, "--replace", "lift.plant=x.ssp", "--checkpoint", "x.ssp"), "is also the FMU"),
         (("export", "x.ssp", "x.ssp"), "the package 'x.ssp' is also the scenario"),
-        (("verify", "Faulty.fmu", "--json", "r", "--html", "R"), "the page 'R' is also the JSON report 'r'"),
+        (
+            ("verify", "Faulty.fmu", "--json", "r", "--html", "R"),
+            "the HTML report 'R' is also the JSON report 'r'",
+        ),
         (("verify", "Faulty.fmu", "f/FAULTY.fmu", "--record", "r"), "two FMUs have the name FAULTY"),
         (("build", "b.py:Toy", "b.py:toy"), "the FMUs of 'b.py:Toy' and 'b.py:toy' have the same name"),
         (("build", "b.py:Toy", "c.py:Toy"), "the FMUs of 'b.py:Toy' and 'c.py:Toy' have the same name"),

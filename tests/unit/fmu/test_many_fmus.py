@@ -12,6 +12,7 @@ from fmpy.fmi2 import FMU2Slave
 from benchmarks.row import ring
 from emla_cosim.base.errors import CommandError
 from emla_cosim.fmu import file as fmu_file
+from emla_cosim.fmu.instance import FMU2AnnouncedSlave
 from emla_cosim.fmu.loaded_library import LoadedLibrary
 from emla_cosim.master.assembly import Assembly
 from emla_cosim.ssp.reader.flat_document import read_ssp
@@ -56,7 +57,7 @@ def test_file_of_many_instances_is_read_and_loaded_once(
     faulty_fmu: Path, calls: Callable[[object, str], list[Any]]
 ) -> None:
     done = [calls(fmu_file, name) for name in ("read_interface", "unpack", "hash_file")]
-    done.append(calls(FMU2Slave, "_loadFunctions"))
+    done.append(calls(FMU2AnnouncedSlave, "_loadFunctions"))
     made = calls(FMU2Slave, "instantiate")
     with open_system(five(faulty_fmu)) as assembly:
         assert [len(found) for found in done] == [1, 1, 1, 1]
