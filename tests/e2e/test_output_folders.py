@@ -533,7 +533,7 @@ def test_one_name_has_one_use(emla: Emla, tmp_path: Path, faulty_fmu: Path) -> N
         (("export", "x.ssp", "x.ssp"), "the package 'x.ssp' is also the scenario"),
         (
             ("verify", "Faulty.fmu", "--json", "r", "--html", "R"),
-            "the HTML report 'R' is also the JSON report 'r'",
+            "report 'R' is also the JSON report 'r'",
         ),
         (("verify", "Faulty.fmu", "f/FAULTY.fmu", "--record", "r"), "two FMUs have the name FAULTY"),
         (("build", "b.py:Toy", "b.py:toy"), "the FMUs of 'b.py:Toy' and 'b.py:toy' have the same name"),

@@ -119,6 +119,7 @@ class HostedInstance(FmiInstance):
         returns = ticks and subject.has_flag(RETURNS_EARLY, self.kind) if early is None else early
         self.instantiation = {"eventModeUsed": uses_events, "earlyReturnAllowed": returns}
         library = subject.library(self.kind)
+        LOG.listen()  # other code of this process may have a log of its own
         note("loading its library")
         try:
             assert library is not None, "There is no library for this machine."
