@@ -182,7 +182,7 @@ def test_inputs_become_options(workspace: Path, runner: dict[str, str], fmu_fold
     strayed_fmu(workspace / "kept", fmu_folder)
     (workspace / "build").mkdir()
     shutil.move(workspace / "kept" / "Reference.fmu", workspace / "build")
-    files = {"fmus": "build/*.fmu", "only": "run.[cf]*\nreference\n", "skip": "run.finite"}
+    files = {"fmus": "build/*.fmu", "only": "run.[cf]*[es]\nreference\n", "skip": "run.finite"}
     assert verified(workspace, runner, **files, reference="kept").code == 1
     assert verdicts(workspace) == {"run.completes": "passed", "reference.agrees": "failed"}
     wide = verified(workspace, runner, **files, reference="kept", tolerance="x=1\n*=relative:1e30\n")
@@ -214,7 +214,7 @@ def test_odd_file_names(workspace: Path, runner: dict[str, str], fmu_folder: Pat
 @pytest.mark.parametrize(
     ("pattern", "words"),
     [
-        ("none/*.fmu", "::error title=No FMUs::The input fmus has 'none/*.fmu', which matches no file."),
+        ("none/*.fmu", "::error title=FMUs were not verified::The input fmus has 'none/*.fmu', which matches no file."),
         ("x.fmu", "'x.fmu', which matches no file."),
         ("\n", "The input fmus is empty."),
     ],
