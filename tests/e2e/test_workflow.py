@@ -214,7 +214,10 @@ def test_odd_file_names(workspace: Path, runner: dict[str, str], fmu_folder: Pat
 @pytest.mark.parametrize(
     ("pattern", "words"),
     [
-        ("none/*.fmu", "::error title=FMUs were not verified::The input fmus has 'none/*.fmu', which matches no file."),
+        (
+            "none/*.fmu",
+            "::error title=FMUs were not verified::The input fmus has 'none/*.fmu', which matches no file.",
+        ),
         ("x.fmu", "'x.fmu', which matches no file."),
         ("\n", "The input fmus is empty."),
     ],
