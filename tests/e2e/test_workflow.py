@@ -216,7 +216,7 @@ def test_odd_file_names(workspace: Path, runner: dict[str, str], fmu_folder: Pat
     [
         (
             "none/*.fmu",
-            "::error title=FMUs were not verified::The input fmus has 'none/*.fmu', which matches no file.",
+            "::error title=FMUs were not verified::The input fmus has 'none/*.fmu'",
         ),
         ("x.fmu", "'x.fmu', which matches no file."),
         ("\n", "The input fmus is empty."),
