@@ -21,7 +21,7 @@ from emla_cosim.cli.app import COMMANDS
 from tests.support.paths import ROOT
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-OURS = {"fmublock", "emla_fmu", "rsba_fmu", "machine_fmu", "emla_cosim"}
+OURS = {"fmublock", "emla_fmu", "rsba_fmu", "machine_fmu", "emla_cosim", "fmu_verify"}
 BY_NAME = {"yourdfpy", "ziglang"}
 """Declared, but not in an import statement: `python -m ziglang` is started, and yourdfpy imported by name."""
 

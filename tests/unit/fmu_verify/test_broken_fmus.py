@@ -88,7 +88,7 @@ WORDS = {
 
 NEEDS_AN_EXAMINER = (
     *("StepKillParent", "StepKillGroup", "Leak", "StateNotReused", "Exit", "Category", "LogOff"),
-    *("RelatedSmokeReference", "RelatedValidationReference"),
+    *("RelatedSmokeReference", "RelatedSmokeInput", "RelatedValidationReference"),
 )
 """FMUs that would end the process of the tests, leave memory behind, unload what that process has, or read
 tables, which a copy of a process cannot do that has read one: the threads of Polars are not copied."""
