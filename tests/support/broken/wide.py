@@ -214,7 +214,7 @@ WIDE: list[Broken] = [
         "each instance leaves a process in another session behind"),
     _fails("step:term_itself", "", "run.completes", "`fmi2DoStep` sends SIGTERM to its process"),
     _fails("step:kill_group", "", "run.completes", "`fmi2DoStep` sends SIGKILL to its process group"),
-    _fails("step:kill_parent", "", "instance.environment", "`fmi2DoStep` sends SIGKILL to the parent process"),
+    _fails("step:kill_parent", "", "instance.environment", "`fmi2DoStep` sends SIGKILL to its parent"),
     _warns("start", "x", "values.start", "a state starts with another value than declared"),
     _warns("unused_all", "", "exchange.inputs", "inputs are not used"),
     _warns("sign", "", "steps.integrate", "steps use an input with the wrong sign"),
