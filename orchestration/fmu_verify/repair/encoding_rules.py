@@ -39,11 +39,10 @@ def _decode(content: bytes, changes: list[Change]) -> str | None:
     if content.startswith(codecs.BOM_UTF8):
         changes.append(Change(_CHECK, "the byte order mark", "EF BB BF", ""))
         content = content.removeprefix(codecs.BOM_UTF8)
-    if content.startswith(_UTF_16):
-        changes.append(Change(_CHECK, "the encoding", "UTF-16", "UTF-8"))
-        return content.decode("utf-16", "replace")
     found = _ENCODING.match(content[:200].lstrip())
     declared = "utf-8" if found is None else found[1].decode().lower()
+    if content.startswith(_UTF_16):
+        declared = "utf-16"
     for encoding in _list_encodings(content, declared):
         try:
             text = content.decode(encoding)

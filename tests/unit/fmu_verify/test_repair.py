@@ -12,6 +12,7 @@ from lxml import etree
 import emla_cosim as ec
 from fmu_verify.checks.description import find_schema_problems
 from fmu_verify.repair import repairing
+from fmu_verify.repair.encoding_rules import mend_encoding
 from fmu_verify.repair.repairing import Repair, repair
 from fmu_verify.verdict import Verdict
 from tests.support.broken.editing import (
@@ -232,3 +233,13 @@ def test_second_repair_changes_nothing(mend: Callable[..., Repair]) -> None:
     done = mend(without("//Unit[@name='W']"))
     done.path.write_bytes(done.content)
     assert not mend(lambda _: done.path).changes
+
+
+def test_text_of_utf_16_is_kept_whole_or_left_alone() -> None:
+    """Half a character at the end has no meaning: nothing of the user's text is replaced by a guess."""
+    text = '<?xml version="1.0" encoding="UTF-16"?><a unit="\u2126"/>'
+    mended, changes = mend_encoding(text.encode("utf-16"))
+    assert mended.decode() == text.replace('encoding="UTF-16"?>', 'encoding="UTF-8"?>\n')
+    assert changes
+    cut = text.encode("utf-16")[:-1]
+    assert mend_encoding(cut) == (cut, [])
