@@ -118,7 +118,9 @@ def run_alone(
         return pickle.loads(place.read_bytes())
     found = in_fresh_process(_whole_run, subject, course, kind)
     place.parent.mkdir(exist_ok=True)
-    place.write_bytes(pickle.dumps(found))
+    part = place.with_suffix(".part")  # a check that is ended meanwhile leaves no half of it
+    part.write_bytes(pickle.dumps(found))
+    part.replace(place)
     return found
 
 
