@@ -9,7 +9,7 @@ from ..host.experiment import make_experiment
 from ..host.hosted_instance import HostedInstance
 from ..host.instance_runs import outputs, step_instance
 from ..host.other_values import other_of, same, show
-from ..messages import judge_problems
+from ..messages import judge_problems, list_left_out
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, fmi3, own_rule, skipped
 
@@ -32,7 +32,8 @@ _MOST = 300
 def initial(subject: Subject) -> CheckOutcome:
     """Read outputs in initialization mode; those of Clocks may begin with the first tick."""
     instance, course = HostedInstance(subject), make_experiment(subject, 1)
-    names = [n for n in outputs(subject) if not subject.variables[n].clocks][:_MOST]
+    every = [n for n in outputs(subject) if not subject.variables[n].clocks]
+    names = every[:_MOST]
     tolerance, start = subject.interface.tolerance, float(course.times[0])
     instance.begin_initialization(start, None, tolerance, lambda: instance.set(course.at(0)))
     found = dict(zip(names, instance.get(names), strict=True))
@@ -42,7 +43,8 @@ def initial(subject: Subject) -> CheckOutcome:
         for name, value in found.items()
         if not math.isfinite(value)
     ]
-    return judge_problems((), f"{len(names)} outputs are finite in initialization mode.", wrong)
+    gaps = list_left_out(len(names), len(every), "outputs were read in initialization mode.")
+    return judge_problems((), f"{len(names)} outputs are finite in initialization mode.", wrong, gaps)
 
 
 @check(
@@ -66,9 +68,10 @@ def final(subject: Subject) -> CheckOutcome:
     if subject.has_clocks:
         return skipped("Values of clocked variables need not be readable between ticks.")
     instance, course = HostedInstance(subject), make_experiment(subject, _STEPS)
-    names = [
+    every = [
         v.name for v in subject.description.modelVariables if v.causality in ("output", "input", "parameter")
-    ][:_MOST]
+    ]
+    names = every[:_MOST]
     instance.initialize(course.at(0), float(course.times[0]))
     step_instance(instance, course)
     if instance.terminated:
@@ -82,7 +85,8 @@ def final(subject: Subject) -> CheckOutcome:
         for name, old, new in zip(names, before, after, strict=True)
         if not same(new, old) and not (old != old and new != new)
     ]
-    return judge_problems(changed, f"{len(names)} values are the same after fmi2Terminate.")
+    gaps = list_left_out(len(names), len(every), "values were compared.")
+    return judge_problems(changed, f"{len(names)} values are the same after fmi2Terminate.", (), gaps)
 
 
 @check(
@@ -105,7 +109,8 @@ def direct(subject: Subject) -> CheckOutcome:
     """Set inputs between steps, and read the outputs that are declared to change with them at once."""
     if subject.kinds[0] != "CoSimulation" or subject.has_clocks:
         return skipped("The FMU is for Model Exchange, or has Clocks.")
-    pairs = [*_list_pairs(subject)][:_MOST]
+    every = [*_list_pairs(subject)]
+    pairs = every[:_MOST]
     if not pairs:
         return skipped("No output has a constant or fixed factor of an input.")
     instance, course = HostedInstance(subject), make_experiment(subject, 3)
@@ -124,7 +129,8 @@ def direct(subject: Subject) -> CheckOutcome:
             if value == new
         ]
     instance.free()
-    return judge_problems((), f"Outputs follow {len(pairs)} inputs at once.", late)
+    gaps = list_left_out(len(pairs), len(every), "inputs were set.")
+    return judge_problems((), f"Outputs follow {len(pairs)} inputs at once.", late, gaps)
 
 
 def _other(subject: Subject, name: str, value: Any) -> Any:

@@ -50,13 +50,16 @@ def environment(subject: Subject) -> CheckOutcome:
     What goes wrong in the same way with both is left to other checks.
     """
     if subject.kinds[0] == "ScheduledExecution" or subject.has_clocks:
-        return passed("It has Clocks: with which pointer it runs is not compared.")
+        said = "Whether it also runs with a pointer to an environment was not compared: it has Clocks."
+        return passed("Other checks run it with NULL.", gaps=(said,))
     without, _ = _try(subject, is_null=True)
     problem, strange = _try(subject, is_null=False)
     if without and not problem:
         return failed(f"It runs with a pointer to an environment, but not with NULL. {without}")
     if problem and not without:
         return failed(f"It runs with NULL, but not with a pointer to an environment. {problem}")
+    if without:
+        return passed("It does not run with NULL, nor with a pointer to an environment.", gaps=(without,))
     if strange:
         said = f"{strange} messages came with another pointer than that of their environment."
         return warned(said, clause=_PASSED_ON.of(subject.version))

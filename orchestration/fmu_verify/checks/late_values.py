@@ -2,6 +2,7 @@
 
 import time as clock
 from collections.abc import Iterator
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 from fmpy.model_description import ModelVariable
@@ -62,20 +63,20 @@ def late(subject: Subject) -> CheckOutcome:
         for v in settable(subject, "input", "parameter", tunable=True, most=None)
         if other_of(v) is not None and not v.clocks
     ]
-    results = _list_results(subject)
+    every_result = _list_results(subject)
+    results = every_result[:_MOST_RESULTS]
     if not every or not results:
         return skipped("It has no tunable parameter and no input with another valid value, or no output.")
-    until, tried, found, lost = clock.monotonic() + subject.settings.seconds, 0, list[_Late](), list[str]()
+    until, judged, found, lost = clock.monotonic() + subject.settings.seconds, 0, list[_Late](), list[str]()
     plain = in_separate_process(_run, subject, results, None, 0, _STEPS)[0]
     for variable in every[:_MOST]:
         if clock.monotonic() > until:
             break
-        tried += 1
-        try:
+        with suppress(CallError):  # the model does not bear this value
             found += _look(subject, variable, results, plain, lost)
-        except CallError:  # the model does not bear this value
-            continue
-    gaps = list_left_out(tried, len(every), "inputs and tunable parameters were set between steps.")
+            judged += 1
+    gaps = list_left_out(judged, len(every), "inputs and tunable parameters were set between steps.")
+    gaps += list_left_out(len(results), len(every_result), "outputs and derivatives were compared.")
     without = [one.name for one in found if one.delay is None]
     problems = list(lost)
     if without:
@@ -89,16 +90,16 @@ def late(subject: Subject) -> CheckOutcome:
         for one in found
         if one.delay is not None
     ]
-    return judge_problems((), f"{tried} inputs and tunable parameters have an effect.", problems, gaps)
+    fine = f"Of {judged} inputs and tunable parameters, all that have an effect at the start have it later."
+    return judge_problems((), fine, problems, gaps)
 
 
 def _list_results(subject: Subject) -> list[str]:
     """Return outputs of all types, and state derivatives."""
     found = subject.description.modelVariables
     names = [v.name for v in found if v.causality == "output" and not v.clocks]
-    return [*names, *(v.name for v in found if v.derivative is not None and v.name not in names)][
-        :_MOST_RESULTS
-    ]
+    slopes = [v.name for v in found if v.derivative is not None]
+    return list(dict.fromkeys([*names, *slopes]))
 
 
 def _look(

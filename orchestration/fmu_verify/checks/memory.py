@@ -3,6 +3,7 @@
 import ctypes
 import gc
 import time as clock
+from collections import Counter
 from collections.abc import Callable, Iterator
 
 import numpy as np
@@ -14,6 +15,7 @@ from ..host.hosted_instance import CallError, HostedInstance
 from ..host.log import LOG
 from ..host.other_values import settable, start_of
 from ..host.process_state import can_read_memory, load_c_library, read_memory
+from ..messages import list_left_out
 from ..subject import Subject
 from ..verdict import CheckOutcome, in_both, passed, skipped, warned
 
@@ -80,7 +82,15 @@ def calls(subject: Subject) -> CheckOutcome:
     if grown:
         lines = tuple(f"Each call of {what} keeps {size:.0f} bytes." for what, size in grown.items())
         return warned(lines[0], details=lines if len(lines) > 1 else (), figures=grown)
-    return passed(f"{count} kinds of calls keep no memory.")
+    numbers = Counter(v.type for v in subject.description.modelVariables if not v.clocks)
+    gaps = [
+        gap
+        for kind in _TYPES
+        for gap in list_left_out(
+            min(numbers[kind], _MOST_NAMES), numbers[kind], f"{kind} variables were read."
+        )
+    ]
+    return passed(f"{count} kinds of calls keep no memory.", gaps=tuple(gaps))
 
 
 def _grown_by_calls(subject: Subject) -> tuple[dict[str, float], int]:

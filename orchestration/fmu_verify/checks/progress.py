@@ -183,7 +183,7 @@ def frozen(subject: Subject) -> CheckOutcome:
         said = f"Runs have {len(course.times) - 1} steps: too few to see whether something stops."
         return skipped(said, gaps=(said,))
     run = _Course(subject, course)
-    problems, gaps = [*_stopped(run)], list[str]()
+    problems, gaps = [*_stopped(run)], list(run.left_out)
     if not problems:
         problems = [*_without_late_effect(run, gaps)]
     fine = f"{len(run.names)} outputs and states and the effects of inputs go on."
@@ -201,6 +201,7 @@ class _Course:
         self.inputs = [v.name for v in subject.of_causality("input") if v.variability in (None, "continuous")]
         every = dict.fromkeys([*outputs(subject), *self.slopes, *self.slopes.values()])
         self.names = list(every)[:_MOST_OUTPUTS]
+        self.left_out = list_left_out(len(self.names), len(every), "outputs and states were watched.")
         self.plain = self.run(course)
 
     def run(self, course: Experiment, values: Values | None = None) -> OutputTrajectory:
