@@ -7,10 +7,11 @@ from typing import Any
 
 from ..check import check
 from ..host.experiment import span
-from ..host.hosted_instance import HostedInstance
+from ..host.hosted_instance import EndlessIterationError, HostedInstance
 from ..messages import judge_problems
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, fmi3
+from .iteration import explain_endless
 
 _GUARD = 64
 _FILL = 0xA5
@@ -59,7 +60,10 @@ def buffers(subject: Subject) -> CheckOutcome:
     instance.free()
     if "ModelExchange" in subject.run_kinds:
         instance = HostedInstance(subject, name="model", kind="ModelExchange")
-        instance.initialize(None, span(subject)[0])
+        try:
+            instance.initialize(None, span(subject)[0])
+        except EndlessIterationError as error:
+            return explain_endless(error)
         model = instance.model
         assert model is not None
         listed = int(subject.description.numberOfEventIndicators or 0)
