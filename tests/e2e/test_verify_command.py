@@ -152,7 +152,9 @@ def test_all_reports_name_an_fmu_that_cannot_run(tmp_path: Path, emla: Emla) -> 
     with_files(lambda files: files.update({other: files.pop(LIBRARY)}))(tmp_path)
     found = emla("verify", "Toy.fmu", "--json", "r.json", "--junit", "r.xml", "--html", "r.html")
     assert "1 FMU did not pass for other reasons." in sentence(found, 1)
-    assert f"could not run. binaries.loads: It has no binary for {fmpy.platform}, only for lin64" in found.stdout
+    assert (
+        f"could not run. binaries.loads: It has no binary for {fmpy.platform}, only for lin64" in found.stdout
+    )
     report = json.loads((tmp_path / "r.json").read_text())
     assert not report["passed"]
     assert any("It has no binary for" in gap for gap in report["examined"][0]["not_examined"])

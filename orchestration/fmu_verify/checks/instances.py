@@ -1,6 +1,7 @@
 """Checks of instances: creation, independence, reset, memory."""
 
 import math
+import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -8,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from emla_cosim.fmu.clocks import CLOCK, explain_unsupported_clock, is_triggered_input
+from emla_cosim.fmu.instance import OK
 
 from ..check import check
 from ..host.experiment import MOST_STEPS, Experiment, make_experiment, span
@@ -256,6 +258,7 @@ def _worst(outcomes: list[CheckOutcome]) -> CheckOutcome | None:
 
 
 _THREADS = 2, 8
+_STEPS_IN_THREADS = 30
 _PART = 0.1
 """Part of the time limit for each of the runs one after the other; slow FMUs do fewer steps."""
 
@@ -283,7 +286,7 @@ def threads(subject: Subject) -> CheckOutcome:
 
     The standard says in passing that they can be called in parallel.
     """
-    courses = _courses(subject, max(_THREADS))
+    courses = _courses(subject, max(_THREADS), _STEPS_IN_THREADS)
     wanted = in_fresh_process(_one_by_one, subject, courses, _PART * subject.settings.seconds)
     if isinstance(wanted, int):
         courses = _courses(subject, max(_THREADS), wanted)
@@ -299,39 +302,71 @@ def threads(subject: Subject) -> CheckOutcome:
         ]
         if worse := _worst(outcomes):
             return worse
-    if worse := _judge_long_steps(subject):
+    if worse := _judge_steps_at_once(subject):
         return worse
     counts = " and ".join(map(str, _THREADS))
     return passed(f"{counts} instances, each in its own thread, gave the same as one after the other.")
 
 
-_LONG_STEPS = 10
+_AT_ONCE = 4
 _REPEATS = 40
+_MOST_STEPS_AT_ONCE = 1000
+_DURATION = 0.02
+"""Duration in s of the steps of one instance alone, and a fifth of that of all repetitions in threads."""
 
 
-def _judge_long_steps(subject: Subject) -> CheckOutcome | None:
-    """Repeat a run of few long steps in threads: short ones take turns in this program."""
-    if subject.kinds[0] != "CoSimulation" or not subject.has_capability(
-        "canHandleVariableCommunicationStepSize"
-    ):
+def _judge_steps_at_once(subject: Subject) -> CheckOutcome | None:
+    """Repeat steps in threads with nothing between them: otherwise, threads of Python hardly ever meet."""
+    if subject.kinds[0] != "CoSimulation" or subject.has_clocks:
         return None
-    start, step, count = span(subject)
-    times = start + step * max(1, count // _LONG_STEPS) * np.arange(min(_LONG_STEPS, count) + 1.0)
-    inputs = make_experiment(subject, len(times) - 1).inputs
-    rows = min([len(times), *(len(values) for values in inputs.values())])  # fewer where many are set
-    course = Experiment(times[:rows], {name: values[:rows] for name, values in inputs.items()})
-    until = time.monotonic() + _PART * subject.settings.seconds
     try:
-        wanted = in_fresh_process(_one_by_one, subject, [course])[0]
+        steps, wanted = in_fresh_process(_step_alone, subject)
+        found = in_fresh_process(_step_in_threads, subject, steps, wanted)
+    except (CallError, EndedError):  # as a run whose inputs do not change
+        return None
+    return _worst([compare_runs(found, wanted, f"One of {_AT_ONCE} instances in threads")])
+
+
+def _step_alone(subject: Subject) -> tuple[int, OutputTrajectory]:
+    """Return the steps that an instance makes in a short time, and its outputs after them."""
+    instance, (_, _, count) = HostedInstance(subject), span(subject)
+    until = time.monotonic() + _DURATION
+    steps = _step_at_once(instance, min(count, _MOST_STEPS_AT_ONCE, subject.most_steps), until)
+    return steps, _read_outputs(instance)
+
+
+def _step_in_threads(subject: Subject, steps: int, wanted: OutputTrajectory) -> OutputTrajectory:
+    """Return the first outputs that differ, or the last ones, of instances that step at once."""
+    instances = [HostedInstance(subject, f"examined {k}") for k in range(_AT_ONCE)]
+    sys.setswitchinterval(1e-6)  # threads then leave each other less time alone
+    until = time.monotonic() + 5.0 * _DURATION
+    with ThreadPoolExecutor(_AT_ONCE) as pool:
         for _ in range(_REPEATS):
-            for found in in_fresh_process(_in_threads, subject, [course] * 4):
-                if worse := _worst([compare_runs(found, wanted, "One of 4 instances in threads")]):
-                    return worse
+            list(pool.map(_step_at_once, instances, [steps] * _AT_ONCE))
+            for instance in instances:
+                if not (found := _read_outputs(instance)).same(wanted):
+                    return found
+                instance.free()
+                instance.instantiate()
             if time.monotonic() > until:
                 break
-    except (CallError, EndedError):  # the steps may be too long
-        return None
-    return None
+    return wanted
+
+
+def _step_at_once(instance: HostedInstance, most: int, until: float = math.inf) -> int:
+    """Initialize an instance and step it with nothing between the calls; return the number of steps."""
+    start, step, _ = span(instance.subject)
+    instance.initialize(make_experiment(instance.subject, 1).at(0), start)
+    call, arguments = instance.plain_step()
+    for k in range(most):
+        if call(instance.fmu.component, start + k * step, step, *arguments) != OK or time.monotonic() > until:
+            return k + 1
+    return most
+
+
+def _read_outputs(instance: HostedInstance) -> OutputTrajectory:
+    names = outputs(instance.subject)
+    return OutputTrajectory(np.zeros(1), names, np.array([instance.get(names)], dtype=float))
 
 
 def _one_by_one(

@@ -4,6 +4,7 @@ from ..check import check
 from ..host.experiment import make_experiment
 from ..host.fresh_process import EndedError, in_fresh_process
 from ..host.hosted_instance import CallError, EndlessIterationError, HostedInstance
+from ..host.instance_runs import keep_run, run_instance
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, blocked, failed, fmi3, passed, skipped
 
@@ -55,15 +56,11 @@ def _find_endless(subject: Subject, kind: str) -> str:
     """Return where an event iteration does not end; empty if all do."""
     uses_mode = True if kind == "CoSimulation" else None
     instance, course = HostedInstance(subject, kind=kind, events=uses_mode), make_experiment(subject)
-    where = "of the initialization"
     try:
-        instance.initialize(course.at(0), float(course.times[0]))
-        for k, time in enumerate(course.times[:-1]):
-            if instance.terminated:
-                break
-            where = f"in the step from t = {time:.9g} s"
-            instance.set(course.at(k))
-            instance.step(float(time), course.step)
+        found = run_instance(instance, course)
     except EndlessIterationError:
-        return where
+        began = instance.step_began
+        return "of the initialization" if began is None else f"in the step from t = {began:.9g} s"
+    if kind == "ModelExchange" or subject.has_clocks:  # other checks run it with the same options
+        keep_run(subject, course, kind, found)
     return ""

@@ -3,7 +3,7 @@
 import numpy as np
 
 from ..check import check
-from ..host.experiment import Experiment, make_experiment, span
+from ..host.experiment import FEWEST_STEPS, Experiment, make_experiment, span
 from ..host.hosted_instance import CallError, HostedInstance
 from ..host.instance_runs import run_alone, run_instance
 from ..messages import judge_problems
@@ -37,11 +37,12 @@ def runs(subject: Subject) -> CheckOutcome:
         return skipped("The FMU is not for Model Exchange.")
     if subject.has_clocks:
         return skipped(_WITH_CLOCKS, gaps=(_WITH_CLOCKS,))
-    instance, course = HostedInstance(subject, kind="ModelExchange"), make_experiment(subject)
     try:
-        found = run_instance(instance, course)
+        found = run_alone(subject, kind="ModelExchange")
     except CallError as error:
         return explain_endless(error)
+    instance = HostedInstance(subject, kind="ModelExchange")
+    run_instance(instance, make_experiment(subject, FEWEST_STEPS))
     instance.close()
     states = len(subject.description.derivatives)
     return passed(f"{states} states were integrated to t = {found.times[-1]:.9g} s.")

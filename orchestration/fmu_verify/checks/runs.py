@@ -2,7 +2,6 @@
 
 import math
 import time
-from collections.abc import Iterator
 
 import numpy as np
 
@@ -10,8 +9,17 @@ from ..check import check
 from ..host.experiment import Experiment, limits_of, make_experiment, span
 from ..host.fresh_process import in_fresh_process
 from ..host.hosted_instance import CallError, HostedInstance
-from ..host.instance_runs import OutputTrajectory, outputs, run_alone, run_instance, step_instance
-from ..host.junk import FIRST, SECOND, Junk, fill_memory
+from ..host.instance_runs import (
+    OutputTrajectory,
+    find_run,
+    keep_run,
+    outputs,
+    run_alone,
+    run_instance,
+    step_instance,
+    time_of_run,
+)
+from ..host.junk import fill_memory
 from ..messages import join_few_names
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, failed, fmi3, noted, passed, warned
@@ -41,15 +49,20 @@ def completes(subject: Subject) -> CheckOutcome:
     limit = _PART * subject.settings.seconds
     until = time.monotonic() + limit
     instance, course = HostedInstance(subject), make_experiment(subject)
-    steps, done = len(course.times) - 1, 0
+    steps, more = len(course.times) - 1, 0
     try:
         instance.initialize(course.at(0), float(course.times[0]))
-        while done < steps and not instance.terminated and (done == 0 or time.monotonic() < until):
-            done += len(step_instance(instance, course, done, done + 1).times) - 1
-        more = sum(1 for _ in _go_on(instance, course)) if done == steps else 0
+        found = step_instance(instance, course, until=until)
+        done = len(found.times) - 1
+        if done == steps:
+            rest = _go_on(instance, course)
+            more = len(rest.times)
+            keep_run(subject, course, _REST, rest)
     except CallError as error:
         return explain_endless(error)
     instance.close()
+    if done == steps or instance.terminated:
+        keep_run(subject, course, subject.kinds[0], found)
     if instance.terminated:
         said = f"It asked to end the run after {done} of {steps} steps of {course.step:g} s."
         return noted(said, figures={"steps": steps})
@@ -77,38 +90,40 @@ def completes(subject: Subject) -> CheckOutcome:
 )
 def finite(subject: Subject) -> CheckOutcome:
     """Check that no output is NaN or infinite while calls return fmi2OK."""
-    instance, course = HostedInstance(subject), make_experiment(subject)
-    found = run_instance(instance, course)
+    found, rest = run_alone(subject), find_run(subject, make_experiment(subject), _REST)
     wrong = ~np.isfinite(found.values)
     for column, name in enumerate(found.names):
         if subject.variables[name].clocks and not wrong[:, column].all():  # it may begin with the first tick
             wrong[: int(np.argmin(wrong[:, column])), column] = False
     if wrong.any():
         return failed(found.describe(wrong))
-    for at, values in _go_on(instance, course):
-        for name, value in zip(found.names, values, strict=True):
-            if not subject.variables[name].clocks and not math.isfinite(value):
-                return failed(f"{name} is {value} at t = {at:.9g} s.")
+    if rest is not None:
+        clocked = [bool(subject.variables[name].clocks) for name in rest.names]
+        if (wrong := ~np.isfinite(rest.values) & ~np.array(clocked, dtype=bool)).any():
+            return failed(rest.describe(wrong))
     return passed(f"{len(found.names)} outputs are finite at {len(found.times)} times.")
 
 
-_REST = 0.05
-"""Part of the time limit in which a run goes on to the end of the default experiment."""
+_REST = "the rest"
+"""The name of the run from there to the end of the default experiment."""
+
+_PART_OF_REST = 0.05
+"""Part of the time limit for it."""
 
 
-def _go_on(instance: HostedInstance, course: Experiment) -> Iterator[tuple[float, list[float]]]:
-    """Step on with the last inputs to the end of the default experiment; yield times in s and outputs."""
-    until, (start, step, count) = (
-        time.monotonic() + _REST * instance.subject.settings.seconds,
-        span(instance.subject),
-    )
-    names = outputs(instance.subject)
+def _go_on(instance: HostedInstance, course: Experiment) -> OutputTrajectory:
+    """Step on with the last inputs to the end of the default experiment."""
+    until = time.monotonic() + _PART_OF_REST * instance.subject.settings.seconds
+    (start, step, count), names = span(instance.subject), outputs(instance.subject)
+    rows = list[list[float]]()
     for k in range(len(course.times) - 1, count):
         if instance.terminated or time.monotonic() > until:
-            return
+            break
         instance.step(start + k * step, step)
         if not instance.terminated:
-            yield start + (k + 1) * step, [float(value) for value in instance.get(names)]
+            rows.append(instance.get(names))
+    times = start + step * (len(course.times) + np.arange(float(len(rows))))
+    return OutputTrajectory(times, names, np.array(rows, dtype=float).reshape(len(rows), len(names)))
 
 
 _UNCERTAIN = 1e-6
@@ -172,12 +187,12 @@ def deterministic(subject: Subject) -> CheckOutcome:
 
     The standard does not require it, but a run that is not repeatable cannot be compared with anything.
     """
-    first = in_fresh_process(_run_in_junk, subject, FIRST)
-    time.sleep(1.0 - time.time() % 1.0 + 1e-3)  # FMUs may use the clock second as a seed
-    second = in_fresh_process(_run_in_junk, subject, SECOND)
-    return compare_runs(second, first, "A second run")
+    first, ended = run_alone(subject), time_of_run(subject)
+    while int(time.time()) == int(ended):  # FMUs may use the clock second as a seed
+        time.sleep(1.0 - time.time() % 1.0 + 1e-3)
+    return compare_runs(in_fresh_process(_run_in_junk, subject), first, "A second run")
 
 
-def _run_in_junk(subject: Subject, junk: Junk) -> OutputTrajectory:
-    with fill_memory(junk):
+def _run_in_junk(subject: Subject) -> OutputTrajectory:
+    with fill_memory():
         return run_instance(HostedInstance(subject), make_experiment(subject))

@@ -13,7 +13,7 @@ from ..check import check
 from ..host.experiment import make_experiment
 from ..host.fresh_process import in_fresh_process, is_single_instance
 from ..host.hosted_instance import CallError, HostedInstance
-from ..host.junk import FIRST, fill_memory
+from ..host.junk import fill_memory
 from ..host.other_values import MOST, Values, items_of, others, settable
 from ..host.process_state import load_c_library
 from ..messages import judge_problems, list_left_out, shorten_sentence
@@ -174,7 +174,7 @@ def _invalid(subject: Subject, variables: Sequence[ModelVariable]) -> tuple[list
     """Return what is wrong with Strings in a run, and what the run lacks."""
     found: dict[str, str] = {}
     run = _VaryingRun(subject)
-    with fill_memory(FIRST):  # what is freed does not keep its content
+    with fill_memory():  # what is freed does not keep its content
         for k, (time, instance) in enumerate(run):
             for variable in variables:
                 if wrong := _problem(instance, variable, looks_at_memory=k % _EVERY == 0):

@@ -89,13 +89,15 @@ class HostedInstance(FmiInstance):
 
     `kind` is `CoSimulation` or `ModelExchange`; default: the first kind of the FMU. `terminated` is true
     after the FMU asked to end the run. `claim` is what a step said that no host without event mode expects,
-    and `reached` the time in s that it said it reached. `circumstance` is added to the note of every call:
+    and `reached` the time in s that it said it reached. `step_began` is when the last step began, in s;
+    None before the first one. `circumstance` is added to the note of every call:
     ` with u = nan`.
     """
 
     circumstance = ""
     claim = ""
     reached: float | None = None
+    step_began: float | None = None
 
     def __init__(
         self,
@@ -138,6 +140,8 @@ class HostedInstance(FmiInstance):
             raise CallError("dlopen", ERROR, sentence=sentence) from error
         self.fmu.instance, self.fmu.instanceName = self, name
         self._is_3, self._arrays = subject.version == 3, Arrays()
+        self._by_names: dict[tuple[str, ...], list[ModelVariable]] = {}
+        self._places: dict[tuple[str, ...], ElementLayout] = {}
         self._integration = HostedIntegration(self.fmu, subject) if self.kind == "ModelExchange" else None
         self.events: HostedEvents | None = None
         """What steps the instance with event mode or early returns, if it does."""
@@ -178,6 +182,17 @@ class HostedInstance(FmiInstance):
         return self.status(
             "fmi3DoStep", time, length, False, *(byref(flag) for flag in flags), byref(reached)
         )
+
+    def plain_step(self) -> tuple[Callable[..., int], tuple[Any, ...]]:
+        """Return the function that steps as the library has it, and what follows time and length.
+
+        Nobody notes its calls, nor looks at what it says beside its status.
+        """
+        note(f"fmi{3 if self._is_3 else 2}DoStep, again and again")
+        if not self._is_3:
+            return self.fmu.dll.fmi2DoStep, (0,)
+        said = [byref(c_bool()) for _ in range(3)]
+        return self.fmu.dll.fmi3DoStep, (False, *said, byref(c_double()))
 
     def enter_initialization_status(self, start: float) -> int:
         """Call the function that enters initialization mode, whatever the phase; return its status."""
@@ -282,7 +297,10 @@ class HostedInstance(FmiInstance):
             return wanted.pick(call(source.references, wanted.references, source.spread(seed), wanted.size))
 
     def _lay_out(self, names: Sequence[str]) -> ElementLayout:
-        return ElementLayout(self.subject.variables[name] for name in names)
+        key = tuple(names)
+        if key not in self._places:
+            self._places[key] = ElementLayout(self._look_up(key))
+        return self._places[key]
 
     def dependencies(self, reference: int) -> list[ElementDependency]:
         """Return the dependencies of the elements of a variable."""
@@ -346,7 +364,7 @@ class HostedInstance(FmiInstance):
 
     def set_now(self, values: Mapping[str, Any]) -> None:
         """Set variables by name, without waiting for events."""
-        typed = [(self.subject.variables[name], value) for name, value in values.items()]
+        typed = list(zip(self._look_up(values), values.values(), strict=True))
         with self.calling():
             if self._is_3:
                 set_elements(self.fmu, typed, self._arrays)
@@ -358,15 +376,24 @@ class HostedInstance(FmiInstance):
 
         If all Strings of a call are in one buffer, only the check of Strings fails.
         """
-        variables = [self.subject.variables[name] for name in names]
+        variables = self._look_up(names)
         with self.calling():
+            if not any(v.type == "String" for v in variables):
+                return self._get(variables)
             others = iter(self._get([v for v in variables if v.type != "String"]))
             return [self._get([v])[0] if v.type == "String" else next(others) for v in variables]
 
     def get_together(self, names: Iterable[str]) -> list[Any]:
         """Return the values of variables by name, with one call for each type."""
         with self.calling():
-            return self._get([self.subject.variables[name] for name in names])
+            return self._get(self._look_up(names))
+
+    def _look_up(self, names: Iterable[str]) -> list[ModelVariable]:
+        """Return variables by name. Runs ask for the same ones in each step."""
+        key = tuple(names)
+        if key not in self._by_names:
+            self._by_names[key] = [self.subject.variables[name] for name in key]
+        return self._by_names[key]
 
     def _get(self, variables: Sequence[ModelVariable]) -> list[Any]:
         if self.events is not None and self.events.is_stepping:
@@ -383,6 +410,7 @@ class HostedInstance(FmiInstance):
 
         For Model Exchange, integrate, from event mode to event mode.
         """
+        self.step_began = time
         if self.events is not None:
             try:
                 self.events.step(time, length)
@@ -451,7 +479,7 @@ class HostedInstance(FmiInstance):
 
     def _forget(self) -> None:
         """Forget the run."""
-        self.terminated = False
+        self.terminated, self.step_began = False, None
         self._arrays.clear()
         if self.events is not None:
             self.events.reset()

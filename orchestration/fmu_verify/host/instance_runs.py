@@ -1,9 +1,12 @@
 """Run an instance through an experiment and collect its outputs."""
 
 import hashlib
+import math
 import pickle
+import time
 from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -89,10 +92,12 @@ def step_instance(
     first: int = 0,
     last: int | None = None,
     names: list[str] | None = None,
+    until: float = math.inf,
 ) -> OutputTrajectory:
     """Step an instance from the communication point `first` to `last`; default: to the end.
 
-    `names` are the variables to read; default: all outputs.
+    `names` are the variables to read; default: all outputs. No step but the first begins after
+    `time.monotonic()` has reached `until`.
     """
     names = outputs(instance.subject) if names is None else names
     rows: list[list[Any]] = [instance.get(names)]
@@ -103,6 +108,8 @@ def step_instance(
         if instance.terminated:
             break  # before the end of the step
         rows.append(instance.get(names))
+        if time.monotonic() > until:
+            break
     times = course.times[first : first + len(rows)]
     return OutputTrajectory(times, names, np.array(rows, dtype=float).reshape(len(rows), len(names)))
 
@@ -112,17 +119,38 @@ def run_alone(
 ) -> OutputTrajectory:
     """Run an instance in its own process, or return the same run of an earlier check."""
     course = course or make_experiment(subject)
-    sum_ = hashlib.sha256(pickle.dumps((kind or subject.kinds[0], course)))
-    place = subject.scratch / "runs" / sum_.hexdigest()
-    with suppress(OSError):  # it is the first one
-        return pickle.loads(place.read_bytes())
-    found = in_fresh_process(_whole_run, subject, course, kind)
+    kind = kind or subject.kinds[0]
+    if (found := find_run(subject, course, kind)) is None:
+        found = in_fresh_process(_whole_run, subject, course, kind)
+        keep_run(subject, course, kind, found)
+    return found
+
+
+def time_of_run(subject: Subject) -> float:
+    """Return when `run_alone` of the default experiment ended, in s since 1970."""
+    return _find_place(subject, make_experiment(subject), subject.kinds[0]).stat().st_mtime
+
+
+def find_run(subject: Subject, course: Experiment, name: str) -> OutputTrajectory | None:
+    """Return what `keep_run` kept; None if there is nothing."""
+    with suppress(OSError):
+        return pickle.loads(_find_place(subject, course, name).read_bytes())
+    return None
+
+
+def keep_run(subject: Subject, course: Experiment, name: str, found: OutputTrajectory) -> None:
+    """Keep a run for later checks. The name is the kind if it is one that `run_alone` would do."""
+    place = _find_place(subject, course, name)
     place.parent.mkdir(exist_ok=True)
     part = place.with_suffix(".part")  # a check that is ended meanwhile leaves no half of it
     part.write_bytes(pickle.dumps(found))
     part.replace(place)
-    return found
 
 
-def _whole_run(subject: Subject, course: Experiment, kind: str | None) -> OutputTrajectory:
+def _find_place(subject: Subject, course: Experiment, name: str) -> Path:
+    sum_ = hashlib.sha256(pickle.dumps((name, course)))
+    return subject.scratch / "runs" / sum_.hexdigest()
+
+
+def _whole_run(subject: Subject, course: Experiment, kind: str) -> OutputTrajectory:
     return run_instance(HostedInstance(subject, kind=kind), course)

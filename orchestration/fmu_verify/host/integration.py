@@ -21,6 +21,9 @@ _SETTINGS = IntegratorSettings(tolerance=1e-6)
 """CVode gets a thousandth of it: it restarts at each communication point, and the errors add up."""
 
 
+_DOUBLES = ctypes.POINTER(ctypes.c_double)
+
+
 class RunEndedError(Exception):
     """The FMU asked to end the run."""
 
@@ -43,7 +46,7 @@ class HostedModel(ContinuousModel):
     settings = _SETTINGS
 
     def __init__(self, fmu: Any, subject: Subject) -> None:
-        self.fmu, self._subject = fmu, subject
+        self.fmu, self._subject, self._functions = fmu, subject, dict[str, Any]()
         self.untold: list[str] = []
         """What events changed or announced without saying so, in sentences."""
 
@@ -66,16 +69,20 @@ class HostedModel(ContinuousModel):
             self.indicator_count = self.fmu.getNumberOfEventIndicators()
 
     def _call(self, name: str, *arguments: Any) -> None:
-        name = rename(name) if self.is_3 else name
         if len(arguments) == 2:  # the address of doubles, and their number
-            arguments = (ctypes.cast(arguments[0], ctypes.POINTER(ctypes.c_double)), arguments[1])
+            arguments = (ctypes.cast(arguments[0], _DOUBLES), arguments[1])
         try:
-            call = getattr(self.fmu, f"fmi{3 if self.is_3 else 2}{name[0].upper()}{name[1:]}")
-            call(self.fmu.component, *arguments)
+            self._find_function(name)(self.fmu.component, *arguments)
         except FMICallException as error:
             if error.status == DISCARD:
                 raise _RefusedError(error.function, DISCARD) from error
             raise
+
+    def _find_function(self, name: str) -> Any:
+        if name not in self._functions:  # integrators call few of them, thousands of times
+            own = rename(name) if self.is_3 else name
+            self._functions[name] = getattr(self.fmu, f"fmi{3 if self.is_3 else 2}{own[0].upper()}{own[1:]}")
+        return self._functions[name]
 
     def _update(self, call: str) -> tuple[bool, bool, bool, bool, bool, float]:
         before = self._states()

@@ -3,24 +3,15 @@
 import contextlib
 import ctypes
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import Any
 
 from .process_state import load_c_library
 
+BYTE = 0x40
+"""The byte that fills fresh memory: it makes ordinary doubles, 32.5, so that sums reveal them."""
 
-class Junk(NamedTuple):
-    """The byte that fills fresh memory, and how much memory to allocate first.
-
-    `blocks` is the number of blocks of each size, `bytes` the size of one more.
-    """
-
-    byte: int
-    blocks: int
-    bytes: int
-
-
-FIRST, SECOND = Junk(0x3F, 0, 0), Junk(0x40, 5, 37 * 2**20 + 4096)
-"""Their bytes make ordinary doubles, 4.8e-4 and 32.5, so that sums reveal them."""
+_BLOCKS, _BYTES = 5, 37 * 2**20 + 4096
+"""How many blocks of each size are allocated first, and the size of one more: addresses shift."""
 
 _M_PERTURB = -6
 _SIZES = range(16, 2049, 16)
@@ -28,25 +19,25 @@ _OF_EACH_SIZE = 16
 
 
 @contextlib.contextmanager
-def fill_memory(junk: Junk) -> Iterator[None]:
+def fill_memory() -> Iterator[None]:
     """Fill the memory that the C library allocates next with junk, and shift its addresses, if possible."""
-    kept = ctypes.create_string_buffer(junk.bytes)
+    kept = ctypes.create_string_buffer(_BYTES)
     library = load_c_library()
     with contextlib.suppress(AttributeError):  # not all systems have these
         library.malloc.restype = ctypes.c_void_p
-        _blocks(library, junk.blocks)  # never freed: the process ends soon
-        _leave_behind(library, junk.byte)
-        library.mallopt(_M_PERTURB, junk.byte ^ 0xFF)  # glibc inverts what it fills with
+        _blocks(library, _BLOCKS)  # never freed: the process ends soon
+        _leave_behind(library)
+        library.mallopt(_M_PERTURB, BYTE ^ 0xFF)  # glibc inverts what it fills with
     yield
     del kept
 
 
-def _leave_behind(library: Any, byte: int) -> None:
+def _leave_behind(library: Any) -> None:
     """Allocate, fill and free blocks of many sizes: the C library reuses small ones unchanged."""
     blocks = _blocks(library, _OF_EACH_SIZE)
     _blocks(library, 1)  # never freed, so that no memory goes back to the system
     for place, size in blocks:
-        ctypes.memset(place, byte, size)
+        ctypes.memset(place, BYTE, size)
         library.free(ctypes.c_void_p(place))
 
 
