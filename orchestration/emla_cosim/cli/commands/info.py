@@ -166,7 +166,7 @@ def _show_table(rows: Sequence[DisplayRow], title: str, prefix: str) -> None:
     if not rows:
         return
     narrow = OUT.is_terminal and OUT.width < _WIDE
-    longest = max(len(row.name) - len(prefix) for row in rows)
+    longest = max(len(title), *(len(row.name) - len(prefix) for row in rows))
     width = min(longest, OUT.width * 2 // 5 if narrow else _WIDEST_NAME)
     name = Column(Text(title), overflow="fold", width=width)
     start = Column("start", overflow="fold", max_width=24)
