@@ -49,11 +49,11 @@ class CheckRunner:
 
     def run(self, check: Check) -> Finding:
         """Run a check."""
-        began = time.monotonic()
+        start = time.monotonic()
         seconds = check.time_factor * self._settings.seconds
         memory = min(round(check.memory_factor * self._settings.memory), _MOST_MEMORY)
         outcome = self.call(check, seconds, memory)
-        return make_finding(check, outcome, time.monotonic() - began, _version(self.subject))
+        return make_finding(check, outcome, time.monotonic() - start, _version(self.subject))
 
     def call(self, check: Check, seconds: float, memory: int) -> CheckOutcome:
         """Return the outcome of a check in a process with these limits in s and bytes."""
@@ -61,8 +61,8 @@ class CheckRunner:
         if self._process is not None and (records or self._process.memory != memory):
             self.close()
         if self._process is None:
-            places = list_writable(self.subject, records)
-            self._process = CheckProcess(do_check, (self.subject,), memory, places)
+            folders = list_writable(self.subject, records)
+            self._process = CheckProcess(do_check, (self.subject,), memory, folders)
         outcome = self._process.call((check,), seconds)
         if not self._process.can_continue:
             self.close()
@@ -124,8 +124,8 @@ def _examine(check: Check, subject: Any) -> CheckOutcome:
         return check.examine(subject)
     except CallError as error:
         if _LICENSE.search(str(error)):
-            said = f"It needs a license that this machine lacks. {error}"
-            return blocked(said, hint="Verify it where its license is installed.", gaps=(said,))
+            message = f"It needs a license that this machine lacks. {error}"
+            return blocked(message, hint="Verify it where its license is installed.", gaps=(message,))
         hint = explain_python_needs(subject.folder, [str(error)]) if check.name == "instance.created" else ""
         hint = hint or (REMEDY if error.clause == LEAVES_EXCEPTION else "")
         return failed(str(error), clause=error.clause or (None if error.has_status else RETURNS), hint=hint)

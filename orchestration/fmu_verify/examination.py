@@ -39,56 +39,61 @@ def examine_fmu(
         progress: Called with the finding of each completed check.
         done: Findings of an earlier examination, whose process ended; these checks do not run again.
     """
-    began = time.monotonic()
+    start = time.monotonic()
     earlier = {f.check: f for f in done}
     findings: dict[str, Finding] = {}
     with closing(CheckRunner(subject, subject.settings)) as runner:
         for check in select_needed_checks(subject.settings):
-            found = earlier.get(check.name)
-            if found is None or check.name == _UNPACKS:
+            finding = earlier.get(check.name)
+            if finding is None or check.name == _UNPACKS:
                 new = _find(check, runner, {**earlier, **findings})
-                found = found or new
+                finding = finding or new
             if check.name not in earlier:
-                progress(found)
-            findings[found.check] = found
-            if _take_over(found, subject):
+                progress(finding)
+            findings[finding.check] = finding
+            if _take_over(finding, subject):
                 runner.close()
     # failed checks are reported even if not selected: the checks that need them are only skipped
     skip = subject.settings.skip
     failed = {name for name, f in findings.items() if f.verdict == Verdict.FAILED}
     failed = {name for name in failed if not any(is_selected_by(p, name) for p in skip)}
     names = {c.name for c in select_checks(subject.settings)} | failed
-    others = {c.name for c in CHECKS if c.only_for not in (0, subject.known_version)}
-    shown = tuple(f for f in findings.values() if f.check in (names - others or names))
+    other_version = {c.name for c in CHECKS if c.only_for not in (0, subject.known_version)}
+    reported = tuple(f for f in findings.values() if f.check in (names - other_version or names))
     return Examined(
         subject.path,
         _facts(subject),
-        shown,
-        time.monotonic() - began,
-        objections=(*find_objections(shown, subject.settings), *_not_in_version(subject, others, shown)),
+        reported,
+        time.monotonic() - start,
+        objections=(
+            *find_objections(reported, subject.settings),
+            *_not_in_version(subject, other_version, reported),
+        ),
         not_examined=list_unexamined(subject, findings),
     )
 
 
-def _not_in_version(subject: Subject, others: Iterable[str], shown: Sequence[Finding]) -> Iterator[str]:
+def _not_in_version(
+    subject: Subject, other_version: Iterable[str], reported: Sequence[Finding]
+) -> Iterator[str]:
     """Yield checks that must run, but are of what another version of FMI has."""
     for pattern in subject.settings.must_run:
-        if any(is_selected_by(pattern, name) for name in others) and not any(
-            is_selected_by(pattern, f.check) for f in shown
+        if any(is_selected_by(pattern, name) for name in other_version) and not any(
+            is_selected_by(pattern, f.check) for f in reported
         ):
             yield f"--must-run {pattern}: FMI {subject.known_version}.0 does not have what it is about."
 
 
-def _take_over(found: Finding, subject: Subject) -> bool:
+def _take_over(finding: Finding, subject: Subject) -> bool:
     """Read what later checks need, and limit their runs, after a check that passed; return whether it did."""
-    if found.verdict != Verdict.PASSED:
+    if finding.verdict != Verdict.PASSED:
         return False
-    names = _READ_AFTER.get(found.check, ())
+    names = _READ_AFTER.get(finding.check, ())
     for name in names:
         with suppress(Exception):  # reading may fail here although it worked in the check's process
             getattr(subject, name)
-    if found.check == "run.completes":
-        subject.most_steps = max(FEWEST_STEPS, found.outcome.figures["steps"])
+    if finding.check == "run.completes":
+        subject.most_steps = max(FEWEST_STEPS, finding.outcome.figures["steps"])
         return True
     return bool(names)
 
@@ -111,8 +116,10 @@ def check_names(patterns: Iterable[str]) -> None:
         if not any(is_selected_by(pattern, c.name) for c in CHECKS):
             names = [c.name for c in CHECKS]
             near = difflib.get_close_matches(pattern, names, n=3, cutoff=0.4)
-            meant = f"did you mean {' or '.join(near)}?" if near else "`emla verify --list` lists all checks."
-            raise CommandError(f"there is no check '{pattern}'; {meant}", name=pattern, choices=names)
+            advice = (
+                f"did you mean {' or '.join(near)}?" if near else "`emla verify --list` lists all checks."
+            )
+            raise CommandError(f"there is no check '{pattern}'; {advice}", name=pattern, choices=names)
 
 
 def select_needed_checks(settings: Settings) -> list[Check]:
@@ -128,9 +135,9 @@ def _find(check: Check, runner: CheckRunner, before: Mapping[str, Finding]) -> F
     """Run a check. Skip it if it needs one which failed or was skipped."""
     subject = runner.subject
     if (missing := _missing(check, before, subject.settings.skip)) is None:
-        found = runner.run(check)
-        if (missing := _hindering(check, found, before)) is None:
-            return found
+        finding = runner.run(check)
+        if (missing := _hindering(check, finding, before)) is None:
+            return finding
     return skip_blocked(check, missing, subject.known_version)
 
 
@@ -140,17 +147,17 @@ def _missing(check: Check, before: Mapping[str, Finding], skip: Sequence[str]) -
     A failed check that `skip` leaves out does not excuse those that need it, unless it is vital for them.
     """
     needed = [before[name] for name in check.needs if name in before]
-    for one in needed:
-        tried = one.check not in VITAL and any(is_selected_by(p, one.check) for p in skip)
-        failed = one.verdict == Verdict.FAILED and one.outcome.blocks and not tried
-        if failed or one.verdict == Verdict.SKIPPED:
-            return one
+    for finding in needed:
+        is_ignored = finding.check not in VITAL and any(is_selected_by(p, finding.check) for p in skip)
+        failed = finding.verdict == Verdict.FAILED and finding.outcome.blocks and not is_ignored
+        if failed or finding.verdict == Verdict.SKIPPED:
+            return finding
     return None
 
 
-def _hindering(check: Check, found: Finding, before: Mapping[str, Finding]) -> Finding | None:
+def _hindering(check: Check, finding: Finding, before: Mapping[str, Finding]) -> Finding | None:
     """Return a failed check without which this one, which was tried all the same, went wrong."""
-    if not found.sentence.startswith(ERROR_OF_CHECK):
+    if not finding.sentence.startswith(ERROR_OF_CHECK):
         return None
     needed = list(check.needs)
     for name in needed:  # grows: also what those need

@@ -22,7 +22,7 @@ from .settings import Settings
 from .subject import Subject
 from .systems import SystemKind, examine_system
 
-_LOADED = ("lief", "numpy.ma", "numpy.random", "encodings.cp437", "importlib.resources.readers")
+_PRELOADED_MODULES = ("lief", "numpy.ma", "numpy.random", "encodings.cp437", "importlib.resources.readers")
 """Modules that checks load: once, before forks."""
 
 
@@ -47,10 +47,10 @@ def examine_jobs(channel: Channel, folder: str) -> None:
         channel: Gets each finding as soon as its check is done, and then the report or an error.
         folder: The folder for temporary files.
     """
-    for module in _LOADED:
+    for module in _PRELOADED_MODULES:
         import_module(module)
-    for made in CLASSES.values():
-        read_signatures(made)  # remembers them
+    for fmu_class in CLASSES.values():
+        read_signatures(fmu_class)  # remembers them
     confine_signals()
     adopt_orphans()
     gc.freeze()  # forks then share memory that they only read
@@ -61,18 +61,18 @@ def examine_jobs(channel: Channel, folder: str) -> None:
         channel.send(answer)
 
 
-def _examine(job: ExaminerJob, tell: Callable[[Finding], None]) -> Examined | RunError:
+def _examine(job: ExaminerJob, on_finding: Callable[[Finding], None]) -> Examined | RunError:
     try:
-        return _examine_file(job, tell)
+        return _examine_file(job, on_finding)
     except Exception as error:
         if (fault := find_machine_fault(error)) is None:
             raise
         return RunError(f"'{job.name}' could not be verified on this machine: {fault.strerror}.")
 
 
-def _examine_file(job: ExaminerJob, tell: Callable[[Finding], None]) -> Examined:
+def _examine_file(job: ExaminerJob, on_finding: Callable[[Finding], None]) -> Examined:
     with tempfile.TemporaryDirectory(prefix="emla-verify-", ignore_cleanup_errors=True) as folder:
         if job.system is not None:
-            return examine_system(job.path, job.system, job.settings, Path(folder).resolve(), tell)
+            return examine_system(job.path, job.system, job.settings, Path(folder).resolve(), on_finding)
         subject = Subject(job.path, Path(folder).resolve() / "fmu", job.settings)
-        return examine_fmu(subject, tell, job.done)
+        return examine_fmu(subject, on_finding, job.done)

@@ -74,16 +74,20 @@ def verify(
         CommandError: a file does not exist, or an argument is wrong.
         RunError: the machine has no space or memory for it. All other problems are findings.
     """
-    named = _name_paths(paths, systems)
+    paths_by_name = _name_paths(paths, systems)
     settings = _settings(reference, only, skip, tolerance, seconds, memory, record, fail_on, must_run)
     progress = progress or Progress()
-    with ExitStack() as held:
-        jobs = [job for name, path in named.items() for job in _jobs(name, path, settings, systems, held)]
+    with ExitStack() as resources:
+        jobs = [
+            job
+            for name, path in paths_by_name.items()
+            for job in _jobs(name, path, settings, systems, resources)
+        ]
         if record is not None:
             check_recording(record, [job.path for job in jobs])
         count = sum(len(_list_checks(job)) for job in jobs)
         progress.begin("verifying", count, "checks")
-        folder = held.enter_context(temporary_folder("verify"))
+        folder = resources.enter_context(temporary_folder("verify"))
         examined, is_complete = examine_all(jobs, folder, lambda: progress.advance(1), interrupted)
     started = datetime.now(UTC).isoformat(timespec="seconds")
     return Report(examined, version("emla-cosim"), started, complete=is_complete)
@@ -95,17 +99,17 @@ def _name_paths(
     """Return paths by their names in reports. Raise CommandError if one is not a file."""
     if isinstance(paths, (str, Path)):
         paths = [paths]
-    given = paths if isinstance(paths, Mapping) else {str(path): path for path in paths}
-    given = {name: path for one in given.items() for name, path in _expand_folder(*one, systems)}
-    if not given:
+    requested = paths if isinstance(paths, Mapping) else {str(path): path for path in paths}
+    requested = {name: path for item in requested.items() for name, path in _expand_folder(*item, systems)}
+    if not requested:
         raise CommandError("there is nothing to verify; name at least one FMU.")
-    found = {name: convert_value(path, Path, "the FMU") for name, path in given.items()}
-    for path in found.values():
+    files = {name: convert_value(path, Path, "the FMU") for name, path in requested.items()}
+    for path in files.values():
         with suppress(OSError, ValueError):  # invalid file names
             if path.is_file() or _is_system(path, systems):
                 continue
         raise CommandError(f"the FMU file '{path}' does not exist.", path=str(path))
-    return found
+    return files
 
 
 def _is_system(path: Path, systems: SystemKind | None) -> bool:
@@ -128,10 +132,10 @@ def _expand_folder(name: str, path: str | Path, systems: SystemKind | None) -> l
     if not is_folder or _is_system(folder, systems):
         return [(name, path)]
     suffixes = (".fmu", *(systems.suffixes[:1] if systems is not None else ()))
-    found = sorted(f for f in folder.rglob("*") if f.suffix.lower() in suffixes and f.is_file())
-    if not found:
+    files = sorted(f for f in folder.rglob("*") if f.suffix.lower() in suffixes and f.is_file())
+    if not files:
         raise CommandError(f"the folder '{path}' has no FMU and no SSP.", path=str(path))
-    return [(f"{name.rstrip('/')}/{f.relative_to(folder).as_posix()}", f) for f in found]
+    return [(f"{name.rstrip('/')}/{f.relative_to(folder).as_posix()}", f) for f in files]
 
 
 def _settings(
@@ -179,16 +183,16 @@ def _settings(
 
 
 def _jobs(
-    name: str, path: Path, settings: Settings, systems: SystemKind | None, held: ExitStack
+    name: str, path: Path, settings: Settings, systems: SystemKind | None, resources: ExitStack
 ) -> list[ExaminerJob]:
     """Return the jobs for a path: one for an FMU; for a system, one for each of its FMUs and itself."""
     if systems is None or not _is_system(path, systems):
         return [ExaminerJob(path.absolute(), settings, name, path)]
     if settings.recording is not None:
         raise CommandError(f"only references of FMUs can be recorded; '{path}' is a system.")
-    alone = replace(settings, reference=None)
-    files = held.enter_context(systems.unpack(path))
-    inside = [ExaminerJob(file, alone, f"{name}/{file.name}", path / file.name) for file in files]
+    without_reference = replace(settings, reference=None)
+    files = resources.enter_context(systems.unpack(path))
+    inside = [ExaminerJob(file, without_reference, f"{name}/{file.name}", path / file.name) for file in files]
     return [*inside, ExaminerJob(path.absolute(), settings, name, path, systems)]
 
 
@@ -213,31 +217,31 @@ def examine_all(
     count = count_cores() + 1  # checks also wait, for example for the next second
     with ThreadPoolExecutor(min(count, len(jobs))) as threads:
         examined = [threads.submit(_examine, job, pool, advance) for job in jobs]
-        left = set(examined)
+        pending = set(examined)
         try:
-            while left:
-                done, left = wait(left, LOOK)
-                for job in done:
+            while pending:
+                finished, pending = wait(pending, LOOK)
+                for job in finished:
                     job.result()
-                if left and not pool.is_closed and interrupted is not None and interrupted():
+                if pending and not pool.is_closed and interrupted is not None and interrupted():
                     pool.close()
             is_complete = not pool.is_closed
         finally:
             pool.close()
-            if left:  # an error or a second Ctrl-C; checks notice it before their folder is removed
+            if pending:  # an error or a second Ctrl-C; checks notice it before their folder is removed
                 time.sleep(2.0 * LOOK)
     return tuple(job.result() for job in examined), is_complete
 
 
 def _examine(job: ExaminerJob, pool: ChildPool, advance: Callable[[], None]) -> Examined:
     """Return the findings of a job. If an FMU ends the examiner, a new one continues after the lost check."""
-    done: list[Finding] = []
+    findings: list[Finding] = []
     while not pool.is_closed:
         try:
             with pool.member() as examiner:
-                examiner.send(job._replace(done=tuple(done)))
+                examiner.send(job._replace(done=tuple(findings)))
                 while isinstance(answer := examiner.receive(), Finding):
-                    done.append(answer)
+                    findings.append(answer)
                     advance()
                 if isinstance(answer, RunError):
                     raise answer
@@ -245,27 +249,27 @@ def _examine(job: ExaminerJob, pool: ChildPool, advance: Callable[[], None]) -> 
         except ChildEndedError as error:
             if pool.is_closed:
                 break
-            names = {f.check for f in done}
-            lost = next((c for c in _list_checks(job) if c.name not in names), None)
-            if lost is None:
+            names = {f.check for f in findings}
+            lost_check = next((c for c in _list_checks(job) if c.name not in names), None)
+            if lost_check is None:
                 break
-            said = f"It ended the process of emla verify that runs the checks ({error})."
+            message = f"It ended the process of emla verify that runs the checks ({error})."
             hint = "Look for signals that the FMU sends to other processes."
-            done.append(make_finding(lost, failed(said, clause=RETURNS, hint=hint)))
+            findings.append(make_finding(lost_check, failed(message, clause=RETURNS, hint=hint)))
             advance()
-    return _report_incomplete(job, done)
+    return _report_incomplete(job, findings)
 
 
-def _report_incomplete(job: ExaminerJob, done: Sequence[Finding]) -> Examined:
+def _report_incomplete(job: ExaminerJob, findings: Sequence[Finding]) -> Examined:
     """Return the findings about an FMU whose examiner ended; it does not pass if checks are missing."""
     count = len(_list_checks(job))
     selected = {c.name for c in (_list_checks(job) if job.system else select_checks(job.settings))}
-    shown = tuple(f for f in done if f.check in selected or f.verdict == Verdict.FAILED)
-    objections = find_objections(shown, job.settings)
-    if left := count - len(done):
-        objections += (f"The examination was interrupted: {left} of {count} checks did not run.",)
-    seconds, options = sum(f.seconds for f in done), list_options(job.settings)
-    return Examined(job.given, {}, shown, seconds, job.name, objections, options=options)
+    reported = tuple(f for f in findings if f.check in selected or f.verdict == Verdict.FAILED)
+    objections = find_objections(reported, job.settings)
+    if missing := count - len(findings):
+        objections += (f"The examination was interrupted: {missing} of {count} checks did not run.",)
+    seconds, options = sum(f.seconds for f in findings), list_options(job.settings)
+    return Examined(job.given, {}, reported, seconds, job.name, objections, options=options)
 
 
 def _list_checks(job: ExaminerJob) -> list[Check]:

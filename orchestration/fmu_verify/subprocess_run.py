@@ -32,7 +32,7 @@ from .verdict import (
 _FIRST = "its first call"
 """The note before the first call."""
 
-_OWN = own_rule("limits", "A check stays within its limits of time and memory.")
+_LIMITS = own_rule("limits", "A check stays within its limits of time and memory.")
 
 ERROR_OF_CHECK = "The check itself has an error:"
 """How the message begins if a check raises an exception."""
@@ -101,11 +101,11 @@ class CheckProcess:
 
 def _receive_outcome(child: Child, notes: CrashPageFile, seconds: float) -> tuple[CheckOutcome, bool, bool]:
     """Return the next outcome, whether the process takes another call, and whether it was lost."""
-    began = moved = now = time.monotonic()
+    start = last_change = now = time.monotonic()
     doing = notes.note() or _FIRST
     while True:
         try:
-            answer = child.receive_bytes(min(LOOK, began + seconds - now))
+            answer = child.receive_bytes(min(LOOK, start + seconds - now))
             return read_outcome(answer[1:]), answer[:1] == _CAN_CONTINUE, False
         except TimeoutError:
             now = time.monotonic()
@@ -115,9 +115,9 @@ def _receive_outcome(child: Child, notes: CrashPageFile, seconds: float) -> tupl
                 return failed(f"It wrote into a file of this program, in {doing}."), False, True
             return failed(f"It ended the process in {doing} ({error}).", clause=RETURNS), False, True
         if doing != (doing := notes.note() or doing):  # none while the next one is being written
-            moved = now
-        if now > began + seconds:
-            return _describe_timeout(doing, seconds, now - moved), False, True
+            last_change = now
+        if now > start + seconds:
+            return _describe_timeout(doing, seconds, now - last_change), False, True
 
 
 _CAN_CONTINUE, _ENDS = b"+", b"-"
@@ -130,12 +130,12 @@ _SLOW = "The FMU may only be slow. Increase the time limit (--seconds)."
 def _describe_timeout(doing: str, seconds: float, still: float) -> CheckOutcome:
     """Return the outcome of a check that takes too long and has been in the same call for `still` s."""
     if doing == _FIRST:
-        said = f"It did not finish within {seconds:g} s, before it called the FMU."
-        return blocked(said, hint=_SLOW, gaps=(said,))
+        message = f"It did not finish within {seconds:g} s, before it called the FMU."
+        return blocked(message, hint=_SLOW, gaps=(message,))
     if still > 0.5 * seconds:
         return failed(f"It did not return from {doing} within {seconds:g} s.", clause=RETURNS)
-    said = f"It did not finish within {seconds:g} s; it was at {doing} and still made progress."
-    return blocked(said, hint=_SLOW, gaps=(said,))
+    message = f"It did not finish within {seconds:g} s; it was at {doing} and still made progress."
+    return blocked(message, hint=_SLOW, gaps=(message,))
 
 
 def _answer(
@@ -165,14 +165,15 @@ def _call_limited(do: Callable[..., CheckOutcome], arguments: tuple[Any, ...], m
         return do(*arguments)
     except MemoryError:
         return failed(
-            f"It needs more than {memory / 2**20:.0f} MiB of memory in {crash_page.read_note()}.", clause=_OWN
+            f"It needs more than {memory / 2**20:.0f} MiB of memory in {crash_page.read_note()}.",
+            clause=_LIMITS,
         )
     except Exception as error:  # a bug in a check must not lose the rest of the report
         if find_left_exception(error) is not None:
             return failed(left_exception(crash_page.read_note(), error), clause=LEAVES_EXCEPTION, hint=REMEDY)
         if (fault := find_machine_fault(error)) is not None:
-            said = f"It could not run on this machine: {fault.strerror}."
-            return blocked(said, hint=_FAULT, gaps=(said,))
+            message = f"It could not run on this machine: {fault.strerror}."
+            return blocked(message, hint=_FAULT, gaps=(message,))
         return failed(f"{ERROR_OF_CHECK} {type(error).__name__}: {error}.")
 
 

@@ -71,8 +71,8 @@ def _explain_not_run(subject: Subject) -> str:
         return f"It {reason}."
     for clock in description.modelVariables:
         if clock.type == CLOCK and clock.causality == "input" and (clock.clocks or is_triggered_input(clock)):
-            said = f"Its Clock '{clock.name}' is triggered from outside, or ticks with other Clocks"
-            return f"{said}: such FMUs are not run."
+            message = f"Its Clock '{clock.name}' is triggered from outside, or ticks with other Clocks"
+            return f"{message}: such FMUs are not run."
     return ""
 
 
@@ -136,13 +136,13 @@ def cycles(subject: Subject) -> CheckOutcome:
     if is_single_instance(subject):
         return skipped(_ONLY_ONCE)
     if not can_read_memory():
-        said = "This system does not report how much memory a process uses."
-        return skipped(said, gaps=(f"Memory that instances keep: {said}",))
+        message = "This system does not report how much memory a process uses."
+        return skipped(message, gaps=(f"Memory that instances keep: {message}",))
     instance, course = HostedInstance(subject), make_experiment(subject, 2)
     instance.free()
-    count, began = 0, time.monotonic()
+    count, start = 0, time.monotonic()
     while count < _MOST:
-        if (spent := time.monotonic() - began) > 1.0 or (spent > _WARM_UP and count >= _FEWEST):
+        if (spent := time.monotonic() - start) > 1.0 or (spent > _WARM_UP and count >= _FEWEST):
             break
         _cycle(instance, course)
         count += 1
@@ -203,11 +203,11 @@ def independent(subject: Subject) -> CheckOutcome:
     if is_single_instance(subject):
         return skipped(_ONLY_ONCE)
     courses = _courses(subject, 2)
-    wanted = [run_alone(subject, course) for course in courses]
-    found = in_fresh_process(_in_turns, subject, courses)
-    what = "An instance that runs with another one"
-    outcomes = [compare_runs(f, w, what) for f, w in zip(found, wanted, strict=False)]
-    outcomes.append(compare_runs(found[-1], wanted[0], "An instance after others"))
+    expected = [run_alone(subject, course) for course in courses]
+    trajectories = in_fresh_process(_in_turns, subject, courses)
+    subject_of_message = "An instance that runs with another one"
+    outcomes = [compare_runs(f, w, subject_of_message) for f, w in zip(trajectories, expected, strict=False)]
+    outcomes.append(compare_runs(trajectories[-1], expected[0], "An instance after others"))
     return _worst(outcomes) or passed("Two instances that took turns gave the same as each alone.")
 
 
@@ -240,13 +240,13 @@ def _in_turns(subject: Subject, courses: list[Experiment]) -> list[OutputTraject
                 continue
             if not instance.terminated:
                 rows[k].append(instance.get(names))
-    taken = [
+    trajectories = [
         OutputTrajectory(c.times[: len(r)], names, np.array(r, dtype=float).reshape(len(r), len(names)))
         for c, r in zip(courses, rows, strict=True)
     ]
     for instance in instances:
         instance.close()
-    return [*taken, run_instance(HostedInstance(subject), courses[0])]
+    return [*trajectories, run_instance(HostedInstance(subject), courses[0])]
 
 
 def _worst(outcomes: list[CheckOutcome]) -> CheckOutcome | None:
@@ -287,18 +287,18 @@ def threads(subject: Subject) -> CheckOutcome:
     The standard says in passing that they can be called in parallel.
     """
     courses = _courses(subject, max(_THREADS), _STEPS_IN_THREADS)
-    wanted = in_fresh_process(_one_by_one, subject, courses, _PART * subject.settings.seconds)
-    if isinstance(wanted, int):
-        courses = _courses(subject, max(_THREADS), wanted)
-        wanted = in_fresh_process(_one_by_one, subject, courses)
+    expected = in_fresh_process(_one_by_one, subject, courses, _PART * subject.settings.seconds)
+    if isinstance(expected, int):
+        courses = _courses(subject, max(_THREADS), expected)
+        expected = in_fresh_process(_one_by_one, subject, courses)
     for count in _THREADS:
         try:
-            found = in_fresh_process(_in_threads, subject, courses[:count])
+            trajectories = in_fresh_process(_in_threads, subject, courses[:count])
         except (CallError, EndedError) as error:
             return warned(f"With {count} instances, each in its own thread: {error}")
         outcomes = [
             compare_runs(f, w, f"One of {count} instances in threads")
-            for f, w in zip(found, wanted, strict=False)
+            for f, w in zip(trajectories, expected, strict=False)
         ]
         if worse := _worst(outcomes):
             return worse
@@ -320,11 +320,11 @@ def _judge_steps_at_once(subject: Subject) -> CheckOutcome | None:
     if subject.kinds[0] != "CoSimulation" or subject.has_clocks:
         return None
     try:
-        steps, wanted = in_fresh_process(_step_alone, subject)
-        found = in_fresh_process(_step_in_threads, subject, steps, wanted)
+        steps, expected = in_fresh_process(_step_alone, subject)
+        trajectory = in_fresh_process(_step_in_threads, subject, steps, expected)
     except (CallError, EndedError):  # as a run whose inputs do not change
         return None
-    return _worst([compare_runs(found, wanted, f"One of {_AT_ONCE} instances in threads")])
+    return _worst([compare_runs(trajectory, expected, f"One of {_AT_ONCE} instances in threads")])
 
 
 def _step_alone(subject: Subject) -> tuple[int, OutputTrajectory]:
@@ -335,7 +335,7 @@ def _step_alone(subject: Subject) -> tuple[int, OutputTrajectory]:
     return steps, _read_outputs(instance)
 
 
-def _step_in_threads(subject: Subject, steps: int, wanted: OutputTrajectory) -> OutputTrajectory:
+def _step_in_threads(subject: Subject, steps: int, expected: OutputTrajectory) -> OutputTrajectory:
     """Return the first outputs that differ, or the last ones, of instances that step at once."""
     instances = [HostedInstance(subject, f"examined {k}") for k in range(_AT_ONCE)]
     sys.setswitchinterval(1e-6)  # threads then leave each other less time alone
@@ -344,13 +344,13 @@ def _step_in_threads(subject: Subject, steps: int, wanted: OutputTrajectory) -> 
         for _ in range(_REPEATS):
             list(pool.map(_step_at_once, instances, [steps] * _AT_ONCE))
             for instance in instances:
-                if not (found := _read_outputs(instance)).same(wanted):
-                    return found
+                if not (trajectory := _read_outputs(instance)).same(expected):
+                    return trajectory
                 instance.free()
                 instance.instantiate()
             if time.monotonic() > until:
                 break
-    return wanted
+    return expected
 
 
 def _step_at_once(instance: HostedInstance, most: int, until: float = math.inf) -> int:
@@ -373,15 +373,15 @@ def _one_by_one(
     subject: Subject, courses: list[Experiment], limit: float = math.inf
 ) -> list[OutputTrajectory] | int:
     """Return runs; or how many steps a run has in a limit in s, if the first one exceeds it."""
-    found = []
+    trajectories = []
     for course in courses:
-        began = time.monotonic()
+        start = time.monotonic()
         instance = HostedInstance(subject)
-        found.append(run_instance(instance, course))
+        trajectories.append(run_instance(instance, course))
         instance.free()
-        if len(found) == 1 and (spent := time.monotonic() - began) > limit:
+        if len(trajectories) == 1 and (spent := time.monotonic() - start) > limit:
             return max(1, int(limit / spent * (len(course.times) - 1)))
-    return found
+    return trajectories
 
 
 def _in_threads(subject: Subject, courses: list[Experiment]) -> list[OutputTrajectory]:
@@ -402,17 +402,17 @@ def _in_threads(subject: Subject, courses: list[Experiment]) -> list[OutputTraje
 )
 def reset(subject: Subject) -> CheckOutcome:
     """Compare a run after fmi2Reset with that of a new instance, both after the same first run."""
-    wanted = run_alone(subject) if is_single_instance(subject) else in_fresh_process(_twice, subject, False)
-    again = in_fresh_process(_twice, subject, True)
-    return compare_runs(again, wanted, "A run after fmi2Reset", _ALLOWED)
+    expected = run_alone(subject) if is_single_instance(subject) else in_fresh_process(_twice, subject, False)
+    after_reset = in_fresh_process(_twice, subject, True)
+    return compare_runs(after_reset, expected, "A run after fmi2Reset", _ALLOWED)
 
 
 _ALLOWED = 1e-6
 """Effect of solvers that begin to iterate at their last solution, relative to an output's range."""
 
 
-def _twice(subject: Subject, again: bool) -> OutputTrajectory:
-    """Return the second of two runs, of the same instance (`again`) or of a second one.
+def _twice(subject: Subject, resets: bool) -> OutputTrajectory:
+    """Return the second of two runs, of the same instance (`resets`) or of a second one.
 
     Static variables keep their values in both cases, since fmi2Reset does not concern them.
     """
@@ -420,7 +420,7 @@ def _twice(subject: Subject, again: bool) -> OutputTrajectory:
     instance = HostedInstance(subject)
     half = replace(course, inputs={name: np.flip(v) for name, v in course.inputs.items()})
     run_instance(instance, half)
-    if again:
+    if resets:
         instance.reset()
     else:
         instance.close()

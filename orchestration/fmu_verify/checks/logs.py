@@ -78,33 +78,33 @@ def categories(subject: Subject) -> CheckOutcome:
     count only once categories have been chosen with fmi2SetDebugLogging.
     """
     declared = [str(e.get("name")) for e in subject.tree.iterfind("LogCategories/Category")]
-    every = [c for c in declared if c != _ALL]
-    alone = every[:_MOST_CATEGORIES]
-    asked = [(False, []), (True, declared), *((True, [category]) for category in alone)]
+    category_names = [c for c in declared if c != _ALL]
+    enabled_alone = category_names[:_MOST_CATEGORIES]
+    settings = [(False, []), (True, declared), *((True, [category]) for category in enabled_alone)]
     try:
-        (quiet, everything, *apart), printed = in_fresh_process(_said, subject, asked)
+        (quiet, everything, *messages_of_one), printed = in_fresh_process(_record_messages, subject, settings)
     except CallError as error:
         if error.call == "fmi2SetDebugLogging" and error.has_status and not declared:
-            said = f"{error} No category is declared, but the call is part of the interface."
-            return warned(said, clause=RETURNS)
+            message = f"{error} No category is declared, but the call is part of the interface."
+            return warned(message, clause=RETURNS)
         raise
     for line in quiet:
         if line.status == OK:
             return failed(f"With debug logging off it logs in {_category(line)}: {format_message(line.text)}")
-    for category, lines in zip(alone, apart, strict=True):
+    for category, lines in zip(enabled_alone, messages_of_one, strict=True):
         for line in lines:
             if line.status == OK and line.category != category:
                 where = f"With only {category} enabled it logs in {_category(line)}"
                 return failed(f"{where}: {format_message(line.text)}", clause=_ENABLED)
     strange = sorted({_category(line) for line in [*quiet, *everything] if line.category not in declared})
     if strange and declared:
-        said = f"It logs in {', '.join(strange)}, which modelDescription.xml does not declare."
-        return warned(said, clause=_ALLOWED)
+        message = f"It logs in {', '.join(strange)}, which modelDescription.xml does not declare."
+        return warned(message, clause=_ALLOWED)
     if printed:
         return noted(f"It writes to standard output: {format_message(printed)}")
-    gaps = list_left_out(len(alone), len(every), "categories were enabled alone.")
-    said = f"{len(everything)} messages in {len(declared)} categories follow the logging settings."
-    return passed(said, gaps=gaps)
+    gaps = list_left_out(len(enabled_alone), len(category_names), "categories were enabled alone.")
+    message = f"{len(everything)} messages in {len(declared)} categories follow the logging settings."
+    return passed(message, gaps=gaps)
 
 
 _EXPECTED = Clause(
@@ -139,11 +139,13 @@ def errors(subject: Subject) -> CheckOutcome:
             silent += [] if is_explained else [f"{call.function} {call.phase}"]
     if silent:
         judge = warned if subject.version == 3 else noted
-        said = f"{len(silent)} of {refused} calls returned {STATUS[ERROR]} without a message: {silent[0]}."
-        return judge(said, details=tuple(f"{call} returned an error without a message." for call in silent))
+        message = f"{len(silent)} of {refused} calls returned {STATUS[ERROR]} without a message: {silent[0]}."
+        return judge(
+            message, details=tuple(f"{call} returned an error without a message." for call in silent)
+        )
     if not refused:
-        said = "No call in a wrong phase is refused: whether errors come with a message is not known."
-        return skipped(said, gaps=(said,))
+        message = "No call in a wrong phase is refused: whether errors come with a message is not known."
+        return skipped(message, gaps=(message,))
     return passed(f"{refused} errors came with a message.")
 
 
@@ -189,17 +191,19 @@ def _category(line: LogLine) -> str:
     return f"category {line.category!r}" if line.category else "no category"
 
 
-def _said(subject: Subject, asked: Sequence[tuple[bool, list[str]]]) -> tuple[list[list[LogLine]], str]:
+def _record_messages(
+    subject: Subject, settings: Sequence[tuple[bool, list[str]]]
+) -> tuple[list[list[LogLine]], str]:
     """Return the messages of a short run with each logging setting, and the first line that is printed."""
     with tempfile.TemporaryFile() as stream:
         os.dup2(stream.fileno(), 1)
-        found = [in_separate_process(_run, subject, logging, names) for logging, names in asked]
+        messages = [in_separate_process(_run, subject, logging, names) for logging, names in settings]
         if sys.stdout is not None:
             sys.stdout.flush()
         load_c_library().fflush(None)
         stream.seek(0)
         text = stream.read().decode(errors="replace").strip()
-    return found, text.partition("\n")[0]
+    return messages, text.partition("\n")[0]
 
 
 def _run(subject: Subject, logging: bool, names: list[str]) -> list[LogLine]:

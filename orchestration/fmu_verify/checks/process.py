@@ -54,17 +54,19 @@ def resources(subject: Subject) -> CheckOutcome:
     if not can_list_resources():
         return skipped("This system does not list the resources of a process.")
     first, grown = in_fresh_process(_grown, subject)
-    kept = {name: count for name, count in first.items() if count > 0}
+    remaining = {name: count for name, count in first.items() if count > 0}
     leaks = [name for name, count in grown.items() if count >= _CYCLES]
-    if kept.get("processes"):
+    if remaining.get("processes"):
         return failed(
             "A process that an instance started runs on, or was not waited for, after it was freed."
         )
     if leaks:
         return failed(f"Each instance leaves {join_few_names(leaks)} behind.", figures=dict(grown))
-    if kept:
+    if remaining:
         # not with each instance: pools of threads, and files of the library
-        return warned(f"After an instance was freed, {join_few_names(list(kept))} of the library remain.")
+        return warned(
+            f"After an instance was freed, {join_few_names(list(remaining))} of the library remain."
+        )
     return passed("Instances leave no open files, threads and processes behind.")
 
 
@@ -81,13 +83,13 @@ def _grown(subject: Subject) -> tuple[dict[str, int], dict[str, int]]:
         for _ in range(0 if is_single_instance(subject) else _CYCLES):
             _run(subject)
         settle(lambda: count_resources() == first)
-        return _less(first, before), _less(count_resources(), first)
+        return _subtract_counts(first, before), _subtract_counts(count_resources(), first)
     finally:
         end_children()
 
 
-def _less(one: dict[str, int], other: dict[str, int]) -> dict[str, int]:
-    return {name: one[name] - other[name] for name in one}
+def _subtract_counts(after: dict[str, int], before: dict[str, int]) -> dict[str, int]:
+    return {name: after[name] - before[name] for name in after}
 
 
 _NOTHING = "nothing"
@@ -107,10 +109,10 @@ def settings(subject: Subject) -> CheckOutcome:
     """Compare the working folder, locale, rounding and signal handlers before and after a short run."""
     before, steps, after = in_fresh_process(_settings_of_run, subject)
     changed = {
-        name: found.get(name, _NOTHING)
-        for found in (steps, after)
-        for name in {**before, **found}
-        if found.get(name, _NOTHING) != before.get(name, _NOTHING)
+        name: snapshot.get(name, _NOTHING)
+        for snapshot in (steps, after)
+        for name in {**before, **snapshot}
+        if snapshot.get(name, _NOTHING) != before.get(name, _NOTHING)
     }
     problems = [
         f"It changes {name} from {before.get(name, _NOTHING)} to {value}." for name, value in changed.items()
@@ -142,33 +144,33 @@ def _settings_of_run(subject: Subject) -> tuple[dict[str, str], dict[str, str], 
 def files(subject: Subject) -> CheckOutcome:
     """Check the FMU's own folder, the working folder, and the home folder after a run."""
     with tempfile.TemporaryDirectory() as folder:
-        places = {name: Path(folder, name) for name in ("working", "home")}
-        for place in places.values():
-            place.mkdir()
-            (place / _BAIT).write_text("This file belongs to the user.\n")
+        folders = {name: Path(folder, name) for name in ("working", "home")}
+        for path in folders.values():
+            path.mkdir()
+            (path / _CANARY_FILE).write_text("This file belongs to the user.\n")
         before = _times_of_changes(subject)
         try:
-            in_fresh_process(_run_in, subject, places["working"], places["home"])
+            in_fresh_process(_run_in, subject, folders["working"], folders["home"])
         except (CallError, EndedError):  # it may need files of the home folder, such as a license
-            in_fresh_process(_run_in, subject, places["working"], None)
+            in_fresh_process(_run_in, subject, folders["working"], None)
         problems = [
             f"It writes {join_few_names(names)} into the {name} folder."
-            for name, place in places.items()
-            if (names := sorted(str(p.relative_to(place)) for p in place.rglob("*") if p.name != _BAIT))
+            for name, path in folders.items()
+            if (names := sorted(str(p.relative_to(path)) for p in path.rglob("*") if p.name != _CANARY_FILE))
         ]
         problems += [
             f"It removes files from the {name} folder."
-            for name, place in places.items()
-            if not (place / _BAIT).is_file()
+            for name, path in folders.items()
+            if not (path / _CANARY_FILE).is_file()
         ]
-    if own := _changed_files(subject):
-        problems.append(f"It changes files in its own folder: {join_few_names(own)}.")
+    if changed_files := _changed_files(subject):
+        problems.append(f"It changes files in its own folder: {join_few_names(changed_files)}.")
     elif touched := [name for name, time in _times_of_changes(subject).items() if before.get(name) != time]:
         problems.append(f"It writes in its own folder, and restores it: {join_few_names(touched)}.")
     return judge_problems((), "It writes no files into its own, the working or the home folder.", problems)
 
 
-_BAIT = "notes.txt"
+_CANARY_FILE = "notes.txt"
 """A file in the working and the home folder that an FMU must not touch."""
 
 
@@ -192,14 +194,14 @@ def _changed_files(subject: Subject) -> list[str]:
     """Return files of the unpacked FMU that its archive does not have, or has with another content."""
     with zipfile.ZipFile(subject.path) as archive:
         sums = {info.filename: (info.file_size, info.CRC) for info in archive.infolist() if not info.is_dir()}
-    found = []
+    changed = []
     for path in sorted(p for p in subject.folder.rglob("*") if p.is_file()):
         name = path.relative_to(subject.folder).as_posix()
         size, total = sums.get(name, (-1, 0))
         sums.pop(name, None)
         if path.stat().st_size != size or _checksum(path) != total:
-            found.append(name)
-    return [*found, *(f"{name} (removed)" for name in sums)]
+            changed.append(name)
+    return [*changed, *(f"{name} (removed)" for name in sums)]
 
 
 def _checksum(path: Path) -> int:
@@ -223,10 +225,10 @@ _QUIET = 4096
 )
 def output(subject: Subject) -> CheckOutcome:
     """Check how much a short run writes to standard output and standard error."""
-    found = in_fresh_process(_written, subject)
+    written = in_fresh_process(_written, subject)
     problems = [
         f"In {_STEPS} steps it writes {size / 1024:.0f} KiB to {name}: {format_message(line)}"
-        for name, (size, line) in found.items()
+        for name, (size, line) in written.items()
         if size > _QUIET
     ]
     return judge_problems((), "It hardly writes to standard output and standard error.", problems)
@@ -240,12 +242,12 @@ def _written(subject: Subject) -> dict[str, tuple[int, str]]:
             os.dup2(stream.fileno(), number)
         _run(subject)
         load_c_library().fflush(None)
-        found = {}
+        written = {}
         for name, (_, stream) in streams.items():
             size = stream.seek(0, os.SEEK_END)
             stream.seek(0)
-            found[name] = (size, stream.read(200).decode(errors="replace").partition("\n")[0])
-    return found
+            written[name] = (size, stream.read(200).decode(errors="replace").partition("\n")[0])
+    return written
 
 
 @check(

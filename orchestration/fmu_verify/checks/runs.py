@@ -52,29 +52,31 @@ def completes(subject: Subject) -> CheckOutcome:
     steps, more = len(course.times) - 1, 0
     try:
         instance.initialize(course.at(0), float(course.times[0]))
-        found = step_instance(instance, course, until=until)
-        done = len(found.times) - 1
-        if done == steps:
+        trajectory = step_instance(instance, course, until=until)
+        steps_done = len(trajectory.times) - 1
+        if steps_done == steps:
             rest = _go_on(instance, course)
             more = len(rest.times)
             keep_run(subject, course, _REST, rest)
     except CallError as error:
         return explain_endless(error)
     instance.close()
-    if done == steps or instance.terminated:
-        keep_run(subject, course, subject.kinds[0], found)
+    if steps_done == steps or instance.terminated:
+        keep_run(subject, course, subject.kinds[0], trajectory)
     if instance.terminated:
-        said = f"It asked to end the run after {done} of {steps} steps of {course.step:g} s."
-        return noted(said, figures={"steps": steps})
-    whole, gaps = span(subject)[2], tuple[str, ...]()
-    if done < steps:
-        gaps = (f"Runs end after {done} of {whole} steps: more of them take longer than {limit:g} s.",)
-    elif done < whole:
-        gaps = (f"Runs end after {done} of the {whole} steps of the default experiment.",)
+        message = f"It asked to end the run after {steps_done} of {steps} steps of {course.step:g} s."
+        return noted(message, figures={"steps": steps})
+    all_steps, gaps = span(subject)[2], tuple[str, ...]()
+    if steps_done < steps:
+        gaps = (
+            f"Runs end after {steps_done} of {all_steps} steps: more of them take longer than {limit:g} s.",
+        )
+    elif steps_done < all_steps:
+        gaps = (f"Runs end after {steps_done} of the {all_steps} steps of the default experiment.",)
     if instance.events is not None and (idle := instance.events.list_idle_clocks()):
         gaps += (f"{join_few_names(idle)} did not tick, so that what belongs to it was not examined.",)
-    said = f"{done + more} steps of {course.step:g} s were completed."
-    return passed(said, figures={"steps": done + more}, gaps=gaps)
+    message = f"{steps_done + more} steps of {course.step:g} s were completed."
+    return passed(message, figures={"steps": steps_done + more}, gaps=gaps)
 
 
 @check(
@@ -90,18 +92,18 @@ def completes(subject: Subject) -> CheckOutcome:
 )
 def finite(subject: Subject) -> CheckOutcome:
     """Check that no output is NaN or infinite while calls return fmi2OK."""
-    found, rest = run_alone(subject), find_run(subject, make_experiment(subject), _REST)
-    wrong = ~np.isfinite(found.values)
-    for column, name in enumerate(found.names):
+    trajectory, rest = run_alone(subject), find_run(subject, make_experiment(subject), _REST)
+    wrong = ~np.isfinite(trajectory.values)
+    for column, name in enumerate(trajectory.names):
         if subject.variables[name].clocks and not wrong[:, column].all():  # it may begin with the first tick
             wrong[: int(np.argmin(wrong[:, column])), column] = False
     if wrong.any():
-        return failed(found.describe(wrong))
+        return failed(trajectory.describe(wrong))
     if rest is not None:
         clocked = [bool(subject.variables[name].clocks) for name in rest.names]
         if (wrong := ~np.isfinite(rest.values) & ~np.array(clocked, dtype=bool)).any():
             return failed(rest.describe(wrong))
-    return passed(f"{len(found.names)} outputs are finite at {len(found.times)} times.")
+    return passed(f"{len(trajectory.names)} outputs are finite at {len(trajectory.times)} times.")
 
 
 _REST = "the rest"
@@ -150,20 +152,20 @@ _UNCERTAIN = 1e-6
 )
 def ranges(subject: Subject) -> CheckOutcome:
     """Check that outputs stay in their declared ranges, but for the tolerance of solvers."""
-    found = run_alone(subject)
+    trajectory = run_alone(subject)
     details = [
         line
-        for n, values in zip(found.names, found.values.T, strict=True)
-        if (line := _outside(subject, n, values, found))
+        for n, values in zip(trajectory.names, trajectory.values.T, strict=True)
+        if (line := _describe_violation(subject, n, values, trajectory))
     ]
     if details:
         return warned(
             f"{len(details)} outputs leave their declared range: {details[0]}", details=tuple(details)
         )
-    return passed(f"{len(found.names)} outputs stay within their declared ranges.")
+    return passed(f"{len(trajectory.names)} outputs stay within their declared ranges.")
 
 
-def _outside(subject: Subject, name: str, values: np.ndarray, found: OutputTrajectory) -> str:
+def _describe_violation(subject: Subject, name: str, values: np.ndarray, trajectory: OutputTrajectory) -> str:
     variable = subject.variables[name]
     low, high = limits_of(variable)
     slack = _UNCERTAIN * max((abs(x) for x in (low, high) if math.isfinite(x)), default=0.0)
@@ -171,7 +173,7 @@ def _outside(subject: Subject, name: str, values: np.ndarray, found: OutputTraje
     if not wrong.any():
         return ""
     k = int(np.argmax(wrong))
-    return f"{name} is {values[k]:.9g} at t = {found.times[k]:.9g} s, outside of {low:g} to {high:g}."
+    return f"{name} is {values[k]:.9g} at t = {trajectory.times[k]:.9g} s, outside of {low:g} to {high:g}."
 
 
 @check(

@@ -70,11 +70,11 @@ def compile_(subject: Subject) -> CheckOutcome:
     }
     if not any(lists.values()):
         if folder.is_dir() and any(folder.rglob("*.c")):
-            said = "The FMU has sources, but SourceFiles does not list which to compile."
-            return warned(said, clause=_TO_LIST)
+            message = "The FMU has sources, but SourceFiles does not list which to compile."
+            return warned(message, clause=_TO_LIST)
         return skipped("The FMU has no sources.")
-    every = {name for names in lists.values() for name in names}
-    if missing := sorted(name for name in every if find_inside(folder, name) is None):
+    listed_files = {name for names in lists.values() for name in names}
+    if missing := sorted(name for name in listed_files if find_inside(folder, name) is None):
         return judge_problems(
             [Breach(f"The source file {m} is not in `sources`.", _LISTED) for m in missing], ""
         )
@@ -82,20 +82,24 @@ def compile_(subject: Subject) -> CheckOutcome:
         return skipped(f"The sources need {_BUILD_DESCRIPTION}, which is not supported.")
     seconds = _PART * _TIME_FACTOR * subject.settings.seconds
     # some tools put headers into folders that the model description cannot list
-    others = sorted({p.parent for p in folder.rglob("*.h")} - {folder})
+    header_folders = sorted({p.parent for p in folder.rglob("*.h")} - {folder})
     for names, kind in {tuple(names): kind for kind, names in lists.items() if names}.items():
         needed = {f for k, listed in lists.items() if tuple(listed) == names for f in list_functions(k, 2)}
         if any(Path(name).suffix not in _C for name in names):
             return skipped("Not all of the sources are C.")
-        if not others and _builds_for_sanitizers(subject, kind, needed):
+        if not header_folders and _builds_for_sanitizers(subject, kind, needed):
             continue
-        if (outcome := _compiled(folder, names, seconds, needed=needed)) is not None:
+        if (outcome := _describe_compilation(folder, names, seconds, needed=needed)) is not None:
             is_late = outcome.verdict == Verdict.SKIPPED
-            if is_late or not others or _compiled(folder, names, seconds, others) is not None:
+            if (
+                is_late
+                or not header_folders
+                or _describe_compilation(folder, names, seconds, header_folders) is not None
+            ):
                 return outcome
             return warned(
                 "The sources compile only with include folders, which SourceFiles cannot list: "
-                f"{join_few_names([p.relative_to(folder).as_posix() for p in others])}.",
+                f"{join_few_names([p.relative_to(folder).as_posix() for p in header_folders])}.",
                 hint="Include headers by their path from the folder `sources`.",
             )
     return passed(
@@ -106,11 +110,13 @@ def compile_(subject: Subject) -> CheckOutcome:
 def _judge_configurations(subject: Subject) -> CheckOutcome:
     """Compile the sources that the build description names for each kind."""
     seconds = _PART * _TIME_FACTOR * subject.settings.seconds
-    found = {kind: sources for kind in subject.kinds if (sources := find_sources(subject, kind)) is not None}
-    if not found:
+    source_sets = {
+        kind: sources for kind in subject.kinds if (sources := find_sources(subject, kind)) is not None
+    }
+    if not source_sets:
         return skipped("The FMU has no sources with a build configuration for this machine.")
     folder = subject.folder / "sources"
-    for sources, kind in {sources: kind for kind, sources in found.items()}.items():
+    for sources, kind in {sources: kind for kind, sources in source_sets.items()}.items():
         if not sources.is_c:
             return skipped("Not all of the sources are C.")
         needed = list_functions(kind, 3)
@@ -118,9 +124,11 @@ def _judge_configurations(subject: Subject) -> CheckOutcome:
             continue
         names = [path.relative_to(folder.resolve()).as_posix() for path in sources.files]
         macros = (*sources.macros, "-DFMI3_OVERRIDE_FUNCTION_PREFIX")
-        if (outcome := _compiled(folder, names, seconds, sources.includes, macros, needed)) is not None:
+        if (
+            outcome := _describe_compilation(folder, names, seconds, sources.includes, macros, needed)
+        ) is not None:
             return outcome
-    return passed(f"The sources for {' and '.join(found)} compile and link.")
+    return passed(f"The sources for {' and '.join(source_sets)} compile and link.")
 
 
 def _builds_for_sanitizers(subject: Subject, kind: str, needed: Collection[str]) -> bool:
@@ -133,7 +141,7 @@ def _builds_for_sanitizers(subject: Subject, kind: str, needed: Collection[str])
     return library is not None and not _missing_functions(library, needed)
 
 
-def _compiled(
+def _describe_compilation(
     folder: Path,
     names: Sequence[str],
     seconds: float,
@@ -165,24 +173,24 @@ def _compiled(
         command += ["-o", str(Path(scratch, "library")), *([] if sys.platform == "win32" else ["-lm"])]
         note(f"`{command[0]}` compiling {', '.join(names)}")
         try:
-            done = run_compiler(command, Path(scratch), seconds)
+            process = run_compiler(command, Path(scratch), seconds)
         except subprocess.TimeoutExpired:
-            said = f"The compiler takes more than {seconds:g} s."
-            return skipped(said, gaps=(said,))
+            message = f"The compiler takes more than {seconds:g} s."
+            return skipped(message, gaps=(message,))
         except OSError as error:
             return skipped(f"No compiler can be run: {error.strerror}.")
-        missing = _missing_functions(Path(scratch, "library"), needed) if done.returncode == 0 else []
+        missing = _missing_functions(Path(scratch, "library"), needed) if process.returncode == 0 else []
     if missing:
-        said = f"The sources ({', '.join(names)}) do not define {join_few_names(missing)}."
-        return failed(shorten_sentence(said), hint="Implement all functions of the header files of FMI.")
-    if done.returncode == 0:
+        message = f"The sources ({', '.join(names)}) do not define {join_few_names(missing)}."
+        return failed(shorten_sentence(message), hint="Implement all functions of the header files of FMI.")
+    if process.returncode == 0:
         return None
-    said = _ERROR.search(done.stderr)
-    reason = said[0] if said else done.stderr.strip().rpartition("\n")[2]
+    message = _ERROR.search(process.stderr)
+    reason = message[0] if message else process.stderr.strip().rpartition("\n")[2]
     sentence = shorten_sentence(
         f"{', '.join(names)} does not compile: {reason.replace(f'{folder}/', '').rstrip('. ')}."
     )
-    if missing := _MISSING.search(done.stderr):
+    if missing := _MISSING.search(process.stderr):
         # the FMU should have a header that its sources include by a name in quotes
         include = re.compile(rb'#\s*include\s*"' + re.escape(missing[1].encode()) + rb'"')
         if any(include.search(p.read_bytes()) for p in folder.rglob("*.[ch]")):
@@ -194,5 +202,5 @@ def _missing_functions(library: Path, needed: Collection[str]) -> list[str]:
     """Return the functions that a compiled library lacks. Their names may have a prefix."""
     binary = parse_library(library)
     exported = set() if binary is None else list_exports(binary)
-    given = {name for name in needed if any(e == name or e.endswith(f"_{name}") for e in exported)}
-    return [name for name in needed if name not in given] if given else []  # none: they are hidden
+    defined = {name for name in needed if any(e == name or e.endswith(f"_{name}") for e in exported)}
+    return [name for name in needed if name not in defined] if defined else []  # none: they are hidden

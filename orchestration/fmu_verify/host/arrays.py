@@ -34,16 +34,16 @@ def set_elements(fmu: Any, values: Sequence[tuple[ModelVariable, Any]], arrays: 
     `arrays` has the other elements, and gets what is set. An array that it lacks has its start values.
     """
     for kind, positions in by_type([variable for variable, _ in values]):
-        whole: Arrays = {}
+        arrays_by_reference: Arrays = {}
         for i in positions:
             variable, value = values[i]
-            reference, place = int(variable.valueReference), place_in_array(variable)
-            if reference not in whole:
-                whole[reference] = list(arrays.get(reference) or _start(variable, kind))
-            whole[reference][place] = value
-        flat = [value for elements in whole.values() for value in elements]
-        getattr(fmu, f"set{kind}")(list(whole), flat)
-        arrays.update(whole)
+            reference, position = int(variable.valueReference), place_in_array(variable)
+            if reference not in arrays_by_reference:
+                arrays_by_reference[reference] = list(arrays.get(reference) or _start(variable, kind))
+            arrays_by_reference[reference][position] = value
+        flat = [value for elements in arrays_by_reference.values() for value in elements]
+        getattr(fmu, f"set{kind}")(list(arrays_by_reference), flat)
+        arrays.update(arrays_by_reference)
 
 
 def _start(variable: ModelVariable, kind: str) -> list[Any]:

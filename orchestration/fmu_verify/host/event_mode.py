@@ -32,7 +32,7 @@ from .integration import RunEndedError
 if TYPE_CHECKING:
     from .hosted_instance import HostedInstance
 
-EARLY = fmi3(
+NO_EARLY_RETURN = fmi3(
     "4.2.1",
     "earlyReturn = fmi3True is only allowed if earlyReturnAllowed = fmi3True in fmi3InstantiateCoSimulation.",
 )
@@ -88,13 +88,13 @@ class HostedEvents:
         early: Time in s of the first early return.
     """
 
-    def __init__(self, instance: "HostedInstance", has_mode: bool, early: bool) -> None:
+    def __init__(self, instance: "HostedInstance", has_mode: bool, allows_early_return: bool) -> None:
         """Prepare to step. This calls no function of the FMU.
 
         Args:
             instance: The instance.
             has_mode: Whether it uses event mode.
-            early: Whether its steps may return early.
+            allows_early_return: Whether its steps may return early.
 
         Raises:
             NotRunError: The stepper cannot be built on this machine.
@@ -104,7 +104,7 @@ class HostedEvents:
         except CosimError as error:
             raise NotRunError(f"Its events cannot be handled: {error}") from error
         subject = instance.subject
-        self._instance, self._has_mode, self._may_return = instance, has_mode, early
+        self._instance, self._has_mode, self._may_return = instance, has_mode, allows_early_return
         self._input_clocks = subject.input_clocks if has_mode else []
         self._clocked = [v for v in subject.variables.values() if has_mode and is_clocked(v)]
         prototypes = {n: ctypes.CFUNCTYPE(c_int, ctypes.c_void_p, *_ARGUMENTS.get(n, ())) for n in FUNCTIONS}
@@ -161,8 +161,8 @@ class HostedEvents:
     @property
     def ticks(self) -> dict[str, int]:
         """The number of ticks of each input clock, by name."""
-        places = self._tables.find_places([self._clocks[clock.name] for clock in self._input_clocks])
-        counts = self._tables.memory[places].astype(int).tolist()
+        positions = self._tables.find_places([self._clocks[clock.name] for clock in self._input_clocks])
+        counts = self._tables.memory[positions].astype(int).tolist()
         return dict(zip((clock.name for clock in self._input_clocks), counts, strict=True))
 
     def list_idle_clocks(self) -> list[str]:
@@ -186,13 +186,13 @@ class HostedEvents:
 
     def get(self, variables: Sequence[ModelVariable]) -> list[Any]:
         """Return values in step mode; those of clocked variables are of their last tick."""
-        others = iter(self._instance.read([v for v in variables if v.name not in self._values]))
-        return [self._values[v.name] if v.name in self._values else next(others) for v in variables]
+        current_values = iter(self._instance.read([v for v in variables if v.name not in self._values]))
+        return [self._values[v.name] if v.name in self._values else next(current_values) for v in variables]
 
     def save(self) -> EventState:
         """Return a copy of what is known of the instance."""
-        known = (self._pending, self._passed, self._inputs, self._values)
-        return EventState(self._tables.memory.copy(), *(dict(values) for values in known))
+        bookkeeping = (self._pending, self._passed, self._inputs, self._values)
+        return EventState(self._tables.memory.copy(), *(dict(values) for values in bookkeeping))
 
     def restore(self, state: EventState) -> None:
         """Continue with what was known earlier."""
@@ -221,8 +221,8 @@ class HostedEvents:
             )
         if problem != Problem.NONE:
             call, answer = describe_answer(problem, record, self._tables)
-            said = f"{_c_name(call)} answered {answer}."
-            raise self._instance.violation(said, _CLAUSES.get(problem), problem in _ENDLESS)
+            message = f"{_c_name(call)} answered {answer}."
+            raise self._instance.violation(message, _CLAUSES.get(problem), problem in _ENDLESS)
 
     def _call(self, name: str, _: Any, *arguments: Any) -> int:
         """Call a function of the FMU for the stepper; an exception waits until the stepper returns."""
@@ -263,11 +263,11 @@ class HostedEvents:
             self.returns += 1
             self.early = reached[0] if self.early is None else self.early
             if not self._may_return:
-                said = (
+                message = (
                     f"fmi3DoStep from t = {time:.9g} s to {time + length:.9g} s returned early at "
                     f"t = {reached[0]:.9g} s, which was not allowed."
                 )
-                raise self._instance.violation(said, EARLY)
+                raise self._instance.violation(message, NO_EARLY_RETURN)
 
     def _keep(self, variables: Sequence[ModelVariable]) -> None:
         self._values.update(zip((v.name for v in variables), self._instance.read(variables), strict=True))

@@ -50,16 +50,16 @@ def make_experiment(subject: Subject, steps: int = MOST_STEPS) -> Experiment:
 
 def span(subject: Subject) -> tuple[float, float, int]:
     """Return the start and step in s, and the number of steps, of the FMU's default experiment."""
-    given = subject.description.defaultExperiment
-    start = parse_number(given.startTime if given else None, 0.0)
-    stop = parse_number(given.stopTime if given else None, start + 1.0)
+    default = subject.description.defaultExperiment
+    start = parse_number(default.startTime if default else None, 0.0)
+    stop = parse_number(default.stopTime if default else None, start + 1.0)
     stop = stop if stop > start else start + 1.0
-    step = parse_number(given.stepSize if given else None, (stop - start) / MOST_STEPS)
+    step = parse_number(default.stepSize if default else None, (stop - start) / MOST_STEPS)
     step = step if 0.0 < step <= stop - start else (stop - start) / MOST_STEPS
     internal = _internal_step(subject)
     if 0.0 < internal <= stop - start:  # the FMU is at its end only after whole steps of its own
-        whole = max(1, round(step / internal)) * internal
-        step = step if math.isclose(step, whole, rel_tol=1e-9) else whole
+        multiple = max(1, round(step / internal)) * internal
+        step = step if math.isclose(step, multiple, rel_tol=1e-9) else multiple
     return start, step, max(1, round((stop - start) / step))
 
 

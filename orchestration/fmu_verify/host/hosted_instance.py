@@ -20,7 +20,7 @@ from ..subject import Subject
 from ..subprocess_run import note
 from ..verdict import LEAVES_EXCEPTION, Clause, NotRunError, left_exception
 from .arrays import Arrays, ElementDependency, set_elements
-from .event_mode import EARLY, EventState, HostedEvents
+from .event_mode import NO_EARLY_RETURN, EventState, HostedEvents
 from .integration import (
     EndlessEventError,
     HostedIntegration,
@@ -69,8 +69,8 @@ class EndlessIterationError(CallError):
 
 def _quote(lines: Iterable[LogLine]) -> str:
     """Return the end of a sentence, with the last log messages."""
-    said = " ".join(line.text for line in list(lines)[-2:])
-    return f": {format_message(said)}" if said else "."
+    text = " ".join(line.text for line in list(lines)[-2:])
+    return f": {format_message(text)}" if text else "."
 
 
 class SerializedState(bytes):
@@ -140,8 +140,8 @@ class HostedInstance(FmiInstance):
             raise CallError("dlopen", ERROR, sentence=sentence) from error
         self.fmu.instance, self.fmu.instanceName = self, name
         self._is_3, self._arrays = subject.version == 3, Arrays()
-        self._by_names: dict[tuple[str, ...], list[ModelVariable]] = {}
-        self._places: dict[tuple[str, ...], ElementLayout] = {}
+        self._variable_lists: dict[tuple[str, ...], list[ModelVariable]] = {}
+        self._element_layouts: dict[tuple[str, ...], ElementLayout] = {}
         self._integration = HostedIntegration(self.fmu, subject) if self.kind == "ModelExchange" else None
         self.events: HostedEvents | None = None
         """What steps the instance with event mode or early returns, if it does."""
@@ -191,8 +191,8 @@ class HostedInstance(FmiInstance):
         note(f"fmi{3 if self._is_3 else 2}DoStep, again and again")
         if not self._is_3:
             return self.fmu.dll.fmi2DoStep, (0,)
-        said = [byref(c_bool()) for _ in range(3)]
-        return self.fmu.dll.fmi3DoStep, (False, *said, byref(c_double()))
+        flags = [byref(c_bool()) for _ in range(3)]
+        return self.fmu.dll.fmi3DoStep, (False, *flags, byref(c_double()))
 
     def enter_initialization_status(self, start: float) -> int:
         """Call the function that enters initialization mode, whatever the phase; return its status."""
@@ -242,8 +242,8 @@ class HostedInstance(FmiInstance):
         with self.calling():
             self.fmu.setFMUState(state)
         self.terminated = False
-        if self.events is not None and (known := getattr(state, "events", None)) is not None:
-            self.events.restore(known)
+        if self.events is not None and (saved_events := getattr(state, "events", None)) is not None:
+            self.events.restore(saved_events)
 
     def free_state(self, state: Any) -> None:
         """Free a saved state."""
@@ -283,24 +283,24 @@ class HostedInstance(FmiInstance):
         self, unknowns: Sequence[str], knowns: Sequence[str], seed: Sequence[float]
     ) -> list[float]:
         """Return the derivatives of unknowns along a direction in the knowns, all by name."""
-        wanted, source = self._lay_out(unknowns), self._lay_out(knowns)
-        count = (wanted.size,) if self._is_3 else ()
+        rows, source = self._lay_out(unknowns), self._lay_out(knowns)
+        count = (rows.size,) if self._is_3 else ()
         with self.calling():
             call: Any = self.fmu.getDirectionalDerivative
-            return wanted.pick(call(wanted.references, source.references, source.spread(seed), *count))
+            return rows.pick(call(rows.references, source.references, source.spread(seed), *count))
 
     def adjoint(self, unknowns: Sequence[str], knowns: Sequence[str], seed: Sequence[float]) -> list[float]:
         """Return the products of the seed and the derivatives of the unknowns, for each of the knowns."""
-        source, wanted = self._lay_out(unknowns), self._lay_out(knowns)
+        source, rows = self._lay_out(unknowns), self._lay_out(knowns)
         with self.calling():
             call: Any = self.fmu.getAdjointDerivative
-            return wanted.pick(call(source.references, wanted.references, source.spread(seed), wanted.size))
+            return rows.pick(call(source.references, rows.references, source.spread(seed), rows.size))
 
     def _lay_out(self, names: Sequence[str]) -> ElementLayout:
         key = tuple(names)
-        if key not in self._places:
-            self._places[key] = ElementLayout(self._look_up(key))
-        return self._places[key]
+        if key not in self._element_layouts:
+            self._element_layouts[key] = ElementLayout(self._look_up(key))
+        return self._element_layouts[key]
 
     def dependencies(self, reference: int) -> list[ElementDependency]:
         """Return the dependencies of the elements of a variable."""
@@ -380,8 +380,8 @@ class HostedInstance(FmiInstance):
         with self.calling():
             if not any(v.type == "String" for v in variables):
                 return self._get(variables)
-            others = iter(self._get([v for v in variables if v.type != "String"]))
-            return [self._get([v])[0] if v.type == "String" else next(others) for v in variables]
+            numbers = iter(self._get([v for v in variables if v.type != "String"]))
+            return [self._get([v])[0] if v.type == "String" else next(numbers) for v in variables]
 
     def get_together(self, names: Iterable[str]) -> list[Any]:
         """Return the values of variables by name, with one call for each type."""
@@ -391,9 +391,9 @@ class HostedInstance(FmiInstance):
     def _look_up(self, names: Iterable[str]) -> list[ModelVariable]:
         """Return variables by name. Runs ask for the same ones in each step."""
         key = tuple(names)
-        if key not in self._by_names:
-            self._by_names[key] = [self.subject.variables[name] for name in key]
-        return self._by_names[key]
+        if key not in self._variable_lists:
+            self._variable_lists[key] = [self.subject.variables[name] for name in key]
+        return self._variable_lists[key]
 
     def _get(self, variables: Sequence[ModelVariable]) -> list[Any]:
         if self.events is not None and self.events.is_stepping:
@@ -442,8 +442,8 @@ class HostedInstance(FmiInstance):
         self.terminated, self.reached = bool(terminates), float(reached)
         at = f"fmi3DoStep at t = {time:.9g} s"
         if early and not terminates:
-            said = f"{at} returned early at t = {reached:.9g} s, which was not allowed."
-            raise self.violation(said, EARLY)
+            message = f"{at} returned early at t = {reached:.9g} s, which was not allowed."
+            raise self.violation(message, NO_EARLY_RETURN)
         if event and not self.claim:
             self.claim = f"{at} asked for event mode, which is not used."
 

@@ -62,22 +62,22 @@ class OutputTrajectory:
         """
         if len(self.times) != len(other.times):
             return np.full(len(self.names), np.inf)
-        both = np.concatenate([self.values, other.values])
+        all_values = np.concatenate([self.values, other.values])
         with np.errstate(invalid="ignore", over="ignore"):
-            known = np.where(np.isfinite(both), both, 0.0)
+            finite_values = np.where(np.isfinite(all_values), all_values, 0.0)
             # an output that hardly moves is scaled by its magnitude
-            scale = np.maximum(np.ptp(known, axis=0), 1e-6 * np.abs(known).max(axis=0))
-            apart = np.abs(self.values - other.values)
-            apart[self.values == other.values] = 0.0
-            apart[np.isnan(self.values) & np.isnan(other.values)] = 0.0
-            apart[np.isnan(apart)] = np.inf
-            return apart.max(axis=0) / np.where(scale > 0.0, scale, 1.0)
+            scale = np.maximum(np.ptp(finite_values, axis=0), 1e-6 * np.abs(finite_values).max(axis=0))
+            deviation = np.abs(self.values - other.values)
+            deviation[self.values == other.values] = 0.0
+            deviation[np.isnan(self.values) & np.isnan(other.values)] = 0.0
+            deviation[np.isnan(deviation)] = np.inf
+            return deviation.max(axis=0) / np.where(scale > 0.0, scale, 1.0)
 
 
 def outputs(subject: Subject) -> list[str]:
     """Names of all outputs that are numbers."""
-    found = subject.description.modelVariables
-    return [v.name for v in found if v.causality == "output" and v.type in NUMERIC]
+    variables = subject.description.modelVariables
+    return [v.name for v in variables if v.causality == "output" and v.type in NUMERIC]
 
 
 def run_instance(instance: HostedInstance, course: Experiment) -> OutputTrajectory:
@@ -120,34 +120,34 @@ def run_alone(
     """Run an instance in its own process, or return the same run of an earlier check."""
     course = course or make_experiment(subject)
     kind = kind or subject.kinds[0]
-    if (found := find_run(subject, course, kind)) is None:
-        found = in_fresh_process(_whole_run, subject, course, kind)
-        keep_run(subject, course, kind, found)
-    return found
+    if (trajectory := find_run(subject, course, kind)) is None:
+        trajectory = in_fresh_process(_whole_run, subject, course, kind)
+        keep_run(subject, course, kind, trajectory)
+    return trajectory
 
 
 def time_of_run(subject: Subject) -> float:
     """Return when `run_alone` of the default experiment ended, in s since 1970."""
-    return _find_place(subject, make_experiment(subject), subject.kinds[0]).stat().st_mtime
+    return _path_of_run(subject, make_experiment(subject), subject.kinds[0]).stat().st_mtime
 
 
 def find_run(subject: Subject, course: Experiment, name: str) -> OutputTrajectory | None:
     """Return what `keep_run` kept; None if there is nothing."""
     with suppress(OSError):
-        return pickle.loads(_find_place(subject, course, name).read_bytes())
+        return pickle.loads(_path_of_run(subject, course, name).read_bytes())
     return None
 
 
-def keep_run(subject: Subject, course: Experiment, name: str, found: OutputTrajectory) -> None:
+def keep_run(subject: Subject, course: Experiment, name: str, trajectory: OutputTrajectory) -> None:
     """Keep a run for later checks. The name is the kind if it is one that `run_alone` would do."""
-    place = _find_place(subject, course, name)
-    place.parent.mkdir(exist_ok=True)
-    part = place.with_suffix(".part")  # a check that is ended meanwhile leaves no half of it
-    part.write_bytes(pickle.dumps(found))
-    part.replace(place)
+    path = _path_of_run(subject, course, name)
+    path.parent.mkdir(exist_ok=True)
+    part = path.with_suffix(".part")  # a check that is ended meanwhile leaves no half of it
+    part.write_bytes(pickle.dumps(trajectory))
+    part.replace(path)
 
 
-def _find_place(subject: Subject, course: Experiment, name: str) -> Path:
+def _path_of_run(subject: Subject, course: Experiment, name: str) -> Path:
     sum_ = hashlib.sha256(pickle.dumps((name, course)))
     return subject.scratch / "runs" / sum_.hexdigest()
 

@@ -80,28 +80,30 @@ class HostedModel(ContinuousModel):
 
     def _find_function(self, name: str) -> Any:
         if name not in self._functions:  # integrators call few of them, thousands of times
-            own = rename(name) if self.is_3 else name
-            self._functions[name] = getattr(self.fmu, f"fmi{3 if self.is_3 else 2}{own[0].upper()}{own[1:]}")
+            function = rename(name) if self.is_3 else name
+            self._functions[name] = getattr(
+                self.fmu, f"fmi{3 if self.is_3 else 2}{function[0].upper()}{function[1:]}"
+            )
         return self._functions[name]
 
     def _update(self, call: str) -> tuple[bool, bool, bool, bool, bool, float]:
         before = self._states()
-        found = self.fmu.newDiscreteStates()
-        if not found[3] and (changed := before != self._states()).any():
+        answer = self.fmu.newDiscreteStates()
+        if not answer[3] and (changed := before != self._states()).any():
             self.untold.append(
                 f"{call} changed continuous state {int(np.argmax(changed)) + 1}, but "
                 "valuesOfContinuousStatesChanged is false."
             )
-        if found[4] and found[5] < self._time:
+        if answer[4] and answer[5] < self._time:
             self.untold.append(
-                f"{call} announced the next event for t = {found[5]:.9g} s, which is in the past."
+                f"{call} announced the next event for t = {answer[5]:.9g} s, which is in the past."
             )
-        return found
+        return answer
 
     def _states(self) -> Vector:
-        found = np.zeros(self.state_count)
-        self.read_states(found.ctypes.data)
-        return found
+        states = np.zeros(self.state_count)
+        self.read_states(states.ctypes.data)
+        return states
 
     def write_nominals(self, result: int) -> None:
         """Write the nominal values of the states to an address."""

@@ -21,7 +21,7 @@ _OF_EACH_SIZE = 16
 @contextlib.contextmanager
 def fill_memory() -> Iterator[None]:
     """Fill the memory that the C library allocates next with junk, and shift its addresses, if possible."""
-    kept = ctypes.create_string_buffer(_BYTES)
+    shifting_block = ctypes.create_string_buffer(_BYTES)
     library = load_c_library()
     with contextlib.suppress(AttributeError):  # not all systems have these
         library.malloc.restype = ctypes.c_void_p
@@ -29,16 +29,16 @@ def fill_memory() -> Iterator[None]:
         _leave_behind(library)
         library.mallopt(_M_PERTURB, BYTE ^ 0xFF)  # glibc inverts what it fills with
     yield
-    del kept
+    del shifting_block
 
 
 def _leave_behind(library: Any) -> None:
     """Allocate, fill and free blocks of many sizes: the C library reuses small ones unchanged."""
     blocks = _blocks(library, _OF_EACH_SIZE)
     _blocks(library, 1)  # never freed, so that no memory goes back to the system
-    for place, size in blocks:
-        ctypes.memset(place, BYTE, size)
-        library.free(ctypes.c_void_p(place))
+    for address, size in blocks:
+        ctypes.memset(address, BYTE, size)
+        library.free(ctypes.c_void_p(address))
 
 
 def _blocks(library: Any, count: int) -> list[tuple[int, int]]:

@@ -75,7 +75,7 @@ def settable(
 
     With `tunable`, parameters must be tunable. `most` limits the number; None: no limit.
     """
-    found: dict[tuple[str, int | str], ModelVariable] = {}
+    variables_by_reference: dict[tuple[str, int | str], ModelVariable] = {}
     for variable in subject.description.modelVariables:
         right = variable.causality in causalities and variable.variability != "constant"
         if tunable and variable.causality == "parameter":
@@ -83,8 +83,8 @@ def settable(
         if right and variable.start is not None:
             # elements of an array of FMI 3.0 have the same value reference
             alias = variable.name if subject.version == 3 else int(variable.valueReference)
-            found.setdefault((kind_of(variable), alias), variable)
-    return list(found.values())[:most]
+            variables_by_reference.setdefault((kind_of(variable), alias), variable)
+    return list(variables_by_reference.values())[:most]
 
 
 def others(variables: Iterable[ModelVariable]) -> Values:
@@ -92,19 +92,21 @@ def others(variables: Iterable[ModelVariable]) -> Values:
     return {v.name: value for v in variables if (value := other_of(v)) is not None}
 
 
-def same(found: Any, wanted: Any) -> bool:
+def same(actual: Any, expected: Any) -> bool:
     """Return whether two values of a variable are equal, Reals within rounding, Strings but for spaces."""
-    found, wanted = (v.decode(errors="replace") if isinstance(v, bytes) else v for v in (found, wanted))
-    if isinstance(found, str) and isinstance(wanted, str):
-        return " ".join(found.split()) == " ".join(wanted.split())
-    if isinstance(found, float) or isinstance(wanted, float):
-        return found == wanted or math.isclose(float(found), float(wanted), rel_tol=_CLOSE, abs_tol=1e-300)
-    return found == wanted
+    actual, expected = (v.decode(errors="replace") if isinstance(v, bytes) else v for v in (actual, expected))
+    if isinstance(actual, str) and isinstance(expected, str):
+        return " ".join(actual.split()) == " ".join(expected.split())
+    if isinstance(actual, float) or isinstance(expected, float):
+        return actual == expected or math.isclose(
+            float(actual), float(expected), rel_tol=_CLOSE, abs_tol=1e-300
+        )
+    return actual == expected
 
 
-def differences(found: Mapping[str, Any], wanted: Mapping[str, Any], names: Iterable[str]) -> list[str]:
+def differences(actual: Mapping[str, Any], expected: Mapping[str, Any], names: Iterable[str]) -> list[str]:
     """Return the names of variables whose values differ."""
-    return [name for name in names if not same(found[name], wanted[name])]
+    return [name for name in names if not same(actual[name], expected[name])]
 
 
 def show(value: Any) -> str:
@@ -126,12 +128,12 @@ def where_accepted(do: Callable[[Subject, Values], Any], subject: Subject, chang
     for name, value in changes.items():
         by_type.setdefault(str(subject.variables[name].type), {})[name] = value
     for parts in ([changes], list(by_type.values())):
-        found = []
+        results = []
         for part in parts:
             try:
-                found.append(in_fresh_process(do, subject, part, timeout=patience))
+                results.append(in_fresh_process(do, subject, part, timeout=patience))
             except (CallError, EndedError):
                 continue
-        if found:
-            return found
+        if results:
+            return results
     return []

@@ -47,8 +47,8 @@ ALL_TYPES = ("Real", "Integer", "Boolean", "String", "Enumeration")
 
 def at_initialization(subject: Subject, types: Sequence[str] = REAL) -> list[Dependency]:
     """Return the dependencies of outputs of some types in initialization mode."""
-    found = _read(subject.description.initialUnknowns, types)
-    return [d for d in found if subject.variables[d.unknown].causality == "output"]
+    dependencies = _read(subject.description.initialUnknowns, types)
+    return [d for d in dependencies if subject.variables[d.unknown].causality == "output"]
 
 
 def at_events(subject: Subject, types: Sequence[str] = REAL) -> list[Dependency]:
@@ -116,10 +116,12 @@ def choose(dependencies: list[Dependency], knowns: list[str]) -> tuple[list[Depe
         return dependencies, knowns
     knowns = _spread(knowns, max(_FEWEST_KNOWNS, _MOST_PAIRS // len(dependencies)))
     if len(dependencies) > (most := _MOST_PAIRS // len(knowns)):
-        some = set(knowns)
-        related = [d for d in dependencies if d.on is not None and not some.isdisjoint(d.on)][: most // 2]
-        chosen = {d.unknown for d in (*related, *_spread(dependencies, most - len(related)))}
-        dependencies = [d for d in dependencies if d.unknown in chosen]
+        moved_knowns = set(knowns)
+        related = [d for d in dependencies if d.on is not None and not moved_knowns.isdisjoint(d.on)][
+            : most // 2
+        ]
+        unknowns = {d.unknown for d in (*related, *_spread(dependencies, most - len(related)))}
+        dependencies = [d for d in dependencies if d.unknown in unknowns]
     return dependencies, knowns
 
 
@@ -130,11 +132,11 @@ def _spread(items: list[T], most: int) -> list[T]:
 def list_unexamined_pairs(subject: Subject) -> tuple[str, ...]:
     """Return a gap for *Not examined* if points have not all inputs and outputs."""
     knowns = [v.name for v in subject.of_causality("input")]
-    every = at_initialization(subject)
-    some, moved = choose(every, knowns)
+    dependencies = at_initialization(subject)
+    compared, moved_inputs = choose(dependencies, knowns)
     return (
-        *list_left_out(len(moved), len(knowns), "inputs were moved alone."),
-        *list_left_out(len(some), len(every), "outputs were examined with them."),
+        *list_left_out(len(moved_inputs), len(knowns), "inputs were moved alone."),
+        *list_left_out(len(compared), len(dependencies), "outputs were examined with them."),
     )
 
 
@@ -142,24 +144,24 @@ def in_initialization(subject: Subject, count: int) -> Iterator[Point]:
     """Yield instances in initialization mode, with the inputs at several times of the experiment."""
     course = make_experiment(subject)
     knowns = [v.name for v in subject.of_causality("input")]
-    found, moved = choose(at_initialization(subject), knowns)
-    places = np.linspace(0, len(course.times) - 1, 1 if is_single_instance(subject) else count)
-    for k in np.unique(places.astype(int)):
+    dependencies, moved_inputs = choose(at_initialization(subject), knowns)
+    indices = np.linspace(0, len(course.times) - 1, 1 if is_single_instance(subject) else count)
+    for k in np.unique(indices.astype(int)):
         instance = HostedInstance(subject)
         first, values = course.at(0), course.at(int(k))
         instance.begin_initialization(float(course.times[0]), set_values=partial(instance.set, first))
         instance.set(values)
-        yield Point(instance, found, moved, values, f"in initialization mode (inputs {k})")
+        yield Point(instance, dependencies, moved_inputs, values, f"in initialization mode (inputs {k})")
         instance.free()
 
 
 def in_event_mode(subject: Subject, count: int) -> Iterator[Point]:
     """Yield a model in event mode at several times of the experiment."""
     knowns = [v.name for v in subject.of_causality("input") if v.variability in (None, "continuous")]
-    found, moved = choose(at_events(subject), knowns)
+    dependencies, moved_inputs = choose(at_events(subject), knowns)
     for instance, inputs, time in run_model(subject, count):
-        values = {n: inputs[n] for n in moved}
-        yield Point(instance, found, moved, values, f"of the model at t = {time:.9g} s")
+        values = {n: inputs[n] for n in moved_inputs}
+        yield Point(instance, dependencies, moved_inputs, values, f"of the model at t = {time:.9g} s")
 
 
 def run_model(subject: Subject, count: int) -> Iterator[tuple[HostedInstance, dict[str, float], float]]:
@@ -167,10 +169,10 @@ def run_model(subject: Subject, count: int) -> Iterator[tuple[HostedInstance, di
     course = make_experiment(subject, _STEPS)
     instance = HostedInstance(subject, kind="ModelExchange")
     instance.initialize(course.at(0), float(course.times[0]))
-    wanted = set(np.linspace(0, len(course.times) - 1, count).astype(int))
+    indices = set(np.linspace(0, len(course.times) - 1, count).astype(int))
     for k, time in enumerate(course.times):
         instance.set(course.at(k))
-        if k in wanted:
+        if k in indices:
             yield instance, course.at(k), float(time)
         if instance.terminated or k == len(course.times) - 1:
             return

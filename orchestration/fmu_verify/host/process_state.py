@@ -16,7 +16,7 @@ from typing import Any
 import psutil
 
 _PROC = Path("/proc/self")
-_SETTLE = 1.0
+_LONGEST_WAIT = 1.0
 """Longest time in s for threads and children to end after their instance is freed."""
 
 _MASKS = {"SigBlk": "blocked signals", "SigIgn": "ignored signals", "SigCgt": "handled signals"}
@@ -54,7 +54,7 @@ def adopt_orphans() -> None:
 
 def end_children() -> None:
     """End all processes that this one and an FMU started, and wait for their end."""
-    until = time.monotonic() + _SETTLE
+    until = time.monotonic() + _LONGEST_WAIT
     # one that is killed leaves its own children to this process
     while (children := psutil.Process().children(recursive=True)) and time.monotonic() < until:
         for child in children:
@@ -63,72 +63,72 @@ def end_children() -> None:
         psutil.wait_procs(children, timeout=0.1)
 
 
-def settle(wanted: Callable[[], bool]) -> None:
+def settle(has_settled: Callable[[], bool]) -> None:
     """Wait until a condition holds, for a short time."""
-    until = time.monotonic() + _SETTLE
-    while not wanted() and time.monotonic() < until:
+    until = time.monotonic() + _LONGEST_WAIT
+    while not has_settled() and time.monotonic() < until:
         time.sleep(0.01)
 
 
 def read_settings() -> dict[str, str]:
     """Return the settings of this process that concern all of its parts, by name."""
     library = load_c_library()
-    found = {"the working folder": "a folder that does not exist"}
+    settings = {"the working folder": "a folder that does not exist"}
     with contextlib.suppress(OSError):
-        found["the working folder"] = str(Path.cwd())
+        settings["the working folder"] = str(Path.cwd())
     with contextlib.suppress(AttributeError):
         library.setlocale.restype = ctypes.c_char_p
-        found["the locale"] = (library.setlocale(locale.LC_ALL, None) or b"").decode(errors="replace")
-    found.update(_floating_point())
-    found.update(_environment(library))
-    found.update(_limits())
-    found.update(_streams())
+        settings["the locale"] = (library.setlocale(locale.LC_ALL, None) or b"").decode(errors="replace")
+    settings.update(_floating_point())
+    settings.update(_environment(library))
+    settings.update(_limits())
+    settings.update(_streams())
     with contextlib.suppress(OSError):
         for line in (_PROC / "status").read_text().splitlines():
             name, _, value = line.partition(":")
             if name in _MASKS:
-                found[f"the set of {_MASKS[name]}"] = value.strip()
+                settings[f"the set of {_MASKS[name]}"] = value.strip()
             elif name == "Umask":
-                found["the mask of file permissions"] = value.strip()
-    return found
+                settings["the mask of file permissions"] = value.strip()
+    return settings
 
 
 def _environment(library: Any) -> dict[str, str]:
     """Return the environment variables of C, without those of Python's own copy."""
     with contextlib.suppress(ValueError):
         entries = ctypes.POINTER(ctypes.c_char_p).in_dll(library, "environ")
-        found, k = [], 0
+        variables, k = [], 0
         while entries and entries[k] is not None:
-            found.append((entries[k] or b"").decode(errors="replace"))
+            variables.append((entries[k] or b"").decode(errors="replace"))
             k += 1
-        return {f"the environment variable {e.partition('=')[0]}": e.partition("=")[2] for e in found}
+        return {f"the environment variable {e.partition('=')[0]}": e.partition("=")[2] for e in variables}
     return {}
 
 
 def _limits() -> dict[str, str]:
     """Return timers, the priority, and limits of resources."""
-    found = {}
+    limits = {}
     with contextlib.suppress(ImportError, OSError, AttributeError):
         import resource
         import signal
 
         on = [signal.getitimer(kind)[0] > 0.0 for kind in (signal.ITIMER_REAL, signal.ITIMER_VIRTUAL)]
-        found["the timers that send signals"] = "set" if any(on) else "unset"
-        found["the priority of the process"] = str(os.getpriority(os.PRIO_PROCESS, 0))
+        limits["the timers that send signals"] = "set" if any(on) else "unset"
+        limits["the priority of the process"] = str(os.getpriority(os.PRIO_PROCESS, 0))
         for name in ("NOFILE", "STACK", "DATA", "CPU"):
-            found[f"the limit RLIMIT_{name}"] = str(resource.getrlimit(getattr(resource, f"RLIMIT_{name}")))
-    return found
+            limits[f"the limit RLIMIT_{name}"] = str(resource.getrlimit(getattr(resource, f"RLIMIT_{name}")))
+    return limits
 
 
 def _streams() -> dict[str, str]:
     """Return where the standard streams lead."""
-    found: dict[str, str] = {}
+    streams: dict[str, str] = {}
     for number, name in enumerate(("standard input", "standard output", "standard error")):
-        found[name] = "closed"
+        streams[name] = "closed"
         with contextlib.suppress(OSError):
             state = os.fstat(number)
-            found[name] = f"file {state.st_dev}:{state.st_ino}"
-    return found
+            streams[name] = f"file {state.st_dev}:{state.st_ino}"
+    return streams
 
 
 def _floating_point() -> dict[str, str]:
@@ -136,14 +136,14 @@ def _floating_point() -> dict[str, str]:
     for load in (lambda: ctypes.CDLL("libm.so.6"), load_c_library):
         with contextlib.suppress(OSError, AttributeError):
             library = load()
-            found = {"the rounding of floating-point numbers": str(library.fegetround())}
+            settings = {"the rounding of floating-point numbers": str(library.fegetround())}
             if platform.machine() == "x86_64" and (start := _MXCSR.get(sys.platform)) is not None:
                 state = (ctypes.c_ubyte * 64)()
                 library.fegetenv(state)
                 control = int.from_bytes(bytes(state[start : start + 4]), "little")
-                found["the handling of tiny floating-point numbers"] = hex(control & 0x8040)
-                found["the mask of floating-point exceptions"] = hex(control & 0x1F80)
-            return found
+                settings["the handling of tiny floating-point numbers"] = hex(control & 0x8040)
+                settings["the mask of floating-point exceptions"] = hex(control & 0x1F80)
+            return settings
     return {}
 
 

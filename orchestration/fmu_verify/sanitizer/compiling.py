@@ -73,10 +73,12 @@ def find_sources(subject: Subject, kind: str) -> SourceSet | None:
     folder = subject.folder / "sources"
     names = [e.get("name") for e in subject.tree.iterfind(f"{kind}/SourceFiles/File")]
     includes, macros = [folder], list[str]()
-    if (chosen := _read_configuration(subject, kind)) is not None:
-        names = [e.get("name") for e in chosen.iterfind("SourceFileSet/SourceFile")]
-        includes += [folder / str(e.get("name")) for e in chosen.iterfind("SourceFileSet/IncludeDirectory")]
-        for e in chosen.iterfind("SourceFileSet/PreprocessorDefinition"):
+    if (configuration := _read_configuration(subject, kind)) is not None:
+        names = [e.get("name") for e in configuration.iterfind("SourceFileSet/SourceFile")]
+        includes += [
+            folder / str(e.get("name")) for e in configuration.iterfind("SourceFileSet/IncludeDirectory")
+        ]
+        for e in configuration.iterfind("SourceFileSet/PreprocessorDefinition"):
             value = e.get("value")
             macros.append(f"-D{e.get('name')}" + (f"={value}" if value is not None else ""))
     paths = [find_inside(folder, str(name)) for name in names]
@@ -89,13 +91,13 @@ def find_sources(subject: Subject, kind: str) -> SourceSet | None:
 
 def _read_configuration(subject: Subject, kind: str) -> Any:
     """Return the element of the build description for the model identifier of a kind, or None."""
-    wanted = subject.tree.find(kind).get("modelIdentifier")
+    identifier = subject.tree.find(kind).get("modelIdentifier")
     with suppress(etree.XMLSyntaxError, OSError):
         root = read_build_description(subject)
-        found = [] if root is None else root.findall("BuildConfiguration")
-        mine = [e for e in found if e.get("modelIdentifier") == wanted]
+        configurations = [] if root is None else root.findall("BuildConfiguration")
+        matching = [e for e in configurations if e.get("modelIdentifier") == identifier]
         platforms = (fmpy.platform_tuple, fmpy.platform, None)
-        return next((e for p in platforms for e in mine if e.get("platform") == p), None)
+        return next((e for p in platforms for e in matching if e.get("platform") == p), None)
     return None
 
 
@@ -126,8 +128,8 @@ def compile_library(compiler: Compiler, subject: Subject, sources: SourceSet, se
     options = ["-shared", "-fPIC", *sources.macros, *(f"-I{path}" for path in sources.includes)]
     options += _WARN if sys.platform == "linux" else []
     part = target.with_suffix(".part")
-    said = _compile(compiler, [*options, *map(str, sources.files), "-lm"], part, folder, seconds)
-    is_complete = sys.platform == "linux" and "undefined" not in said
+    messages = _compile(compiler, [*options, *map(str, sources.files), "-lm"], part, folder, seconds)
+    is_complete = sys.platform == "linux" and "undefined" not in messages
     return part.rename(target) if is_complete else part
 
 
@@ -147,13 +149,13 @@ def _compile(compiler: Compiler, arguments: Sequence[str], target: Path, folder:
     with as_file(files("fmpy") / "c-code") as headers:
         command = [*compiler.command, *_FLAGS, *compiler.flags, *arguments, f"-I{headers}", "-o", str(target)]
         try:
-            done = run_compiler(command, folder, seconds)
+            process = run_compiler(command, folder, seconds)
         except subprocess.TimeoutExpired:
             raise CompilerError(f"the compiler takes more than {seconds:g} s") from None
         except OSError as error:
             raise CompilerError(str(error.strerror)) from error
-    if done.returncode != 0:
-        lines = done.stderr.strip().splitlines() or ["the compiler failed"]
+    if process.returncode != 0:
+        lines = process.stderr.strip().splitlines() or ["the compiler failed"]
         errors = [line for line in lines if "error" in line or "cannot find" in line]
         raise CompilerError([*errors, lines[-1]][0].strip().rstrip("."))
-    return done.stderr
+    return process.stderr

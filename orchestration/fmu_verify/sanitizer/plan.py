@@ -66,15 +66,15 @@ def write_plan(subject: Subject, kind: str) -> str:
         _array("double", "CLOCK_INTERVAL", [_real(clock.interval or 0.0) for clock in clocks]),
         _array("double", "CLOCK_SHIFT", [_real(clock.shift) for clock in clocks]),
     ]
-    every = description.modelVariables
+    variables = description.modelVariables
     lines += _group(version, "START", [v for v in _with_start(subject) if v.causality != "input"])
     inputs = [v for v in settable(subject, "input") if start_of(v) is not None]
     if model:  # the others cannot be set in continuous-time mode
         inputs = [v for v in inputs if v.type == "Real" and v.variability in (None, "continuous")]
     lines += _group(version, "INPUT", [v for v in inputs if not v.clocks])
     lines += _group(version, "TICK", [v for v in inputs if v.clocks])
-    lines += _group(version, "ALL", [v for v in every if not v.clocks], values=False)
-    lines += _group(version, "TICKED", [v for v in every if v.clocks], values=False)
+    lines += _group(version, "ALL", [v for v in variables if not v.clocks], values=False)
+    lines += _group(version, "TICKED", [v for v in variables if v.clocks], values=False)
     return "\n".join([*lines, ""])
 
 
@@ -91,42 +91,42 @@ def _periodic_clocks(subject: Subject) -> list[InputClock]:
 
 def _with_start(subject: Subject) -> list[ModelVariable]:
     """Return the variables that can be set before initialization, without aliases."""
-    found: dict[tuple[str, int], ModelVariable] = {}
+    variables_by_reference: dict[tuple[str, int], ModelVariable] = {}
     for v in subject.description.modelVariables:
         allowed = v.variability != "constant" and v.initial in ("exact", "approx")
         if allowed and v.causality != "independent" and start_of(v) is not None:
-            found.setdefault((kind_of(v), int(v.valueReference)), v)
-    return list(found.values())
+            variables_by_reference.setdefault((kind_of(v), int(v.valueReference)), v)
+    return list(variables_by_reference.values())
 
 
 def _group(version: int, name: str, variables: Iterable[ModelVariable], values: bool = True) -> list[str]:
     """Return the arrays of a group of variables, for each type."""
     lines = []
     for kind in _TYPES[version]:
-        found, own = [v for v in variables if kind_of(v) == kind], f"{name}_{kind.upper()}"
-        lines += _references(version, own, found)
+        members, prefix = [v for v in variables if kind_of(v) == kind], f"{name}_{kind.upper()}"
+        lines += _references(version, prefix, members)
         if values:
-            literals = [_literal(value) for v in _once(found) for value in _starts(v)]
-            lines.append(_array(f"fmi{version}{kind}", f"{own}_VALUES", literals))
+            literals = [_literal(value) for v in _drop_aliases(members) for value in _starts(v)]
+            lines.append(_array(f"fmi{version}{kind}", f"{prefix}_VALUES", literals))
     return lines
 
 
 def _references(version: int, name: str, variables: Iterable[ModelVariable]) -> list[str]:
     """Return the value references of variables, the number of these, and that of values."""
-    found = _once(variables)
+    unique = _drop_aliases(variables)
     return [
-        f"#define {name}_REFERENCES {len(found)}",
-        f"#define {name}_COUNT {sum(getattr(v, 'size', 1) for v in found)}",
-        _array(f"fmi{version}ValueReference", name, [v.valueReference for v in found]),
+        f"#define {name}_REFERENCES {len(unique)}",
+        f"#define {name}_COUNT {sum(getattr(v, 'size', 1) for v in unique)}",
+        _array(f"fmi{version}ValueReference", name, [v.valueReference for v in unique]),
     ]
 
 
-def _once(variables: Iterable[ModelVariable]) -> list[ModelVariable]:
+def _drop_aliases(variables: Iterable[ModelVariable]) -> list[ModelVariable]:
     """Return one element of each array of FMI 3.0; all variables of FMI 2.0, of which some are aliases."""
-    found: dict[Any, ModelVariable] = {}
+    by_reference: dict[Any, ModelVariable] = {}
     for v in variables:
-        found.setdefault(v.valueReference if isinstance(v, ElementVariable) else id(v), v)
-    return list(found.values())
+        by_reference.setdefault(v.valueReference if isinstance(v, ElementVariable) else id(v), v)
+    return list(by_reference.values())
 
 
 def _starts(variable: ModelVariable) -> Sequence[Any]:

@@ -35,7 +35,7 @@ _MEANINGS = {
 
 
 @dataclass(frozen=True)
-class Place:
+class SourceLine:
     """A function and its line in the sources: `set_value (model.c:12)`."""
 
     function: str
@@ -63,23 +63,25 @@ class Leak:
 
 def read_memory_error(text: str, sources: Path, call: str = "") -> MemoryFault | None:
     """Return the first error of AddressSanitizer in a report; `call` was the last FMI function."""
-    found = _ERROR.search(text)
-    if found is None:
+    match = _ERROR.search(text)
+    if match is None:
         return None
-    kind = found["kind"]
+    kind = match["kind"]
     if kind == "attempting":  # "attempting double-free on", "attempting free on address"
-        kind = "double-free" if "double-free" in found["rest"] else "bad-free"
-    stacks = text[found.end() :].split("\n\n")
-    places = list(_frames(stacks[0], sources))
-    said = _MEANINGS.get(kind, f"It causes the error {kind} of AddressSanitizer")
-    if not said.startswith("It "):
+        kind = "double-free" if "double-free" in match["rest"] else "bad-free"
+    stacks = text[match.end() :].split("\n\n")
+    frames = list(_frames(stacks[0], sources))
+    meaning = _MEANINGS.get(kind, f"It causes the error {kind} of AddressSanitizer")
+    if not meaning.startswith("It "):
         access = _ACCESS.search(stacks[0])
         size = f" {count_bytes(int(access['size']))}" if access else ""
         is_write = "WRITE of size" in stacks[0] or "caused by a WRITE" in stacks[0]
         verb = "writes" if is_write else "reads"
-        said = f"It {verb}{size} {'at' if kind == 'SEGV' else 'of' if 'use-after' in kind else ''} {said}"
-        said = " ".join(said.split())
-    return MemoryFault(kind, f"{said}{_where(places) or (f' in {call}' if call else '')}.")
+        meaning = (
+            f"It {verb}{size} {'at' if kind == 'SEGV' else 'of' if 'use-after' in kind else ''} {meaning}"
+        )
+        meaning = " ".join(meaning.split())
+    return MemoryFault(kind, f"{meaning}{_where(frames) or (f' in {call}' if call else '')}.")
 
 
 def count_bytes(size: int) -> str:
@@ -87,47 +89,49 @@ def count_bytes(size: int) -> str:
     return f"{size} byte" if size == 1 else f"{size} bytes"
 
 
-def _where(places: Sequence[Place]) -> str:
+def _where(frames: Sequence[SourceLine]) -> str:
     """Return where an error is: the innermost function, and the FMI function that called it."""
-    if not places:
+    if not frames:
         return ""
-    called = next((p.function for p in places if p.function.startswith(("fmi2", "fmi3"))), "")
-    by = f", called by {called}" if called and called != places[0].function else ""
-    return f" in {places[0]}{by}"
+    called = next((p.function for p in frames if p.function.startswith(("fmi2", "fmi3"))), "")
+    by = f", called by {called}" if called and called != frames[0].function else ""
+    return f" in {frames[0]}{by}"
 
 
 def read_leaks(text: str, sources: Path) -> list[Leak]:
     """Return the leaks of a report whose memory the FMU allocated, each place once."""
-    found: dict[str, int] = {}
+    bytes_by_line: dict[str, int] = {}
     pieces = _LEAK.split(text)
     for size, stack in zip(pieces[1::2], pieces[2::2], strict=True):
-        places = list(_frames(stack.split("\n\n")[0], sources))
-        if places:
-            found[str(places[0])] = found.get(str(places[0]), 0) + int(size)
-    return [Leak(size, place) for place, size in found.items()]
+        frames = list(_frames(stack.split("\n\n")[0], sources))
+        if frames:
+            bytes_by_line[str(frames[0])] = bytes_by_line.get(str(frames[0]), 0) + int(size)
+    return [Leak(size, line) for line, size in bytes_by_line.items()]
 
 
 def read_undefined(text: str, sources: Path) -> list[str]:
     """Return what UBSan reports about the sources of the FMU, each place once."""
-    found = dict[str, None]()
+    messages = dict[str, None]()
     for pattern in (_UNDEFINED, _PANIC):
         for match in pattern.finditer(text):
             if (line := _relative(match["place"], sources)) is not None:
-                what = re.sub(r" 0x[0-9a-f]+", "", match["what"]).strip()  # addresses differ from run to run
-                found[f"{line}: {what}."] = None
-    return list(found)
+                problem = re.sub(
+                    r" 0x[0-9a-f]+", "", match["what"]
+                ).strip()  # addresses differ from run to run
+                messages[f"{line}: {problem}."] = None
+    return list(messages)
 
 
-def _frames(stack: str, sources: Path) -> Iterator[Place]:
+def _frames(stack: str, sources: Path) -> Iterator[SourceLine]:
     """Yield the frames of a stack that are in the sources, innermost first."""
     for frame in _FRAME.finditer(stack):
         if (line := _relative(frame["place"], sources)) is not None:
-            yield Place(frame["function"] or "", line)
+            yield SourceLine(frame["function"] or "", line)
 
 
-def _relative(place: str, sources: Path) -> str | None:
+def _relative(source_path: str, sources: Path) -> str | None:
     """Return `file:line` relative to the sources, or None if it is elsewhere."""
-    path, _, rest = place.partition(":")
+    path, _, rest = source_path.partition(":")
     try:
         inside = Path(path).resolve().relative_to(sources.resolve())
     except (ValueError, OSError):

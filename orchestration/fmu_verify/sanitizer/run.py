@@ -108,18 +108,18 @@ def _build_and_run_all(subject: Subject, sets: Mapping[str, SourceSet], scratch:
     return SanitizedRun(problem)
 
 
-def _join(found: list[SanitizedRun]) -> SanitizedRun:
+def _join(runs: list[SanitizedRun]) -> SanitizedRun:
     """Return what was found for all kinds."""
-    if first := next((run for run in found if run.missing), None):
+    if first := next((run for run in runs if run.missing), None):
         return first
     return SanitizedRun(
-        has_address=found[0].has_address,
-        ran=all(run.ran for run in found),
-        judges_leaks=all(run.judges_leaks for run in found),
-        memory=tuple(dict.fromkeys(e for run in found for e in run.memory)),
-        leaks=tuple({leak.place: leak for run in found for leak in run.leaks}.values()),
-        undefined=tuple(dict.fromkeys(line for run in found for line in run.undefined)),
-        gaps=tuple(dict.fromkeys(gap for run in found for gap in run.gaps)),
+        has_address=runs[0].has_address,
+        ran=all(run.ran for run in runs),
+        judges_leaks=all(run.judges_leaks for run in runs),
+        memory=tuple(dict.fromkeys(e for run in runs for e in run.memory)),
+        leaks=tuple({leak.place: leak for run in runs for leak in run.leaks}.values()),
+        undefined=tuple(dict.fromkeys(line for run in runs for line in run.undefined)),
+        gaps=tuple(dict.fromkeys(gap for run in runs for gap in run.gaps)),
     )
 
 
@@ -144,11 +144,11 @@ def _run(subject: Subject, kind: str, compiler: Compiler, host: Path, library: P
     calls = trace.read_text(errors="replace").splitlines() if trace.is_file() else []
     # AddressSanitizer writes to files with this name; UBSan writes to standard error
     text = "\n".join(_read(path) for path in [*sorted(folder.glob("report*")), folder / "errors.txt"])
-    memory = read_memory_error(text, sources, _last_call(calls)) if compiler.has_address else None
+    memory_fault = read_memory_error(text, sources, _last_call(calls)) if compiler.has_address else None
     undefined = read_undefined(text, sources)
     complete = calls[-1:] == ["end"]
     gaps = [f"{kind}: {reason}" for reason in _refused(calls)]
-    if not complete and memory is None and (compiler.has_address or not undefined):
+    if not complete and memory_fault is None and (compiler.has_address or not undefined):
         gaps.append(f"{kind}: {ended or _describe_end(calls, code)}")
     if still := list_still_clocks(subject, kind):
         gaps.append(f"{kind}: {join_few_names(still)} did not tick.")
@@ -157,7 +157,7 @@ def _run(subject: Subject, kind: str, compiler: Compiler, host: Path, library: P
         has_address=compiler.has_address,
         ran=any(call[:4] in _PREFIXES and call[4:] in ("DoStep", "SetTime") for call in calls),
         judges_leaks=compiler.has_address and complete and NO_LEAKS not in text,
-        memory=(memory,) if memory is not None else (),
+        memory=(memory_fault,) if memory_fault is not None else (),
         leaks=tuple(leaks),
         undefined=tuple(undefined),
         gaps=tuple(gaps),
@@ -166,15 +166,15 @@ def _run(subject: Subject, kind: str, compiler: Compiler, host: Path, library: P
 
 def _refused(calls: list[str]) -> list[str]:
     """Return the calls that failed, with the message before: `fmi2DoStep answered fmi2Error: ...`."""
-    found, call, said = [], "", ""
+    messages, call, reason = [], "", ""
     for line in calls:
         if line.startswith("#"):
-            said = f": {line.removeprefix('# ')}"
+            reason = f": {line.removeprefix('# ')}"
         elif not line.isdecimal():
-            call, said = line, ""
+            call, reason = line, ""
         elif int(line) in (ERROR, FATAL):
-            found.append(shorten_sentence(f"{call} answered {STATUS[int(line)]}{said.rstrip('. ')}."))
-    return found
+            messages.append(shorten_sentence(f"{call} answered {STATUS[int(line)]}{reason.rstrip('. ')}."))
+    return messages
 
 
 def _last_call(calls: list[str]) -> str:
@@ -183,10 +183,12 @@ def _last_call(calls: list[str]) -> str:
 
 def _describe_end(calls: list[str], code: int) -> str:
     """Return why a run did not come to its end."""
-    said = next((line.removeprefix("# ") for line in reversed(calls) if line.startswith("#")), "")
+    log_message = next((line.removeprefix("# ") for line in reversed(calls) if line.startswith("#")), "")
     call = _last_call(calls)
     if calls[-1:] == ["NULL"]:
-        reason = f"fmi2Instantiate answered NULL: {said}" if call else "it does not export fmi2Instantiate"
+        reason = (
+            f"fmi2Instantiate answered NULL: {log_message}" if call else "it does not export fmi2Instantiate"
+        )
         return shorten_sentence(f"{reason.rstrip(': .')}.")
     return f"It ended the process in {call or 'its first call'} ({describe_exit(code)})."
 
