@@ -66,18 +66,18 @@ def bind_columns(
         CommandError: If a signal or column does not exist, units do not fit, or there are no bindings.
     """
     main = f"{system.main_name}."
-    known = dict.fromkeys([*names.all, *(name.removeprefix(main) for name in names.all)])
-    data.match_names(known)
-    chosen: dict[str, Column] = {}
+    allowed_names = dict.fromkeys([*names.all, *(name.removeprefix(main) for name in names.all)])
+    data.match_names(allowed_names)
+    columns: dict[str, Column] = {}
     for signal, column in source.signals.items():
-        chosen |= _split_list(signal, column, data, known)
+        columns |= _split_list(signal, column, data, allowed_names)
     idle = []
     for name, column in match_columns(source, data, time).items():
-        if name in chosen:
+        if name in columns:
             continue
         end = Header(name, name, column.unit).unit_like_end
         if _is_driven(name, system, names):
-            chosen[name] = column
+            columns[name] = column
         elif end is not None and _is_driven(end[0], system, names):
             signal, unit = end
             raise CommandError(
@@ -85,17 +85,17 @@ def bind_columns(
                 f"'{signal} [{unit}]', or declare it with '{signal}={name} [{unit}]'.",
                 signal=signal,
             )
-        elif indices := find_indices(name, known):
+        elif indices := find_indices(name, allowed_names):
             raise data.wrong_count(name, 1, name, len(indices))
         else:
             idle.append(name)
-    if not chosen and source.columns:
+    if not columns and source.columns:
         raise CommandError(
             f"{source.label} drives no signal: no connected signal is called {join_names(idle[:8])}."
         )
-    if not chosen:
+    if not columns:
         raise CommandError(f"{source.label} drives no signal: {_explain_unmatched(idle, names)}")
-    return [_bind_column(source, s, column, data, system, names) for s, column in chosen.items()], idle
+    return [_bind_column(source, s, column, data, system, names) for s, column in columns.items()], idle
 
 
 def match_columns(source: Input, data: DataTable, time: int) -> dict[str, Column]:
@@ -106,14 +106,14 @@ def match_columns(source: Input, data: DataTable, time: int) -> dict[str, Column
     Raises:
         CommandError: If a pattern has no match.
     """
-    others = [h for i, h in enumerate(data.headers) if i != time]
+    headers = [h for i, h in enumerate(data.headers) if i != time]
     patterns = source.columns or ([] if source.signals else ["*"])
     for pattern in source.columns:
-        if not any(matches_pattern(h.name, pattern) for h in others):
+        if not any(matches_pattern(h.name, pattern) for h in headers):
             raise data.no_column(pattern)
     return {
         h.name: Column(h.name, h.unit)
-        for h in others
+        for h in headers
         if h.name and any(matches_pattern(h.name, pattern) for pattern in patterns)
     }
 
@@ -149,7 +149,9 @@ def find_column(source: Input, data: DataTable, column: Column) -> tuple[int, Co
     return position, dataclasses.replace(column, unit=unit, derivative=order)
 
 
-def _split_list(signal: str, column: Column, data: DataTable, known: Collection[str]) -> dict[str, Column]:
+def _split_list(
+    signal: str, column: Column, data: DataTable, allowed_names: Collection[str]
+) -> dict[str, Column]:
     """Return the columns of the elements by signal if a column has lists, otherwise the column itself.
 
     Raises:
@@ -157,7 +159,7 @@ def _split_list(signal: str, column: Column, data: DataTable, known: Collection[
     """
     header = Header.of(column.column)
     columns = data.find_list(column.column) or data.find_list(header.name)
-    indices = find_indices(signal, known)
+    indices = find_indices(signal, allowed_names)
     if not columns and len(indices) < 2:
         return {f"{signal}{''.join(indices)}": column}
     if len(columns) != len(indices):
@@ -171,11 +173,11 @@ def _split_list(signal: str, column: Column, data: DataTable, known: Collection[
 
 def _is_driven(name: str, system: System, names: Names) -> bool:
     """Return whether a name is that of a signal that data can drive."""
-    found = names.get(name)
-    if found is None or found.variable.type not in TYPES:
+    variable = names.get(name)
+    if variable is None or variable.variable.type not in TYPES:
         return False
-    causality = found.variable.causality
-    return causality == "input" or (causality == "output" and _is_connected(found, system))
+    causality = variable.variable.causality
+    return causality == "input" or (causality == "output" and _is_connected(variable, system))
 
 
 def _is_connected(output: NamedVariable, system: System) -> bool:
@@ -185,22 +187,22 @@ def _is_connected(output: NamedVariable, system: System) -> bool:
 def _explain_unmatched(columns: Sequence[str], names: Names) -> str:
     signals = [n for n, v in names.all.items() if v.variable.causality in ("input", "output")]
     near = [s for name in columns[:20] for s in difflib.get_close_matches(name, signals, n=1, cutoff=0.6)]
-    meant = (
+    advice = (
         f"did you mean {join_names(near[:3])}?"
         if near
         else "set `signals` to the columns that drive signals."
     )
     if not columns:
-        return f"it has only a column of times; {meant}"
-    return f"its columns are called {join_names(columns[:8])}; {meant}"
+        return f"it has only a column of times; {advice}"
+    return f"its columns are called {join_names(columns[:8])}; {advice}"
 
 
 def _bind_column(
     source: Input, signal: str, column: Column, data: DataTable, system: System, names: Names
 ) -> ColumnBinding:
     position, column = find_column(source, data, column)
-    named = names.find(signal)
-    variable, interface, name = named.variable, named.interface, named.fmu_name
+    target = names.find(signal)
+    variable, interface, name = target.variable, target.interface, target.fmu_name
     if variable.causality not in ("input", "output"):
         raise CommandError(
             f"{signal} is a {variable.causality}; data can drive an input or replace an output.",
@@ -211,9 +213,9 @@ def _bind_column(
             f"{signal} is of the type {variable.type}; data can drive {join_names(TYPES)}.", signal=signal
         )
     output, is_real = variable.causality == "output", variable.type == "Real"
-    if output and not _is_connected(named, system):
+    if output and not _is_connected(target, system):
         raise CommandError(f"{signal} is not connected, so data for it would have no effect.", signal=signal)
-    if column.derivative and named.is_discrete:
+    if column.derivative and target.is_discrete:
         raise CommandError(f"{signal} is discrete; a derivative cannot drive it.", signal=signal)
     if not is_real and (column.unit or data.headers[position].unit):
         raise CommandError(f"{signal} is of the type {variable.type}, which has no unit.", signal=signal)
@@ -223,13 +225,13 @@ def _bind_column(
         transformation, is_assumed = data.conversion(position, signal, unit, column.unit, column.derivative)
     return ColumnBinding(
         signal,
-        *named.end,
+        *target.end,
         output,
         position,
         column.derivative,
         transformation,
         unit,
         is_assumed,
-        named.is_discrete,
+        target.is_discrete,
         interface.signal_type(name),
     )

@@ -27,7 +27,7 @@ _DECIMAL_COMMA = r"^([-+]?[0-9]*),([0-9]*(?:[eE][-+]?[0-9]+)?)$", "${1}.${2}"
 _LETTERS = 60
 """Most letters of a name in a message."""
 
-_NAMED = 8
+_MOST_NAMES = 8
 """Most columns that a message names."""
 
 
@@ -74,25 +74,25 @@ class DataTable:
         self._read, self._has_decimal_commas = read, has_decimal_commas
         self._columns: dict[tuple[int, bool], polars.Series] = {}
 
-    def match_names(self, known: Collection[str], prefix: str = "") -> None:
+    def match_names(self, allowed: Collection[str], prefix: str = "") -> None:
         """Give columns the names of variables: columns of lists those of the elements of their array.
 
         A header that is the name of a variable has no unit.
 
         Args:
-            known: The names of all variables.
+            allowed: The names of all variables.
             prefix: Text that these names have and the columns lack.
 
         Raises:
             CommandError: If the cells of a column have another number of elements than the array.
         """
-        arrays = {name[: m.start()] for name in known for m in re.finditer(r"\[", name)}
+        arrays = {name[: m.start()] for name in allowed for m in re.finditer(r"\[", name)}
         for position, header in enumerate(self.headers):
             source, element = self._sources[position]
-            if element is None and header.text.strip() != header.name and prefix + header.text in known:
+            if element is None and header.text.strip() != header.name and prefix + header.text in allowed:
                 header = self.headers[position] = Header(header.text, header.text)
             array = header.name if element is None else header.name.rpartition("[")[0]
-            if prefix + array not in arrays or not (indices := find_indices(prefix + array, known)):
+            if prefix + array not in arrays or not (indices := find_indices(prefix + array, allowed)):
                 continue
             if len(indices) != (count := self._counts.get(source, 1)):
                 if element is None:
@@ -110,8 +110,8 @@ class DataTable:
 
     def load(self, positions: Sequence[int]) -> None:
         """Read several columns of numbers at once: one by one, a text is parsed again for each."""
-        chosen = dict.fromkeys(self._sources[p][0] for p in positions)
-        sources = [s for s in chosen if s not in self._counts and (s, False) not in self._columns]
+        columns = dict.fromkeys(self._sources[p][0] for p in positions)
+        sources = [s for s in columns if s not in self._counts and (s, False) not in self._columns]
         for source, column in zip(sources, self._read(sources, False) if sources else (), strict=True):
             self._columns[source, False] = column
 
@@ -293,8 +293,8 @@ class DataTable:
     def join_names(self) -> str:
         """Return the names of the first columns for a message."""
         names = [f"'{shorten_line(h.name, _LETTERS)}'" for h in self.headers if h.name]
-        if len(names) > _NAMED:
-            names = [*names[:_NAMED], f"{len(names) - _NAMED} more"]
+        if len(names) > _MOST_NAMES:
+            names = [*names[:_MOST_NAMES], f"{len(names) - _MOST_NAMES} more"]
         return join_names(names) if names else "none"
 
     def wrong_cell(self, position: int, row: int, value: Any, type_: SignalType = REAL) -> CommandError:
@@ -322,8 +322,8 @@ class DataTable:
 
     def no_column(self, name: str) -> CommandError:
         """Return the error of a name that no column has."""
-        meant = suggest_names(name, [h.name for h in self.headers], f"it has {self.join_names()}.")
-        return CommandError(f"{self.label} has no column '{name}'; {meant}", name=name)
+        suggestions = suggest_names(name, [h.name for h in self.headers], f"it has {self.join_names()}.")
+        return CommandError(f"{self.label} has no column '{name}'; {suggestions}", name=name)
 
     def _wrong(self, position: int, problem: str) -> CommandError:
         return CommandError(f"the column '{self.headers[position].text}' of {self.label} {problem}.")

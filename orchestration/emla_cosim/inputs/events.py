@@ -37,10 +37,10 @@ def input_events(
     for fault in faults:
         events += [fault.start, fault.start + (math.inf if fault.duration is None else fault.duration)]
     for source in sources:
-        loaded = LoadedInput.of(source, start)
-        times = loaded.times
+        input_data = LoadedInput.of(source, start)
+        times = input_data.times
         if source.interpolation == "held":
-            events += _repeat_jumps(source, times, _jumps(loaded), stop)
+            events += _repeat_jumps(source, times, _jumps(input_data), stop)
         else:
             events += [float(times[0]), float(times[-1])]
             if (jumps := times[1:][np.diff(times) == 0.0]).size:  # rows with the same time
@@ -54,17 +54,17 @@ def row_distance(sources: Sequence[Input]) -> float:
     return min((float(np.median(d[d > 0.0])) for d in distances), default=math.inf)
 
 
-def _jumps(loaded: LoadedInput) -> Vector:
+def _jumps(input_data: LoadedInput) -> Vector:
     """Return the times of rows that differ from the row before in a column of numbers."""
-    differs = np.zeros(len(loaded.times), dtype=bool)
+    differs = np.zeros(len(input_data.times), dtype=bool)
     with contextlib.suppress(CommandError):  # a column that cannot be read is left out below
-        loaded.data.load(range(len(loaded.data.headers)))
-    for position in range(len(loaded.data.headers)):
-        if position != loaded.time:
+        input_data.data.load(range(len(input_data.data.headers)))
+    for position in range(len(input_data.data.headers)):
+        if position != input_data.time:
             with contextlib.suppress(CommandError):  # a column of texts drives nothing
-                values = loaded.data.numbers(position)
+                values = input_data.data.numbers(position)
                 differs[1:] |= values[1:] != values[:-1]
-    return loaded.times[differs]
+    return input_data.times[differs]
 
 
 def _repeat_jumps(source: Input, times: Vector, jumps: Vector, stop: float) -> list[float]:

@@ -100,15 +100,15 @@ class DataSpan:
 
     def describe_held(self, start: float, stop: float, step: float) -> str | None:
         """Return a remark if values hold for more than a step before or after the data; times in s."""
-        held = []
+        sentences = []
         if self.first > start + step:
-            held.append(f"the first values hold until {self.first:.9g} s")
+            sentences.append(f"the first values hold until {self.first:.9g} s")
         if self.last < stop - step and self.end == "hold":
-            held.append(f"the last values hold after {self.last:.9g} s")
-        if not held:
+            sentences.append(f"the last values hold after {self.last:.9g} s")
+        if not sentences:
             return None
         return (
-            f"{self.label} does not cover the run, {start:.9g} to {stop:.9g} s: {', and '.join(held)} "
+            f"{self.label} does not cover the run, {start:.9g} to {stop:.9g} s: {', and '.join(sentences)} "
             "(shift= moves the data)."
         )
 

@@ -82,8 +82,8 @@ class StoredRun:
         positions = {name: positions[name] for name in names if name in positions}
         types = self.types if types is None else types
         self.data.load([p for name, p in positions.items() if types.get(name, REAL).kind == "Real"])
-        every = 1 if most is None else max(-(-len(self.times) // most), 1)
-        columns: dict[str, Any] = {"time": self.times[::every]}
+        stride = 1 if most is None else max(-(-len(self.times) // most), 1)
+        columns: dict[str, Any] = {"time": self.times[::stride]}
         for name, position in positions.items():
             type_ = types.get(name, REAL)
             if type_.kind == "Real":
@@ -91,7 +91,7 @@ class StoredRun:
                 values, _ = self.data.in_unit(position, name, unit, has_gaps=True)
             else:
                 values = self.data.values(position, type_, has_gaps=True)
-            columns[name] = values[::every]
+            columns[name] = values[::stride]
         return {name: columns[name] for name in names if name in columns}
 
     def match_names(self, names: Sequence[str]) -> None:
@@ -106,33 +106,33 @@ class StoredRun:
         return replace(self, prefix=prefix)
 
 
-def open_stored_run(place: Path, what: str = _REFERENCE, start: float = 0.0) -> StoredRun:
+def open_stored_run(folder: Path, subject: str = _REFERENCE, start: float = 0.0) -> StoredRun:
     """Open the table of an earlier run.
 
     Args:
-        place: A folder of results, or a table.
-        what: Name of the run in error messages.
+        folder: A folder of results, or a table.
+        subject: Name of the run in error messages.
         start: The start time in s of the run that is compared with it.
 
     Raises:
         CommandError: There is no table, or it cannot be read.
     """
-    candidates = [place]
-    if place.is_dir():  # a run's output, or the one reference of an FMU in the layout of the cross-check
-        solutions = sorted(place.glob("*_ref.csv"))
-        candidates = [*(place / name for name in table_names()), *(solutions if len(solutions) == 1 else [])]
+    candidates = [folder]
+    if folder.is_dir():  # a run's output, or the one reference of an FMU in the layout of the cross-check
+        solutions = sorted(folder.glob("*_ref.csv"))
+        candidates = [*(folder / name for name in table_names()), *(solutions if len(solutions) == 1 else [])]
     path = next((p for p in candidates if p.exists()), None)
     if path is None:
-        missing = f"has no {' or '.join(table_names())}" if place.is_dir() else "does not exist"
-        raise CommandError(f"{what}, '{place}', {missing}.")
+        missing = f"has no {' or '.join(table_names())}" if folder.is_dir() else "does not exist"
+        raise CommandError(f"{subject}, '{folder}', {missing}.")
     if not path.is_file():
-        raise CommandError(f"{what}, '{path}', cannot be read: it is not a file.")
+        raise CommandError(f"{subject}, '{path}', cannot be read: it is not a file.")
     is_result = path.name in table_names()
-    data = read_table(path, what, is_result=is_result)
+    data = read_table(path, subject, is_result=is_result)
     if is_result and _is_unfinished(path.parent):
         data.notes.append("has only the rows so far of a run that has not finished")
     if len(data.headers) < 2:
-        raise CommandError(f"{what}, '{path}', must have a column of times, and signals.")
+        raise CommandError(f"{subject}, '{path}', must have a column of times, and signals.")
     return StoredRun(path, data, *read_times(data, start=start, is_raw=is_result, least=0))
 
 

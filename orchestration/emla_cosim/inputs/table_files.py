@@ -29,27 +29,27 @@ _HEAD = 16
 """The number of bytes by which formats are told apart."""
 
 
-def read_table(file: Path, what: str, columns: Sequence[str] = (), is_result: bool = False) -> DataTable:
+def read_table(file: Path, subject: str, columns: Sequence[str] = (), is_result: bool = False) -> DataTable:
     """Return the table of a CSV or Parquet file, a measurement file, or one in a registered format.
 
     Args:
         file: The file.
-        what: What error messages call it.
+        subject: What error messages call it.
         columns: Names or patterns of columns to read; they choose the group of a measurement file.
         is_result: Whether a run wrote it: headers are names of signals, and the last line may be unfinished.
 
     Raises:
         CommandError: If it cannot be read as a table.
     """
-    label = f"{what} '{file}'"
-    begin = read_file(file, what, _HEAD)
+    label = f"{subject} '{file}'"
+    begin = read_file(file, subject, _HEAD)
     if (form := format_of(file)) not in ("csv", "parquet"):
         return _read_registered(label, form, file)
     if is_measurement_file(begin):  # those can be larger than the memory
         return _read_measurement(label, choose_group(read_groups(file, begin, label), columns, label))
     if begin.startswith(_PARQUET) or file.suffix.lower() == ".parquet":
         return _read_parquet(label, file, is_result)
-    return _read_csv(label, read_file(file, what), is_result)
+    return _read_csv(label, read_file(file, subject), is_result)
 
 
 def readable(label: str, read: Callable[[], _T]) -> _T:
@@ -117,10 +117,10 @@ def _read_csv(label: str, content: bytes, is_result: bool = False) -> DataTable:
     headers = _add_units(label, [_header(text, is_result) for text in layout.names], layout.units)
     types = {headers[i].name: SignalType(kind) for i, cell in first.items() if (kind := _find_kind(cell))}
     table = DataTable(label, headers, read, lists, layout.delimiter != ",", types)
-    for count, place in ((layout.skipped, "before"), (layout.between, "below")):
+    for count, where in ((layout.skipped, "before"), (layout.between, "below")):
         if count:
             are = "is" if count == 1 else "are"
-            table.notes.append(f"has {format_count(count, 'line')} {place} its header, which {are} skipped")
+            table.notes.append(f"has {format_count(count, 'line')} {where} its header, which {are} skipped")
     if encoding is not None:
         table.notes.append(f"is not UTF-8; it is read as {encoding}")
     return table

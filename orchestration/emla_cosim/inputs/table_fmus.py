@@ -173,16 +173,16 @@ def _is_table_fmu(path: Path) -> bool:
         return False
 
 
-def _check_size(data: DataTable, one: ColumnBinding, values: Vector) -> None:
+def _check_size(data: DataTable, binding: ColumnBinding, values: Vector) -> None:
     """Raise CommandError for values so large that arithmetic could overflow."""
-    unit = one.transformation
+    unit = binding.transformation
     with np.errstate(over="ignore"):
         beyond = ~(np.abs(unit.factor * values + unit.offset) <= _LARGEST)
     if beyond.any():
-        row, header = int(beyond.argmax()) + 1, data.headers[one.column].text
+        row, header = int(beyond.argmax()) + 1, data.headers[binding.column].text
         raise CommandError(
             f"{data.label} has {values[row - 1]:g} in row {row} of the column '{header}', which drives "
-            f"{one.signal}; it must be within -{_LARGEST:g} and {_LARGEST:g} in the unit of the signal.",
+            f"{binding.signal}; it must be within -{_LARGEST:g} and {_LARGEST:g} in the unit of the signal.",
             row=row,
             column=header,
         )

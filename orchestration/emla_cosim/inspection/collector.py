@@ -64,8 +64,10 @@ def info(
     try:
         scenario = load(source, **options)
     except CommandError as error:
-        others = {name for name, o in list_options().items() if o.stage == BUILDING or not o.repeated}
-        if not isinstance(source, (str, Path)) or not set(options) <= others | {LENIENT}:
+        ignored_options = {
+            name for name, o in list_options().items() if o.stage == BUILDING or not o.repeated
+        }
+        if not isinstance(source, (str, Path)) or not set(options) <= ignored_options | {LENIENT}:
             raise
         collect = _collect_unsupported_fmu if is_fmu(Path(source)) else _collect_mechanics
         return collect(Path(source), error)
@@ -74,22 +76,22 @@ def info(
         accept_faults(scenario.options.lenient) as faults,
     ):
         faults.merge(scenario.accepted)
-        told = progress or Progress()
-        prepared = prepare_system(scenario.system, scenario.options, told)
-        found = _collect_system(scenario, prepared.system, prepared.fmus, prepared.interfaces)
-    told.advance(1)
+        progress_display = progress or Progress()
+        prepared = prepare_system(scenario.system, scenario.options, progress_display)
+        model = _collect_system(scenario, prepared.system, prepared.fmus, prepared.interfaces)
+    progress_display.advance(1)
     remarks = (remark.rstrip(".") for remark in faults.remarks(scenario.unpacked))
-    return replace(_with_machine(found, scenario.system), notes=(*found.notes, *remarks))
+    return replace(_with_machine(model, scenario.system), notes=(*model.notes, *remarks))
 
 
-def _with_machine(found: Info, system: System) -> Info:
+def _with_machine(model: Info, system: System) -> Info:
     """Return the information with that on the machine of the system, if it has one."""
     if "machine" not in system.record:
-        return found
+        return model
     from ..study.machines.machine_info import find_machine_info  # loads CasADi
 
-    starts = {variable.name: variable.start for variable in found.variables}
-    return replace(found, machine=find_machine_info(system, starts))
+    starts = {variable.name: variable.start for variable in model.variables}
+    return replace(model, machine=find_machine_info(system, starts))
 
 
 def _collect_mechanics(path: Path, reason: CommandError) -> Info:
@@ -184,9 +186,9 @@ def _describe_kinds(
     kinds = {c.name: KINDS.get(c.kind) or next(iter(interfaces[c.name].kinds)) for c in system.components}
     groups = find_groups(system, interfaces, kinds) if integrate_together else []
     grouped = {name for group in groups for name in group}
-    alone = [name for name, kind in kinds.items() if kind == MODEL_EXCHANGE and name not in grouped]
+    ungrouped = [name for name, kind in kinds.items() if kind == MODEL_EXCHANGE and name not in grouped]
     notes = [f"{join_names(group)}: Model Exchange, integrated together by CVode" for group in groups]
-    return notes + ([f"{join_names(alone)}: Model Exchange, integrated by CVode"] if alone else [])
+    return notes + ([f"{join_names(ungrouped)}: Model Exchange, integrated by CVode"] if ungrouped else [])
 
 
 def _collect_unsupported_fmu(path: Path, reason: CommandError) -> Info:

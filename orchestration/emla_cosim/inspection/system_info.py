@@ -206,11 +206,11 @@ class Info:
 
     def __getitem__(self, name: str) -> VariableInfo:
         """Return the variable of this full name; raise CommandError if it does not exist."""
-        found = self._by_name.get(name)
-        if found is None:
-            meant = suggest_names(name, self._by_name)
-            raise CommandError(f"{self.name} has no variable '{name}'; {meant}", name=name)
-        return found
+        variable = self._by_name.get(name)
+        if variable is None:
+            suggestions = suggest_names(name, self._by_name)
+            raise CommandError(f"{self.name} has no variable '{name}'; {suggestions}", name=name)
+        return variable
 
     @cached_property
     def _by_name(self) -> dict[str, VariableInfo]:
@@ -231,17 +231,17 @@ class Info:
             >>> [v.name for v in ec.info("lift").matching("*.plant.x_L").variables]
             ['lift.plant.x_L']
         """
-        kept: set[str] = set()
+        remaining: set[str] = set()
         for pattern in patterns:
-            found = {v.name for v in self.variables if _is_match(v, pattern)}
-            if not found:
+            names = {v.name for v in self.variables if _is_match(v, pattern)}
+            if not names:
                 raise CommandError(
                     f"no variable of {self.name} matches '{pattern}'; write a pattern such as '*.x_L', or "
                     "a word of a name or a description.",
                     pattern=pattern,
                 )
-            kept |= found
-        return replace(self, variables=tuple(v for v in self.variables if v.name in kept))
+            remaining |= names
+        return replace(self, variables=tuple(v for v in self.variables if v.name in remaining))
 
     def to_polars(self) -> "polars.DataFrame":
         """Return the variables as a polars data frame; start values are text."""

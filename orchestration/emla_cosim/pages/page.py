@@ -34,9 +34,9 @@ class Plots:
     def add(self, plot: Plot, most: int = _POINTS) -> str:
         """Add a plot with at most about `most` points for each line, and return its id."""
         subject = f"{plot.column}: {plot.part}" if plot.column else self.new_subject()
-        return self.hold(build_figure(plot, most), subject)
+        return self.add_figure(build_figure(plot, most), subject)
 
-    def hold(self, figure: Any, subject: str) -> str:
+    def add_figure(self, figure: Any, subject: str) -> str:
         """Add a Bokeh figure and return its id."""
         name = f"plot-{len(self.figures) + 1}"
         self.figures[name], self.subjects[name] = figure, subject

@@ -16,8 +16,8 @@ def make_visible(text: object) -> str:
     return _HIDDEN.sub(_escape, str(text)).replace("\r", "\n")
 
 
-def _escape(found: re.Match[str]) -> str:
-    code = ord(found[0])
+def _escape(match: re.Match[str]) -> str:
+    code = ord(match[0])
     return f"\\x{code:02x}" if code < 0x100 else f"\\u{code:04x}"
 
 

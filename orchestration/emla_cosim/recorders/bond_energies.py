@@ -202,9 +202,9 @@ class _Steps:
 
     def _differences(self, columns: Sequence[int]) -> tuple[Vector, Vector, Vector]:
         """Return values at the start, their change, and the previous change scaled to this length."""
-        places = [self._columns.index(column) for column in columns]
-        start = self._start[:, places]
-        return start, self._end[:, places] - start, (start - self._before[:, places]) * self._ratio
+        indices = [self._columns.index(column) for column in columns]
+        start = self._start[:, indices]
+        return start, self._end[:, indices] - start, (start - self._before[:, indices]) * self._ratio
 
 
 @dataclass(frozen=True)
@@ -237,8 +237,10 @@ class _Bond:
         names = list(units)
         for signal in (bond.effort, bond.flow):
             if signal not in units:
-                meant = suggest_names(signal, names)
-                raise CommandError(f"there is no signal '{signal}' for the bond {name}; {meant}", name=signal)
+                suggestions = suggest_names(signal, names)
+                raise CommandError(
+                    f"there is no signal '{signal}' for the bond {name}; {suggestions}", name=signal
+                )
         effort, flow = names.index(bond.effort), names.index(bond.flow)
         self._users = _find_users(effort, flow, connections), _find_users(flow, effort, connections)
         if not any(self._users):
@@ -262,9 +264,9 @@ class _Bond:
     def add(self, steps: _Steps) -> None:
         """Add the energies of steps."""
         self._exchanged += steps.exchanged(self._effort, self._flow)
-        for users, other in zip(self._users, (self._flow, self._effort), strict=True):
+        for users, partner in zip(self._users, (self._flow, self._effort), strict=True):
             if users is not None:
-                users.missed[:] += steps.missed(users.connections, other)
+                users.missed[:] += steps.missed(users.connections, partner)
 
     def figures(self, responses: Mapping[int, Vector]) -> dict[str, float]:
         """Return the energies so far."""
@@ -286,9 +288,9 @@ class _Bond:
                 users.missed[:] = read_stored_array(missed, users.missed.shape)
 
 
-def _find_users(signal: int, other: int, connections: Sequence[ContinuousConnection]) -> _Users | None:
+def _find_users(signal: int, partner: int, connections: Sequence[ContinuousConnection]) -> _Users | None:
     """Return the consumers of a signal on the side of the bond that produces the other signal."""
-    sides = {x.source for x in connections if x.signal == other}
+    sides = {x.source for x in connections if x.signal == partner}
     users = [x for x in connections if x.signal == signal and (not sides or x.target in sides)]
     if not users:
         return None

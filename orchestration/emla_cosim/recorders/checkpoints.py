@@ -57,10 +57,10 @@ def find_resumable_checkpoint(
             raise TypeError
     except (KeyError, TypeError) as error:
         raise CommandError(f"'{path}' is not a checkpoint of a run.") from error
-    for what in {**was, **identity}:
-        before, value = was.get(what), identity.get(what)
+    for key in {**was, **identity}:
+        before, value = was.get(key), identity.get(key)
         if before != value:
-            raise CommandError(_difference(path, what, before, value))
+            raise CommandError(_difference(path, key, before, value))
     if reached >= times.stop:
         raise CommandError(
             f"the checkpoint '{path}' is already at t = {reached:.9g} s. Set a stop time later than that; "
@@ -69,11 +69,11 @@ def find_resumable_checkpoint(
     return checkpoint
 
 
-def _difference(path: Path, what: str, was: Any, value: Any) -> str:
+def _difference(path: Path, key: str, was: Any, value: Any) -> str:
     if isinstance(was or value, dict):
         was, value = was or {}, value or {}
         names = [n for n in {**was, **value} if was.get(n) != value.get(n)]
-        return f"the checkpoint '{path}' has other {what}, of {', '.join(names[:5])}."
+        return f"the checkpoint '{path}' has other {key}, of {', '.join(names[:5])}."
     if isinstance(value, list):
-        return f"the checkpoint '{path}' has other {what}."
-    return f"the checkpoint '{path}' has the {what} {was}, but this run has {value}."
+        return f"the checkpoint '{path}' has other {key}."
+    return f"the checkpoint '{path}' has the {key} {was}, but this run has {value}."

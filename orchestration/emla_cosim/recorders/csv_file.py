@@ -107,13 +107,13 @@ class CsvFile(FileTable):
         with self.path.open("rb") as stream:
             _header(stream)
             while lines := stream.readlines(_BLOCK):
-                texts = {n: polars.String for n, found in self.types.items() if found.is_text}
+                texts = {n: polars.String for n, signal_type in self.types.items() if signal_type.is_text}
                 schema = dict.fromkeys(self.names, polars.Float64) | texts
                 yield frame_rows(polars.read_csv(b"".join(lines), has_header=False, schema=schema))
 
     def append(self, rows: Vector) -> None:
         """Store rows, those with texts at once: texts are in this process only. Raises OSError."""
-        if any(found.is_text for found in self.types.values()):
+        if any(signal_type.is_text for signal_type in self.types.values()):
             self.store(rows)
         else:
             super().append(rows)
@@ -141,7 +141,7 @@ class CsvFile(FileTable):
         """Return columns by name, without those that the file does not have; see `Table.read`."""
         self.drain()
         columns = {name: f"column_{i}" for i, name in enumerate(self.names)}
-        texts = {n: polars.String for n, found in self.types.items() if found.is_text}
+        texts = {n: polars.String for n, signal_type in self.types.items() if signal_type.is_text}
         with self.path.open("rb") as stream:
             lines = _header(stream).count(b"\n")  # polars keeps doubled quotes in names
         table = polars.scan_csv(

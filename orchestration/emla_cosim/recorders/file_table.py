@@ -49,7 +49,7 @@ class FileTable(Table):
         self._thread: threading.Thread | None = None
         self._failure: BaseException | None = None
         self._stored = 0
-        """Value of `_seen` with the last stored row."""
+        """Value of `_row_count` with the last stored row."""
         self._started_at = time.monotonic()
 
     def __str__(self) -> str:
@@ -58,7 +58,7 @@ class FileTable(Table):
     def begin(self, outline: Outline, memory: Any = None) -> None:
         """Begin a table with the columns of the outline."""
         super().begin(outline, memory)
-        self._waiting, self._waiting_count, self._failure, self._stored = [], 0, None, self._seen
+        self._waiting, self._waiting_count, self._failure, self._stored = [], 0, None, self._row_count
 
     def check_file(self) -> OutputFile:
         """Return the file, which may be replaced. Raises CommandError if it may not; see the class."""
@@ -123,9 +123,9 @@ class FileTable(Table):
     def release(self, most: int) -> None:
         """Store all rows but those among the last `most` that were received. Raises OSError."""
         while self._waiting_count or self._is_busy():
-            if 2 * (self._seen - self._stored) > most:
+            if 2 * (self._row_count - self._stored) > most:
                 self._start()
-            if self._seen - self._stored <= most:
+            if self._row_count - self._stored <= most:
                 return
             self._join()
             self._raise_failure()
@@ -153,20 +153,20 @@ class FileTable(Table):
             return
         rows, self._waiting, self._waiting_count = self._waiting, [], 0
         self._started_at = time.monotonic()
-        thread = threading.Thread(target=self._store, args=(rows, self._seen), daemon=True)
+        thread = threading.Thread(target=self._store, args=(rows, self._row_count), daemon=True)
         try:
             thread.start()
         except RuntimeError:  # the system has no thread left
-            self._store(rows, self._seen)
+            self._store(rows, self._row_count)
         else:
             self._thread = thread
 
-    def _store(self, blocks: list[Vector], seen: int) -> None:
+    def _store(self, blocks: list[Vector], row_count: int) -> None:
         """Store rows, and keep an error for the thread of the run. After an error nothing is stored."""
         try:
             if self._failure is None:
                 self.store(np.concatenate(blocks))
-                self._stored = seen
+                self._stored = row_count
         except BaseException as error:
             self._failure = error
 

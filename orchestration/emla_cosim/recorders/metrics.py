@@ -173,8 +173,12 @@ def describe_divergence(signals: Mapping[str, Mapping[str, float]]) -> str | Non
     beyond = {name: size for name, size in sizes.items() if size > UNBOUNDED}
     if not beyond:
         return None
-    name, others = next(iter(beyond)), len(beyond) - 1
-    more = f", and {format_count(others, 'more signal', 'more signals')} grew as far" if others else ""
+    name, other_signals = next(iter(beyond)), len(beyond) - 1
+    more = (
+        f", and {format_count(other_signals, 'more signal', 'more signals')} grew as far"
+        if other_signals
+        else ""
+    )
     return f"Diverged: {name} reached {beyond[name]:.2g}{more}."
 
 
@@ -189,8 +193,8 @@ class MetricsRecorder(Recorder):
 
     def begin(self, outline: Outline, memory: Any = None) -> None:
         """Begin all metrics, or continue from a `memory`."""
-        made = {name: make(outline) for name, make in METRICS.items()}
-        self.kinds = {name: metrics for name, metrics in made.items() if metrics is not None}
+        kinds = {name: make(outline) for name, make in METRICS.items()}
+        self.kinds = {name: metrics for name, metrics in kinds.items() if metrics is not None}
         for name, metrics in self.kinds.items():
             if memory is not None:
                 metrics.remember(memory["kinds"][name])
@@ -221,10 +225,10 @@ class MetricsRecorder(Recorder):
 
     def remarks(self) -> list[str]:
         """Return remarks for users to read before the figures."""
-        found = [remark for metrics in self.kinds.values() for remark in metrics.remarks()]
+        remarks = [remark for metrics in self.kinds.values() for remark in metrics.remarks()]
         if (diverged := describe_divergence(self.signals())) is not None:
-            found.insert(0, diverged)
-        return found
+            remarks.insert(0, diverged)
+        return remarks
 
     def figures(self) -> dict[str, Figures]:
         """Return the figures of all rows so far, by the name of their kind."""

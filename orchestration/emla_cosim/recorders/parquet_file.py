@@ -108,9 +108,9 @@ class ParquetFile(FileTable):
         super().end()
         parts = self._list_parts()
         empty = polars.LazyFrame(schema=self.schema)
-        whole = polars.scan_parquet(parts) if parts else empty
+        table = polars.scan_parquet(parts) if parts else empty
         with _polars_failures(), write_atomically(self.path, self._file.check_again) as stream:
-            whole.sink_parquet(stream, metadata=self._metadata)
+            table.sink_parquet(stream, metadata=self._metadata)
         self._remove_parts()
 
     def is_ours(self, path: Path) -> bool:
@@ -136,14 +136,14 @@ class ParquetFile(FileTable):
     def read(self, names: Sequence[str], most: int | None = None) -> dict[str, Vector]:
         """Return columns by name, without those that the file does not have; see `Table.read`."""
         table = polars.scan_parquet(self.path)
-        chosen = [n for n in names if n in self.names]
-        frame = table.select(chosen)
+        columns = [n for n in names if n in self.names]
+        frame = table.select(columns)
         if most is not None:
             frame = frame.gather_every(max(-(-self._rows // most), 1))
-        found = frame.with_columns(polars.col(polars.String).fill_null("")).collect()
+        frame_read = frame.with_columns(polars.col(polars.String).fill_null("")).collect()
         return {
             column.name: (column if column.dtype == polars.String else column.cast(polars.Float64)).to_numpy()
-            for column in found
+            for column in frame_read
         }
 
     def _write_part(self, rows: polars.DataFrame) -> None:
@@ -168,11 +168,11 @@ class ParquetFile(FileTable):
         """Return the first rows of an earlier run; None if it has other columns or too few rows."""
         for source in filter(None, (self.path, self._list_parts())):  # a file, or parts of an interrupted run
             try:
-                found = polars.read_parquet(source)
+                earlier_rows = polars.read_parquet(source)
             except (OSError, polars.exceptions.PolarsError):
                 continue
-            if list(found.schema.items()) == list(self.schema.items()) and len(found) >= rows:
-                return found.head(rows)
+            if list(earlier_rows.schema.items()) == list(self.schema.items()) and len(earlier_rows) >= rows:
+                return earlier_rows.head(rows)
         return None
 
 
@@ -190,11 +190,11 @@ def strange_parts(path: Path) -> str | None:
     parts = parts_of(path)
     if parts.is_symlink() or (parts.exists() and not parts.is_dir()):
         return f"'{parts}' is not a folder of a run; move it away"
-    left = list(parts.iterdir()) if parts.is_dir() else []
-    others = sorted(
-        p.name for p in left if not (_OURS.fullmatch(p.name) and p.is_file() and not p.is_symlink())
+    entries = list(parts.iterdir()) if parts.is_dir() else []
+    unexpected = sorted(
+        p.name for p in entries if not (_OURS.fullmatch(p.name) and p.is_file() and not p.is_symlink())
     )
-    return f"no run wrote '{others[0]}' in the folder '{parts}'; move it away" if others else None
+    return f"no run wrote '{unexpected[0]}' in the folder '{parts}'; move it away" if unexpected else None
 
 
 @contextlib.contextmanager

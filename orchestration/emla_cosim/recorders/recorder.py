@@ -52,7 +52,7 @@ class Outline:
     @property
     def text_columns(self) -> list[int]:
         """Positions in a row of the signals that are Strings."""
-        texts = {name for name, found in self.types.items() if found.is_text}
+        texts = {name for name, signal_type in self.types.items() if signal_type.is_text}
         return [1 + i for i, name in enumerate(self.names) if name in texts]
 
 

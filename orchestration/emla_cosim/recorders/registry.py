@@ -26,7 +26,11 @@ DEFAULT_FORMAT = "csv"
 def format_of(path: Path) -> str:
     """Return the format of a table by the ending of its name."""
     name = path.name.lower()
-    return max((one for one in TABLES if name.endswith(f".{one.lower()}")), key=len, default=DEFAULT_FORMAT)
+    return max(
+        (table_format for table_format in TABLES if name.endswith(f".{table_format.lower()}")),
+        key=len,
+        default=DEFAULT_FORMAT,
+    )
 
 
 def table_names(stem: str = "results") -> list[str]:

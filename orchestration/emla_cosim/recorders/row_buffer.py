@@ -53,9 +53,9 @@ class RowBuffer:
         self._recorders, self._shown, self._texts = recorders, shown or {}, list(texts)
         self._block = max(min(block_rows, BLOCK_SIZE // (8 * width)), 1)
         blocks = max(RING_SIZE // (8 * width * self._block), LEAST_BLOCKS)
-        memory = map_rows(blocks * self._block * width * 8)
-        self._is_mapped = memory is not None
-        rows = np.empty(self._block * width) if memory is None else np.frombuffer(memory)
+        mapped_rows = map_rows(blocks * self._block * width * 8)
+        self._is_mapped = mapped_rows is not None
+        rows = np.empty(self._block * width) if mapped_rows is None else np.frombuffer(mapped_rows)
         self._ring = rows.reshape(-1, width)
         self._activity = crash_page.current_activity()
         self._filled = self._passed = 0
@@ -159,9 +159,9 @@ def _allocate(descriptor: int, size: int) -> None:
     if hasattr(os, "posix_fallocate"):
         os.posix_fallocate(descriptor, 0, size)
         return
-    left = size
-    while left:
-        left -= os.write(descriptor, _ZEROS[: min(left, len(_ZEROS))])
+    remaining = size
+    while remaining:
+        remaining -= os.write(descriptor, _ZEROS[: min(remaining, len(_ZEROS))])
 
 
 def read_rows(path: Path, width: int, count: int) -> tuple[int, Vector]:

@@ -27,8 +27,8 @@ class SignalFigures:
         texts = set(outline.text_columns)
         columns = [1 + i for i in outline.recorded if 1 + i not in texts]
         self._names = [outline.names[i - 1] for i in columns]
-        whole = columns == list(range(1, 1 + len(outline.names)))
-        self._columns = None if whole else np.array(columns, dtype=int)
+        has_all_columns = columns == list(range(1, 1 + len(outline.names)))
+        self._columns = None if has_all_columns else np.array(columns, dtype=int)
         self._rows = 0
         self._values = np.full((len(NAMES), len(self._names)), np.nan)
         if memory is not None:
@@ -40,12 +40,12 @@ class SignalFigures:
         if not self._names:  # only texts are recorded
             self._rows += len(rows)
             return
-        taken = np.ascontiguousarray(rows if self._columns is None else rows[:, self._columns])
+        selected = np.ascontiguousarray(rows if self._columns is None else rows[:, self._columns])
         with np.errstate(all="ignore"):
-            found = np.stack((*_reduce_rows(taken), taken[-1]))
+            block = np.stack((*_reduce_rows(selected), selected[-1]))
             if self._columns is None:
-                found = found[:, 1:]
-            self._values = _merge_figures(self._values, self._rows, found, len(rows)) if self._rows else found
+                block = block[:, 1:]
+            self._values = _merge_figures(self._values, self._rows, block, len(rows)) if self._rows else block
         self._rows += len(rows)
 
     def memory(self) -> dict[str, Any]:
@@ -76,12 +76,12 @@ def _reduce_rows(rows: Vector) -> tuple[Vector, Vector, Vector]:
 
 def _merge_figures(before: Vector, rows: int, after: Vector, more: int) -> Vector:
     """Return the figures of `rows` rows and `more` later ones together, in the order of `NAMES`."""
-    whole = rows + more
+    total_rows = rows + more
     return np.stack(
         (
             np.minimum(before[0], after[0]),
             np.maximum(before[1], after[1]),
-            np.hypot(before[2] * np.sqrt(rows / whole), after[2] * np.sqrt(more / whole)),
+            np.hypot(before[2] * np.sqrt(rows / total_rows), after[2] * np.sqrt(more / total_rows)),
             after[3],
         )
     )

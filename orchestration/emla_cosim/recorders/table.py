@@ -29,21 +29,21 @@ class Table(Recorder):
         """Begin a table with the columns of the outline."""
         self.names = ["time", *(outline.names[i] for i in outline.recorded)]
         self._columns = [0, *(1 + i for i in outline.recorded)]
-        self._whole = list(outline.recorded) == list(range(len(outline.names)))
+        self._has_all_signals = list(outline.recorded) == list(range(len(outline.names)))
         self.types = {n: t for n, t in outline.types.items() if n in self.names}
         self.texts = outline.texts
         self._every = outline.every
-        self._seen = int(memory["rows"]) if memory is not None else 0
+        self._row_count = int(memory["rows"]) if memory is not None else 0
         self._last: Vector | None = None
 
     def write(self, rows: Vector) -> None:
         """Append the rows that are due."""
-        due = rows[-self._seen % self._every :: self._every]
+        due = rows[-self._row_count % self._every :: self._every]
         self._last = None
-        self._seen += len(rows)
+        self._row_count += len(rows)
         if len(due):
-            self.append(due if self._whole else due[:, self._columns])
-        pending = (self._seen - 1) % self._every != 0
+            self.append(due if self._has_all_signals else due[:, self._columns])
+        pending = (self._row_count - 1) % self._every != 0
         self._last = np.ascontiguousarray(rows[-1:, self._columns]) if pending else None
 
     def end(self) -> None:
@@ -54,7 +54,7 @@ class Table(Recorder):
 
     def memory(self) -> Any:
         """Return the number of rows received."""
-        return {"rows": self._seen}
+        return {"rows": self._row_count}
 
     @abstractmethod
     def append(self, rows: Vector) -> None:
@@ -110,12 +110,12 @@ class TimeSeries(Table):
 
     def read(self, names: Sequence[str], most: int | None = None) -> dict[str, Vector]:
         """Return columns by name, without those that the table does not have; see `Table.read`."""
-        rows, every = self.rows, 1
+        rows, stride = self.rows, 1
         if most is not None:
-            every = max(-(-len(rows) // most), 1)
+            stride = max(-(-len(rows) // most), 1)
         position = {name: i for i, name in enumerate(self.names)}
-        found = {n: rows[::every, position[n]] for n in names if n in position}
+        columns = {n: rows[::stride, position[n]] for n in names if n in position}
         texts = {
-            n: self.texts.decode(v) for n, v in found.items() if n in self.types and self.types[n].is_text
+            n: self.texts.decode(v) for n, v in columns.items() if n in self.types and self.types[n].is_text
         }
-        return found | texts
+        return columns | texts

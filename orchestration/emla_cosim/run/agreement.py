@@ -12,21 +12,21 @@ from ..base.tubes.signal_check import Comparison, describe_departure, select_out
 if TYPE_CHECKING:  # importing it loads polars
     from ..inputs.stored_runs import StoredRun
 
-_NAMED = 3
+_MOST_NAMES = 3
 """Most signals to name in a message; run.json has all."""
 
 
 def find_common_signals(names: Sequence[str], stored: "StoredRun") -> list[str]:
     """Return the signals that both have. Raise CommandError if there are none."""
     stored.match_names(names)
-    known = set(stored.names)
-    found = [name for name in names if name in known]
-    if not found:
+    stored_names = set(stored.names)
+    common = [name for name in names if name in stored_names]
+    if not common:
         raise CommandError(
             f"the reference run '{stored.path}' has none of the recorded signals; it has "
             f"{stored.names[0]} and {len(stored.names) - 1} more."
         )
-    return found
+    return common
 
 
 def align_values(
@@ -47,12 +47,14 @@ def align_values(
 
 def describe_disagreement(comparisons: Sequence[Comparison], stored: "StoredRun") -> str | None:
     """Return a message about the signals that left their tubes, earliest first, or None if all agree."""
-    left = select_outside(comparisons)
-    if not left:
+    outside = select_outside(comparisons)
+    if not outside:
         return None
-    told = "; ".join(describe_departure(c) for c in left[:_NAMED])
-    more = f"; and {len(left) - _NAMED} more" if len(left) > _NAMED else ""
-    return f"{len(left)} of {len(comparisons)} signals do not agree with '{stored.path}': {told}{more}."
+    departures = "; ".join(describe_departure(c) for c in outside[:_MOST_NAMES])
+    more = f"; and {len(outside) - _MOST_NAMES} more" if len(outside) > _MOST_NAMES else ""
+    return (
+        f"{len(outside)} of {len(comparisons)} signals do not agree with '{stored.path}': {departures}{more}."
+    )
 
 
 def describe_missing_part(end: float, step: float, stored: "StoredRun") -> str | None:

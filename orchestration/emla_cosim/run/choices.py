@@ -64,9 +64,9 @@ def resolve(layers: Sequence[Mapping[str, Any]]) -> Resolution:
 def _find_choice(name: str, layers: Sequence[Mapping[str, Any]]) -> tuple[int, set[str]]:
     """Return the last layer that chooses a class, and the options of other classes that this one lacks."""
     for number, layer in reversed([*enumerate(layers)]):
-        if name in layer and (chosen := layer[name]) is not None:
+        if name in layer and (choice := layer[name]) is not None:
             kinds = CHOICES[name]
-            has = list_names(kinds[chosen]) if isinstance(chosen, str) else set[str]()
+            has = list_names(kinds[choice]) if isinstance(choice, str) else set[str]()
             return number, list_names(*kinds.values()) - has
         if name in layer:
             break

@@ -199,8 +199,8 @@ class CouplingSummary:
         late = [x.name for x in self.connections if x.is_late and x.mode == Mode.HOLD]
         if reason == SWITCHED_OFF and not late:
             return None
-        held = f"; one step late: {_name_first(late)}" if late else ""
-        return f"Coupling error not estimated: {reason}{held}"
+        delay_text = f"; one step late: {_name_first(late)}" if late else ""
+        return f"Coupling error not estimated: {reason}{delay_text}"
 
     def _advise(self, size: float) -> str:
         """Return what reduces an error of this size."""
@@ -211,8 +211,8 @@ class CouplingSummary:
                 return "The loop may be unstable with any step. Use --algorithm strong."
             return "The loop may be unstable with any step, and its FMUs cannot repeat steps as strong needs."
         step = _round_step(self.step * (AIM / size) ** (1.0 / algorithm.accuracy))
-        held = {x.target for x in self.connections if x.mode != Mode.LINE}
-        if algorithm.extrapolation != "fmu" and any(instances[name].interpolates for name in held):
+        held_targets = {x.target for x in self.connections if x.mode != Mode.LINE}
+        if algorithm.extrapolation != "fmu" and any(instances[name].interpolates for name in held_targets):
             return f"Use --extrapolation fmu, or a step of {step} s."
         return f"Use a step of {step} s."
 
@@ -251,9 +251,9 @@ def _list_delayed(
     multiples = zip(network.instances, algorithm.multiples, strict=True)
     readers = {*samplers, *(instance.name for instance, n in multiples if n > 1)}
     in_order = {id(link) for link in network.find_feedback_links()}
-    held = [x for x in algorithm.late_links() if algorithm.exchange.modes[x.target] == Mode.HOLD]
+    held_links = [x for x in algorithm.late_links() if algorithm.exchange.modes[x.target] == Mode.HOLD]
     names = [
-        *(link.name for link in held if id(link) not in in_order),
+        *(link.name for link in held_links if id(link) not in in_order),
         *(x.name for x in connections if x.is_late and x.mode == Mode.HOLD),
         *(f"{late.signal} -> {late.input}" for late in find_late_samples(algorithm, readers)),
     ]

@@ -23,7 +23,7 @@ from .simulation import Simulation
 _PARTS = tuple(n * 10**k for k in range(3) for n in (2, 5, 10))
 """Numbers of parts of a step to suggest: 2, 5, 10, ..., 1000."""
 
-_NAMED = 3
+_MOST_NAMES = 3
 """Most components that sample that a suggestion names: those of a joint."""
 
 
@@ -65,11 +65,11 @@ class HalfStep:
 
     def _list_multiples(self, parts: int) -> str:
         """Return the options with which samplers keep their sampling times in steps of 1 / `parts`."""
-        if len(self.samplers) > _NAMED:
-            some = next(iter(self.samplers))
+        if len(self.samplers) > _MOST_NAMES:
+            sampler = next(iter(self.samplers))
             return (
                 f" and {parts} times the step multiples of the {len(self.samplers)} components that sample, "
-                f"such as --step-multiple {some}={parts * self.samplers[some]}"
+                f"such as --step-multiple {sampler}={parts * self.samplers[sampler]}"
             )
         return "".join(f" --step-multiple {name}={parts * n}" for name, n in self.samplers.items())
 

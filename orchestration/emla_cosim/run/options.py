@@ -82,10 +82,10 @@ class Options(AnalysisOptions, OutputOptions, SteppingOptions, SystemOptions):
 
     def overridden_notes(self) -> list[str]:
         """Return a note on each option that a later choice made useless, without full stops."""
-        chosen = {"algorithm": self.algorithm_name, "step_size_control": self.step_size_control_name}
+        names = {"algorithm": self.algorithm_name, "step_size_control": self.step_size_control_name}
         nouns = {name: option.noun for name, option in list_options().items()}
         return [
-            f"the {nouns[name]} of the scenario is not used: the {nouns[choice]} {chosen[choice]} has none"
+            f"the {nouns[name]} of the scenario is not used: the {nouns[choice]} {names[choice]} has none"
             for name, choice in self.resolution.unused.items()
         ]
 
@@ -99,8 +99,10 @@ class Options(AnalysisOptions, OutputOptions, SteppingOptions, SystemOptions):
         """Return the name of the step-size control in effect, or the class name of the user's own."""
         if self.step_size_control is not None:
             return _name_of(self.step_size_control, STEP_SIZE_CONTROLS)
-        given = self.class_options.keys()
-        implied = (n for n, kind in STEP_SIZE_CONTROLS.items() if not list_names(kind).isdisjoint(given))
+        option_names = self.class_options.keys()
+        implied = (
+            n for n, kind in STEP_SIZE_CONTROLS.items() if not list_names(kind).isdisjoint(option_names)
+        )
         return next(implied, next(iter(STEP_SIZE_CONTROLS)))
 
     def replacements(self) -> dict[str, Replacement]:
@@ -148,40 +150,40 @@ class Options(AnalysisOptions, OutputOptions, SteppingOptions, SystemOptions):
         Raises:
             CommandError: the algorithm does not have one of the options.
         """
-        return self._made(self.algorithm, ALGORITHMS, "algorithm")
+        return self._instantiate(self.algorithm, ALGORITHMS, "algorithm")
 
     def make_step_size_control(self) -> StepSizeControl:
         """Return the step-size control with its options. Raise CommandError for options it does not have."""
-        chosen = self.step_size_control or self.step_size_control_name
-        control = self._made(chosen, STEP_SIZE_CONTROLS, "step-size control")
+        control_class = self.step_size_control or self.step_size_control_name
+        control = self._instantiate(control_class, STEP_SIZE_CONTROLS, "step-size control")
         control.check()
         return control
 
-    def _made(self, chosen: str | _Kind, kinds: Mapping[str, type[_Kind]], noun: str) -> _Kind:
-        given = {n: v for n, v in self.class_options.items() if n in list_names(*kinds.values())}
-        if not isinstance(chosen, str):
-            if given:
+    def _instantiate(self, choice: str | _Kind, kinds: Mapping[str, type[_Kind]], noun: str) -> _Kind:
+        own_options = {n: v for n, v in self.class_options.items() if n in list_names(*kinds.values())}
+        if not isinstance(choice, str):
+            if own_options:
                 raise CommandError(
-                    f"the {noun} is an object with its own options; leave out {join_names(given)}."
+                    f"the {noun} is an object with its own options; leave out {join_names(own_options)}."
                 )
-            return chosen
-        for name in given:
-            if name not in list_names(kinds[chosen]):
-                others = [n for n, kind in kinds.items() if name in list_names(kind)]
-                has = "has" if len(others) == 1 else "have"
+            return choice
+        for name in own_options:
+            if name not in list_names(kinds[choice]):
+                owners = [n for n, kind in kinds.items() if name in list_names(kind)]
+                has = "has" if len(owners) == 1 else "have"
                 raise CommandError(
-                    f"the {noun} {chosen} has no {list_options()[name].noun}; {join_names(others)} {has}.",
+                    f"the {noun} {choice} has no {list_options()[name].noun}; {join_names(owners)} {has}.",
                     option=name,
                 )
-        return kinds[chosen](**given)
+        return kinds[choice](**own_options)
 
     def make_recorders(self) -> list[Recorder]:
         """Return the recorders of `RECORDERS` whose options are set."""
         options = self.class_options
-        chosen = (
+        names = (
             (kind, {n: v for n, v in options.items() if n in list_names(kind)}) for kind in RECORDERS.values()
         )
-        return [kind(**values) for kind, values in chosen if values]
+        return [kind(**values) for kind, values in names if values]
 
     def in_effect(self) -> list[tuple[Option, Any]]:
         """Return each option that applies, with its value."""
@@ -189,8 +191,8 @@ class Options(AnalysisOptions, OutputOptions, SteppingOptions, SystemOptions):
         for part in (self.make_algorithm(), self.make_step_size_control(), *self.make_recorders()):
             pairs += [(o, getattr(part, o.name)) for o in options_of(type(part))]
         effective = {o.name for o, _ in pairs}
-        others = {o.name: o for kind in STEP_SIZE_CONTROLS.values() for o in options_of(kind)}
-        return pairs + [(o, None) for name, o in others.items() if name not in effective]
+        control_options = {o.name: o for kind in STEP_SIZE_CONTROLS.values() for o in options_of(kind)}
+        return pairs + [(o, None) for name, o in control_options.items() if name not in effective]
 
 
 _FIXED = {o.name: o for o in options_of(Options)}
@@ -205,14 +207,14 @@ def list_options(command: str | None = None) -> dict[str, Option]:
 
 def select_repeatable(options: Mapping[str, Any]) -> dict[str, Any]:
     """Return options by name, without those that hold for one command only."""
-    known = list_options()
-    return {n: v for n, v in options.items() if n not in known or known[n].repeated}
+    all_options = list_options()
+    return {n: v for n, v in options.items() if n not in all_options or all_options[n].repeated}
 
 
-def _name_of(chosen: str | _Kind, kinds: Mapping[str, type[_Kind]]) -> str:
-    if isinstance(chosen, str):
-        return chosen
-    return next((n for n, k in kinds.items() if k is type(chosen)), type(chosen).__name__)
+def _name_of(choice: str | _Kind, kinds: Mapping[str, type[_Kind]]) -> str:
+    if isinstance(choice, str):
+        return choice
+    return next((n for n, k in kinds.items() if k is type(choice)), type(choice).__name__)
 
 
 def read_options(given: Mapping[str, Any], where: str = "", folder: Path | None = None) -> dict[str, Any]:
@@ -273,11 +275,11 @@ def read_option(
     return converted
 
 
-def _suggest_option(name: str, known: Mapping[str, Option]) -> str:
-    longer = [n for n in known if n.startswith(f"{name}_")]
-    near = longer or difflib.get_close_matches(name, known, n=1)
+def _suggest_option(name: str, options: Mapping[str, Option]) -> str:
+    longer = [n for n in options if n.startswith(f"{name}_")]
+    near = longer or difflib.get_close_matches(name, options, n=1)
     return (
         f"; did you mean {' or '.join(map(repr, near[:3]))}?"
         if near
-        else f"; there are {join_names(sorted(known))}."
+        else f"; there are {join_names(sorted(options))}."
     )

@@ -46,14 +46,14 @@ _single = partial(_output, commands=(RUN,), in_file=False)
 _shared = partial(
     option, group=RUNS, recorded=False, commands=(SWEEP, COMPARE, SIZE), stage=SHARING, in_sweep=SAME
 )
-_shown = partial(_output, recorded=False, stage=SHOWING, in_sweep=LEFT_OUT)
+_display = partial(_output, recorded=False, stage=SHOWING, in_sweep=LEFT_OUT)
 
 
 @dataclass(frozen=True)
 class OutputOptions:
     """Options of what a run records, checks and shows."""
 
-    output: Path | None = _shown(help="Output folder. Default: results/SCENARIO.")
+    output: Path | None = _display(help="Output folder. Default: results/SCENARIO.")
     overwrite: bool = _output(
         False,
         help="Replace files that emla did not write. Links, folders, devices and pipes are never replaced.",
@@ -62,9 +62,9 @@ class OutputOptions:
         repeated=False,
         commands=(*ALL, BUILD, PLOT, TRAJECTORY, VERIFY, REPAIR),
     )
-    plots: bool = _shown(True, help="Draw plots into the output folder.")
-    report: bool = _shown(False, help="Write a page with results and plots, report.html.", commands=(RUN,))
-    animate: bool = _shown(
+    plots: bool = _display(True, help="Draw plots into the output folder.")
+    report: bool = _display(False, help="Write a page with results and plots, report.html.", commands=(RUN,))
+    animate: bool = _display(
         False, help="Write an animation of the manipulator, manipulator.gif.", commands=(RUN,)
     )
     signals: Sequence[str] = _output(
@@ -83,7 +83,7 @@ class OutputOptions:
     output_format: str = _output(
         "csv", help="File format of the table of results.", choices=lambda: TABLES, commands=(RUN,)
     )
-    plot_format: str = _shown(
+    plot_format: str = _display(
         "png", help="File format of the plots.", choices=lambda: PLOT_FORMATS, commands=(RUN,)
     )
     require: Sequence[str] = _output(

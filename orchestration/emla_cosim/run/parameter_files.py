@@ -19,7 +19,7 @@ from ..ssp.reader.shapes import explain_shape
 from ..system.model import System, Value
 from ..system.names import NamedVariable, Names
 
-_ONE = SiUnit("1", (0,) * 8)
+_DIMENSIONLESS = SiUnit("1", (0,) * 8)
 
 
 def file_values(
@@ -70,16 +70,18 @@ def _read_column_values(data: DataTable, position: int, names: Names) -> dict[st
             f"{format_count(len(elements), 'element')}.",
             name=header.name,
         )
-    found = dict[str, Value]()
+    values = dict[str, Value]()
     for row, (element, number) in enumerate(zip(elements, numbers.tolist(), strict=False), 1):
-        given = parse_data_unit(header.unit, label, element.unit)
+        declared_unit = parse_data_unit(header.unit, label, element.unit)
         # a dimensionless value fits a variable without a unit
-        value = Quantity(number, given).in_unit(element.unit or (None if given is None else _ONE), label)
+        value = Quantity(number, declared_unit).in_unit(
+            element.unit or (None if declared_unit is None else _DIMENSIONLESS), label
+        )
         try:
-            found[element.full_name] = _check_value(element, value)
+            values[element.full_name] = _check_value(element, value)
         except CommandError as error:
             raise CommandError(f"{label}, row {row}: {error}", row=row, **error.fields) from error
-    return found
+    return values
 
 
 def _check_value(element: NamedVariable, value: float) -> Value:

@@ -55,8 +55,10 @@ def prepare_system(system: System, options: Options, progress: Progress) -> Prep
     structure = _structural_values(system, options, interfaces)
     system, interfaces = set_structure(system, fmus, interfaces, structure)
     system = connect_elements(system, {name: i.variables for name, i in interfaces.items()})
-    others = read_interfaces({name: replacement.fmu for name, replacement in replacements.items()})
-    system = Names(system, interfaces, others).with_converted_values()
+    replacement_interfaces = read_interfaces(
+        {name: replacement.fmu for name, replacement in replacements.items()}
+    )
+    system = Names(system, interfaces, replacement_interfaces).with_converted_values()
     system = apply_parameter_files(system, options.parameters, interfaces)
     if tables:
         placed = wire_inputs(system, tables, interfaces, options.platform)
@@ -67,14 +69,14 @@ def prepare_system(system: System, options: Options, progress: Progress) -> Prep
             progress.note(f"Note: {note}")
     system = wire_faults(system, faults, interfaces)
     followers = following_values(as_made, options)
-    values = Names(system, interfaces, others).start_values(options.set)
+    values = Names(system, interfaces, replacement_interfaces).start_values(options.set)
     system = system.with_parameters(values | followers)
     for component in system.components:
         note = component.note(system) if callable(component.note) else component.note
         if note and component.name not in replacements:
             progress.note(f"Note: {note}")
     for name, replacement in replacements.items():
-        system, fit = replace_component(system, name, replacement, others[name], interfaces)
+        system, fit = replace_component(system, name, replacement, replacement_interfaces[name], interfaces)
         progress.report_replacement(fit)
         if fit.problems:
             first, *further = fit.problems
@@ -84,8 +86,8 @@ def prepare_system(system: System, options: Options, progress: Progress) -> Prep
                 component=name,
                 problems=[str(p) for p in fit.problems],
             )
-        fmus[name], interfaces[name] = replacement.fmu, others[name]
-        if sizes := structure_of(system.component(name), others[name]):
+        fmus[name], interfaces[name] = replacement.fmu, replacement_interfaces[name]
+        if sizes := structure_of(system.component(name), replacement_interfaces[name]):
             raise CommandError(
                 f"'{replacement.fmu}' cannot replace {name}, which sets {join_names(sizes)}: the arrays of a "
                 "replacement keep their own sizes."

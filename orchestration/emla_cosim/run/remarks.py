@@ -12,15 +12,15 @@ from ..system.names import NamedVariable
 MOST = 50
 """Most signals that are recorded without being asked for."""
 
-_NAMED = 3
+_MOST_NAMES = 3
 """Most start values that a remark names."""
 
-_LOST = "did not take"
+_REJECTED = "did not take"
 
 
 def tells_lost_values(text: str | None) -> bool:
     """Return whether a text contains a remark of `describe_lost_values`."""
-    return f" {_LOST} " in (text or "")
+    return f" {_REJECTED} " in (text or "")
 
 
 def describe_lost_values(record: Mapping[str, Any]) -> list[str]:
@@ -29,14 +29,14 @@ def describe_lost_values(record: Mapping[str, Any]) -> list[str]:
     Args:
         record: The content of run.json.
     """
-    found = []
+    remarks = []
     for component, entries in record["components"].items():
-        if lost := entries["not_taken"]:
-            values = [_describe(name, value) for name, value in lost.items()][:_NAMED]
-            rest = f"; and {len(lost) - _NAMED} more" if len(lost) > _NAMED else ""
-            count = format_count(len(lost), "start value")
-            found.append(f"The FMU of {component} {_LOST} {count}: {'; '.join(values)}{rest}.")
-    return found
+        if rejected := entries["not_taken"]:
+            values = [_describe(name, value) for name, value in rejected.items()][:_MOST_NAMES]
+            rest = f"; and {len(rejected) - _MOST_NAMES} more" if len(rejected) > _MOST_NAMES else ""
+            count = format_count(len(rejected), "start value")
+            remarks.append(f"The FMU of {component} {_REJECTED} {count}: {'; '.join(values)}{rest}.")
+    return remarks
 
 
 def _describe(name: str, value: Mapping[str, Any]) -> str:
@@ -50,8 +50,8 @@ def describe_idle_clocks(names: Sequence[str]) -> list[str]:
     """Return a remark on triggered input clocks without a connection, by their full names."""
     if not names:
         return []
-    what = "clock {}: it never ticks" if len(names) == 1 else "clocks {}: they never tick"
-    return [f"No output clock is connected to the triggered {what.format(join_names(names))}."]
+    clause = "clock {}: it never ticks" if len(names) == 1 else "clocks {}: they never tick"
+    return [f"No output clock is connected to the triggered {clause.format(join_names(names))}."]
 
 
 def describe_disabled_event_mode(system: System) -> list[str]:
@@ -78,12 +78,12 @@ def choose_fallback_signals(others: Iterable[NamedVariable]) -> tuple[list[str],
         "continuous states": [v.full_name for v in variables if v.end in states],
         "local variables": [v.full_name for v in variables if str(v.variable.causality) == "local"],
     }
-    said = "No FMU has an output of a number"
+    reason = "No FMU has an output of a number"
     for kind, names in of_kind.items():
         if names:
             few = f"the first {MOST} of the {len(names)} {kind}" if len(names) > MOST else f"the {kind}"
-            return names[:MOST], f"{said}; {few} are recorded instead. Set --signals to choose."
+            return names[:MOST], f"{reason}; {few} are recorded instead. Set --signals to choose."
     return (
         [],
-        f"{said}, a state or a local variable; only `time` is recorded. Set --signals to record others.",
+        f"{reason}, a state or a local variable; only `time` is recorded. Set --signals to record others.",
     )

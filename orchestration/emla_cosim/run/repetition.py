@@ -25,78 +25,83 @@ def find_differences(before: Record, now: Record, given: Collection[str] = ()) -
     Returns:
         The differences as noun phrases. Unknown parts of `before` count as missing.
     """
-    found = [*_versions(before, now), *_source(before, now), *_fmus(before, now)]
-    found += _settings(before, now, given)
-    if not found and not given:
-        found = list(_wiring(before, now))
-    return found
+    differences = [*_versions(before, now), *_source(before, now), *_fmus(before, now)]
+    differences += _settings(before, now, given)
+    if not differences and not given:
+        differences = list(_wiring(before, now))
+    return differences
 
 
-def describe_differences(found: Sequence[str], where: str) -> str:
+def describe_differences(differences: Sequence[str], where: str) -> str:
     """Return a message with all differences from the run with this record."""
-    named = list(found[:MOST])
-    if len(found) > MOST:
-        named.append(f"{len(found) - MOST} more")
-    return f"Differences from {where}: {join_names(named)}."
+    listed = list(differences[:MOST])
+    if len(differences) > MOST:
+        listed.append(f"{len(differences) - MOST} more")
+    return f"Differences from {where}: {join_names(listed)}."
 
 
 def _versions(before: Record, now: Record) -> Iterator[str]:
-    then, here = _table(before, "versions"), _table(now, "versions")
-    for name, version in here.items():
-        if name in then and then[name] != version:
-            yield f"{name} {version or 'missing'} instead of {then[name] or 'missing'}"
+    earlier, current = _table(before, "versions"), _table(now, "versions")
+    for name, version in current.items():
+        if name in earlier and earlier[name] != version:
+            yield f"{name} {version or 'missing'} instead of {earlier[name] or 'missing'}"
 
 
 def _source(before: Record, now: Record) -> Iterator[str]:
-    then, here = before.get("source_sha256"), now["source_sha256"]
-    if here is not None and then != here:
+    earlier, current = before.get("source_sha256"), now["source_sha256"]
+    if current is not None and earlier != current:
         yield f"the content of '{now['source']}'"
 
 
 def _fmus(before: Record, now: Record) -> Iterator[str]:
-    then, here = _table(before, "components"), _table(now, "components")
-    for name, component in here.items():
-        if name not in then:
+    earlier, current = _table(before, "components"), _table(now, "components")
+    for name, component in current.items():
+        if name not in earlier:
             yield f"the component {name}, which is new"
-        elif _table(then, name).get("sha256") != component["sha256"]:
+        elif _table(earlier, name).get("sha256") != component["sha256"]:
             yield f"the FMU of {name}"
-    yield from (f"the component {name}, which no longer exists" for name in then if name not in here)
+    yield from (f"the component {name}, which no longer exists" for name in earlier if name not in current)
 
 
 def _settings(before: Record, now: Record, given: Iterable[str]) -> Iterator[str]:
-    then, here = _table(before, "settings"), _table(now, "settings")
+    earlier, current = _table(before, "settings"), _table(now, "settings")
     may_differ = {*given, *(o.record for o in list_options().values() if not o.repeated)}
-    for name in (n for n in here if n in then and n not in may_differ):
-        yield from _describe_change(f"the setting {name}", then[name], here[name])
+    for name in (n for n in current if n in earlier and n not in may_differ):
+        yield from _describe_change(f"the setting {name}", earlier[name], current[name])
 
 
-def _describe_change(name: str, then: Any, here: Any) -> Iterator[str]:
+def _describe_change(name: str, earlier: Any, current: Any) -> Iterator[str]:
     """Yield the change of a setting. Of file paths only the last part counts, because folders may differ."""
-    if isinstance(then, dict) and isinstance(here, dict) and "sha256" in here and "sha256" in then:
-        if here["sha256"] != then["sha256"]:
-            yield f"the content of '{here.get('file')}'"
+    if (
+        isinstance(earlier, dict)
+        and isinstance(current, dict)
+        and "sha256" in current
+        and "sha256" in earlier
+    ):
+        if current["sha256"] != earlier["sha256"]:
+            yield f"the content of '{current.get('file')}'"
         return
     parts: Iterable[tuple[Any, Any]] | None = None
-    if isinstance(then, dict) and isinstance(here, dict) and then.keys() == here.keys():
-        parts = ((then[key], here[key]) for key in here)
-    elif isinstance(then, list) and isinstance(here, list) and len(then) == len(here):
-        parts = zip(then, here, strict=True)
+    if isinstance(earlier, dict) and isinstance(current, dict) and earlier.keys() == current.keys():
+        parts = ((earlier[key], current[key]) for key in current)
+    elif isinstance(earlier, list) and isinstance(current, list) and len(earlier) == len(current):
+        parts = zip(earlier, current, strict=True)
     if parts is not None:
         yield from dict.fromkeys(text for pair in parts for text in _describe_change(name, *pair))
-    elif then != here and not _same_file(then, here):
+    elif earlier != current and not _same_file(earlier, current):
         yield name
 
 
-def _same_file(then: Any, here: Any) -> bool:
-    texts = isinstance(then, str) and isinstance(here, str)
-    return texts and Path(here).is_absolute() and Path(here).name == Path(then).name
+def _same_file(earlier: Any, current: Any) -> bool:
+    texts = isinstance(earlier, str) and isinstance(current, str)
+    return texts and Path(current).is_absolute() and Path(current).name == Path(earlier).name
 
 
 def _wiring(before: Record, now: Record) -> Iterator[str]:
     """Yield differences of start values and connections that no other difference explains."""
-    then, here = _table(before, "components"), _table(now, "components")
-    for name, component in here.items():
-        if _table(then, name).get("parameters") != component["parameters"]:
+    earlier, current = _table(before, "components"), _table(now, "components")
+    for name, component in current.items():
+        if _table(earlier, name).get("parameters") != component["parameters"]:
             yield f"the start values of {name}"
     if before.get("connections") != now["connections"]:
         yield "the connections"
@@ -104,5 +109,5 @@ def _wiring(before: Record, now: Record) -> Iterator[str]:
 
 def _table(record: Any, name: str) -> Record:
     """Return a table of a record, or an empty one if the entry is missing or of another type."""
-    found = record.get(name)
-    return found if isinstance(found, dict) else {}
+    table = record.get(name)
+    return table if isinstance(table, dict) else {}

@@ -49,9 +49,9 @@ def replace_component(
     fit = CompatibilityReport(name, replacement.fmu, matching.matches, len(matching.same))
     if fit.problems:
         return system, fit
-    kept = {n: v for n, v in component.parameters.items() if n not in matching.left_out}
+    remaining = {n: v for n, v in component.parameters.items() if n not in matching.left_out}
     changed = replace(
-        component, model="", fmu=replacement.fmu, parameters=kept, aliases=matching.aliases, kind=""
+        component, model="", fmu=replacement.fmu, parameters=remaining, aliases=matching.aliases, kind=""
     )
     connections = tuple(_reconnect(x, changed, interfaces) for x in system.connections)
     return replace(system.with_component(changed), connections=connections), fit
@@ -112,7 +112,7 @@ class _VariableMatcher:
         entries: "Mapping[str, MappingEntry]",
     ) -> None:
         self._original, self._other, self._entries = original, other, entries
-        self._taken = {entry.target for entry in entries.values()}
+        self._mapped_targets = {entry.target for entry in entries.values()}
         self.aliases: dict[str, Alias] = {}
         self.matches: list[VariableMatch] = []
         self.left_out: set[str] = set()
@@ -126,7 +126,7 @@ class _VariableMatcher:
             self._needed("output", name)
         for name in component.parameters:
             self._parameter(name)
-        self._shown(outputs)
+        self._report_connected(outputs)
         self.matches += self._free(inputs)
         if any(match.fatal for match in self.matches):
             self.matches += self._unused()
@@ -136,15 +136,15 @@ class _VariableMatcher:
         entry = self._entries.get(name)
         if entry is not None:
             return entry.target
-        return "" if name in self._taken else name
+        return "" if name in self._mapped_targets else name
 
     def _needed(self, kind: str, name: str) -> None:
         """Match a variable that is connected."""
         variable = self._other.variables.get(self._target(name))
         if variable is None:
-            self._say(kind, name, "", "is missing", fatal=True)
+            self._add_note(kind, name, "", "is missing", fatal=True)
         elif variable.causality != kind or variable.type != self._original.variables[name].type:
-            self._say(kind, name, variable.name, f"is {variable.causality}, {variable.type}", fatal=True)
+            self._add_note(kind, name, variable.name, f"is {variable.causality}, {variable.type}", fatal=True)
         else:
             self._converted(kind, name, variable)
 
@@ -157,18 +157,21 @@ class _VariableMatcher:
         variable = self._other.variables.get(self._target(name))
         if variable is None:
             self.left_out.add(name)
-            self._say(kind, name, "", "is left out")
+            self._add_note(kind, name, "", "is left out")
         else:
             self._converted(kind, name, variable)
 
-    def _shown(self, connected: Sequence[str]) -> None:
+    def _report_connected(self, connected: Sequence[str]) -> None:
         """Match outputs that are not connected but recorded under the old names."""
         for name, variable in self._original.variables.items():
-            theirs = self._other.variables.get(self._target(name))
-            if variable.causality != "output" or name in connected or theirs is None:
+            replacement_variable = self._other.variables.get(self._target(name))
+            if variable.causality != "output" or name in connected or replacement_variable is None:
                 continue
-            if theirs.causality == "output" and theirs.type == variable.type != "String":
-                self._converted("output", name, theirs)
+            if (
+                replacement_variable.causality == "output"
+                and replacement_variable.type == variable.type != "String"
+            ):
+                self._converted("output", name, replacement_variable)
 
     def _free(self, inputs: Sequence[str]) -> Iterator[VariableMatch]:
         """Match inputs of the new FMU that nothing drives."""
@@ -179,7 +182,7 @@ class _VariableMatcher:
 
     def _unused(self) -> Iterator[VariableMatch]:
         """Match outputs and parameters of the new FMU that a mapping could still name."""
-        used = {*self._taken, *self.same}
+        used = {*self._mapped_targets, *self.same}
         for name, variable in self._other.variables.items():
             if variable.causality in ("output", "parameter") and name not in used:
                 yield VariableMatch(variable.causality, "", self._with_unit(name, self._other), "is not used")
@@ -187,31 +190,35 @@ class _VariableMatcher:
     def _converted(self, kind: str, name: str, variable: ModelVariable) -> None:
         if name in self.aliases:
             return  # an output that also has a start value
-        ours, theirs = self._original.unit(name), self._other.unit(variable.name)
+        old_unit, new_unit = self._original.unit(name), self._other.unit(variable.name)
         try:
-            transformation = self._transformation(name, ours, theirs)
+            transformation = self._transformation(name, old_unit, new_unit)
             if transformation.factor == 0.0 and variable.causality == "output":
                 raise ValueError("a factor of 0, which cannot be inverted")
         except ValueError as error:
-            self._say(kind, name, variable.name, f"has {error}", fatal=True)
+            self._add_note(kind, name, variable.name, f"has {error}", fatal=True)
             return
         if variable.name == name and transformation == IDENTITY:
             self.same.add(name)
             return
-        self.aliases[name] = Alias(variable.name, transformation, ours)
-        self._say(kind, name, variable.name, FITS if transformation == IDENTITY else str(transformation))
+        self.aliases[name] = Alias(variable.name, transformation, old_unit)
+        self._add_note(kind, name, variable.name, FITS if transformation == IDENTITY else str(transformation))
 
-    def _transformation(self, name: str, ours: SiUnit | None, theirs: SiUnit | None) -> LinearTransformation:
+    def _transformation(
+        self, name: str, old_unit: SiUnit | None, new_unit: SiUnit | None
+    ) -> LinearTransformation:
         entry = self._entries.get(name)
         prescribed = None if entry is None else entry.transformation
         linear = prescribed if isinstance(prescribed, LinearTransformation) else IDENTITY
         if entry is not None and entry.suppress_unit_conversion:
             return linear
-        return linear.after(convert_documents_units(f"the replacement of {name}", ours, theirs))
+        return linear.after(convert_documents_units(f"the replacement of {name}", old_unit, new_unit))
 
-    def _say(self, kind: str, ours: str, theirs: str, verdict: str, fatal: bool = False) -> None:
-        their = self._with_unit(theirs, self._other) if theirs else ""
-        self.matches.append(VariableMatch(kind, self._with_unit(ours, self._original), their, verdict, fatal))
+    def _add_note(self, kind: str, old_text: str, new_text: str, verdict: str, fatal: bool = False) -> None:
+        their = self._with_unit(new_text, self._other) if new_text else ""
+        self.matches.append(
+            VariableMatch(kind, self._with_unit(old_text, self._original), their, verdict, fatal)
+        )
 
     def _with_unit(self, name: str, interface: Interface) -> str:
         unit = interface.unit(name) if name in interface.variables else None

@@ -126,8 +126,8 @@ def _format_value(figure: Any, required: Requirement) -> str:
         return "it is missing"
     if isinstance(figure, bool):
         return f"it is {str(figure).lower()}"
-    short = f"{figure:.6g}"
-    return f"it is {repr(figure) if short == f'{required.value:.6g}' else short}"
+    rounded = f"{figure:.6g}"
+    return f"it is {repr(figure) if rounded == f'{required.value:.6g}' else rounded}"
 
 
 def check_no_condition(conditions: Sequence[str], command: str) -> None:

@@ -105,8 +105,8 @@ class Result:
 
     def __repr__(self) -> str:
         """Return one line: scenario, time, steps and number of signals."""
-        kept = "no table" if self.table is None else f"{len(self.names)} signals"
-        return f"<Result of {self.name}: until {self.end_s:g} s, {self.steps} steps, {kept}>"
+        content = "no table" if self.table is None else f"{len(self.names)} signals"
+        return f"<Result of {self.name}: until {self.end_s:g} s, {self.steps} steps, {content}>"
 
     def __str__(self) -> str:
         """Return the tables of metrics that `emla run` prints."""
@@ -158,13 +158,15 @@ class Result:
         Raises:
             CommandError: a signal was not kept.
         """
-        known, main = self._table.names, find_main_component(self.record)
-        full_names = {name: find_name(name, known, main) or name for name in names}
+        stored_names, main = self._table.names, find_main_component(self.record)
+        full_names = {name: find_name(name, stored_names, main) or name for name in names}
         for name, full in full_names.items():
-            if full not in known:
-                near = difflib.get_close_matches(str(name), known, n=3, cutoff=0.5)
-                meant = f"; did you mean {' or '.join(near)}?" if near else "; `names` lists those that were."
-                raise CommandError(f"the signal '{name}' was not recorded{meant}", name=name, near=near)
+            if full not in stored_names:
+                near = difflib.get_close_matches(str(name), stored_names, n=3, cutoff=0.5)
+                advice = (
+                    f"; did you mean {' or '.join(near)}?" if near else "; `names` lists those that were."
+                )
+                raise CommandError(f"the signal '{name}' was not recorded{advice}", name=name, near=near)
         table = self._table.read(list(dict.fromkeys(full_names.values())), most)
         return {n: self.types.get(full, REAL).convert(table[full]) for n, full in full_names.items()}
 

@@ -49,32 +49,40 @@ class RunDefinition:
     def variants_identity(self) -> dict[str, Any]:
         """What must be equal to continue many runs of one preparation."""
         times = self.options.start_time, self.options.stop_time, self.options.step_size
-        chosen = self.values(lambda o: o.name if o.recorded else "")
+        recorded_options = self.values(lambda o: o.name if o.recorded else "")
         kinds = {c.name: c.kind for c in self.system.components}
-        return {**self._system, "kinds": kinds, "options": chosen, "times": times, "by": chosen["algorithm"]}
+        return {
+            **self._system,
+            "kinds": kinds,
+            "options": recorded_options,
+            "times": times,
+            "by": recorded_options["algorithm"],
+        }
 
     @property
     def _system(self) -> dict[str, Any]:
         """What defines the system, by its name in messages."""
-        every = self.system.components
-        disabled = {c.name: "not used" for c in every if not c.event_mode}
+        components = self.system.components
+        disabled = {c.name: "not used" for c in components if not c.event_mode}
         return {
             "FMUs": dict(self.fmus),
-            "components": [c.name for c in every],
-            "values set": {f"{c.name}.{n}": str(v) for c in every for n, v in sorted(c.parameters.items())},
-            "mappings": {f"{c.name}.{n}": str(a) for c in every for n, a in c.aliases.items()},
+            "components": [c.name for c in components],
+            "values set": {
+                f"{c.name}.{n}": str(v) for c in components for n, v in sorted(c.parameters.items())
+            },
+            "mappings": {f"{c.name}.{n}": str(a) for c in components for n, a in c.aliases.items()},
             "connections": [f"{x} {x.transformation}" for x in self.system.connections],
             **({"uses of event mode": disabled} if disabled else {}),
         }
 
     def values(self, name: Callable[[Option], str]) -> dict[str, Any]:
         """Return the options in effect as JSON, by their `name`, without those whose name is empty."""
-        chosen = {
+        selected = {
             "algorithm": self.options.algorithm_name,
             "step_size_control": self.options.step_size_control_name,
         }
         return {
-            name(o): chosen[o.name] if o.name in chosen else to_plain(value)
+            name(o): selected[o.name] if o.name in selected else to_plain(value)
             for o, value in self.options.in_effect()
             if name(o)
         }
@@ -150,9 +158,9 @@ def list_overrides(origin: RunOrigin) -> dict[str, Any]:
 
     Objects of Python appear as `{"python": name}`, with the name of their class.
     """
-    known = list_options()
-    given = {name: value for name, value in origin.overrides.items() if known[name].recorded}
-    return {name: _repeatable(value, known[name].takes) for name, value in given.items()}
+    options = list_options()
+    overrides = {name: value for name, value in origin.overrides.items() if options[name].recorded}
+    return {name: _repeatable(value, options[name].takes) for name, value in overrides.items()}
 
 
 def _repeatable(value: Any, takes: type | None) -> Any:
@@ -161,8 +169,8 @@ def _repeatable(value: Any, takes: type | None) -> Any:
         return {key: _repeatable(inner, takes) for key, inner in value.items()}
     if isinstance(value, (list, tuple)):
         return [_repeatable(inner, takes) for inner in value]
-    if isinstance(value, FileOrObject) and (found := value.repeatable()) is not None:
-        return found
+    if isinstance(value, FileOrObject) and (definition := value.repeatable()) is not None:
+        return definition
     if isinstance(value, FileOrObject):
         return {PYTHON: to_plain(type(value))}
     if takes not in (None, bool) and isinstance(value, takes):
@@ -184,16 +192,16 @@ def _file(path: Path, unpacked: Path | None) -> str:
 @cache
 def list_versions() -> dict[str, str | None]:
     """Return the versions of Python and of the packages that affect results; None for missing packages."""
-    found: dict[str, str | None] = {
+    versions: dict[str, str | None] = {
         "python": platform.python_version(),
         "platform": platform.platform(),
     }
     for package in _PACKAGES:
         try:
-            found[package] = version(package)
+            versions[package] = version(package)
         except PackageNotFoundError:
-            found[package] = None
-    return found
+            versions[package] = None
+    return versions
 
 
 def to_plain(value: Any) -> Any:

@@ -111,22 +111,24 @@ def steps_per_row(options: Options, times: CommunicationPoints) -> int:
         CommandError: If the interval is not a whole number of steps.
     """
     interval = options.output_interval
-    chosen = max(DEFAULT_INTERVAL, times.step) if interval is None else interval
-    if not 0.0 < chosen < float("inf"):
-        raise CommandError(f"the output interval {chosen:g} s must be a positive number of seconds.")
-    if (times.stop - times.start) / chosen > MAXIMUM_STEPS:
-        raise CommandError(f"an output interval of {chosen:g} s makes more than {MAXIMUM_STEPS:g} rows.")
+    row_interval = max(DEFAULT_INTERVAL, times.step) if interval is None else interval
+    if not 0.0 < row_interval < float("inf"):
+        raise CommandError(f"the output interval {row_interval:g} s must be a positive number of seconds.")
+    if (times.stop - times.start) / row_interval > MAXIMUM_STEPS:
+        raise CommandError(
+            f"an output interval of {row_interval:g} s makes more than {MAXIMUM_STEPS:g} rows."
+        )
     if not options.make_step_size_control().is_regular:
         return 1
     if _is_short(options, times):
         return max(times.steps // MANY_ROWS, 1)
-    every = round(min(chosen / times.step, 1e18))  # the quotient may be infinite
-    if every >= 1 and abs(every * times.step - chosen) <= 1e-9 * chosen:
-        return every
+    steps = round(min(row_interval / times.step, 1e18))  # the quotient may be infinite
+    if steps >= 1 and abs(steps * times.step - row_interval) <= 1e-9 * row_interval:
+        return steps
     if interval is None:
-        return max(every, 1)
+        return max(steps, 1)
     raise CommandError(
-        f"the output interval {chosen:g} s is not a whole number of steps of {times.step:g} s."
+        f"the output interval {row_interval:g} s is not a whole number of steps of {times.step:g} s."
     )
 
 
@@ -161,12 +163,12 @@ def select_signals(
     if not patterns:
         return list(names)
     of_outputs = [p for p in patterns if p not in further and find_names(p, names, main)]
-    others = [p for p in patterns if p not in of_outputs]
+    variable_patterns = [p for p in patterns if p not in of_outputs]
     outputs = {*select_names(of_outputs, names, "signal", main)}
-    every = [*further, *names] if others else []  # a similar name may be among both
+    candidates = [*further, *names] if variable_patterns else []  # a similar name may be among both
     hint = "without --signals, all outputs are kept."
-    rest = {*select_names(others, every, "signal", main, hint)}
-    return [n for n in names if n in outputs] + [n for n in every if n in rest]
+    rest = {*select_names(variable_patterns, candidates, "signal", main, hint)}
+    return [n for n in names if n in outputs] + [n for n in candidates if n in rest]
 
 
 def select_components(patterns: Sequence[str], system: System, otherwise: str) -> list[str]:

@@ -298,14 +298,14 @@ class Simulation:
         if not self._finalizer.alive:
             raise CommandError("the simulation is closed; prepare it again.")
         values = self._read_options(options)
-        chosen = self.options.merged(values)
-        roles = {role: self._complete(name) for role, name in chosen.roles.items()}
-        chosen = replace(chosen, roles=self._default_roles | roles)
+        run_options = self.options.merged(values)
+        roles = {role: self._complete(name) for role, name in run_options.roles.items()}
+        run_options = replace(run_options, roles=self._default_roles | roles)
         plan = replace(
-            plan_run(chosen, self.name, self._notes(chosen)),
+            plan_run(run_options, self.name, self._notes(run_options)),
             origin=self._origin.updated(values),
-            recorded=self.select_signals(chosen.signals),
-            conditions=self._resolve_stop_conditions(chosen.stop_when),
+            recorded=self.select_signals(run_options.signals),
+            conditions=self._resolve_stop_conditions(run_options.stop_when),
         )
         if plan.stored is not None and len(self._initial_system.components) == 1:
             only = self._initial_system.components[0].name  # inputs and faults add components
@@ -313,13 +313,15 @@ class Simulation:
         for span in self._data:
             span.check_overlap(plan.times.start, plan.times.stop)
         self._discard_run()
-        changes = {name: chosen.set[name] for name in values.get("set", {})}
-        followers = following_values(self._initial_system, chosen) if changes else {}
+        changes = {name: run_options.set[name] for name in values.get("set", {})}
+        followers = following_values(self._initial_system, run_options) if changes else {}
         system = self.system.with_parameters(self._names.start_values(changes) | followers)
         with show_paths_relative_to(self._unpacked):
-            integrator = IntegratorSettings(method=chosen.integrator, largest=chosen.integrator_step)
+            integrator = IntegratorSettings(
+                method=run_options.integrator, largest=run_options.integrator_step
+            )
             is_fresh = fresh or self._needs_new_instances
-            self._assembly.start(system, is_fresh, chosen.fmi_tolerance, integrator)
+            self._assembly.start(system, is_fresh, run_options.fmi_tolerance, integrator)
         self._needs_new_instances = False
         self._run = wire_run(plan, system, self._assembly, recorders, self._working_folder)
         with self._discard_on_error():

@@ -44,7 +44,7 @@ def read_kinds(texts: Sequence[str]) -> dict[str, str]:
 _system = partial(option, group=SYSTEM, commands=ALL)
 _prepared = partial(_system, stage=PREPARING)
 _fixed = partial(_prepared, in_sweep=SAME)
-_loaded = partial(_system, stage=LOADING, in_sweep=SAME)
+_loading_option = partial(_system, stage=LOADING, in_sweep=SAME)
 _exported = partial(option, group=SYSTEM, commands=(EXPORT,), in_file=False, recorded=False, stage=BUILDING)
 
 
@@ -166,7 +166,7 @@ class SystemOptions:
         metavar="[COMPONENT]",
         alone="*",
     )
-    integrate_together: bool = _loaded(
+    integrate_together: bool = _loading_option(
         True,
         help="Integrate FMUs that run as Model Exchange and are connected with each other together, with one "
         "integrator; see docs/model-exchange.md.",
@@ -174,7 +174,7 @@ class SystemOptions:
         commands=(RUN, SWEEP, COMPARE, INFO, LINEARIZE),
         identity="integrators",
     )
-    isolate: Sequence[str] = _loaded(
+    isolate: Sequence[str] = _loading_option(
         [],
         help="Run a component in a separate process, so that a crash ends only that process (repeatable; "
         "* matches any text). Without a name: all components.",
@@ -182,7 +182,7 @@ class SystemOptions:
         commands=(RUN, SWEEP, COMPARE),
         alone="*",
     )
-    lenient: bool = _loaded(
+    lenient: bool = _loading_option(
         False,
         help="Accept FMUs and packages that violate their standard where other tools accept them. The "
         "violations are listed.",

@@ -50,12 +50,12 @@ def wire_run(
     Raises:
         CommandError: An option does not fit the system.
     """
-    options, others, fallback = plan.options, assembly.unexchanged, None
+    options, unexchanged, fallback = plan.options, assembly.unexchanged, None
     if not plan.recorded:
-        recorded, fallback = choose_fallback_signals(others.values())
+        recorded, fallback = choose_fallback_signals(unexchanged.values())
         plan = replace(plan, recorded=recorded)
     observed = dict.fromkeys([*assembly.outputs, *plan.recorded, *(c.figure for c in plan.conditions)])
-    assembly.observe([name for name in observed if name in others], plan.every)
+    assembly.observe([name for name in observed if name in unexchanged], plan.every)
     with contextlib.ExitStack() as on_error:
         profiler = None
         if options.profile:

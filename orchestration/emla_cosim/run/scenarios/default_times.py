@@ -31,7 +31,7 @@ def read_times(interface: Interface) -> Times:
 
 
 def choose_times(
-    said: Times, options: Options, owner: str, parts: Sequence[Times] = ()
+    declared: Times, options: Options, owner: str, parts: Sequence[Times] = ()
 ) -> tuple[Times, list[str]]:
     """Return the times of a run, and a remark on each that is a default.
 
@@ -39,39 +39,40 @@ def choose_times(
     shortest.
 
     Args:
-        said: times of the FMU or package.
+        declared: times of the FMU or package.
         options: options of the user.
         owner: "FMU" or "package", for the remarks.
         parts: times of the FMUs in a package.
     """
     notes = list[str]()
-    start = said.start or 0.0 if options.start_time is None else options.start_time
+    start = declared.start or 0.0 if options.start_time is None else options.start_time
     stop = options.stop_time
     if stop is None:
-        stop, origin = said.stop, ""
+        stop, origin = declared.stop, ""
         if stop is None or not stop > start:
             later = [p.stop for p in parts if p.stop is not None and p.stop > start]
             stop, origin = (max(later), ", the longest of its FMUs") if later else (start + SPAN, "")
-        if stop != said.stop:
+        if stop != declared.stop:
             fault = f"the {owner} has no stop time"
-            if said.stop is not None:
-                fault = (
-                    f"the stop time of the {owner}, {said.stop:g} s, is not after the start at {start:g} s"
-                )
+            if declared.stop is not None:
+                fault = f"the stop time of the {owner}, {declared.stop:g} s,"
+                fault += f" is not after the start at {start:g} s"
             notes.append(f"{fault}; without --stop-time it runs for {stop - start:g} s{origin}")
     step = options.step_size
     if step is None and not stop > start:  # no step is done, or the stop time is refused
-        step = said.step if said.step is not None and said.step > 0.0 else 1.0
+        step = declared.step if declared.step is not None and declared.step > 0.0 else 1.0
     elif step is None:
-        step, origin = said.step, ""
+        step, origin = declared.step, ""
         if step is None or not 0.0 < step <= stop - start:
             fitting = [p.step for p in parts if p.step is not None and 0.0 < p.step <= stop - start]
             step, origin = (
                 (min(fitting), ", the shortest of its FMUs") if fitting else ((stop - start) / STEPS, "")
             )
             fault = f"the {owner} has no step size"
-            if said.step is not None:
-                fault = f"the step size of the {owner}, {said.step:g} s, does not fit into {stop - start:g} s"
+            if declared.step is not None:
+                fault = (
+                    f"the step size of the {owner}, {declared.step:g} s, does not fit into {stop - start:g} s"
+                )
             notes.append(f"{fault}; without --step-size it is {step:g} s{origin}")
     return Times(start, stop, step), notes
 

@@ -127,8 +127,10 @@ def _load_scenario_file(
         system = EXTENSIONS["supply"](system)
     for further in STEPPING:
         options = options.merged(further(system, options.class_options))
-    made = Scenario(name, read.description, system, options, origin=origin.updated(values), remarks=_remarks)
-    return replace(made, notes=made.notes_with(options))
+    scenario = Scenario(
+        name, read.description, system, options, origin=origin.updated(values), remarks=_remarks
+    )
+    return replace(scenario, notes=scenario.notes_with(options))
 
 
 def _find_system_file(read: ScenarioFile) -> ScenarioFile | None:
@@ -143,13 +145,13 @@ def _find_system_file(read: ScenarioFile) -> ScenarioFile | None:
     file = read.folder / read.system
     if file.suffix.lower() != ".toml":
         return None
-    found = parse_scenario(read_text(file, "the system"), str(file), file.parent)
-    if found.make is None:
+    scenario_file = parse_scenario(read_text(file, "the system"), str(file), file.parent)
+    if scenario_file.make is None:
         raise CommandError(
             f"the scenario '{read.where}' names the system '{read.system}', which is itself a scenario "
-            f"file. Name its system instead: '{found.system}'."
+            f"file. Name its system instead: '{scenario_file.system}'."
         )
-    return found
+    return scenario_file
 
 
 def _remarks(system: System, options: Options) -> list[str]:
@@ -197,18 +199,18 @@ def make_component_name(model: str) -> str:
 
 def _fmu_times(interface: Interface, options: Options) -> tuple[dict[str, float], list[str]]:
     """Return start, stop and step of the default experiment, and remarks on missing ones."""
-    said = read_times(interface)
-    times, notes = choose_times(said, options, "FMU")
+    declared = read_times(interface)
+    times, notes = choose_times(declared, options, "FMU")
     start, stop, step = times.start or 0.0, times.stop or 0.0, times.step or 0.0
-    chosen = (options.start_time, options.stop_time, options.step_size)
-    if chosen == (None, None, None) and step == said.step and not _whole(stop - start, step):
+    option_values = (options.start_time, options.stop_time, options.step_size)
+    if option_values == (None, None, None) and step == declared.step and not _is_multiple(stop - start, step):
         fitting = (stop - start) / math.ceil((stop - start) / step)
         notes.append(f"its steps of {step:g} s do not end at {stop:g} s; the run uses steps of {fitting:g} s")
         step = fitting
     return {"start_time": start, "stop_time": stop, "step_size": step}, notes
 
 
-def _whole(span: float, step: float) -> bool:
+def _is_multiple(span: float, step: float) -> bool:
     return abs(round(span / step) * step - span) <= 1e-9 * span
 
 
@@ -249,8 +251,8 @@ def _package_origin(path: Path) -> RunOrigin:
 def _times(document: "SspDocument", options: Options) -> tuple[dict[str, float], list[str]]:
     """Return the times of an SSP as options, and remarks on those that it does not have."""
     times, notes = Times(document.start_time, document.stop_time, document.step_size), list[str]()
-    chosen = ((times.stop, options.stop_time), (times.step, options.step_size))
-    if any(said is None and option is None for said, option in chosen):
+    pairs = ((times.stop, options.stop_time), (times.step, options.step_size))
+    if any(declared is None and option is None for declared, option in pairs):
         files = [c.fmu for c in document.system.components if c.fmu is not None]
         parts = [read_times(read_interface(file)) for file in dict.fromkeys(files)]
         times, notes = choose_times(times, options, "package", parts)

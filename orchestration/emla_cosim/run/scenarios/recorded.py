@@ -59,24 +59,24 @@ def load_recorded_run(path: Path, given: Mapping[str, Any]) -> RecordedRun:
     if not isinstance(changed, dict):
         raise CommandError(f"{where} has no table 'changed' of the options.")
     replaced = {name for name, value in given.items() if not isinstance(value, Mapping)}
-    kept = {name: value for name, value in changed.items() if name not in replaced}
-    _check(kept, where)
-    return RecordedRun(source, read_options(select_repeatable(kept), where), content)
+    remaining = {name: value for name, value in changed.items() if name not in replaced}
+    _check(remaining, where)
+    return RecordedRun(source, read_options(select_repeatable(remaining), where), content)
 
 
 def _check(changed: Mapping[str, Any], where: str) -> None:
     """Raise CommandError for options that no record has, and for those that were objects of Python."""
-    known = list_options()
+    options = list_options()
     for name, value in changed.items():
-        if name not in known:
+        if name not in options:
             continue  # reading it gives a better message
-        if not known[name].recorded:
+        if not options[name].recorded:
             raise CommandError(f"{where} has the option '{name}', which no record has.")
-        is_mapping = isinstance(value, dict) and get_origin(known[name].plain_type) is Mapping
-        for one in value.values() if is_mapping else value if isinstance(value, list) else [value]:
-            if isinstance(one, dict) and set(one) == {PYTHON}:
+        is_mapping = isinstance(value, dict) and get_origin(options[name].plain_type) is Mapping
+        for item in value.values() if is_mapping else value if isinstance(value, list) else [value]:
+            if isinstance(item, dict) and set(item) == {PYTHON}:
                 raise CommandError(
-                    f"{where} has the {known[name].noun} {one[PYTHON]}, an object of Python that no "
-                    f"record can contain. Set {known[name].flag} too, or repeat the run in Python.",
+                    f"{where} has the {options[name].noun} {item[PYTHON]}, an object of Python that no "
+                    f"record can contain. Set {options[name].flag} too, or repeat the run in Python.",
                     option=name,
                 )

@@ -132,15 +132,15 @@ class Scenario:
             >>> result.steps
             100
         """
-        chosen = self.with_options(options)
+        scenario = self.with_options(options)
         return Simulation(
             self.system,
-            chosen.options,
+            scenario.options,
             self.name,
             progress,
             self.unpacked,
             self.resources,
-            chosen.origin,
+            scenario.origin,
             self.notes_with,
             self.accepted,
         )
@@ -173,36 +173,40 @@ class Scenario:
             >>> ec.load("lift").export("lift.ssp").name
             'lift.ssp'
         """
-        chosen = limit_to_data_end(self.with_options(options).options)
+        limited_options = limit_to_data_end(self.with_options(options).options)
         kind = find_kind(Path(file))
-        refuse_unsuited(kind, _list_asked_for(chosen))
+        refuse_unsuited(kind, _list_asked_for(limited_options))
         if kind != SSP:
             require_extra("build", f"writing a file '*{kind}'")
         if kind == FMU:
             from ...container.writer import check_container
 
-            check_container(Path(file), chosen.overwrite)
+            check_container(Path(file), limited_options.overwrite)
         elif kind == C:
             from ...c_code.writer import check_code
 
-            check_code(Path(file), chosen.overwrite)
+            check_code(Path(file), limited_options.overwrite)
         else:
             from ...ssp.writer.package_writer import check_package
 
-            check_package(Path(file), chosen.overwrite)
+            check_package(Path(file), limited_options.overwrite)
         progress = progress or Progress()
-        times = run_times(chosen, self.name)
-        with show_paths_relative_to(self.unpacked), accept_faults(chosen.lenient) as faults:
+        times = run_times(limited_options, self.name)
+        with show_paths_relative_to(self.unpacked), accept_faults(limited_options.lenient) as faults:
             faults.merge(self.accepted)
-            built = chosen
-            if kind != SSP and chosen.platform:  # this machine starts the FMUs to read their initial values
-                built = replace(chosen, platform=sorted({*chosen.platform, host_platform()}))
+            built = limited_options
+            if (
+                kind != SSP and limited_options.platform
+            ):  # this machine starts the FMUs to read their initial values
+                built = replace(
+                    limited_options, platform=sorted({*limited_options.platform, host_platform()})
+                )
             prepared = prepare_system(self.system, built, progress)
             system, fmus = prepared.system, prepared.fmus
-            system = replace(system, bonds={**system.bonds, **chosen.read_bonds()})
+            system = replace(system, bonds={**system.bonds, **limited_options.read_bonds()})
             if kind == FMU:
                 progress.advance(1)  # compiling is another task
-                self._write_fmu(Path(file), system, fmus, chosen, progress)
+                self._write_fmu(Path(file), system, fmus, limited_options, progress)
             elif kind == C:
                 from ...c_code.writer import write_code
 
@@ -211,18 +215,26 @@ class Scenario:
                     Path(file),
                     system,
                     fmus,
-                    chosen.components,
-                    chosen.make_algorithm(),
+                    limited_options.components,
+                    limited_options.make_algorithm(),
                     times,
-                    chosen.outputs,
-                    chosen.precision,
-                    chosen.overwrite,
+                    limited_options.outputs,
+                    limited_options.precision,
+                    limited_options.overwrite,
                 )
             else:
                 from ...ssp.writer.package_writer import SystemTimes, write_ssp
 
                 experiment = SystemTimes(times.start, times.stop, times.step)
-                write_ssp(Path(file), self.name, self.description, system, fmus, experiment, chosen.overwrite)
+                write_ssp(
+                    Path(file),
+                    self.name,
+                    self.description,
+                    system,
+                    fmus,
+                    experiment,
+                    limited_options.overwrite,
+                )
                 progress.advance(1)
         for remark in (*describe_disabled_event_mode(system), *faults.remarks(self.unpacked)):
             progress.note(f"Note: {remark}")
@@ -236,7 +248,7 @@ class Scenario:
 
         if not options.make_step_size_control().is_regular:
             raise CommandError("an FMU of a system has steps of one size; remove the error tolerance.")
-        lost = write_container(
+        unsupported = write_container(
             file,
             self.name,
             self.description,
@@ -252,14 +264,16 @@ class Scenario:
             options.overwrite,
             progress,
         )
-        for remark in describe_lost_values({"components": {c: {"not_taken": v} for c, v in lost.items()}}):
+        for remark in describe_lost_values(
+            {"components": {c: {"not_taken": v} for c, v in unsupported.items()}}
+        ):
             progress.note(f"Note: {remark}")
 
 
 def _tracked(names: Collection[str], roles: Mapping[str, str]) -> list[str]:
     """Return the signals that are compared with a reference, and the references."""
-    found = [pair for find in TRACKED.values() for pair in find(names, roles).values()]
-    return [signal for pair in found for signal in pair]
+    pairs = [pair for find in TRACKED.values() for pair in find(names, roles).values()]
+    return [signal for pair in pairs for signal in pair]
 
 
 def find_kind(file: Path) -> str:
@@ -270,9 +284,9 @@ def find_kind(file: Path) -> str:
 
 def refuse_unsuited(kind: str, given: Collection[str]) -> None:
     """Raise CommandError if an option was given that a kind of file has no place for."""
-    if others := [name for name in _NOT_IN[kind] if name in given]:
-        flag = list_options()[others[0]].flag
-        ends = [end for end, names in _NOT_IN.items() if others[0] not in names]
+    if unsuited := [name for name in _NOT_IN[kind] if name in given]:
+        flag = list_options()[unsuited[0]].flag
+        ends = [end for end, names in _NOT_IN.items() if unsuited[0] not in names]
         raise CommandError(
             f"{NAMES[kind]} cannot hold {flag}; leave it out, or export to a file that ends in "
             f"{' or '.join(ends)}."

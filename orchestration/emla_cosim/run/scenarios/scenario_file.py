@@ -83,9 +83,9 @@ def parse_scenario(text: str, where: str, folder: Path) -> ScenarioFile:
 def _refuse_without_kind(content: Mapping[str, Any], label: str) -> None:
     """Raise CommandError for a file with keys of another kind but no `kind`."""
     for kind, about in KINDS.items():
-        if found := [key for key in content if key in about.keys]:
+        if unexpected := [key for key in content if key in about.keys]:
             raise CommandError(
-                f"{label} has no system, but the key '{found[0]}' of a {kind}; write kind = \"{kind}\" "
+                f"{label} has no system, but the key '{unexpected[0]}' of a {kind}; write kind = \"{kind}\" "
                 f"for a {kind}.",
                 key="kind",
             )

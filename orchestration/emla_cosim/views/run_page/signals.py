@@ -90,7 +90,7 @@ def _add_plots(
         for name, item in zip(group, add_legend(figure, entries), strict=True):
             item.name, item.visible = f"legend-{names.index(name)}", False
         figure.height = _HEIGHT
-        found |= dict.fromkeys(group, plots.hold(figure, "signals"))
+        found |= dict.fromkeys(group, plots.add_figure(figure, "signals"))
     return found
 
 
