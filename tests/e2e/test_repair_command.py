@@ -1,5 +1,6 @@
 """`emla repair`: what it shows, which files it writes, and how it ends."""
 
+import zipfile
 from pathlib import Path
 
 import pytest
@@ -52,17 +53,24 @@ def test_what_is_left_gives_exit_code_1(tmp_path: Path, monkeypatch: pytest.Monk
 
 def test_wrong_commands(faulty: str, emla: Emla) -> None:
     Path("mine.txt").write_text("mine")
+    with zipfile.ZipFile("system.ssp", "w") as archive:
+        archive.writestr("SystemStructure.ssd", "<SystemStructureDescription/>")
+        archive.write(faulty, "resources/Toy.fmu")
     for arguments, said in (
         ((faulty,), "--dry-run"),
         ((faulty, "-o", faulty), "is also the FMU to repair"),
         ((faulty, "-o", "mine.txt"), "was not written by emla"),
         (("missing.fmu", "-o", "fixed.fmu"), "does not exist"),
-        (("mine.txt", "-o", "fixed.fmu"), "cannot be repaired"),
-        ((".", "-o", "fixed.fmu"), "'.' is a folder; name one FMU"),
+        (
+            ("mine.txt", "-o", "fixed.fmu"),
+            "cannot be repaired: It cannot be unpacked: File is not a zip file",
+        ),
+        ((".", "-o", "fixed.fmu"), "'.' is a folder; emla repair takes FMUs. Repair each FMU in it."),
+        (("system.ssp", "-o", "fixed.ssp"), "'system.ssp' is a system (SSP); emla repair takes FMUs."),
     ):
         result = emla("repair", *arguments)
-        assert (result.exit_code, said in result.stderr) == (2, True), result.stderr
-    assert not Path("fixed.fmu").exists()
+        assert (result.exit_code, said in " ".join(result.stderr.split())) == (2, True), result.stderr
+    assert not list(Path().glob("fixed.*"))
     assert emla("repair", faulty, "-o", "mine.txt", "--overwrite").exit_code == 0
 
 

@@ -4,6 +4,7 @@ import io
 import tempfile
 import zipfile
 from collections.abc import Iterator
+from contextlib import suppress
 from copy import copy
 from dataclasses import dataclass
 from importlib.metadata import version as find_version
@@ -32,6 +33,7 @@ from .structure_rules import mend_structure
 _MARK = b"repaired by emla-cosim"
 """The comment of a repaired archive. A key of our own FMUs must not stay, because the content is another."""
 
+_SYSTEM = "SystemStructure.ssd"
 _BUILD = "sources/buildDescription.xml"
 _UNAFFECTED = ("symbols", "imports", "loads", "version", "compile")
 """Static checks that text cannot change; they load, parse or compile binaries and sources."""
@@ -79,13 +81,19 @@ def repair(path: Path) -> Repair:
         path: The FMU, which is only read.
 
     Raises:
-        CommandError: It does not exist, or is not an archive that can be unpacked safely.
+        CommandError: It does not exist, is not an FMU, or cannot be unpacked safely.
     """
     if path.is_dir():
-        raise CommandError(f"'{path}' is a folder; name one FMU.")
+        raise CommandError(f"'{path}' is a folder; emla repair takes FMUs. Repair each FMU in it.")
+    if _is_system(path):
+        raise CommandError(
+            f"'{path}' is a system (SSP); emla repair takes FMUs. Unpack it, and repair each FMU in it."
+        )
     before = verify(path, only=_CHECKS).examined[0]
     if any(f.check == "archive.safe" for f in before.of(Verdict.FAILED)):
-        raise CommandError(f"'{path}' cannot be repaired: {before['archive.safe'].sentence}")
+        safe = before["archive.safe"]
+        takes = "emla repair takes FMUs that can be unpacked."
+        raise CommandError(f"'{path}' cannot be repaired: {safe.sentence} {takes} {safe.hint}")
     original = path.read_bytes()
     with zipfile.ZipFile(io.BytesIO(original)) as archive, tempfile.TemporaryDirectory() as folder:
         texts, changes, version = _mend_texts(archive, Path(folder))
@@ -95,6 +103,13 @@ def repair(path: Path) -> Repair:
         (mended := Path(folder) / path.name).write_bytes(content)
         after = verify({str(path): mended}, only=_CHECKS).examined[0]
     return Repair(path, content, tuple(changes), before, after, version)
+
+
+def _is_system(path: Path) -> bool:
+    """Return whether a file is an SSP, which `verify` would examine as an FMU without a model description."""
+    with suppress(Exception), zipfile.ZipFile(path) as archive:  # `archive.safe` reports what cannot be read
+        return _SYSTEM in (names := archive.namelist()) and DESCRIPTION not in names
+    return False
 
 
 def _mend_texts(archive: zipfile.ZipFile, folder: Path) -> tuple[dict[str, bytes], list[Change], int]:
