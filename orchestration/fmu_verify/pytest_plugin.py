@@ -39,7 +39,7 @@ class FmuWarning(UserWarning):
 
 
 class FmuFailure(Exception):  # noqa: N818 - a finding, not an error of the program
-    """A check failed. The text has message, details, clause and hint, in lines."""
+    """A check failed. The text is that of `explain_finding`."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -127,8 +127,8 @@ class FmuCollector(pytest.File):
             item.add_marker(pytest.mark.fmu(check=check.name, group=check.group))
             yield item
 
-    def finding(self, item: FmuItem) -> Finding | None:
-        """Return the finding of a check, or of a failed check that it needs and that is not selected.
+    def finding(self, item: FmuItem) -> tuple[Examined, Finding | None]:
+        """Return all findings, and that of a check, or of a failed check that it needs and is not selected.
 
         It is None for a check of what another version of FMI has.
 
@@ -137,7 +137,7 @@ class FmuCollector(pytest.File):
         selected = [i.name for i in self.session.items if i.parent is self]
         if self._examined is None:
             self._examined = self._shared(lambda: self._verified(selected))
-        return _of(item.name, self._examined, selected)
+        return self._examined, _of(item.name, self._examined, selected)
 
     def _shared(self, do: Callable[[], Examined]) -> Examined:
         """Call `do` in one worker of pytest-xdist and share the result with all."""
@@ -168,22 +168,24 @@ class FmuItem(pytest.Item):
 
     def runtest(self) -> None:
         """Fail, skip or warn according to the verdict."""
+        from .explanation import explain_finding
         from .verdict import Verdict
 
         assert isinstance(self.parent, FmuCollector)
-        found = self.parent.finding(self)
+        examined, found = self.parent.finding(self)
         if found is None:
             other = f"{self.name}: the FMI version of the FMU does not have it."
             raise pytest.skip.Exception(other, _use_item_location=True)
+        text = explain_finding(examined, found, _MOST_DETAILS)
         if found.verdict == Verdict.FAILED:
             needed = "" if found.check == self.name else f"It needs {found.check}, which failed. "
-            raise FmuFailure(needed + explain_finding(found))
+            raise FmuFailure(needed + text)
         if found.verdict == Verdict.SKIPPED and found.outcome.blocked and not self._has_cause(found):
-            raise FmuFailure(f"It could not run. {explain_finding(found)}")
+            raise FmuFailure(f"It could not run. {text}")
         if found.verdict == Verdict.SKIPPED:
             raise pytest.skip.Exception(f"{self.name}: {found.sentence}", _use_item_location=True)
         if found.verdict == Verdict.WARNING:
-            warnings.warn_explicit(FmuWarning(explain_finding(found)), None, str(self.path), 0)
+            warnings.warn_explicit(FmuWarning(text), None, str(self.path), 0)
 
     def _has_cause(self, found: Finding) -> bool:
         """Return whether a check could not run because of another one that has a test."""
@@ -232,16 +234,6 @@ class _FailureText:
         first, _, rest = self.text.partition("\n")
         terminal.line(first, red=True, bold=True)
         terminal.line(rest)
-
-
-def explain_finding(found: Finding) -> str:
-    """Return message, details, clause and hint, in lines."""
-    details = found.outcome.details
-    lines = [found.sentence, *(f"    {detail}" for detail in details[:_MOST_DETAILS])]
-    if len(details) > _MOST_DETAILS:
-        lines.append(f"    and {len(details) - _MOST_DETAILS} more")
-    done = [f"What was done: {found.done}"] if found.done else []
-    return "\n".join([*lines, f'{found.clause}: "{found.clause.sentence}"', *done, found.hint])
 
 
 def _worker_data(config: pytest.Config) -> dict[str, Any] | None:

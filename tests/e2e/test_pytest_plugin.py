@@ -89,7 +89,8 @@ def test_failure_has_its_message_without_traceback(pytester: pytest.Pytester, fm
         [
             "*reference.agrees of Reference.fmu*",
             "* left its tube at t = *",
-            'FMI Cross-Check Rules*: "*',
+            "FMI Cross-Check Rules*: \u201c*",
+            "Repeat it: emla verify *Reference.fmu --only reference.agrees *",
             "FAILED build/Reference.fmu::reference.agrees - * left its tube *",
             "*1 failed, *",
         ]
