@@ -9,8 +9,6 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
-
 from emla_cosim.base.untrusted_xml import parse_xml
 
 from .subject import Subject
@@ -23,7 +21,7 @@ def read_build_description(subject: Subject) -> Any:
     """Return the root element of the build description; None if there is none.
 
     Raises:
-        lxml.etree.XMLSyntaxError: It is not XML.
+        SyntaxError: It is not XML.
     """
     path = subject.folder / BUILD_DESCRIPTION
     if not path.is_file():
@@ -37,7 +35,7 @@ def list_source_files(subject: Subject) -> list[str]:
         return [e.get("name") for e in subject.tree.iterfind(".//SourceFiles/File")]
     try:
         root = read_build_description(subject)
-    except etree.XMLSyntaxError:
+    except SyntaxError:
         return []
     return [] if root is None else [e.get("name") for e in root.iterfind(".//SourceFile")]
 

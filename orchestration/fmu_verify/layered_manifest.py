@@ -87,7 +87,7 @@ def read_manifest(path: Path) -> LayeredManifest:
     """
     try:
         root = parse_xml(path.read_bytes())
-    except (etree.XMLSyntaxError, OSError) as error:
+    except (SyntaxError, OSError) as error:
         raise CommandError(f"'{label_manifest(path)}' is not valid XML: {error}.") from error
     name, version, description = (
         root.get(f"{_NAMESPACE}fmi-ls-{attribute}") for attribute in ("name", "version", "description")

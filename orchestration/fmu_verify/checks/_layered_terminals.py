@@ -6,8 +6,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any
 
-from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
-
 from emla_cosim.base.untrusted_xml import parse_xml
 from emla_cosim.fmu.document import TERMINALS
 
@@ -116,7 +114,7 @@ def _list_terminals(subject: Subject) -> list[Any]:
     path = subject.folder / TERMINALS
     try:
         root = parse_xml(path.read_bytes()) if path.is_file() else None
-    except etree.XMLSyntaxError:  # `description.terminals` reports it
+    except SyntaxError:  # `description.terminals` reports it
         return []
     return [] if root is None else list(root.iterfind("Terminals//Terminal"))
 

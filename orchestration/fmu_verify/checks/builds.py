@@ -3,8 +3,6 @@
 from collections.abc import Iterator
 from typing import Any
 
-from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
-
 from ..binary_headers import NAMES_OF_VERSION_2, wanted_target
 from ..c_sources import BUILD_DESCRIPTION, find_inside, read_build_description
 from ..check import check
@@ -58,7 +56,7 @@ def description(subject: Subject) -> CheckOutcome:
     folder = subject.folder / "sources"
     try:
         root = read_build_description(subject)
-    except etree.XMLSyntaxError as error:
+    except SyntaxError as error:
         return failed(shorten_sentence(f"{BUILD_DESCRIPTION} cannot be read: {str(error).rstrip('.')}."))
     if root is None:
         if any(folder.rglob("*.c")):

@@ -5,8 +5,6 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import unquote, urlsplit
 
-from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
-
 from emla_cosim.base.untrusted_xml import parse_xml
 from emla_cosim.fmu.document import TERMINALS
 
@@ -77,7 +75,7 @@ def terminals(subject: Subject) -> CheckOutcome:
         return skipped("It has no description of terminals and icons.")
     try:
         root = parse_xml(path.read_bytes())
-    except etree.XMLSyntaxError as error:
+    except SyntaxError as error:
         return failed(shorten_sentence(f"{TERMINALS} cannot be read: {str(error).rstrip('.')}."))
     if subject.version == 2 and not root.get("fmiVersion", "").startswith("3."):  # as FMI 2.0 allows
         return skipped(f"{TERMINALS} is for FMI {root.get('fmiVersion')}, not 3.0.")

@@ -94,7 +94,7 @@ def read_experiments(file: Path, unpacked: Path) -> list[ExperimentSetup]:
     """
     try:
         root = parse_xml(file.read_bytes())
-    except (etree.XMLSyntaxError, OSError) as error:
+    except (SyntaxError, OSError) as error:
         raise CommandError(f"'{file.name}' is not valid XML: {error}.") from error
     if root.tag != "Experiments":
         raise CommandError(f"'{file.name}' has the root element {root.tag}, not Experiments.")

@@ -102,7 +102,7 @@ def find_fault(file: RelatedFile, unpacked: Path) -> str:
     assert file.path is not None
     try:
         root = parse_xml(file.path.read_bytes())
-    except (etree.XMLSyntaxError, OSError) as error:
+    except (SyntaxError, OSError) as error:
         return f"It is not valid XML: {error}."
     return _find_srmd_fault(root, file.path, unpacked) if is_of_type(file, (SRMD,), ".srmd") else ""
 

@@ -120,7 +120,7 @@ def _mend_texts(archive: zipfile.ZipFile, folder: Path) -> tuple[dict[str, bytes
     content, changes = mend_encoding(archive.read(DESCRIPTION))
     try:
         root = parse_xml(content)
-    except etree.XMLSyntaxError:
+    except SyntaxError:
         return {}, [], 2
     given = root.get("fmiVersion", "")
     version = 3 if given.startswith("3.") else 2
@@ -157,7 +157,7 @@ def _mend_other(texts: dict[str, bytes], name: str, content: bytes, check: str) 
     """Mend annotations in another XML file, and keep its new text."""
     try:
         root = parse_xml(content)
-    except etree.XMLSyntaxError:
+    except SyntaxError:
         return
     if found := list(mend_annotations(root, check)):
         texts[name] = _serialize(root)

@@ -101,7 +101,8 @@ def test_each_experiment_is_named(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("<Experiments", "is not valid XML"),
+        ("<Experiments>\n</x>", "is not valid XML: Opening and ending tag mismatch: "),
+        ("<Experiments>\n</x>", ", line 2, column 5."),
         ("<Tests/>", "has the root element Tests, not Experiments."),
         ("<Experiments/>", "has no Experiment."),
         ("<Experiments><Experiment/></Experiments>", "has an Experiment without a name in line 1."),
