@@ -1,7 +1,6 @@
 """Check that steps compute something, and that inputs count."""
 
-import time as clock
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from typing import Any
 
@@ -19,6 +18,10 @@ from ..messages import join_few_names, judge_problems, list_left_out
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, failed, fmi3, noted, passed, skipped, warned
 from ._clauses import INDICES
+from ._time import take_in_time
+
+_PART = 0.5
+"""Part of the time limit in which runs are repeated with other inputs."""
 
 _STEPS = 20
 _MORE_STEPS = 100
@@ -67,7 +70,7 @@ def integrate(subject: Subject) -> CheckOutcome:
     step = span(subject)[1]
     names = [v.name for pair in pairs for v in pair]
     still, wrong, moved, stays = set(), {}, 0, False
-    for changes in _in_time(subject, runs):
+    for changes in take_in_time(runs, _PART * subject.settings.seconds):
         moved += len(changes)
         points, rows = in_separate_process(_held, subject, changes, names)
         if len(rows) < 3:
@@ -95,15 +98,6 @@ def integrate(subject: Subject) -> CheckOutcome:
         )
     # internal steps may be longer
     return judge_problems((), f"{len(pairs)} states follow their derivatives.", list(wrong.values()), gaps)
-
-
-def _in_time(subject: Subject, items: Iterable[Any]) -> Iterable[Any]:
-    """Yield items until half of the time is used."""
-    until = clock.monotonic() + 0.5 * subject.settings.seconds
-    for item in items:
-        if clock.monotonic() > until:
-            return
-        yield item
 
 
 def _held(subject: Subject, changes: Values, names: Sequence[str]) -> tuple[Vector, Vector]:
@@ -160,10 +154,10 @@ def inputs(subject: Subject) -> CheckOutcome:
             return warned(f"{said}, although {wrong[0]} is a dependency.")
         said = f"{said}: only a reference shows if one should."
         return skipped(said, gaps=(said,))
-    found = every[:_MOST_INPUTS]
+    found, limit = every[:_MOST_INPUTS], _PART * subject.settings.seconds
     bases = _Cached(_bases(subject, found, names))
     without, tried, steps = [], 0, _STEPS
-    for variable in _in_time(subject, found):
+    for variable in take_in_time(found, limit):
         tried += 1
         if not any(
             _differs(subject, {**base, variable.name: value}, names, wanted)
@@ -183,7 +177,7 @@ def inputs(subject: Subject) -> CheckOutcome:
 def _without_long_effect(subject: Subject, without: Sequence[str], names: Sequence[str]) -> Iterator[str]:
     """Yield those of these inputs that change nothing in a longer run, either: it may sample them rarely."""
     still = in_separate_process(_observe, subject, {}, names, _MORE_STEPS)
-    for name in _in_time(subject, without):
+    for name in take_in_time(without, _PART * subject.settings.seconds):
         values = {name: other_of(subject.variables[name])}
         if not _differs(subject, values, names, still, _MORE_STEPS):
             yield name
@@ -191,13 +185,14 @@ def _without_long_effect(subject: Subject, without: Sequence[str], names: Sequen
 
 def _has_effect(subject: Subject, variables: Sequence[ModelVariable], names: Sequence[str]) -> bool | None:
     """Return whether a run changes if inputs are moved, together or alone; None without time for two runs."""
-    compared, alone = False, [{v.name: other_of(v)} for v in variables]  # together, they may cancel out
-    for parameters, moves in _in_time(subject, _combinations(subject, variables)):
+    compared, limit = False, _PART * subject.settings.seconds
+    alone = [{v.name: other_of(v)} for v in variables]  # together, they may cancel out
+    for parameters, moves in take_in_time(_combinations(subject, variables), limit):
         try:
             still = in_separate_process(_observe, subject, parameters, names)
         except CallError:  # the model does not bear these values together
             continue
-        for values in _in_time(subject, moves if parameters else [*moves, *alone]):
+        for values in take_in_time(moves if parameters else [*moves, *alone], limit):
             compared = True
             if _differs(subject, {**parameters, **values}, names, still):
                 return True

@@ -1,9 +1,9 @@
 """Checks with calls that the standard forbids: wrong phase, values that are not finite."""
 
 import math
-import time
 from collections.abc import Callable, Iterator, Sequence
 from ctypes import c_bool, c_double, c_uint
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +19,7 @@ from ..host.instance_runs import outputs
 from ..messages import list_left_out
 from ..subject import Subject
 from ..verdict import RETURNS, CheckOutcome, failed, fmi3, noted, own_rule, passed, warned
+from ._time import take_in_time
 
 _ILLEGAL = fmi3(
     "2.2.4",
@@ -198,20 +199,18 @@ def nonfinite(subject: Subject) -> CheckOutcome:
 
 def _find_silent(subject: Subject, variables: Sequence[ModelVariable]) -> tuple[list[str], int]:
     """Return values that were accepted without a message although NaN comes out, and how many were tried."""
-    until = time.monotonic() + 0.5 * subject.settings.seconds
-    silent: list[str] = []
-    for tried, variable in enumerate(variables):
-        for value in (math.nan, math.inf):
-            if time.monotonic() > until:
-                return silent, tried  # instantiation is slow
-            found = in_separate_process(_spoiled, subject, variable, value)
-            if found is None:
-                return silent, tried
-            silent += [
-                f"{variable.name} = {value} gives {name} = {got}, and every call returns fmi2OK."
-                for name, got in found
-            ]
-    return silent, len(variables)
+    values = (math.nan, math.inf)
+    silent, tried = list[str](), 0
+    for variable, value in take_in_time(product(variables, values), 0.5 * subject.settings.seconds):
+        found = in_separate_process(_spoiled, subject, variable, value)
+        if found is None:
+            break
+        silent += [
+            f"{variable.name} = {value} gives {name} = {got}, and every call returns fmi2OK."
+            for name, got in found
+        ]
+        tried += 1
+    return silent, tried // len(values)
 
 
 def _spoiled(subject: Subject, variable: ModelVariable, value: float) -> list[tuple[str, float]] | None:

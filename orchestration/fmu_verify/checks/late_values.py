@@ -1,6 +1,5 @@
 """Check that values which are set after initialization have an effect."""
 
-import time as clock
 from collections.abc import Iterator
 from contextlib import suppress
 from typing import Any, NamedTuple
@@ -18,6 +17,7 @@ from ..messages import join_few_names, judge_problems, list_left_out
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, skipped
 from ._clauses import KEPT
+from ._time import take_in_time
 
 _STEPS = 6
 _MORE_STEPS = 60
@@ -67,11 +67,9 @@ def late(subject: Subject) -> CheckOutcome:
     results = every_result[:_MOST_RESULTS]
     if not every or not results:
         return skipped("It has no tunable parameter and no input with another valid value, or no output.")
-    until, judged, found, lost = clock.monotonic() + subject.settings.seconds, 0, list[_Late](), list[str]()
+    judged, found, lost = 0, list[_Late](), list[str]()
     plain = in_separate_process(_run, subject, results, None, 0, _STEPS)[0]
-    for variable in every[:_MOST]:
-        if clock.monotonic() > until:
-            break
+    for variable in take_in_time(every[:_MOST], subject.settings.seconds):
         with suppress(CallError):  # the model does not bear this value
             found += _look(subject, variable, results, plain, lost)
             judged += 1

@@ -1,6 +1,5 @@
 """Check that a run goes on: its time, its outputs and states, and the effect of its inputs."""
 
-import time as clock
 from collections.abc import Iterator, Mapping, Sequence
 from ctypes import byref, c_double
 from dataclasses import replace
@@ -21,6 +20,7 @@ from ..host.other_values import Values, others, settable
 from ..messages import join_few_names, judge_problems, list_left_out
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, fmi3, own_rule, skipped
+from ._time import take_in_time
 
 _SOON = 1e-3
 """Distance of the FMU's time from the end of a step, relative to the step, that counts."""
@@ -300,12 +300,8 @@ def _run_otherwise(run: _Course) -> OutputTrajectory | None:
 
 def _without_late_effect(run: _Course, gaps: list[str]) -> Iterator[str]:
     """Yield inputs that change nothing after some time in three runs, but did so before."""
-    until, tried = clock.monotonic() + 0.5 * run.subject.settings.seconds, 0
-    late = int(_LATE * len(run.course.times))
-    lost = list[str]()
-    for name in run.inputs[:_MOST_INPUTS]:
-        if clock.monotonic() > until:
-            break
+    late, tried, lost = int(_LATE * len(run.course.times)), 0, list[str]()
+    for name in take_in_time(run.inputs[:_MOST_INPUTS], 0.5 * run.subject.settings.seconds):
         tried += 1
         bases = (run.course, run.flipped, run.held)
         without = all(_has_effect(run, base, name, early=False) is False for base in bases)

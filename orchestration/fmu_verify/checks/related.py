@@ -33,6 +33,7 @@ from ..references.related_files import SRMD, RelatedFile, find_fault, is_of_type
 from ..subject import Subject
 from ..verdict import RETURNS, CheckOutcome, Clause, NotRunError, Verdict, failed, passed, skipped, warned
 from ._sameness import ROUNDING, compare_runs
+from .states import restore_bytes
 
 _FACTOR, _PART = 6.0, 0.8
 """Factor of the time limit for all experiments of a check, and the part of that in which they run."""
@@ -291,9 +292,7 @@ def _continue(subject: Subject, data: bytes) -> OutputTrajectory:
     instance, names = HostedInstance(subject), outputs(subject)
     course = make_experiment(subject, 1)
     instance.initialize(course.at(0), float(course.times[0]))
-    state = instance.deserialize(data)
-    instance.restore_state(state)
-    instance.free_state(state)
+    restore_bytes(instance, data)
     clock = [n for n, v in subject.variables.items() if v.causality == "independent"]
     times, rows = [float(instance.get(clock)[0]) if clock else np.nan], [instance.get(names)]
     step = span(subject)[1]

@@ -1,7 +1,6 @@
 """Checks of FMU states: get, set, free, serialize."""
 
 import contextlib
-import time
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from ..host.process_state import can_read_memory, list_writable_memory, read_mem
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, Verdict, failed, fmi3, noted, passed, skipped
 from ._sameness import compare_runs
+from ._time import take_in_time
 from .memory import read_allocated
 
 _ALLOWED = 0.1
@@ -102,9 +102,8 @@ def _grown_by_saving(instance: HostedInstance) -> float:
     counts = read_allocated() is not None
     used, count = [], 0
     for _ in range(3):
-        until, count = time.monotonic() + _SAVING * instance.subject.settings.seconds, 0
-        state = instance.save_state()
-        while count < _SAVES[counts] and time.monotonic() < until:
+        state, count = instance.save_state(), 0
+        for _ in take_in_time(range(_SAVES[counts]), _SAVING * instance.subject.settings.seconds):
             instance.save_state_again(state)
             count += 1
         instance.free_state(state)
@@ -221,6 +220,16 @@ def _judge_moved(
     return None
 
 
+def save_bytes(instance: HostedInstance) -> bytes | None:
+    """Return the present state serialized; None if the FMU cannot do that, or reports an implausible size."""
+    if not instance.subject.has_capability("canSerializeFMUstate"):
+        return None
+    state = instance.save_state()
+    data = instance.serialize(state)
+    instance.free_state(state)
+    return data if isinstance(data, bytes) else None
+
+
 def _bytes_at(subject: Subject, course: Experiment, middle: int) -> bytes | int:
     """Return a state's bytes, or the reported size if it is not plausible."""
     instance = HostedInstance(subject)
@@ -237,11 +246,12 @@ def _bytes_at(subject: Subject, course: Experiment, middle: int) -> bytes | int:
 def _from_bytes(subject: Subject, course: Experiment, middle: int, data: bytes) -> OutputTrajectory:
     instance = HostedInstance(subject)
     instance.initialize(course.at(0), float(course.times[0]))
-    _continue_from(instance, data)
+    restore_bytes(instance, data)
     return step_instance(instance, course, middle)
 
 
-def _continue_from(instance: HostedInstance, data: bytes) -> None:
+def restore_bytes(instance: HostedInstance, data: bytes) -> None:
+    """Continue from a serialized state."""
     state = instance.deserialize(data)
     instance.restore_state(state)
     instance.free_state(state)
@@ -274,6 +284,6 @@ def _take(subject: Subject, cases: list[tuple[str, bytes]]) -> None:
         instance.circumstance = f" with a state made of {name}"
         with contextlib.suppress(CallError):
             run_instance(instance, course)
-            _continue_from(instance, data)
+            restore_bytes(instance, data)
             instance.step(float(course.times[-1]), course.step)
         instance.free()

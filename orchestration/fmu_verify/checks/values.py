@@ -22,6 +22,7 @@ from ..messages import Breach, judge_problems, list_left_out
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, fmi3, in_both, skipped
 from ._clauses import KEPT
+from .states import restore_bytes, save_bytes
 
 _EXACT = Clause(
     "2.2.7",
@@ -260,11 +261,7 @@ def _after_reset_and_restoring(subject: Subject, changes: Values) -> tuple[Value
     instance = HostedInstance(subject)
     instance.initialize(changes, start)
     instance.step(start, step)
-    before, data = read_values(instance, list(changes)), None
-    saved = instance.save_state()
-    if subject.has_capability("canSerializeFMUstate"):
-        serialized = instance.serialize(saved)
-        data = serialized if isinstance(serialized, bytes) else None
+    before, data, saved = read_values(instance, list(changes)), save_bytes(instance), instance.save_state()
     instance.reset()
     instance.initialize(None, start)
     instance.restore_state(saved)
@@ -284,19 +281,13 @@ def _after_restoring(subject: Subject, changes: Values) -> tuple[Values, Values,
     saved = instance.save_state()
     instance.set(changes)
     instance.step(start + step, step)
-    changed, data = read_values(instance, names), None
-    if subject.has_capability("canSerializeFMUstate"):
-        late = instance.save_state()
-        serialized = instance.serialize(late)
-        data = serialized if isinstance(serialized, bytes) else None
-        instance.free_state(late)
+    changed, data = read_values(instance, names), save_bytes(instance)
     instance.restore_state(saved)
-    restored = read_values(instance, names)
-    return before, changed, restored, data
+    return before, changed, read_values(instance, names), data
 
 
 def _from_bytes(subject: Subject, data: bytes, names: Sequence[str]) -> Values:
     instance = HostedInstance(subject)
     instance.initialize(None, span(subject)[0])
-    instance.restore_state(instance.deserialize(data))
+    restore_bytes(instance, data)
     return read_values(instance, names)
