@@ -4,6 +4,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 
 import fmpy
 import numpy as np
@@ -38,7 +39,6 @@ from .states import restore_bytes
 _FACTOR, _PART = 6.0, 0.8
 """Factor of the time limit for all experiments of a check, and the part of that in which they run."""
 
-
 _clause = partial(Clause, document="FMI-LS-REF 1.0.0-alpha.1")
 
 _PERFORMED = _clause(
@@ -55,29 +55,32 @@ def _judge_each(
     what: str,
 ) -> CheckOutcome:
     """Judge related files, each in its turn. Files that are elsewhere, or are not there, are listed."""
-    outcomes = {}
-    for file in files:
-        label = f"'{file.source}'"
-        if file.path is None:
-            said = "It is not in the FMU."
-            outcomes[label] = skipped(said, gaps=(said,))
-            continue
-        outcomes[label] = _guard(lambda file=file: judge(subject, file))
+    outcomes = {f"'{f.source}'": _guard(lambda f=f: judge(subject, f)) for f in files}
     return combine(outcomes, f"The FMU lists no {what}.")
+
+
+def _path(file: RelatedFile) -> Path:
+    if file.path is None:
+        raise NotRunError("It is not in the FMU.")
+    return file.path
 
 
 def _guard(judge: Callable[[], CheckOutcome]) -> CheckOutcome:
     """Return an outcome, also for a file that is invalid, cannot be used here, or ends the process."""
     try:
         return judge()
-    except NotRunError as error:
+    except (NotRunError, CommandError, CallError, EndedError) as error:
+        return _judge_error(error)
+
+
+def _judge_error(error: Exception) -> CheckOutcome:
+    if isinstance(error, NotRunError):
         return skipped(str(error), gaps=(str(error),))
-    except CommandError as error:
+    if isinstance(error, CommandError):
         return failed(sentence(error))
-    except CallError as error:
+    if isinstance(error, CallError):
         return failed(str(error), clause=error.clause or (None if error.has_status else RETURNS))
-    except EndedError as error:
-        return failed(str(error), clause=RETURNS)
+    return failed(str(error), clause=RETURNS)
 
 
 # ---- experiments --------------------------------------------------------------------------------
@@ -90,20 +93,25 @@ def _judge_experiments(subject: Subject, purposes: tuple[str, ...], what: str) -
     for file in list_related(subject.folder):
         if file.role != "experiment" or file.purpose not in purposes:
             continue
-        label = f"'{file.source}'"
-        if file.path is None or not is_of_type(file, TYPES, ".exp"):
-            said = "It is not in the FMU." if file.path is None else f"It has the type {file.type}."
-            outcomes[label] = skipped(said, gaps=(f"{said} Its experiments were not run.",))
-            continue
         try:
-            setups = read_experiments(file.path, subject.folder)
-        except CommandError as error:
-            outcomes[label] = failed(sentence(error))
+            setups = _read_experiments(subject, file)
+        except (CommandError, NotRunError) as error:
+            outcomes[f"'{file.source}'"] = _judge_error(error)
             continue
         for setup in setups:
             label = f"{setup.label} ({len(outcomes) + 1})" if setup.label in outcomes else setup.label
-            outcomes[label] = _guard(lambda setup=setup: _judge_experiment(subject, setup, until))
+            outcome = _guard(lambda setup=setup: _judge_experiment(subject, setup, until))
+            if outcome.verdict == Verdict.FAILED and (file := _find_listed_set(subject, setup)) is not None:
+                outcome = _leave_fault_of_set(subject, file, outcome)
+            outcomes[label] = outcome
     return combine(outcomes, f"The FMU lists no {what}.")
+
+
+def _read_experiments(subject: Subject, file: RelatedFile) -> list[ExperimentSetup]:
+    path = _path(file)
+    if not is_of_type(file, TYPES, ".exp"):
+        raise NotRunError(f"It has the type {file.type}. Its experiments were not run.")
+    return read_experiments(path, subject.folder)
 
 
 def _judge_experiment(subject: Subject, setup: ExperimentSetup, until: float) -> CheckOutcome:
@@ -118,11 +126,26 @@ def _judge_experiment(subject: Subject, setup: ExperimentSetup, until: float) ->
         else _judge_outputs(found)
     )
     gaps = (*_list_gaps(reference, found, until), *reference.notes)
-    if unknown and outcome.verdict == Verdict.PASSED:
+    if unknown and outcome.verdict == Verdict.PASSED and _find_listed_set(subject, setup) is None:
         return warned(
             f"Its parameters set {join_few_names(unknown)}, which the FMU does not have.", gaps=gaps
         )
     return replace(outcome, gaps=gaps)
+
+
+def _find_listed_set(subject: Subject, setup: ExperimentSetup) -> RelatedFile | None:
+    """Return the parameter set of an experiment if it is listed, so that `related.parameters` judges it."""
+    data = setup.data.get("Parameters")
+    sets = [f for f in list_related(subject.folder) if f.role == "parameter" and f.path is not None]
+    return None if data is None else next((f for f in sets if f.path == data.path), None)
+
+
+def _leave_fault_of_set(subject: Subject, file: RelatedFile, outcome: CheckOutcome) -> CheckOutcome:
+    """Return the outcome of a failed experiment, which is not judged if its parameter set alone fails."""
+    if (alone := _guard(lambda: _judge_parameters(subject, file))).verdict != Verdict.FAILED:
+        return outcome
+    said = f"Its parameter set '{file.source}' has a fault (`related.parameters`): {alone.sentence}"
+    return skipped(said, gaps=(said,))
 
 
 def _judge_outputs(found: OutputTrajectory) -> CheckOutcome:
@@ -219,10 +242,10 @@ _FEW = 5
 
 
 def _judge_parameters(subject: Subject, file: RelatedFile) -> CheckOutcome:
+    path = _path(file)
     if not is_of_type(file, (SSV,), ".ssv"):
         raise NotRunError(f"It has the type {file.type}, which is not read.")
-    assert file.path is not None
-    values, unknown = read_parameter_values(subject, file.path)
+    values, unknown = read_parameter_values(subject, path)
     in_fresh_process(_run_with, subject, values)
     if unknown:
         return warned(f"It sets {join_few_names(unknown)}, which the FMU does not have.")
@@ -231,13 +254,7 @@ def _judge_parameters(subject: Subject, file: RelatedFile) -> CheckOutcome:
 
 def _run_with(subject: Subject, values: dict[str, object]) -> None:
     course, instance = make_experiment(subject, _FEW), HostedInstance(subject)
-    instance.begin_initialization(
-        float(course.times[0]),
-        None,
-        subject.interface.tolerance,
-        lambda: instance.set({**course.at(0), **values}),
-    )
-    instance.exit_initialization()
+    instance.initialize({**course.at(0), **values}, float(course.times[0]))
     for k in range(len(course.times) - 1):
         if not instance.terminated:
             instance.step(float(course.times[k]), course.step)
@@ -267,16 +284,16 @@ def states(subject: Subject) -> CheckOutcome:
 
 
 def _judge_state(subject: Subject, file: RelatedFile) -> CheckOutcome:
-    assert file.path is not None
+    path = _path(file)
     if file.purpose not in ("", fmpy.platform, fmpy.platform_tuple):
         raise NotRunError(f"It is for {file.purpose}, and this machine is {fmpy.platform_tuple}.")
     if not subject.has_capability("canSerializeFMUstate"):
         return failed("The FMU does not set canSerializeFMUstate, so that no tool can restore it.")
-    data = file.path.read_bytes()
+    data = path.read_bytes()
     first, second = (in_fresh_process(_continue, subject, data) for _ in range(2))
-    wrong = ~np.isfinite(first.values)
+    wrong = ~np.isfinite(first.values).all(axis=0)
     if wrong.any():
-        name = first.names[int(np.argmax(wrong.any(axis=0)))]
+        name = first.names[int(np.argmax(wrong))]
         return failed(f"{name} is not finite in a run from it.")
     same = compare_runs(second, first, "A second run from it", ROUNDING)
     if same.verdict != Verdict.PASSED:
@@ -343,7 +360,6 @@ def metadata(subject: Subject) -> CheckOutcome:
 
 
 def _judge_document(subject: Subject, file: RelatedFile) -> CheckOutcome:
-    assert file.path is not None
     if fault := find_fault(file, subject.folder):
         return failed(fault)
     return passed("It is valid SRMD." if is_of_type(file, (SRMD,), ".srmd") else "It is well-formed XML.")

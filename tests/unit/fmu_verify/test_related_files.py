@@ -153,6 +153,32 @@ def test_what_is_not_used_is_reported(name: str, related: Related, gap: str, tmp
     assert gap in found.outcome.gaps[0]
 
 
+@pytest.mark.parametrize(
+    ("values", "verdicts"),
+    [
+        ({"position": 1.0}, (Verdict.FAILED, Verdict.SKIPPED)),
+        ({"gain": 2.0, "mass": 1.0}, (Verdict.WARNING, Verdict.PASSED)),
+    ],
+)
+def test_fault_of_a_listed_set_is_reported_once(
+    values: dict[str, float], verdicts: tuple[Verdict, ...], tmp_path: Path
+) -> None:
+    """By its own check: an experiment with it was not run, or says nothing of names that do not exist."""
+    related: Related = {
+        "a.exp": ("experiment/validation", EXPERIMENTS, experiment('<Parameters source="p.ssv"/>')),
+        "p.ssv": ("parameter", SSV, parameter_set(**values)),
+    }
+    path = build_with_related(tmp_path, "Good", related)
+    examined = examine(path, "related", apart=())
+    set_, validation = examined["related.parameters"], examined["related.validation"]
+    assert (set_.verdict, validation.verdict) == verdicts
+    if validation.verdict == Verdict.SKIPPED:
+        assert (
+            f"'p.ssv' has a fault (`related.parameters`): {set_.sentence.split(': ', 1)[1]}"
+            in (validation.outcome.gaps[0])
+        )
+
+
 def test_state_that_is_cut_is_not_restored(tmp_path: Path) -> None:
     found = check(tmp_path, {"a": ("serialized-state", BYTES, serialized_state()[:-1])}, "states")
     assert found.verdict == Verdict.FAILED and "fmi2DeSerializeFMUstate answered fmi2Error" in found.sentence
