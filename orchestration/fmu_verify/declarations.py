@@ -9,7 +9,11 @@ from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar
+
+from .messages import join_few_names
+
+_T = TypeVar("_T")
 
 NUMERIC = (
     *("Real", "Integer", "Enumeration", "Float32", "Float64"),
@@ -122,6 +126,11 @@ class DeclaredVariable:
         return (base if self.version == 2 else ""), self.reference
 
     @property
+    def derivative(self) -> int | None:
+        """Position of the variable of which it is the derivative."""
+        return int(self.own["derivative"]) if "derivative" in self.own else None
+
+    @property
     def start(self) -> str | None:
         """The start value as written."""
         return self.own.get("start")
@@ -156,11 +165,36 @@ class DeclaredType:
 
 @dataclass(frozen=True)
 class DeclaredUnknown:
-    """An Unknown of ModelStructure. Missing attributes are None."""
+    """An Unknown of ModelStructure. Missing attributes are None, and so is a variable that does not exist."""
 
     index: int
+    variable: DeclaredVariable | None
     dependencies: tuple[int, ...] | None
     kinds: tuple[str, ...] | None
+
+    def __str__(self) -> str:
+        return str(self.variable or self.index)
+
+
+@dataclass(frozen=True)
+class UnknownList:
+    """A list of ModelStructure. Its name is that in this version of FMI."""
+
+    name: str
+    unknowns: tuple[DeclaredUnknown, ...]
+
+    @property
+    def indices(self) -> list[int]:
+        """The positions of its variables, also invalid ones."""
+        return [u.index for u in self.unknowns]
+
+    @property
+    def variables(self) -> list[DeclaredVariable]:
+        """Its variables, without invalid references."""
+        return [u.variable for u in self.unknowns if u.variable is not None]
+
+    def __str__(self) -> str:
+        return self.name
 
 
 LISTS_3 = {
@@ -170,7 +204,9 @@ LISTS_3 = {
     "ClockedStates": "ClockedState",
     "EventIndicators": "EventIndicator",
 }
-"""Elements of ModelStructure of FMI 3.0, by the lists of FMI 2.0, or as these would be called."""
+"""Elements of ModelStructure of FMI 3.0, by the lists of FMI 2.0, or as these would be called.
+
+They are in the order of the fields of `Declarations`."""
 
 
 @dataclass(frozen=True)
@@ -180,11 +216,11 @@ class Declarations:
     variables: tuple[DeclaredVariable, ...]
     units: tuple[DeclaredUnit, ...]
     types: tuple[DeclaredType, ...]
-    outputs: tuple[DeclaredUnknown, ...]
-    derivatives: tuple[DeclaredUnknown, ...]
-    initial_unknowns: tuple[DeclaredUnknown, ...]
-    clocked_states: tuple[DeclaredUnknown, ...]
-    event_indicators: tuple[DeclaredUnknown, ...]
+    outputs: UnknownList
+    derivatives: UnknownList
+    initial_unknowns: UnknownList
+    clocked_states: UnknownList
+    event_indicators: UnknownList
     version: int
 
     def describe_missing(self, index: int) -> str:
@@ -193,22 +229,18 @@ class Declarations:
             return f"value reference {-1 - index}, which no variable has"
         return f"variable {index}; there are only {len(self.variables)}"
 
-    def list_name(self, name: str) -> str:
-        """Return how this version of FMI calls a list of ModelStructure."""
-        return LISTS_3.get(name, name) if self.version == 3 else name
-
-    def variable(self, index: int) -> DeclaredVariable | None:
+    def variable(self, index: int | None) -> DeclaredVariable | None:
         """Return the variable with an index of ModelStructure, or None."""
-        return self.variables[index - 1] if 1 <= index <= len(self.variables) else None
+        return self.variables[index - 1] if index and 1 <= index <= len(self.variables) else None
+
+    def names(self, indices: Iterable[int]) -> str:
+        """Return a few names of variables, in the order of the model description."""
+        return join_few_names([str(self.variable(i)) for i in sorted(indices)])
 
     def states(self) -> set[int]:
         """Return the indices of continuous-time states, without invalid references."""
-        found = set()
-        for unknown in self.derivatives:
-            derivative = self.variable(unknown.index)
-            if derivative and self.variable(state := int(derivative.own.get("derivative", 0))):
-                found.add(state)
-        return found
+        found = (self.variable(v.derivative) for v in self.derivatives.variables)
+        return {v.index for v in found if v is not None}
 
     def share_value(self, variable: DeclaredVariable) -> list[DeclaredVariable]:
         """Return a variable and its aliases: those of its base type with its value reference."""
@@ -259,32 +291,33 @@ def read_declarations(root: Any, version: int) -> Declarations:
     types = tuple(_type(e, version) for e in root.iterfind(f"TypeDefinitions/{type_tag}"))
     by_name = {t.name: t for t in reversed(types)}
 
-    def read_unknowns(name: str) -> tuple[DeclaredUnknown, ...]:
+    variables = tuple(_variable(i, e, version, by_name, find_place) for i, e in enumerate(elements, 1))
+    by_index = {v.index: v for v in variables}
+
+    def read_list(name: str) -> UnknownList:
         path, reference = (LISTS_3[name], "valueReference") if version == 3 else (f"{name}/Unknown", "index")
-        return tuple(
+        unknowns = tuple(
             DeclaredUnknown(
-                find_place(e.get(reference)),
+                index := find_place(e.get(reference)),
+                by_index.get(index),
                 _places(e.get("dependencies"), find_place),
                 None if (kinds := e.get("dependenciesKind")) is None else tuple(kinds.split()),
             )
             for e in root.iterfind(f"ModelStructure/{path}")
         )
+        return UnknownList(path if version == 3 else name, unknowns)
 
     return Declarations(
-        variables=tuple(_variable(i, e, version, by_name, find_place) for i, e in enumerate(elements, 1)),
-        units=tuple(_unit(e) for e in root.iterfind("UnitDefinitions/Unit")),
-        types=types,
-        outputs=read_unknowns("Outputs"),
-        derivatives=read_unknowns("Derivatives"),
-        initial_unknowns=read_unknowns("InitialUnknowns"),
-        clocked_states=read_unknowns("ClockedStates"),
-        event_indicators=read_unknowns("EventIndicators"),
+        variables,
+        tuple(_unit(e) for e in root.iterfind("UnitDefinitions/Unit")),
+        types,
+        *(read_list(name) for name in LISTS_3),
         version=version,
     )
 
 
-def find_repeated(names: Iterable[str]) -> list[str]:
-    """Return names that occur more than once, in the order of their first occurrence."""
+def find_repeated(names: Iterable[_T]) -> list[_T]:
+    """Return names, or other items, that occur more than once, in the order of their first occurrence."""
     return [name for name, count in Counter(names).items() if count > 1]
 
 

@@ -77,9 +77,9 @@ def clocks(subject: Subject) -> CheckOutcome:
         return skipped("It has no Clocks.")
     problems = [p for v in found for p in _wrong_clock(v)]
     problems += [p for v in clocked for p in (*_wrong_clocks(v, declared), *_wrong_previous(v, declared))]
-    for index in find_repeated(str(v.previous) for v in clocked if v.previous is not None):
-        named = declared.variable(int(index))
-        problems.append(Breach(f"More than one variable has the previous value {named or index}.", _ONCE))
+    for index in find_repeated(v.previous for v in clocked if v.previous is not None):
+        named = declared.variable(index) or index
+        problems.append(Breach(f"More than one variable has the previous value {named}.", _ONCE))
     return judge_problems(
         problems, f"{len(found)} Clocks and {len(clocked)} clocked variables are compatible."
     )

@@ -9,7 +9,7 @@ from ..check import check
 from ..messages import shorten_sentence
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, Verdict, noted, passed
-from . import description, starts, structure, types, units, variables
+from . import description, listed_dependencies, starts, structure, types, units, variables
 from ._clauses import IN_SCHEMA
 
 _SAY_IT_BETTER = (
@@ -23,7 +23,7 @@ _SAY_IT_BETTER = (
     structure.outputs,
     structure.derivatives,
     structure.initial_unknowns,
-    structure.dependencies,
+    listed_dependencies.dependencies,
 )
 
 

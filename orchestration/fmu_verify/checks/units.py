@@ -173,11 +173,7 @@ def _contradictions(unit: DeclaredUnit) -> Iterator[str]:
 def derivatives(subject: Subject) -> CheckOutcome:
     """Check that the unit of der(x) is that of x per second, if both have units."""
     declared = subject.declared
-    pairs = [
-        (v, of)
-        for v in declared.variables
-        if (of := declared.variable(int(v.own.get("derivative", 0)))) is not None
-    ]
+    pairs = [(v, of) for v in declared.variables if (of := declared.variable(v.derivative)) is not None]
     if any(v.causality == "independent" and v.unit not in (None, "s") for v in declared.variables):
         pairs = []  # derivatives by something other than time
     problems, doubts = [], []

@@ -5,7 +5,8 @@ from typing import Any
 
 from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]
 
-from ..checks.structure import _LINEAR, _ignored, _initially_unknown
+from ..checks.listed_dependencies import LINEAR_KINDS
+from ..checks.structure import list_ignored, list_initially_unknown
 from ..declarations import LISTS_3, REAL, Declarations
 from ..subject import Subject
 from .record import Change, describe_element
@@ -26,8 +27,8 @@ def mend_structure(subject: Subject) -> Iterator[Change]:
     mender = _Mender(structure, declared)
     outputs = {v.index for v in declared.variables if v.causality == "output"}
     yield from mender.add_missing("Outputs", outputs, "structure.outputs")
-    doubtful = {v.index for v in declared.variables if not v.possible or v.is_clocked} | _ignored(subject)
-    wanted = _initially_unknown(declared) - doubtful
+    doubtful = {v.index for v in declared.variables if not v.possible or v.is_clocked} | list_ignored(subject)
+    wanted = list_initially_unknown(declared) - doubtful
     yield from mender.drop_surplus("InitialUnknowns", wanted | doubtful)
     yield from mender.add_missing("InitialUnknowns", wanted, "structure.initial_unknowns")
     if declared.version == 2:
@@ -49,8 +50,11 @@ class _Mender:
 
     def _list(self, name: str) -> list[Any]:
         """Return the elements of a list, by its name in FMI 2.0."""
-        path = LISTS_3[name] if self._is_3 else f"{name}/Unknown"
+        path = self._label(name) if self._is_3 else f"{name}/Unknown"
         return self._structure.findall(path)
+
+    def _label(self, name: str) -> str:
+        return LISTS_3[name] if self._is_3 else name
 
     def _index(self, element: Any) -> int:
         """Return the position of the variable of an element; 0 for none."""
@@ -67,7 +71,7 @@ class _Mender:
             tag = LISTS_3[name] if self._is_3 else "Unknown"
             element = etree.Element(tag, {self._attribute: str(reference)})
             self._insert(name, element)
-            where = f"{self._declared.list_name(name)}, {variable}"
+            where = f"{self._label(name)}, {variable}"
             yield Change(check, where, "", describe_element(element))
 
     def _insert(self, name: str, element: Any) -> None:
@@ -101,7 +105,7 @@ class _Mender:
             parent.remove(element)
             if not self._is_3 and parent.find("Unknown") is None:
                 self._structure.remove(parent)
-            yield Change(check, f"{self._declared.list_name(name)}, {self._name(element)}", text, "")
+            yield Change(check, f"{self._label(name)}, {self._name(element)}", text, "")
 
     def sort_initial_unknowns(self) -> Iterator[Change]:
         """Sort InitialUnknowns of FMI 2.0 by index."""
@@ -143,7 +147,7 @@ class _Mender:
         variable = self._declared.variable(self._index(element))
         is_real = variable is None or variable.type in REAL
         is_later = element.tag == "InitialUnknown" and kind != "constant"
-        return "dependent" if kind in _LINEAR and (not is_real or is_later) else kind
+        return "dependent" if kind in LINEAR_KINDS and (not is_real or is_later) else kind
 
 
 def _set(element: Any, name: str, words: list[str] | None, before: list[str] | None) -> None:
