@@ -120,6 +120,7 @@ DYNAMIC: tuple[Check, ...] = (
     calls.nonfinite,
     calls.arguments,
     buffers.buffers,
+    buffers.empty,
     states.restored,
     states.serialized,
     states.freed,

@@ -1,16 +1,20 @@
-"""Check that functions write only the values that they were asked for."""
+"""Check that functions write only the values asked for, and do nothing for no variables."""
 
 import ctypes
 from collections import defaultdict
 from collections.abc import Iterator
+from functools import partial
 from typing import Any
+
+from emla_cosim.fmu.instance import FINE, STATUS
 
 from ..check import check
 from ..host.experiment import span
+from ..host.fresh_process import EndedError, in_fresh_process
 from ..host.hosted_instance import EndlessIterationError, HostedInstance
 from ..messages import judge_problems
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, fmi3
+from ..verdict import RETURNS, CheckOutcome, Clause, failed, fmi3, noted, own_rule, passed, skipped, warned
 from .iteration import explain_endless
 
 _GUARD = 64
@@ -84,6 +88,53 @@ def buffers(subject: Subject) -> CheckOutcome:
             written += _overrun(memory, f"The function for {what}, of which there are {count},")
         instance.free()
     return judge_problems(written, f"{tried} functions wrote only the values that they return.")
+
+
+@check(
+    "calls.empty",
+    "Calls for no variables are harmless",
+    own_rule(
+        "calls.empty",
+        "A call for no variables does nothing, also if its arrays are NULL. The standard does not say it.",
+    ),
+    "Return before you read the arrays if the number of value references is 0.",
+    needs=("run.completes",),
+)
+def empty(subject: Subject) -> CheckOutcome:
+    """Call the functions that set and get numbers for 0 variables, with arrays and with NULL pointers.
+
+    FMI 3.0 forbids NULL, so that a crash there only warns; hosts whose lists are empty pass it.
+    """
+    if not any(_list_calls(subject)):
+        return skipped("It has no number that is not an element of an array.")
+    refused = list[str]()
+    for is_null, judge in ((False, partial(failed, clause=RETURNS)), (True, warned)):
+        try:
+            refused += in_fresh_process(_call_for_nothing, subject, is_null)
+        except EndedError as error:
+            return judge(str(error))
+    if refused:
+        return noted(refused[0], details=tuple(refused))
+    return passed("Functions that set and get numbers do nothing for 0 variables.")
+
+
+def _call_for_nothing(subject: Subject, is_null: bool) -> list[str]:
+    """Return which functions refuse a call for 0 variables, in and after initialization mode."""
+    instance, refused = HostedInstance(subject), dict[str, None]()
+    how = " for 0 variables with NULL pointers" if is_null else " for 0 variables"
+    count = (0,) if subject.version == 3 else ()
+    for enter in (lambda: instance.begin_initialization(span(subject)[0]), instance.exit_initialization):
+        instance.circumstance = ""
+        enter()
+        instance.circumstance = how
+        for function, kind, references in _list_calls(subject):
+            arrays = (None, None) if is_null else ((ctypes.c_uint * 1)(references[0]), (kind * 1)())
+            for name in (function, function.replace("Get", "Set")):
+                status = instance.status(name, arrays[0], 0, arrays[1], *count)
+                if status not in FINE:
+                    refused[f"{name}{how} answered {STATUS[status]}."] = None
+    instance.free()
+    return list(refused)
 
 
 def _list_calls(subject: Subject) -> Iterator[tuple[str, Any, list[int]]]:

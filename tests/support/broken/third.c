@@ -29,6 +29,7 @@ FMI3_Export fmi3Status fmi3GetFloat64(fmi3Instance c, const Reference r[], size_
 }
 
 FMI3_Export fmi3Status fmi3SetFloat64(fmi3Instance c, const Reference r[], size_t n, const fmi3Float64 v[], size_t m) {
+    if (IS(null)) (void)*(const volatile Reference *)r;
     if (IS(overrun)) {
         double *copy = malloc(m * sizeof *copy);
         for (size_t i = 0; i <= m; i++) copy[i] = 1.0;

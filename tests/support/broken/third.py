@@ -187,6 +187,8 @@ THIRD: list[Broken] = [
         with_function("early")),
     Broken("third-unknown-reference", "values of variables that do not exist are returned", "calls.arguments",
         with_function("unknown"), verdict=Verdict.WARNING),
+    Broken("third-null", "FMI 3.0: `fmi3SetFloat64` of 0 variables reads an array that is NULL",
+        "calls.empty", with_function("null"), verdict=Verdict.WARNING),
     Broken("third-not-restored", "FMI 3.0: a state that is not restored", "state.restored",
         with_function("state")),
     Broken("third-directional", "FMI 3.0: a directional derivative that is wrong by half",

@@ -17,6 +17,7 @@
 #undef fmi2GetInteger
 #undef fmi2GetBoolean
 #undef fmi2GetString
+#undef fmi2SetReal
 #undef fmi2SetFMUstate
 #undef fmi2FreeFMUstate
 #undef fmi2SerializeFMUstate
@@ -25,11 +26,13 @@
 #define fmi2GetInteger toy_get_Integer
 #define fmi2GetBoolean toy_get_Boolean
 #define fmi2GetString toy_get_String
+#define fmi2SetReal toy_set_reals
 #define fmi2SetFMUstate toy_set_state
 #define fmi2FreeFMUstate toy_free_state
 #define fmi2SerializeFMUstate toy_serialize
 #define FMI 2
 #include "toyfmu.h"
+#undef fmi2SetReal
 #undef fmi2GetVersion
 #undef fmi2GetReal
 #undef fmi2GetInteger
@@ -261,6 +264,12 @@ GET(Real, *(double *))
 GET(Integer, *(int *))
 GET(Boolean, *(int *))
 GET(String, (char *))
+
+fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference r[], size_t n, const fmi2Real v[]) {
+    if (is("set_null_crash")) (void)*(const volatile fmi2ValueReference *)r;
+    if (is("set_none_crash") && n - 1 == SIZE_MAX) raise(SIGSEGV); /* as a loop down to the last one */
+    return is("set_none_error") && n == 0 ? fmi2Error : toy_set_reals(c, r, n, v);
+}
 
 fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate state) {
     Model *m = c;

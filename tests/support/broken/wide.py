@@ -276,6 +276,10 @@ WIDE: list[Broken] = [
     _fails("y_of_name", "", "dependencies.observed", "a Real depends on a String, and does not declare it"),
     _fails("text_of_on", "", "dependencies.observed",
         "a String depends on a Boolean, and does not declare it"),
+    _fails("set_none_crash", "", "calls.empty", "`fmi2SetReal` of 0 variables crashes"),
+    _warns("set_null_crash", "", "calls.empty", "`fmi2SetReal` of 0 variables reads an array that is NULL"),
+    _fails("set_none_error", "", "calls.empty", "`fmi2SetReal` of 0 variables answers `fmi2Error`",
+        Verdict.PASSED),
     _fails("unused", "n", "exchange.inputs", "one of several inputs is not used", Verdict.PASSED),
     _warns("step_double", "", "steps.integrate", "steps are twice as long as they should be"),
 ]
