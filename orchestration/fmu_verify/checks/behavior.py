@@ -18,6 +18,7 @@ from ..messages import join_few_names, judge_problems, list_left_out
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, failed, fmi3, noted, passed, skipped, warned
 from ._clauses import INDICES
+from ._steps import walk
 from ._time import take_in_time
 
 _PART = 0.5
@@ -105,13 +106,9 @@ def _held(subject: Subject, changes: Values, names: Sequence[str]) -> tuple[Vect
     instance, course = HostedInstance(subject), make_experiment(subject, _STEPS)
     instance.initialize(changes, float(course.times[0]))
     rows, points = [], []
-    for time in course.times[:-1]:
-        instance.set(changes)
-        instance.step(float(time), course.step)
-        if instance.terminated:
-            break
+    for k in walk(instance, course.times[:-1], course.step, lambda _: instance.set(changes)):
         rows.append([float(value) for value in instance.get(names)])
-        points.append(float(course.times[len(rows)]) if instance.reached is None else instance.reached)
+        points.append(float(course.times[k]) if instance.reached is None else instance.reached)
     instance.free()
     return np.array(points), np.array(rows, dtype=float).reshape(len(rows), len(names))
 
@@ -276,11 +273,9 @@ def _observe(subject: Subject, changes: Values, names: Sequence[str], steps: int
     instance = HostedInstance(subject)
     instance.initialize(changes, start)
     rows = [[str(v) for v in instance.get(names)]]
-    for k in range(min(count, steps)):
-        instance.set({n: v for n, v in changes.items() if subject.variables[n].causality == "input"})
-        instance.step(start + k * step, step)
-        if instance.terminated:
-            break
+    inputs = {n: v for n, v in changes.items() if subject.variables[n].causality == "input"}
+    times = (start + k * step for k in range(min(count, steps)))
+    for _ in walk(instance, times, step, lambda _: instance.set(inputs)):
         rows.append([str(v) for v in instance.get(names)])
     instance.free()
     return rows
@@ -349,13 +344,11 @@ def _interpolated(subject: Subject, values: Values, slopes: Values, names: Seque
     instance.initialize(values, start)
     references = [instance.reference(name) for name in values]
     rates = [(slopes[name] - values[name]) / step if slopes else 0.0 for name in values]
-    rows = []
-    for k in range(min(count, 3)):
+
+    def prepare(_: int) -> None:
         instance.set(values)
         with instance.calling():
             instance.fmu.setRealInputDerivatives(references, [1] * len(references), rates)
-        instance.step(start + k * step, step)
-        if instance.terminated:
-            break
-        rows.append([str(v) for v in instance.get(names)])
-    return rows
+
+    times = (start + k * step for k in range(min(count, 3)))
+    return [[str(v) for v in instance.get(names)] for _ in walk(instance, times, step, prepare)]

@@ -6,7 +6,6 @@ from ctypes import c_bool, c_double, c_uint
 from itertools import product
 from typing import NamedTuple
 
-import numpy as np
 from fmpy.model_description import ModelVariable
 
 from emla_cosim.fmu.instance import FATAL, FINE
@@ -19,6 +18,7 @@ from ..host.instance_runs import outputs
 from ..messages import list_left_out
 from ..subject import Subject
 from ..verdict import RETURNS, CheckOutcome, failed, fmi3, noted, own_rule, passed, warned
+from ._steps import walk
 from ._time import take_in_time
 
 _ILLEGAL = fmi3(
@@ -218,33 +218,23 @@ def _spoiled(subject: Subject, variable: ModelVariable, value: float) -> list[tu
 
     After fmi2Fatal no function of the FMU can be called, so that the result is None.
     """
-    course = make_experiment(subject, _STEPS)
-    instance = HostedInstance(subject)
+    course, instance = make_experiment(subject, _STEPS), HostedInstance(subject)
     instance.circumstance = f" with {variable.name} = {value}"
-    names = outputs(subject)
-    found: list[float] = []
+    changes = {variable.name: value}
+    before, later = ({}, changes) if variable.causality == "input" else (changes, {})
+    names, found = outputs(subject), []
     try:
-        if variable.causality == "input":
-            instance.initialize(course.at(0), float(course.times[0]))
-            values = {variable.name: value}
-        else:
-            instance.initialize({**course.at(0), variable.name: value}, float(course.times[0]))
-            values = {}
-        for k in range(len(course.times) - 1):
-            instance.set({**course.at(k), **values})
-            instance.step(float(course.times[k]), course.step)
-            if instance.terminated:
-                break
+        instance.initialize({**course.at(0), **before}, float(course.times[0]))
+        prepare = lambda k: instance.set({**course.at(k), **later})  # noqa: E731
+        for _ in walk(instance, course.times[:-1], course.step, prepare):
+            pass
         found = [] if instance.terminated else instance.get(names)
     except CallError as error:
         if error.status == FATAL:
             return None
-        found = []
     instance.free()
-    wrong = ~np.isfinite(np.array(found, dtype=float))
-    return (
-        [(names[int(np.argmax(wrong))], float(np.array(found, dtype=float)[wrong][0]))] if wrong.any() else []
-    )
+    values = zip(names, map(float, found), strict=False)
+    return [(name, number) for name, number in values if not math.isfinite(number)][:1]
 
 
 _IGNORED = fmi3(
@@ -273,10 +263,10 @@ def arguments(subject: Subject) -> CheckOutcome:
     except EndedError as error:
         return failed(str(error), clause=_IGNORED)
     accepted, count = [], 0
-    for number in range(len(list(_wrong_calls(subject)))):
+    for wrong in _wrong_calls(subject):
         count += 1
         try:
-            said = in_fresh_process(_accepted, subject, number)
+            said = in_fresh_process(_accepted, subject, wrong)
         except EndedError as error:
             return warned(str(error))
         accepted += [said] if said else []
@@ -315,18 +305,16 @@ def _wrong_calls(subject: Subject) -> Iterator[_WrongCall]:
     for variable in others[:1]:
         what = f"{variable}, which is of type {variable.type}"
         yield _WrongCall("fmi3GetFloat64", variable.reference, 1, 1, what)
-    for v in [v for v in subject.of_causality("output", "local") if getattr(v, "data_type", "") == "Float64"][
-        :1
-    ]:
+    doubles = [v for v in subject.of_causality("output", "local") if getattr(v, "data_type", "") == "Float64"]
+    for v in doubles[:1]:
         size = getattr(v, "size", 1)
         for count in (0, size + 1):
             what = f"{count} values for the {size} of {v.name.partition('[')[0]}"
             yield _WrongCall("fmi3GetFloat64", int(v.valueReference), count, size, what)
 
 
-def _accepted(subject: Subject, number: int) -> str:
-    """Return what was accepted, as a sentence; empty if the FMU refuses the call with this number."""
-    wrong = list(_wrong_calls(subject))[number]
+def _accepted(subject: Subject, wrong: _WrongCall) -> str:
+    """Return what was accepted, as a sentence; empty if the FMU refuses the call."""
     instance = HostedInstance(subject)
     if wrong.function.startswith("fmi3Set"):
         instance.begin_initialization(span(subject)[0])

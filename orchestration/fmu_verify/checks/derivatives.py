@@ -1,4 +1,4 @@
-"""Compare the derivatives that an FMU provides with finite differences."""
+"""Compare directional and adjoint derivatives with each other, and with finite differences."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import NamedTuple
@@ -8,13 +8,11 @@ import numpy as np
 from emla_cosim.base.arrays import Vector
 
 from ..check import check
-from ..host.experiment import make_experiment
 from ..host.fresh_process import EndedError, in_fresh_process, in_separate_process
-from ..host.hosted_instance import CallError, HostedInstance
+from ..host.hosted_instance import CallError
 from ..host.points import Point, in_event_mode, in_initialization, list_unexamined_pairs
-from ..messages import list_left_out
 from ..subject import Subject
-from ..verdict import CheckOutcome, Clause, failed, fmi3, noted, passed, skipped, warned
+from ..verdict import CheckOutcome, Clause, failed, fmi3, noted, passed, skipped
 from ._points import (
     MOST_STATES,
     in_continuous_time_mode,
@@ -169,11 +167,9 @@ def _along(point: Point, seed: dict[str, float], direction: str) -> Iterator[_Sl
     given = point.directional(list(seed), list(seed.values()))
     size = min(point.scale(name) / abs(by) for name, by in seed.items() if by)
     try:
-        wide, narrow = (_difference(point, seed, part * size) for part in _STEPS)
+        narrow, doubt = _differentiate(point, seed, size)
     except CallError:  # outside of the values that the FMU accepts
         return
-    # noise or curvature makes the two differences disagree
-    doubt = 2.0 * np.abs(wide.central - narrow.central) + narrow.lost
     kinked = np.abs(narrow.ahead - narrow.behind) > _KINK * np.abs(narrow.central) + doubt
     for i, dependency in enumerate(point.dependencies):
         may_depend = all(not dependency.excludes(name) for name in seed)
@@ -181,6 +177,12 @@ def _along(point: Point, seed: dict[str, float], direction: str) -> Iterator[_Sl
             wanted, got = float(narrow.central[i]), float(given[i])
             right = abs(got - wanted) <= _AGREE * max(abs(got), abs(wanted)) + doubt[i]
             yield _Slope(dependency.unknown, direction, point.where, got, wanted, bool(right))
+
+
+def _differentiate(point: Point, seed: dict[str, float], size: float) -> tuple[_Difference, Vector]:
+    """Return a difference, and its uncertainty: noise or curvature makes those of two sizes disagree."""
+    wide, narrow = (_difference(point, seed, part * size) for part in _STEPS)
+    return narrow, 2.0 * np.abs(wide.central - narrow.central) + narrow.lost
 
 
 def _difference(point: Point, seed: dict[str, float], size: float) -> _Difference:
@@ -274,9 +276,8 @@ def _compare_adjoint(subject: Subject, points: Points, directional: bool) -> tup
             seed = [float(k == i) for k in range(len(point.unknowns))]
             found = np.array(point.instance.adjoint(point.unknowns, point.knowns, seed))
             count += len(found)
-            limit = (_EXACT if directional else _AGREE) * np.maximum(
-                np.abs(found), np.abs(matrix[i])
-            ) + doubt[i]
+            allowed = _EXACT if directional else _AGREE
+            limit = allowed * np.maximum(np.abs(found), np.abs(matrix[i])) + doubt[i]
             for k in np.flatnonzero(~(np.abs(found - matrix[i]) <= limit) & np.isfinite(matrix[i])):
                 wrong.append(
                     f"that of {unknown} by {point.knowns[k]} {point.where} is {found[k]:.6g}, not "
@@ -290,113 +291,5 @@ def _matrix(point: Point, directional: bool) -> tuple[Vector, Vector]:
     if directional:
         found = np.array([point.directional([known], [1.0]) for known in point.knowns]).T
         return found, np.zeros_like(found)
-    columns, doubts = [], []
-    for known in point.knowns:
-        size = point.scale(known)
-        wide, narrow = (_difference(point, {known: 1.0}, part * size) for part in _STEPS)
-        columns.append(narrow.central)
-        doubts.append(2.0 * np.abs(wide.central - narrow.central) + narrow.lost)
-    return np.array(columns).T, np.array(doubts).T
-
-
-_MOST_ORDERS = 3
-_LATE = 0.1
-"""Distance from the slope one step before, relative to that from the present one, that shows a late one."""
-
-_MARGIN = 0.05
-"""Allowed distance from the surrounding slopes, relative to the largest slope of the output."""
-
-
-@check(
-    "derivatives.outputs",
-    "Output derivatives match the slopes of the outputs",
-    Clause(
-        "4.3.1",
-        "Calling of fmi2GetRealOutputDerivatives(..) is allowed up to the order defined by "
-        "maxOutputDerivativeOrder.",
-        in_3=fmi3(
-            "4.4",
-            "Calling of fmi3GetOutputDerivatives is allowed up to the order defined by "
-            "maxOutputDerivativeOrder.",
-        ),
-    ),
-    "Return the slope at the end of the step, or set maxOutputDerivativeOrder to 0.",
-    needs=("run.finite",),
-)
-def of_outputs(subject: Subject) -> CheckOutcome:
-    """Check that fmi2GetRealOutputDerivatives is between the slopes before and after, at most points."""
-    if subject.kinds[0] != "CoSimulation":
-        return skipped("The FMU is not for Co-Simulation.")
-    declared = int(subject.tree.find("CoSimulation").get("maxOutputDerivativeOrder", "0"))
-    if not declared:
-        return skipped("maxOutputDerivativeOrder is 0.")
-    names = [v.name for v in subject.of_causality("output") if v.variability in (None, "continuous")]
-    if not names:
-        return skipped("It has no continuous output.")
-    most = min(declared, _MOST_ORDERS)
-    times, values = _slopes_on_the_way(subject, names, most)
-    wrong = []
-    for order in range(1, most + 1):
-        slopes = np.diff(values[order - 1], axis=0) / np.diff(times)[:, None]
-        beside = _beside(values[order], slopes).mean(axis=0)
-        wrong += [(name, order) for name, part in zip(names, beside, strict=True) if part > 0.5]
-        late = _are_late(values[order], slopes)
-        wrong += [
-            (n, order) for n, is_late in zip(names, late, strict=True) if is_late and (n, order) not in wrong
-        ]
-    if wrong:
-        lines = tuple(f"The derivative of order {order} of {name} does not match." for name, order in wrong)
-        return warned(
-            f"{len(wrong)} of {most * len(names)} derivatives of outputs do not match their slopes, "
-            f"for example that of {wrong[0][0]}, of order {wrong[0][1]}.",
-            details=lines,
-            clause=Clause(
-                "4.2.1",
-                "Retrieves the n-th derivative of output values.",
-                in_3=fmi3(
-                    "4.1.2",
-                    "For example, after a successful call to fmi3DoStep, the returned values are related to "
-                    "the end of the communication step.",
-                ),
-            ),
-        )
-    gaps = list_left_out(most, declared, "orders of derivatives were compared.")
-    return passed(
-        f"The derivatives of {len(names)} outputs match their slopes, up to order {most}.", gaps=gaps
-    )
-
-
-def _slopes_on_the_way(subject: Subject, names: list[str], most: int) -> tuple[Vector, list[Vector]]:
-    """Return times, and outputs and derivatives by order, of a run with constant inputs.
-
-    A jump of an input has no slope.
-    """
-    instance, course = HostedInstance(subject), make_experiment(subject, 40)
-    instance.initialize(course.at(0), float(course.times[0]))
-    rows: list[list[list[float]]] = []
-    for k in range(len(course.times) - 1):
-        instance.set(course.at(len(course.times) // 3))
-        instance.step(float(course.times[k]), course.step)
-        row = [instance.get(names)]
-        row += [instance.output_derivatives(names, order) for order in range(1, most + 1)]
-        rows.append(row)
-        if instance.terminated:
-            break
-    values = [np.array([row[order] for row in rows], dtype=float) for order in range(most + 1)]
-    return course.times[1 : len(rows) + 1], values
-
-
-def _are_late(given: Vector, slopes: Vector) -> Vector:
-    """Return which derivatives are those of the communication point before."""
-    middle = 0.5 * (slopes[:-1] + slopes[1:])  # at the points 1 to the last but one
-    now, before = (np.abs(given[2:-1] - m).sum(axis=0) for m in (middle[1:], middle[:-1]))
-    moved = np.abs(np.diff(middle, axis=0)).sum(axis=0)
-    return (before < _LATE * now) & (moved > _MARGIN * np.abs(slopes).max(axis=0, initial=0.0))
-
-
-def _beside(given: Vector, slopes: Vector) -> Vector:
-    """Return where a derivative is outside of the slopes of the steps before and after it."""
-    inner = given[1:-1]
-    low, high = np.minimum(slopes[:-1], slopes[1:]), np.maximum(slopes[:-1], slopes[1:])
-    margin = (high - low) + _MARGIN * np.abs(slopes).max(axis=0, initial=0.0) + 1e-12
-    return ~((inner >= low - margin) & (inner <= high + margin))
+    found = [_differentiate(point, {known: 1.0}, point.scale(known)) for known in point.knowns]
+    return np.array([d.central for d, _ in found]).T, np.array([doubt for _, doubt in found]).T

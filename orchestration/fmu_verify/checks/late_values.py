@@ -17,6 +17,7 @@ from ..messages import join_few_names, judge_problems, list_left_out
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, skipped
 from ._clauses import KEPT
+from ._steps import walk
 from ._time import take_in_time
 
 _STEPS = 6
@@ -146,16 +147,16 @@ def _run(
     """
     start, step, count = span(subject)
     changes = {} if variable is None else {variable.name: other_of(variable)}
-    instance, value = HostedInstance(subject), None
+    instance = HostedInstance(subject)
     instance.initialize(changes if when == 0 else None, start)
-    rows = [[str(v) for v in instance.get(results)]]
-    for k in range(min(count, steps, subject.most_steps)):
+    rows, values = [[str(v) for v in instance.get(results)]], [None]
+
+    def change(k: int) -> None:
         if k == when and changes and k:
             instance.set(changes)
-            value = instance.get(list(changes))[0]
-        instance.step(start + k * step, step)
-        if instance.terminated:
-            break
-        rows.append([str(v) for v in instance.get(results)])
+            values[:] = instance.get(list(changes))
+
+    times = (start + k * step for k in range(min(count, steps, subject.most_steps)))
+    rows += [[str(v) for v in instance.get(results)] for _ in walk(instance, times, step, change)]
     instance.free()
-    return rows, value
+    return rows, values[0]

@@ -20,6 +20,7 @@ from ..host.other_values import Values, others, settable
 from ..messages import join_few_names, judge_problems, list_left_out
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, fmi3, own_rule, skipped
+from ._steps import walk
 from ._time import take_in_time
 
 _SOON = 1e-3
@@ -106,17 +107,13 @@ def _times(subject: Subject, begin: float, independent: Sequence[str]) -> _Times
     instance.initialize(course.at(0), begin)
     first = {name: float(value) - begin for name, value in _read(instance, independent)}
     off: dict[str, list[float]] = {}
-    for k in range(len(course.times) - 1):
-        instance.set(course.at(k))
-        instance.step(begin + k * course.step, course.step)
-        if instance.terminated:
-            break
-        end = begin + (k + 1) * course.step
+    times = begin + course.step * np.arange(len(course.times))
+    for k in walk(instance, times[:-1], course.step, lambda k: instance.set(course.at(k))):
         found = dict(_read(instance, independent))
         if instance.reached is not None:
             found[_REACHED] = instance.reached
         for name, value in found.items():
-            off.setdefault(name, []).append(float(value) - end)
+            off.setdefault(name, []).append(float(value) - times[k])
     instance.free()
     return _Times(first, {name: np.array(values) for name, values in off.items()})
 
@@ -130,14 +127,12 @@ def _successful_times(subject: Subject, begin: float) -> Vector:
     instance, value, found = HostedInstance(subject), c_double(), list[float]()
     course = make_experiment(subject, _STEPS)
     instance.initialize(course.at(0), begin)
-    for k in range(len(course.times) - 1):
-        instance.step(begin + k * course.step, course.step)
-        if instance.terminated:
-            break
+    times = begin + course.step * np.arange(len(course.times))
+    for k in walk(instance, times[:-1], course.step):
         status = instance.status("fmi2GetRealStatus", fmi2LastSuccessfulTime, byref(value))
         if status != OK:
             return np.empty(0)
-        found.append(value.value - (begin + (k + 1) * course.step))
+        found.append(value.value - times[k])
     instance.free()
     return np.array(found)
 

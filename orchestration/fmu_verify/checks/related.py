@@ -34,6 +34,7 @@ from ..references.related_files import SRMD, RelatedFile, find_fault, is_of_type
 from ..subject import Subject
 from ..verdict import RETURNS, CheckOutcome, Clause, NotRunError, Verdict, failed, passed, skipped, warned
 from ._sameness import ROUNDING, compare_runs
+from ._steps import walk
 from .states import restore_bytes
 
 _FACTOR, _PART = 6.0, 0.8
@@ -255,9 +256,8 @@ def _judge_parameters(subject: Subject, file: RelatedFile) -> CheckOutcome:
 def _run_with(subject: Subject, values: dict[str, object]) -> None:
     course, instance = make_experiment(subject, _FEW), HostedInstance(subject)
     instance.initialize({**course.at(0), **values}, float(course.times[0]))
-    for k in range(len(course.times) - 1):
-        if not instance.terminated:
-            instance.step(float(course.times[k]), course.step)
+    for _ in walk(instance, course.times[:-1], course.step):
+        pass
     instance.close()
 
 
