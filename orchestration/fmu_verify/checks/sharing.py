@@ -12,6 +12,7 @@ from ..host.other_values import MOST, Values, others, settable, where_accepted
 from ..subject import Subject
 from ..verdict import CheckOutcome, Verdict, failed, skipped
 from ._clauses import SEVERAL
+from ._steps import walk
 from .values import judge_unchanged, read_values
 
 _ROUNDING = 1e-9
@@ -100,11 +101,9 @@ def _structural_results(subject: Subject, changes: Values, names: Sequence[str])
 def _after_steps(instance: HostedInstance, names: Sequence[str]) -> Values:
     """Return values after some steps of an instance that was initialized."""
     course = make_experiment(instance.subject, _STEPS)
-    for k in range(len(course.times) - 1):
-        instance.set(course.at(k + 1))  # inputs are 0 at the start, which may hide parameters
-        instance.step(float(course.times[k]), course.step)
-        if instance.terminated:
-            break
+    # inputs are 0 at the start, which may hide parameters
+    for _ in walk(instance, course.times[:-1], course.step, lambda k: instance.set(course.at(k + 1))):
+        pass
     return read_values(instance, names)
 
 

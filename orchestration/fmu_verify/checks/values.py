@@ -79,9 +79,10 @@ def _is_bound(start: Any, value: Any) -> bool:
     return isinstance(value, float) and start == 0.0 and 0.0 < abs(value) < _TINY
 
 
-def _read_after_start(subject: Subject, names: Sequence[str]) -> Values:
+def _read_after_start(subject: Subject, names: Sequence[str], changes: Values | None = None) -> Values:
+    """Return values after an initialization in which others are set, or none."""
     instance = HostedInstance(subject)
-    instance.initialize(None, span(subject)[0])
+    instance.initialize(changes, span(subject)[0])
     return read_values(instance, names)
 
 
@@ -106,9 +107,11 @@ def read_values(instance: HostedInstance, names: Sequence[str]) -> Values:
 def kept(subject: Subject) -> CheckOutcome:
     """Check that parameters and inputs have the values that were set, after initialization."""
     changes = others(settable(subject, "parameter", "input"))
-    answers = where_accepted(_after_setting, subject, changes) if changes else []
+    if not changes:
+        return skipped(_NOTHING)
+    answers = where_accepted(lambda s, part: _read_after_start(s, list(part), part), subject, changes)
     if not answers:
-        return skipped(_REFUSED if changes else _NOTHING)
+        return skipped(_REFUSED)
     lost = {
         name: f"{name} is {show(found[name])} after it was set to {show(changes[name])} without an error."
         for found in answers
@@ -129,13 +132,6 @@ def _not_judged(subject: Subject, count: int, tunable: bool = False) -> tuple[st
     """Return a gap if not all parameters and inputs were judged: the FMU refuses values, or has many."""
     every = others(settable(subject, "parameter", "input", tunable=tunable, most=None))
     return list_left_out(count, len(every), "parameters and inputs were judged with other values.")
-
-
-def _after_setting(subject: Subject, changes: Values) -> Values:
-    """Return values that were set before initialization, after it."""
-    instance = HostedInstance(subject)
-    instance.initialize(changes, span(subject)[0])
-    return read_values(instance, list(changes))
 
 
 @check(
@@ -166,9 +162,11 @@ def _after_reset(subject: Subject, changes: Values) -> tuple[Values, Values]:
 def judge_unchanged(subject: Subject, do: Any, when: str) -> CheckOutcome:
     """Judge values that should be those of a new instance, for the changes that were taken."""
     changes = others(settable(subject, "parameter", "input"))
-    answers = where_accepted(do, subject, changes) if changes else []
+    if not changes:
+        return skipped(_NOTHING)
+    answers = where_accepted(do, subject, changes)
     if not answers:
-        return skipped(_REFUSED if changes else _NOTHING)
+        return skipped(_REFUSED)
     fresh = in_fresh_process(_read_after_start, subject, list(changes))
     problems, count = [], 0
     for taken, found in answers:
@@ -216,20 +214,12 @@ def state(subject: Subject) -> CheckOutcome:
     problems, count, moved = [], 0, 0
     for before, changed, restored, data in answers:
         judged = differences(changed, before, before)
-        count, moved = count + len(judged), moved + len([n for n in judged if n in changes])
-        problems += [
-            f"{name} is {show(restored[name])} after fmi2SetFMUstate; it was {show(before[name])} when the "
-            "state was saved."
-            for name in differences(restored, before, judged)
-        ]
+        settled = [n for n in judged if n in changes]
+        count, moved = count + len(judged), moved + len(settled)
+        problems += _list_lost(restored, before, judged, "after fmi2SetFMUstate")
         if data is not None and not problems:
-            settled = [n for n in judged if n in changes]
             other = in_fresh_process(_from_bytes, subject, data, settled)
-            problems += [
-                f"{name} is {show(other[name])} from a serialized state; it was {show(changed[name])} when "
-                "the state was saved."
-                for name in differences(other, changed, settled)
-            ]
+            problems += _list_lost(other, changed, settled, "from a serialized state")
     gaps = () if subject.has_clocks else _not_judged(subject, moved, tunable=True)
     return judge_problems(
         problems, f"{count} values that were changed were restored with a state.", gaps=gaps
@@ -244,15 +234,20 @@ def _lost_parameters(subject: Subject) -> list[str]:
     problems = []
     for before, restored, data in where_accepted(_after_reset_and_restoring, subject, changes):
         taken = [name for name in before if same(before[name], changes[name])]
-        found = {"after fmi2Reset and fmi2SetFMUstate": restored}
-        if data is not None and not differences(restored, before, taken):
-            found["from a serialized state"] = in_fresh_process(_from_bytes, subject, data, taken)
-        problems += [
-            f"{name} is {show(values[name])} {how}; it was {show(before[name])} when the state was saved."
-            for how, values in found.items()
-            for name in differences(values, before, taken)
-        ]
+        lost = _list_lost(restored, before, taken, "after fmi2Reset and fmi2SetFMUstate")
+        if data is not None and not lost:
+            other = in_fresh_process(_from_bytes, subject, data, taken)
+            lost = _list_lost(other, before, taken, "from a serialized state")
+        problems += lost
     return problems
+
+
+def _list_lost(found: Values, saved: Values, names: Sequence[str], how: str) -> list[str]:
+    """Return a message for each value that is not the one that was saved."""
+    return [
+        f"{name} is {show(found[name])} {how}; it was {show(saved[name])} when the state was saved."
+        for name in differences(found, saved, names)
+    ]
 
 
 def _after_reset_and_restoring(subject: Subject, changes: Values) -> tuple[Values, Values, bytes | None]:
