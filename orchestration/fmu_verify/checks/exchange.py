@@ -13,6 +13,7 @@ from ..messages import join_few_names
 from ..subject import Subject
 from ..verdict import CheckOutcome, Clause, Verdict, fmi3, noted, passed, skipped, warned
 from ._sameness import compare_runs, differing
+from ._steps import walk
 
 _MOST_CALLS, _FEWEST_STEPS = 50_000, 2
 """Most calls of a run with values exchanged one by one, and its fewest steps."""
@@ -62,13 +63,7 @@ def _one_by_one(subject: Subject, course: Experiment, backwards: bool) -> Output
 
     give(0)
     instance.initialize(None, float(course.times[0]))
-    rows = [take()]
-    for k in range(len(course.times) - 1):
-        give(k)
-        instance.step(float(course.times[k]), course.step)
-        if instance.terminated:
-            break
-        rows.append(take())
+    rows = [take(), *(take() for _ in walk(instance, course.times[:-1], course.step, give))]
     values = np.array(rows, dtype=float).reshape(len(rows), len(names))
     return OutputTrajectory(course.times[: len(rows)], names, values)
 
