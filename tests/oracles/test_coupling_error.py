@@ -25,6 +25,7 @@ from tests.support.coupled_systems import (
     systems,
 )
 from tests.support.hand_written_fmus import build_faulty_fmu, build_forgetful_fmu
+from tests.support.tiers import mostly_slow
 
 CASES = [
     ("undamped pair", "strong", "fmu", (400, 1600, 12800)),
@@ -49,7 +50,12 @@ def run(system: ec.System, folder: Path, step: float, stop: float, **options: An
         return simulation.run()
 
 
-@pytest.mark.parametrize(("name", "algorithm", "extrapolation", "steps"), CASES)
+IN_SHORT = [case for case in CASES if case[0] in ("lightly damped pair", "damped pair", "chain of three")]
+IN_SHORT += [("drive", "strong", "fmu", (200, 800, 6400)), ("heat", "gauss-seidel", "none", (70, 400, 12800))]
+"""Each algorithm, each extrapolation, and each kind of system that is quick."""
+
+
+@pytest.mark.parametrize(("name", "algorithm", "extrapolation", "steps"), mostly_slow(CASES, IN_SHORT))
 def test_size_of_the_error(
     fmu_folder: Path,
     name: str,

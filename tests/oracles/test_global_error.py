@@ -68,7 +68,10 @@ def test_error_keeps_its_bound_as_a_run_becomes_longer() -> None:
     assert error_of(recorded(controlled(part, "strong", "fmu", 0.1, 20.0, 0.05)), part) < 1.0
 
 
-@pytest.mark.parametrize(("name", "extrapolation"), [*product(ALGORITHMS, ["none", "master"])])
+@pytest.mark.parametrize(
+    ("name", "extrapolation"),
+    mostly_slow(product(ALGORITHMS, ["none", "master"]), [("jacobi", "none"), ("gauss-seidel", "master")]),
+)
 def test_held_inputs_get_a_remark_with_the_ratio(
     name: str, extrapolation: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

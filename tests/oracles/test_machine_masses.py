@@ -112,6 +112,7 @@ def test_masses_of_the_manipulator(folder: Path, manipulator: Data) -> None:
         assert one.interval[1] - one.interval[0] < 0.25 * value
 
 
+@pytest.mark.slow
 def test_masses_that_forces_do_not_tell_apart(folder: Path, manipulator: Data) -> None:
     """The lift boom turns about a fixed axis: only the product with its centre, and its inertia, count."""
     fmu = load_fmu("hdrm", folder)
@@ -122,6 +123,7 @@ def test_masses_that_forces_do_not_tell_apart(folder: Path, manipulator: Data) -
         assert "combination" in str(found[f"Load.lift_boom.{name}"].problem)
 
 
+@pytest.mark.slow
 def test_masses_of_a_crane_whose_load_swings(folder: Path) -> None:
     """The record has the hook's motion in its forces; the estimate needs its angle at the start."""
     fmu, data = load_fmu("crane", folder), motion("crane")

@@ -116,6 +116,7 @@ FACTS = {
         smooth={"payload.m": 400.0, "x_L[1]": 0.2, "x_L[2]": 0.3, "x_L[3]": 0.4}
         | {"v_L[1]": 0.1, "v_L[2]": -0.2, "v_L[3]": 0.3, "a_L[1]": 1.0, "a_L[2]": 2.0, "a_L[3]": -3.0},
         points=manipulator_points,
+        is_laborious=True,
     ),
     "HdrmPlant": BlockFacts(
         start={"gravity": 1.0}  # so that nothing falls beyond its stroke
