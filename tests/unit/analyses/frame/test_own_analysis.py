@@ -16,6 +16,8 @@ from emla_cosim.cli.commands.analysis import show_result
 FACTORS = {"lift.plant.motor.R_s": "0.1:0.2", "lift.plant.motor.J_m": "0.01:0.02"}
 METRIC = "lift.torque_peak_N_m"
 
+pytestmark = pytest.mark.usefixtures("scheduler")
+
 
 def test_corners_are_those_of_a_loop_over_runs(tmp_path: Path) -> None:
     result = corners("lift", FACTORS, METRIC, output=tmp_path, report=True, stop_time=0.05)

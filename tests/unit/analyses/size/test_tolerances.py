@@ -26,6 +26,8 @@ RUN = SHORT | {"actuator": {"prototype": SHEET}}
 LOAD, MASS = "prototype.disturbance.load.level[1]", "prototype.plant.screw.M_BS"
 LIGHT = {LOAD: 1000.0}
 
+pytestmark = pytest.mark.usefixtures("scheduler")
+
 
 @pytest.fixture(scope="module")
 def size(fmu_folder: Path) -> Callable[..., ec.SizeResult]:
