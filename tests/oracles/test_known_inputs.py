@@ -141,9 +141,7 @@ def test_outputs_that_an_fmu_keeps_are_reported_as_late(fmus: Path) -> None:
     result = driven(fmus / "Loop3.fmu", data, step, 2.0)
     x, force = exact(result.time)
     assert np.abs(result["c.x"] - x).max() < 0.003 * np.ptp(x)
-    integral = np.concatenate(
-        [[0.0], np.cumsum(0.5 * np.diff(ROWS) * (COMMAND[1:] + COMMAND[:-1]))]
-    )
+    integral = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(ROWS) * (COMMAND[1:] + COMMAND[:-1]))])
     mean = np.diff(np.interp(result.time, ROWS, integral)) / step
     assert result["c.F"][1:] == pytest.approx(400.0 * (mean - result["c.x"][1:]), abs=0.05)
     for more in (result, driven(fmus / "Loop3.fmu", data, step, 2.0, error_tolerance=1e-2)):

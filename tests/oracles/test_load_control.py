@@ -158,7 +158,12 @@ def test_approach_waits_while_the_motion_needs_the_speed(gap: float, distance: f
     t = h * np.arange(round(5.0 / h))
     x_d, v_d, a_d = quintic(distance, duration, t)
     v_max = max(1.875 * abs(distance) / (part * duration), 0.03)  # the motion alone can need more
-    values = {"approach.duration": 0.2, "approach.a_max": 1.0, "limit.v_max": v_max, "solver.internal_step": h}
+    values = {
+        "approach.duration": 0.2,
+        "approach.a_max": 1.0,
+        "limit.v_max": v_max,
+        "solver.internal_step": h,
+    }
     x, v, a = commanded(values, (x_d, v_d, a_d), h, x_1=gap)
     assert np.abs(v).max() <= max(v_max, np.abs(v_d).max()) * (1.0 + 1e-9)
     assert x[0] == pytest.approx(gap, abs=1e-15)

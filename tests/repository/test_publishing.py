@@ -19,6 +19,7 @@ import yaml
 
 from tests.support.language import check_page
 from tests.support.paths import ROOT
+from tests.support.tiers import mostly_slow
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 CITATION = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
@@ -37,16 +38,25 @@ def program(name: str) -> str:
     return path
 
 
+SCHEMA_OF_CITATIONS = ("citation-file-format", ["CITATION.cff"])
+
+
 @pytest.mark.parametrize(
     ("schema", "files"),
-    [
-        ("citation-file-format", ["CITATION.cff"]),
-        ("readthedocs", [".readthedocs.yaml"]),
-        ("github-issue-config", [".github/ISSUE_TEMPLATE/config.yml"]),
-        ("github-issue-forms", [f".github/ISSUE_TEMPLATE/{name}.yml" for name in ("bug", "fmu", "result")]),
-        ("github-actions", ["action.yml"]),
-        ("github-workflows", sorted(str(p) for p in (ROOT / ".github/workflows").iterdir())),
-    ],
+    mostly_slow(
+        [
+            SCHEMA_OF_CITATIONS,
+            ("readthedocs", [".readthedocs.yaml"]),
+            ("github-issue-config", [".github/ISSUE_TEMPLATE/config.yml"]),
+            (
+                "github-issue-forms",
+                [f".github/ISSUE_TEMPLATE/{name}.yml" for name in ("bug", "fmu", "result")],
+            ),
+            ("github-actions", ["action.yml"]),
+            ("github-workflows", sorted(str(p) for p in (ROOT / ".github/workflows").iterdir())),
+        ],
+        [SCHEMA_OF_CITATIONS],
+    ),
 )
 def test_configurations_fit_their_schemas(schema: str, files: list[str]) -> None:
     pytest.importorskip("check_jsonschema", reason="The extra 'test' is not installed.")
@@ -55,6 +65,7 @@ def test_configurations_fit_their_schemas(schema: str, files: list[str]) -> None
     assert done.returncode == 0, done.stdout
 
 
+@pytest.mark.slow
 def test_component_fits_the_schema_of_gitlab(tmp_path: Path) -> None:
     """In two files, because the checker reads one document."""
     documents = (ROOT / "templates/verify-fmus.yml").read_text(encoding="utf-8").split("\n---\n")

@@ -117,8 +117,12 @@ def test_page_loads_nothing() -> None:
             assert element.get(name, "#").startswith(("#", "data:")), element.attrib
 
 
-def test_pages_are_small() -> None:
+@pytest.mark.slow
+def test_pages_of_many_fmus_are_small() -> None:
     assert len(render(ten()).encode()) < 5e6
+
+
+def test_pages_without_plots_are_small() -> None:
     without_plots = render(report())
     assert "Anaconda" not in without_plots and len(without_plots) < 40_000
 

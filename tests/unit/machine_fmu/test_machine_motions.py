@@ -13,6 +13,7 @@ from machine_fmu.optimisation.contradictions import find_contradictions
 from machine_fmu.optimisation.problem import MotionProblem
 from machine_fmu.optimisation.solving import NoMotionError, Solution, solved
 from machine_fmu.optimisation.transcription import Discretisation
+from tests.support.tiers import mostly_slow
 
 COARSE = Discretisation(knots=9, points=5)
 TASKS: dict[str, dict[str, Any]] = {
@@ -93,7 +94,10 @@ def gained(problem: MotionProblem) -> float:
 
 @pytest.mark.parametrize(
     ("name", "via", "at"),
-    [("crane", (4.3, 2.9), 0.4), ("excavator", (1.9, -0.5), 0.5), ("lift_table", None, 0.5)],
+    mostly_slow(
+        [("crane", (4.3, 2.9), 0.4), ("excavator", (1.9, -0.5), 0.5), ("lift_table", None, 0.5)],
+        [("excavator", (1.9, -0.5), 0.5), ("lift_table", None, 0.5)],
+    ),
 )
 def test_the_tip_passes_its_way_point(name: str, via: tuple[float, float] | None, at: float) -> None:
     """The table has one actuator, so its way-point must be on the path of the tip."""
@@ -110,7 +114,7 @@ OBSTACLES = [
 ]
 
 
-@pytest.mark.parametrize(("name", "point", "form"), OBSTACLES)
+@pytest.mark.parametrize(("name", "point", "form"), mostly_slow(OBSTACLES, OBSTACLES[1:]))
 def test_an_obstacle_is_avoided(name: str, point: str, form: dict[str, Any]) -> None:
     free, solution = best(name)
     spline = solution.spline(COARSE)

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import Phase, given, settings
+from hypothesis import Phase, given
 from hypothesis import strategies as st
 
 from emla_cosim.analyses.trajectory.problem import paper_problem
@@ -17,6 +17,7 @@ from machine_fmu.optimisation.solving import solved
 from machine_fmu.optimisation.transcription import Discretisation
 from machine_fmu.spline import TrajectoryError
 from tests.support.manipulator_geometry import HDRM, points
+from tests.support.tiers import examples
 
 COARSE = Discretisation(knots=12, points=6)
 REST = (0.0, 0.0, 0.0)
@@ -41,7 +42,7 @@ def way(q: Any, start: Any) -> float:
 
 
 @given(start=anywhere(), q=anywhere())
-@settings(deadline=None, max_examples=20, phases=[Phase.explicit, Phase.generate])
+@examples(6, 20, phases=[Phase.explicit, Phase.generate])
 def test_the_posture_of_a_position_is_the_nearest_to_the_start(start: Any, q: Any) -> None:
     at = tip(q)
     found = nearest_posture(REACH, (at.real, at.imag), start, everything)
@@ -61,7 +62,10 @@ def test_only_allowed_postures_are_chosen() -> None:
     assert abs(tip(long) - (3.2 + 0.5j)) < 1e-9
 
 
-@pytest.mark.parametrize("position", [(5.0, 1.0), (0.3, 0.3), (-2.0, 0.0), (1.0, 4.5)])
+@pytest.mark.parametrize(
+    "position",
+    [(5.0, 1.0), *(pytest.param(p, marks=pytest.mark.slow) for p in [(0.3, 0.3), (-2.0, 0.0), (1.0, 4.5)])],
+)
 def test_the_nearest_position_in_reach_is_nearer_than_any_random_one(position: tuple[float, float]) -> None:
     draw = np.random.default_rng(4)
     aim = complex(*position)
@@ -104,8 +108,16 @@ def test_the_optimiser_uses_the_free_stroke() -> None:
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"tip_E": (2.0, -1.3)}, "tip_E = 2,-1.3 m is 0.0806 m above the ground, which is at y = -1.381 m"),
-        ({"via": (Via((2.0, -2.0)),)}, "via[1].tip = 2,-2 m is 0.619 m below the ground"),
+        *(
+            pytest.param(*case, marks=pytest.mark.slow)
+            for case in [
+                (
+                    {"tip_E": (2.0, -1.3)},
+                    "tip_E = 2,-1.3 m is 0.0806 m above the ground, which is at y = -1.381 m",
+                ),
+                ({"via": (Via((2.0, -2.0)),)}, "via[1].tip = 2,-2 m is 0.619 m below the ground"),
+            ]
+        ),
         ({"via": (Via((6.0, 0.0)),)}, "via[1].tip = 6,0 m is out of the tip's reach by 1."),
         (
             {"via": (Via((3.0, 0.0), 0.5), Via((3.1, 0.0), 0.4))},

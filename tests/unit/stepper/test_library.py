@@ -50,6 +50,7 @@ def test_it_is_built_once_and_a_damaged_file_again(
     assert found.why_not_kept == ""
 
 
+@pytest.mark.slow
 def test_a_wheel_brings_it(load: Load, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     prebuilt = library.prebuild_stepper(host_platform())
     (tmp_path / "cache").rename(tmp_path / "prebuilt")

@@ -152,6 +152,7 @@ def test_unequal_terms_stand_below_the_ranking() -> None:
     assert describe_ranking([*runs, *unlimited])[1:] == ["Not equal: reserves of tilt, listed below."]
 
 
+@pytest.mark.usefixtures("scheduler")
 def test_comparison_shows_observers_and_offers_equal_ones(fmu_folder: Path) -> None:
     options: Any = {"stop_time": 0.01, "fmus": fmu_folder, "workers": 1}
     unequal = ec.compare("lift", ["rsba", "foc"], gains=["rsba/robust", "foc/tuned"], **options)

@@ -200,6 +200,7 @@ def test_change_by_half_the_step_equals_that_of_another_fit(
         assert not any("the step" in note for note in better.notes)
 
 
+@pytest.mark.slow
 def test_step_is_not_judged_without_reason(driven: ec.System, scheduler: Client) -> None:
     """An exact fit has no standard errors worth the name; half a controlled step is none."""
     forces = held(wave(STEP * np.arange(1, round(2.0 / STEP) + 1)))

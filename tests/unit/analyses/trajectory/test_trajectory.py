@@ -64,6 +64,7 @@ def test_command_reports_and_writes_the_motion(emla: Emla, tmp_path: Path) -> No
         assert (tmp_path / name).read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_pictures_and_page_of_the_motion_before_are_removed(tmp_path: Path) -> None:
     path = tmp_path / "motion.json"
     ec.trajectory(**FAST, output=path, report=True)
@@ -181,6 +182,7 @@ def test_the_record_of_a_problem_is_a_problem() -> None:
     assert (again.v_UB, again.f_LB) == (problem.v_UB, problem.f_LB) and problem.v_UB == (0.1,)
 
 
+@pytest.mark.slow
 def test_tip_positions_as_file_options_and_python_values(emla: Emla, tmp_path: Path) -> None:
     (tmp_path / "mine.toml").write_text("tip_E = [3.2, 0.4]\n[[via]]\ntip = [2.7, -0.4]\n")
     changes = ("--set", "tip_E=3.2,0.5", "--set", "via[1].at=0.3", "--set", "via[2].tip=3,0.2")
