@@ -85,6 +85,7 @@ def test_digital_controller_keeps_its_margins(fmu_folder: Path) -> None:
     assert same.margins == whole.margins and finer.step == 1e-4
 
 
+@pytest.mark.slow
 def test_step_is_not_judged_with_a_reason() -> None:
     options = {**OPTIONS, "open": "gain.force->cart.force"}
     (unknown,) = ec.linearize(closed(), **options).remarks

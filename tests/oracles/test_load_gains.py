@@ -88,7 +88,7 @@ CASES = [
     for joint in STUDY
     for controller in CONTROLLERS
 ]
-IN_SHORT = [(controller, "telescope", "load mass +50 %", "motor") for controller in CONTROLLERS]
+IN_SHORT = [(controller, "telescope", "load mass +50 %", "motor") for controller in ("rsba", "foc")]
 """The loops with the least margin."""
 
 

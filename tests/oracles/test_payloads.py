@@ -95,6 +95,7 @@ def test_bounds_of_forces_hold_with_the_payload_after_the_change() -> None:
         solved(loaded, COARSE)
 
 
+@pytest.mark.slow
 def test_a_change_to_the_same_payload_changes_no_force() -> None:
     same = replace(PROBLEM, via=tuple(replace(via, payload=470.0) for via in PROBLEM.via))
     never = replace(PROBLEM, via=tuple(replace(via, payload=None) for via in PROBLEM.via))

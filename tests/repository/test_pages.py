@@ -30,7 +30,7 @@ def is_executed(page: Path) -> bool:
 
 
 EXECUTED = [page for page in PAGES if is_executed(page)]
-BY_DEFAULT = ("actuator.md", "info.md", "joints.md", "master.md", "python.md")
+BY_DEFAULT = ("actuator.md", "joints.md", "master.md", "python.md")
 """Pages of which each takes about a second."""
 
 

@@ -174,6 +174,7 @@ def test_fmus_of_the_current_folder_come_first_and_are_rebuilt(cache: Path, tmp_
     assert build(own(tmp_path), "python", []).is_relative_to(cache)
 
 
+@pytest.mark.slow
 def test_a_wheel_brings_fmus(cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """They are used where they are, copied elsewhere, and built only for further platforms."""
     built = build(own(tmp_path), "native", [])

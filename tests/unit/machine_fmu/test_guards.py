@@ -50,6 +50,7 @@ def test_pose_of_other_strokes_is_reported() -> None:
     assert "left its limits, -1e-06 to 1e-06" in reports[0]
 
 
+@pytest.mark.slow
 def test_singular_pose_is_reported() -> None:
     """The arms of the table become vertical, where nothing tells to which side they fall."""
     table = machine_load("lift_table")

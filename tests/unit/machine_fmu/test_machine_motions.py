@@ -144,6 +144,7 @@ def test_an_obstacle_on_the_only_way_is_named() -> None:
         solved(problem, COARSE)
 
 
+@pytest.mark.slow
 def test_bounds_in_the_way_have_the_names_of_the_actuators() -> None:
     problem = task("crane", t_M=1.6, a_LB=[-0.5] * 3, a_UB=[0.5] * 3)
     with pytest.raises(NoMotionError, match="the speed bounds of the telescope by"):

@@ -8,11 +8,12 @@ import pytest
 import emla_cosim as ec
 from emla_cosim.run.choices import resolve
 from emla_cosim.run.scenarios.built_in import SCENARIOS
+from tests.support.tiers import mostly_slow
 
 NOTE = "the order of the scenario is not used: the algorithm jacobi has none"
 
 
-@pytest.mark.parametrize("name", [*SCENARIOS])
+@pytest.mark.parametrize("name", mostly_slow(SCENARIOS, ["lift", "study", "lift_table"]))
 @pytest.mark.parametrize("algorithm", ["jacobi", "strong"])
 def test_every_scenario_accepts_every_algorithm(name: str, algorithm: str) -> None:
     scenario, own = ec.load(name, algorithm=algorithm), ec.load(name).options.class_options

@@ -76,6 +76,7 @@ def test_file_is_written_once(tmp_path: Path) -> None:
     assert [Instance(blocks.load())["boom.m"] for blocks in (first, other)] == [120.0, 130.0]
 
 
+@pytest.mark.slow
 def test_build_command(emla: Emla, tmp_path: Path) -> None:
     (tmp_path / "boom.toml").write_text(LIFT, encoding="utf-8")
     built = emla("build", "boom.toml", "--platform", "linux64", "--output", "out")

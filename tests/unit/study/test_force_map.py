@@ -18,6 +18,7 @@ from emla_cosim.study.sketch.machine_maps import draw_machine_pictures
 from emla_cosim.study.sketch.workspace import find_workspace
 from machine_fmu import Machine
 from machine_fmu.model import MachineModel
+from tests.support.tiers import mostly_slow
 
 MASS, REACH, ARM, FOOT, REST, STROKE = 300.0, 2.0, 0.5, 0.6, 0.5, 0.35
 
@@ -90,7 +91,7 @@ def test_maps_are_over_the_two_strokes_that_matter() -> None:
     assert find_levers(machine, row[None, :], 2) == pytest.approx(1.0)  # the telescope moves the tip itself
 
 
-@pytest.mark.parametrize("name", ["hdrm", "lift_table", "stewart"])
+@pytest.mark.parametrize("name", mostly_slow(["hdrm", "lift_table", "stewart"], ["hdrm", "lift_table"]))
 def test_machines_are_described_and_drawn(name: str) -> None:
     info = collect_machine(load_machine(name), limits={"lift": ForceLimits(30e3, 60e3)})
     assert info.degrees_of_freedom == {"hdrm": 3, "lift_table": 1, "stewart": 6}[name]

@@ -270,7 +270,7 @@ def _entries(content: Any, place: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]
     return found
 
 
-@pytest.mark.parametrize("odd", mostly_slow([10**400, -(10**400), "nan", -1, "", True], ["nan", True]))
+@pytest.mark.parametrize("odd", mostly_slow([10**400, -(10**400), "nan", -1, "", True], ["nan"]))
 def test_odd_value_in_any_entry_is_used_or_refused(odd: Any) -> None:
     for place in _entries(tomllib.loads(read_joint_text("tilt"))):
         content = tomllib.loads(read_joint_text("tilt"))

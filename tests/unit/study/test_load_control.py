@@ -227,6 +227,7 @@ def test_measured_motion_reaches_the_load(fmu_folder: Path) -> None:
     assert figures["joints"]["lift"]["held"] and figures["loads"]["lift"]["load_position_error_m"] < 10e-6
 
 
+@pytest.mark.usefixtures("scheduler")
 def test_comparison_has_the_figures_of_loads(fmu_folder: Path) -> None:
     options: dict[str, Any] = {"fmus": fmu_folder, "stop_time": 0.6, "seeds": 1, "workers": 1}
     compared = ec.compare("study-compliant", controllers=["rsba"], gains=["compliant"], **options)

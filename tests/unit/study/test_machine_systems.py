@@ -21,6 +21,7 @@ from emla_cosim.study.machines.systems import machine_system
 from emla_cosim.study.roles import find_element, find_joints, find_variable
 from machine_fmu.model import MachineModel
 from machine_fmu.spline import DEFAULT_FILE
+from tests.support.tiers import mostly_slow
 
 BOOM = """
 kind = "machine"
@@ -168,7 +169,7 @@ def column(result: ec.Result, role: str) -> Vector:
     return np.column_stack([np.asarray(result[str(name)]) for name in names])
 
 
-@pytest.mark.parametrize("name", MACHINES)
+@pytest.mark.parametrize("name", mostly_slow(MACHINES, ["crane", "lift_table"]))
 def test_modes_agree(name: str, fmu_folder: Path) -> None:
     coupled, merged, replayed = (run(name, mode, fmu_folder) for mode in ("coupled", "merged", "replayed"))
     joints = list(load_machine_file(name).joints)

@@ -27,6 +27,7 @@ from emla_cosim.views.run_page.picture_plots import build_pictures
 from emla_cosim.views.run_page.signals import list_signal_rows
 from tests.support.browser import Page, chromium, figure_of
 from tests.support.commands import Emla
+from tests.support.tiers import mostly_slow
 
 SCRIPT = "</script><script>document.title = 'taken'</script>"
 
@@ -294,7 +295,7 @@ def test_hostile_content_does_nothing(browser: Any, result: Result, tmp_path: Pa
     assert opened.browser.title.startswith("</script>") and opened.complaints() == []
 
 
-@pytest.mark.parametrize(("signals", "rows"), [(1500, 2000), (3, 200_000)])
+@pytest.mark.parametrize(("signals", "rows"), mostly_slow([(1500, 2000), (3, 200_000)], [(3, 200_000)]))
 def test_size_of_the_page_is_bounded(signals: int, rows: int, result: Result) -> None:
     values = np.random.default_rng(1).normal(size=(rows, signals))
     table = np.column_stack([np.arange(float(rows)), values])
