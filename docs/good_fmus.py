@@ -2,16 +2,25 @@
 
     python -m docs.good_fmus REPORT.json...
 
-The reports are those of `emla verify FMU... --json REPORT.json`. The result is a table: for each check that
-failed or warned, the number of FMUs, the tools that made them, and the sections whose sentences are broken.
+The reports are those of `emla verify FMU... --json REPORT.json`. vendor-findings.csv has for each check that
+failed or warned the number of FMUs, the tools that made them, and the clauses. verify.md shows the most frequent.
 """
 
+import csv
 import json
 import sys
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
+
+from docs.paste import pasted
+
+PAGE, TABLE = (Path(__file__).parent / name for name in ("verify.md", "vendor-findings.csv"))
+HEADER = ("verdict", "check", "fmus", "made_by", "clauses")
+
+_FEWEST = 7
+"""Fewest FMUs that fail a check that the page shows."""
 
 _WORSE = ("failed", "warning")
 _TOOLS = {
@@ -32,32 +41,47 @@ _TOOLS = {
 
 
 def main() -> None:
-    """Print the table of all reports."""
-    print(summarize(json.loads(Path(name).read_text(encoding="utf-8")) for name in sys.argv[1:]))
-
-
-def summarize(reports: Iterable[dict[str, Any]]) -> str:
-    """Return a table of all findings, and how many FMUs have none."""
+    """Write the table of all reports and the part of it that the page shows."""
+    reports = [json.loads(Path(name).read_text(encoding="utf-8")) for name in sys.argv[1:]]
+    with TABLE.open("w", encoding="utf-8", newline="") as stream:
+        csv.writer(stream, lineterminator="\n").writerows([HEADER, *count_findings(reports)])
     examined = [one for report in reports for one in report["examined"]]
-    rows: dict[tuple[int, str], list[tuple[str, str]]] = defaultdict(list)
-    clean = 0
-    for one in examined:
-        found = [f for f in one["findings"] if f["verdict"] in _WORSE]
-        clean += not found
-        for f in found:
-            clause = f["clause"]
-            where = f"{clause['document']} {clause['section']}".removeprefix("FMI 2.0.4 ")
-            rows[_WORSE.index(f["verdict"]), f["check"]].append((find_tool(one), where))
-    lines = [
-        f"{len(examined)} FMUs, {clean} without a finding.",
-        "",
-        "| Verdict | Check | FMUs | Made by | Broken sentence in |",
-        "|---|---|---|---|---|",
-    ]
-    for (verdict, check), cases in sorted(rows.items(), key=lambda row: (row[0][0], -len(row[1]), row[0][1])):
-        tools, places = (", ".join(sorted({case[k] for case in cases})) for k in (0, 1))
-        lines.append(f"| {_WORSE[verdict]} | `{check}` | {len(cases)} | {tools} | {places} |")
+    clean = sum(all(f["verdict"] not in _WORSE for f in one["findings"]) for one in examined)
+    print(f"{len(examined)} FMUs, {clean} without a finding.")
+    write_page()
+
+
+def write_page() -> None:
+    """Show the most frequent findings of the CSV file on the page."""
+    with TABLE.open(encoding="utf-8", newline="") as stream:
+        rows = list(csv.reader(stream))[1:]
+    page = PAGE.read_text(encoding="utf-8")
+    PAGE.write_text(pasted(page, "vendor findings", make_table(rows)), encoding="utf-8", newline="\n")
+
+
+def make_table(rows: Iterable[Sequence[str]]) -> str:
+    """Return the checks that most FMUs fail, as a table in Markdown."""
+    lines = ["| Failed check | FMUs | Made by | Clauses |", "|---|---:|---|---|"]
+    for verdict, check, count, made_by, clauses in rows:
+        if verdict == "failed" and int(count) >= _FEWEST:
+            lines.append(f"| `{check}` | {count} | {made_by} | {clauses} |")
     return "\n".join(lines)
+
+
+def count_findings(reports: Iterable[dict[str, Any]]) -> list[list[str]]:
+    """Return a row of texts for each verdict and check, the most frequent first."""
+    cases: dict[tuple[int, str], list[tuple[str, str]]] = defaultdict(list)
+    for one in (one for report in reports for one in report["examined"]):
+        for finding in one["findings"]:
+            if finding["verdict"] in _WORSE:
+                clause = finding["clause"]
+                where = f"{clause['document']} {clause['section']}".removeprefix("FMI 2.0.4 ")
+                cases[_WORSE.index(finding["verdict"]), finding["check"]].append((find_tool(one), where))
+    rows = []
+    for (verdict, check), seen in sorted(cases.items(), key=lambda row: (row[0][0], -len(row[1]), row[0][1])):
+        tools, clauses = (", ".join(sorted({case[k] for case in seen})) for k in (0, 1))
+        rows.append([_WORSE[verdict], check, str(len(seen)), tools, clauses])
+    return rows
 
 
 def find_tool(examined: dict[str, Any]) -> str:

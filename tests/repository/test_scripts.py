@@ -12,7 +12,8 @@ import pytest
 
 from benchmarks.checker_tools import CRASHED, HUNG, NOT_APPLICABLE, Answer, Checker, find_checkers, run
 from benchmarks.checkers import GROUPS, OURS, examine, group_of, summarize
-from docs import good_fmus
+from docs import controller_results, good_fmus
+from docs.paste import pasted
 from fmu_verify.catalogue import CHECKS
 from tests.support.broken.static import STATIC
 from tests.support.broken.table import BROKEN
@@ -53,12 +54,18 @@ def test_findings_are_counted_by_check_and_tool() -> None:
     warning = _finding("c.d", "warning", "c.d", "emla verify")
     second = _fmu("OpenModelica Compiler v1.13.0", _finding("a.b", "failed", "2.1.5"), warning)
     clean = _fmu("Acme 3", _finding("a.b", "skipped", "2.3"))
-    text = good_fmus.summarize([{"examined": [first, second]}, {"examined": [clean]}])
-    assert text.splitlines()[0] == "3 FMUs, 1 without a finding."
-    assert text.splitlines()[4:] == [
-        "| failed | `a.b` | 2 | Dymola, OpenModelica | 2.1.5, 2.3 |",
-        "| warning | `c.d` | 1 | OpenModelica | emla verify c.d |",
+    assert good_fmus.count_findings([{"examined": [first, second]}, {"examined": [clean]}]) == [
+        ["failed", "a.b", "2", "Dymola, OpenModelica", "2.1.5, 2.3"],
+        ["warning", "c.d", "1", "OpenModelica", "emla verify c.d"],
     ]
+
+
+def test_pages_show_what_their_csv_files_hold() -> None:
+    rows = good_fmus.TABLE.read_text(encoding="utf-8").splitlines()[1:]
+    assert good_fmus.make_table(csv.reader(rows)) in good_fmus.PAGE.read_text(encoding="utf-8")
+    page = controller_results.PAGE.read_text(encoding="utf-8")
+    for name, table in controller_results.make_tables(controller_results.read_rows()).items():
+        assert pasted(page, name, table) == page
 
 
 @pytest.mark.slow

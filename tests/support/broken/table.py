@@ -1,9 +1,10 @@
-"""All FMUs that are broken on purpose, and the table of them in the documentation.
+"""All FMUs that are broken on purpose, and their list in the documentation.
 
 `python -m tests.support.broken.table` writes it.
 """
 
-import re
+import csv
+import io
 
 from fmu_verify.verdict import Verdict
 from tests.support.broken.broken import Broken
@@ -20,33 +21,19 @@ from tests.support.paths import ROOT
 BROKEN: list[Broken] = [
     *(*STATIC, *DYNAMIC, *WIDE, *NUMERIC, *MEMORY, *THIRD, *LAYERED, *CLOCKED, *RELATED_FILES),
 ]
-
-_BEGIN, _END = "<!-- broken fmus begin -->", "<!-- broken fmus end -->"
+FILE = ROOT / "docs" / "broken-fmus.csv"
 
 
 def table() -> str:
-    """The table, with what stands around it on the page."""
-    rows = [f"| {_sentence(b.what)} | `{b.check}` | {_shown(b)} |" for b in BROKEN]
-    return "\n".join(
-        [_BEGIN, "| What is wrong | Check that says so | Verdict |", "|---|---|---|", *rows, _END]
-    )
-
-
-def _shown(broken: Broken) -> str:
-    return "noted" if broken.verdict == Verdict.PASSED else str(broken.verdict)
-
-
-def _sentence(text: str) -> str:
-    return (text[:1].upper() + text[1:]).replace("|", r"\|")
-
-
-def main() -> None:
-    """Write it."""
-    page = ROOT / "docs" / "verify.md"
-    text = page.read_text(encoding="utf-8")
-    found = re.sub(f"{_BEGIN}.*{_END}", lambda _: table(), text, flags=re.DOTALL)
-    page.write_text(found, encoding="utf-8")
+    """Return the list as CSV."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(["fault", "check", "verdict"])
+    for broken in BROKEN:
+        verdict = "noted" if broken.verdict == Verdict.PASSED else str(broken.verdict)
+        writer.writerow([broken.what[:1].upper() + broken.what[1:], broken.check, verdict])
+    return text.getvalue()
 
 
 if __name__ == "__main__":
-    main()
+    FILE.write_text(table(), encoding="utf-8", newline="\n")
