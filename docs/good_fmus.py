@@ -2,8 +2,9 @@
 
     python -m docs.good_fmus REPORT.json...
 
-The reports are those of `emla verify FMU... --json REPORT.json`. vendor-findings.csv has for each check that
-failed or warned the number of FMUs, the tools that made them, and the clauses. verify.md shows the most frequent.
+The reports are those of `emla verify FMU... --json REPORT.json`. vendor-findings.csv has, for each check that
+failed or warned, the number of FMUs, the tools that made them, and the clauses. verify.md shows the most
+frequent ones.
 """
 
 import csv

@@ -19,7 +19,6 @@ from tests.support.broken.static import STATIC
 from tests.support.broken.table import BROKEN, FILE, table
 from tests.support.broken.third import CLOCKED, INTERVAL, THIRD
 from tests.support.broken.wide import WIDE, build_wide_fmu
-from tests.support.paths import ROOT
 from tests.support.tiers import mostly_slow
 
 LONG = (
