@@ -1,1 +1,1 @@
-"""Mutation testing by hand: `python -m tests.mutation --help`; docs/reliability.md explains it."""
+"""Mutation testing by hand: `python -m tests.mutation --help`; tests/reliability.md explains it."""

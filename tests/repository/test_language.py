@@ -12,7 +12,8 @@ PAGES = [
     *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "ARCHITECTURE.md", "CHANGELOG.md")),
     *sorted((ROOT / "docs").rglob("*.md")),
     *sorted((ROOT / "fmus").glob("*/README.md")),
-    *(ROOT / name for name in ("benchmarks/README.md", "modelica/README.md", "tests/README.md")),
+    *(ROOT / name for name in ("benchmarks/README.md", "modelica/README.md")),
+    *sorted((ROOT / "tests").glob("*.md")),
 ]
 NOTEBOOKS = sorted((ROOT / "docs/notebooks").glob("*.ipynb"))
 
