@@ -1,9 +1,9 @@
-"""Keep controllers-results.csv, and make the tables and figures of controllers-results.md from it.
+"""Keep controllers-results.csv, and make tables and figures of controllers-results.md and paper.md from it.
 
     python -m docs.controller_results STUDY FOLDER     put a comparison of `emla compare` into the CSV file
     python -m docs.controller_results                  make tables and figures of the CSV file
 
-A row has means and standard deviations over seeds, and the largest error if a joint was not held.
+A row has means and standard deviations over seeds, and the largest figures if a joint was not held.
 """
 
 import csv
@@ -22,10 +22,14 @@ from docs.paste import pasted
 from emla_cosim.analyses.compare.result import LOST_AT, SHOWN, WHY, group_rows
 from emla_cosim.analyses.compare.statistics import group_by_variant, rank
 from emla_cosim.base.wording import format_rounded
+from emla_cosim.study.joints.joint_table import Cells
+from emla_cosim.study.paper import PRINTED
+from emla_cosim.study.systems import STUDY
 from emla_cosim.views.plots.style import GREY, RED, make_figure, save
 
 HERE = Path(__file__).parent
-PAGE, TABLE = HERE / "controllers-results.md", HERE / "controllers-results.csv"
+PAGES = (HERE / "controllers-results.md", HERE / "paper.md")
+TABLE = HERE / "controllers-results.csv"
 FIGURES = (
     "position_error_m",
     "velocity_error_m_s",
@@ -34,12 +38,14 @@ FIGURES = (
     "settling_time_s",
     "observer_position_error_m",
     "saturated_after_settling",
+    "convergence_time_s",
 )
 LABELS = ("study", "joint", "case", "controller", "gains", "seeds", "not_held", "why", "wins")
 COLUMNS = (*LABELS, *(name for figure in FIGURES for name in (figure, f"{figure}_std")))
 PICTURES = {"robustness-damped": ("damped", "others"), "robustness-other-sets": ("robustness",)}
 """Figures of robustness, each with the studies that it shows."""
 
+PRINTED_CONTROLLERS = ("rsba", "cac", "anatc")
 ERROR = "position_error_m"
 WORST_RATIO = 1000.0
 """Errors relative to the nominal case from which the colour does not change any more."""
@@ -56,7 +62,7 @@ def read_rows() -> list[Row]:
 def summarize(study: str, folder: Path) -> Iterator[Row]:
     """Yield the rows of a comparison: one for each joint, case and controller."""
     runs = polars.read_csv(folder / "comparison.csv").rows(named=True)
-    for (joint, case), group in group_rows(runs, "joint", "case").items():
+    for (scenario, joint, case), group in group_rows(runs, "scenario", "joint", "case").items():
         variants = group_by_variant(group)
         wins = dict[str, list[str]]()
         for figure in FIGURES:
@@ -65,18 +71,15 @@ def summarize(study: str, folder: Path) -> Iterator[Row]:
         for name, statistics in variants.items():
             controller, _, gains = name.partition("/")
             lost = sorted(statistics.lost, key=lambda row: np.inf if row[LOST_AT] is None else row[LOST_AT])
-            row: dict[str, str] = {"study": study, "joint": joint, "case": case}
-            row |= {"controller": controller, "gains": gains}
+            row: dict[str, str] = {"study": study, "joint": joint if joint in STUDY else scenario}
+            row |= {"case": case, "controller": controller, "gains": gains}
             row |= {"seeds": str(len(statistics.rows)), "not_held": str(len(lost))}
             row |= {"why": lost[0][WHY] if lost else "", "wins": "; ".join(wins.get(name, ()))}
-            if lost:
-                errors = [row[ERROR] for row in lost if row[ERROR] is not None]
-                row[ERROR] = f"{max(errors):.3g}" if errors else ""
-            else:
-                for figure in FIGURES:
-                    mean = statistics.mean(figure)
-                    row[figure] = "" if mean is None else f"{mean:.3g}"
-                    row[f"{figure}_std"] = "" if mean is None else f"{statistics.spread(figure):.2g}"
+            for figure in FIGURES:
+                largest = max((run[figure] for run in lost if run[figure] is not None), default=None)
+                value = largest if lost else statistics.mean(figure)
+                row[figure] = "" if value is None else f"{value:.3g}"
+                row[f"{figure}_std"] = "" if lost or value is None else f"{statistics.spread(figure):.2g}"
             yield row
 
 
@@ -95,8 +98,17 @@ def make_tables(rows: Sequence[Row]) -> dict[str, str]:
     return {
         "drive": _nominal([row for row in rows if row["study"] == "drive"], short),
         "equal": _nominal([row for row in rows if row["study"] == "equal"], (ERROR, "torque_peak_N_m")),
+        "paper": _beside_paper([row for row in rows if row["study"] == "paper"]),
         "held": _held([row for row in rows if any(row["study"] in names for names in PICTURES.values())]),
     }
+
+
+def fill(page: str, rows: Sequence[Row]) -> str:
+    """Return the text of a page with those tables for which it has a place."""
+    for name, table in make_tables(rows).items():
+        if f"<!-- {name} begins -->" in page:
+            page = pasted(page, name, table)
+    return page
 
 
 def _nominal(rows: Sequence[Row], figures: Sequence[str]) -> str:
@@ -112,13 +124,47 @@ def _nominal(rows: Sequence[Row], figures: Sequence[str]) -> str:
             for controller, gains in variants:
                 labels = (joint, controller, gains)
                 row = next(r for r in rows if (r["joint"], r["controller"], r["gains"]) == labels)
-                spread = shown.factor * float(row[f"{figure}_std"])
-                cell = format_rounded(shown.factor * float(row[figure]))
-                cell += f" ± {spread:.2g}" if spread else ""
+                cell = _mean(row, figure)
                 wins = f"{figure} {row['seeds']}" in row["wins"].split("; ")
                 cells.append(f"**{cell}**" if wins else cell)
             lines.append(f"| {joint}: {shown.label} / {shown.unit} | {' | '.join(cells)} |")
     return "\n".join(lines)
+
+
+def _beside_paper(rows: Sequence[Row]) -> str:
+    """Return the sets that are held beside the printed numbers."""
+    ours = [
+        ("rsba", "damped"),
+        ("rsba", "compensated"),
+        ("foc", "tuned"),
+        ("cac", "tuned"),
+        ("anatc", "tuned"),
+    ]
+    head = [
+        *(f"`{controller}/{gains}`" for controller, gains in ours),
+        *(f"paper, {c}" for c in PRINTED_CONTROLLERS),
+    ]
+    lines = [f"| | {' | '.join(head)} |", f"|---|{'---:|' * len(head)}"]
+    cells = {(row["joint"], row["controller"], row["gains"]): row for row in rows}
+    for table in PRINTED:
+        for (scenario, joint), printed in table.cells.items():
+            label = joint if joint in STUDY else scenario
+            for figure in Cells.__struct_fields__:
+                shown, texts = SHOWN[figure], list[str]()
+                for controller, gains in ours:
+                    row = cells.get((label, controller, gains))
+                    texts.append(_mean(row, figure) if row else "")
+                values = [getattr(printed[controller], figure) for controller in PRINTED_CONTROLLERS]
+                texts += [format_rounded(shown.factor * value) for value in values]
+                lines.append(f"| {label}: {shown.label} / {shown.unit} | {' | '.join(texts)} |")
+    return "\n".join(lines)
+
+
+def _mean(row: Row, figure: str) -> str:
+    """Return a mean and its spread in the unit that tables show."""
+    shown = SHOWN[figure]
+    spread = shown.factor * float(row[f"{figure}_std"])
+    return format_rounded(shown.factor * float(row[figure])) + (f" ± {spread:.2g}" if spread else "")
 
 
 def _held(rows: Sequence[Row]) -> str:
@@ -174,10 +220,8 @@ def main(arguments: Sequence[str]) -> None:
     if arguments:
         take(arguments[0], Path(arguments[1]))
     rows = read_rows()
-    text = PAGE.read_text(encoding="utf-8")
-    for name, table in make_tables(rows).items():
-        text = pasted(text, name, table)
-    PAGE.write_text(text, encoding="utf-8", newline="\n")
+    for page in PAGES:
+        page.write_text(fill(page.read_text(encoding="utf-8"), rows), encoding="utf-8", newline="\n")
     for name, studies in PICTURES.items():
         with (HERE / f"images/{name}.png").open("wb") as stream:
             save(draw(row for row in rows if row["study"] in studies), stream)

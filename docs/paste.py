@@ -1,4 +1,4 @@
-"""Put the tables of a comparison into a page: `python -m docs.paste docs/paper.md comparison results/study`.
+"""Put the tables of a comparison into a page: `python -m docs.paste docs/tools.md foreign OUTPUT`.
 
 The text between `<!-- NAME begins -->` and `<!-- NAME ends -->` is replaced by the folder's comparison.md.
 """

@@ -13,7 +13,6 @@ import pytest
 from benchmarks.checker_tools import CRASHED, HUNG, NOT_APPLICABLE, Answer, Checker, find_checkers, run
 from benchmarks.checkers import GROUPS, OURS, examine, group_of, summarize
 from docs import controller_results, good_fmus
-from docs.paste import pasted
 from fmu_verify.catalogue import CHECKS
 from tests.support.broken.static import STATIC
 from tests.support.broken.table import BROKEN
@@ -63,9 +62,32 @@ def test_findings_are_counted_by_check_and_tool() -> None:
 def test_pages_show_what_their_csv_files_hold() -> None:
     rows = good_fmus.TABLE.read_text(encoding="utf-8").splitlines()[1:]
     assert good_fmus.make_table(csv.reader(rows)) in good_fmus.PAGE.read_text(encoding="utf-8")
-    page = controller_results.PAGE.read_text(encoding="utf-8")
-    for name, table in controller_results.make_tables(controller_results.read_rows()).items():
-        assert pasted(page, name, table) == page
+    rows = controller_results.read_rows()
+    for page in controller_results.PAGES:
+        text = page.read_text(encoding="utf-8")
+        assert controller_results.fill(text, rows) == text
+
+
+def test_comparisons_are_summarized_over_seeds(tmp_path: Path) -> None:
+    lines = [
+        "scenario,joint,case,controller,gains,seed,random,held,lost_at_s,why,"
+        + ",".join(controller_results.FIGURES),
+        "study-drive,lift,nominal,foc,rule,1,true,true,,,1e-6,1,1,1,1,1,0,1",
+        "study-drive,lift,nominal,foc,rule,2,true,true,,,3e-6,1,1,1,1,1,0,1",
+        "study-drive,lift,nominal,rsba,damped,1,true,true,,,1e-6,1,1,1,1,1,0,1",
+        "study-drive,lift,nominal,rsba,damped,2,true,false,0.3,tripped,7e-6,1,1,1,1,1,0,",
+    ]
+    (tmp_path / "comparison.csv").write_text("\n".join(lines))
+    foc, rsba = controller_results.summarize("drive", tmp_path)
+    assert (foc["joint"], foc["seeds"], foc["not_held"], foc["why"]) == ("lift", "2", "0", "")
+    assert (foc["position_error_m"], foc["position_error_m_std"]) == ("2e-06", "1.4e-06")
+    assert (rsba["gains"], rsba["not_held"], rsba["why"], rsba["position_error_m"]) == (
+        "damped",
+        "1",
+        "tripped",
+        "7e-06",
+    )
+    assert rsba["position_error_m_std"] == rsba["convergence_time_s"] == ""
 
 
 @pytest.mark.slow
