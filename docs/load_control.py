@@ -1,11 +1,12 @@
-"""Print the tables of load-control.md: loads that are not rigid, with and without control of the load.
+"""Measure loads that are not rigid, with and without control of the load, for load-control.md.
 
     python docs/load_control.py [SECTION ...]
 
 Sections are `seeds`, `corners`, `causes`, `margins`, `booms` and `draw`, which draws images/load-control.png.
-Without any, all are done, in about a quarter of an hour.
+Without any, all are done, in about a quarter of an hour. load-control.csv has all tables; the page shows some.
 """
 
+import csv
 import math
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -24,6 +25,7 @@ from emla_cosim.views.plots.style import BLUE, GREY, ORANGE, save, tidy_axes
 from emla_fmu.reference import quintic_duration
 
 HERE = Path(__file__).parent
+TABLE = HERE / "load-control.csv"
 
 CONTROLS = ("none", "motor", "sensor")
 ENTROPY, SEEDS, FEW = 20590, 20, 3
@@ -133,11 +135,23 @@ def figures(metrics: Sequence[Any], joint: str, name: str, scale: float = 1e6) -
 
 
 def print_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
-    """Print a table in Markdown while its rows are computed."""
+    """Print a table in Markdown while its rows are computed, and put them into the CSV file."""
     print(f"\n| {title} | " + " | ".join(columns) + " |")
     print("|---|" + "---:|" * len(columns))
     for row in rows:
         print("| " + " | ".join(row) + " |", flush=True)
+        keep_cells({(title, row[0], column): cell for column, cell in zip(columns, row[1:], strict=True)})
+
+
+def keep_cells(cells: Mapping[tuple[str, ...], str]) -> None:
+    """Put cells into the CSV file, by table, row and column."""
+    with TABLE.open(encoding="utf-8", newline="") as stream:
+        header, *lines = csv.reader(stream)
+    kept = {tuple(line[:3]): line[3] for line in lines} | dict(cells)
+    with TABLE.open("w", encoding="utf-8", newline="") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(header)
+        writer.writerows([*labels, value] for labels, value in kept.items())
 
 
 def print_seeds() -> None:
