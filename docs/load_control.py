@@ -3,7 +3,8 @@
     python docs/load_control.py [SECTION ...]
 
 Sections are `seeds`, `corners`, `causes`, `margins`, `booms` and `draw`, which draws images/load-control.png.
-Without any, all are done, in about a quarter of an hour. load-control.csv has all tables; the page shows some.
+Without any, all are done, in about a quarter of an hour. load-control.csv has
+all tables; the page shows some.
 """
 
 import csv
