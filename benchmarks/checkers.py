@@ -92,7 +92,7 @@ def main() -> None:
         "--others", type=_file, nargs="*", default=[], metavar="FMU", help="FMUs that are counted apart"
     )
     parser.add_argument("--csv", type=Path, metavar="FILE", help="write every answer to this file")
-    parser.add_argument("--write", action="store_true", help="put the table into docs/verify.md")
+    parser.add_argument("--write", action="store_true", help="put the table into benchmarks/README.md")
     parser.add_argument("--limit", type=float, default=120.0, metavar="S", help="time of a tool in s")
     parser.add_argument("--jobs", type=int, default=2, metavar="N", help="FMUs at the same time")
     parser.add_argument("--only", default="", metavar="TEXT", help="only broken FMUs with this in their name")
@@ -111,7 +111,7 @@ def main() -> None:
     text = summarize(rows, checkers, missing)
     print(text)
     if arguments.write:
-        page = ROOT / "docs" / "verify.md"
+        page = ROOT / "benchmarks" / "README.md"
         page.write_text(pasted(page.read_text(encoding="utf-8"), "checkers", text), "utf-8", newline="\n")
 
 
