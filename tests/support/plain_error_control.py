@@ -44,7 +44,7 @@ class PlainErrorControl(ErrorControl):
         self.algorithm.network.check_finite(end)
         control.time = end
         if is_met:
-            self._points += output
+            self._output_points += output
             if is_event:
                 self.algorithm.exchange.begin(end)
                 control.coarse_time = np.nan

@@ -322,7 +322,7 @@ class PlainSteps(FixedSteps):
     def advance(self, rows: RowSink, most: int, until: float = math.inf) -> None:
         algorithm, times, ends = self.algorithm, self.times, clock.monotonic() + LONGEST
         self.stepper = self.stepper or PlainStepper(algorithm, divides=True)
-        for k in range(self.steps, min(self.steps + most, self._last(until))):
+        for k in range(self.steps, min(self.steps + most, self._find_last_step(until))):
             self.stepper.step(times.point(k), times.span(k, 1), times)
             if (failure := algorithm.network.find_nonfinite_signal(times.point(k + 1))) is not None:
                 algorithm.steps = k

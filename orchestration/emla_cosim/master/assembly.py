@@ -65,15 +65,17 @@ class Assembly:
             self.files: Mapping[str, FmuFile] = _open_files(system, fmus, folder)
             self.system = system
             interfaces = {name: file.interface for name, file in self.files.items()}
-            self._wired = resolve_system(system, interfaces)
+            self._resolved = resolve_system(system, interfaces)
             kinds = {name: file.kind for name, file in self.files.items()}
-            self._groups = find_groups(self._wired, interfaces, kinds, isolated) if integrate_together else []
+            self._groups = (
+                find_groups(self._resolved, interfaces, kinds, isolated) if integrate_together else []
+            )
             self._instance_stack = resources.enter_context(contextlib.ExitStack())
             self._isolated = isolated
-            self._used = False
+            self._is_started = False
             self._instantiate()
             self.start(system)
-            self._used = False  # nothing is initialized yet, so start values can be set again
+            self._is_started = False  # nothing is initialized yet, so start values can be set again
             self._resources = resources.pop_all()
 
     def __enter__(self) -> "Assembly":
@@ -88,57 +90,62 @@ class Assembly:
 
     def _instantiate(self) -> None:
         """Instantiate all components and connect them."""
-        components = self._wired.components
-        opaque = [x for x in self._wired.connections if self._ends(x)[0].type in ("String", BINARY)]
-        exchanged = replace(
-            self._wired, connections=tuple(x for x in self._wired.connections if x not in opaque)
+        components = self._resolved.components
+        opaque_connections = [
+            x for x in self._resolved.connections if self._find_ends(x)[0].type in ("String", BINARY)
+        ]
+        numeric_system = replace(
+            self._resolved,
+            connections=tuple(x for x in self._resolved.connections if x not in opaque_connections),
         )
-        inputs = {c.name: [x.input for x in exchanged.into(c.name)] for c in components}
-        outputs = {c.name: _outputs(self.files[c.name], exchanged, c.name) for c in components}
+        inputs = {c.name: [x.input for x in numeric_system.into(c.name)] for c in components}
+        outputs = {c.name: _select_outputs(self.files[c.name], numeric_system, c.name) for c in components}
         self.instances: dict[str, DescribedInstance] = {}
         self._log = FmuLog()
         for number, name in enumerate(c.name for c in components):
-            described = (name, self.files[name], inputs[name], outputs[name])
-            isolated = name in self._isolated and not is_table(self.files[name])  # data crash nobody
+            arguments = (name, self.files[name], inputs[name], outputs[name])
+            isolated = name in self._isolated and not is_table(self.files[name])  # a table cannot crash
             instance = (
-                IsolatedInstance(*described, number)
+                IsolatedInstance(*arguments, number)
                 if isolated
-                else make_instance(*described, self._log, number)
+                else make_instance(*arguments, self._log, number)
             )
             self._instance_stack.callback(instance.close)
             self.instances[name] = instance
         for instance in self.instances.values():
             instance.ready()
-        links = _links(exchanged, self.files, inputs, outputs)
+        links = _make_links(numeric_system, self.files, inputs, outputs)
         arranged = arrange(list(self.instances), self._groups)
         ordered = [self.system.component(name) for members in arranged for name in members]
-        names, self._signals_shown = _signals(ordered, outputs)
-        self.shown: Mapping[int, LinearTransformation] = self._signals_shown
+        names, self._signal_transformations = _name_signals(ordered, outputs)
+        self.shown: Mapping[int, LinearTransformation] = self._signal_transformations
         faults = [
             i for i, f in enumerate(self.files[n] for n in self.instances) if f.description.modelName == MODEL
         ]
         self.network = connect(self.instances, arranged, self._groups, links, names, faults)
-        for x in opaque:
-            output, input_ = self._ends(x)
+        for x in opaque_connections:
+            output, input_ = self._find_ends(x)
             self.network.opaque_links.append(
                 OpaqueLink(self.instances[x.source], output, self.instances[x.target], input_)
             )
-        self.network.tables = self._positions(n for n, x in self.instances.items() if _is_known(x))
-        self.network.samplers = self._positions(c.name for c in components if c.samples)
+        self.network.tables = self._find_positions(
+            n for n, x in self.instances.items() if _has_known_outputs(x)
+        )
+        self.network.samplers = self._find_positions(c.name for c in components if c.samples)
         for stepped in self.network.instances:
             if stepped not in self.instances.values():
                 self._instance_stack.callback(stepped.close)
         self._order = [self.network.instances[i].name for i in self.network.order]
         self._values: dict[str, tuple[Component, list[TypedValue]]] = {}
         self._parameters: dict[str, tuple[Component, dict[str, float]]] = {}
-        self._changed: dict[str, tuple[Component, dict[str, dict[str, Any]]]] = {}
+        self._overrides: dict[str, tuple[Component, dict[str, dict[str, Any]]]] = {}
 
-    def _positions(self, components: Iterable[str]) -> frozenset[int]:
+    def _find_positions(self, components: Iterable[str]) -> frozenset[int]:
         """Return the positions in the network of instances with these components."""
-        named = set(components)
-        return frozenset(i for i, x in enumerate(self.network.instances) if named.intersection(x.components))
+        names = set(components)
+        return frozenset(i for i, x in enumerate(self.network.instances) if names.intersection(x.components))
 
-    def _ends(self, connection: Connection) -> tuple[ModelVariable, ModelVariable]:
+    def _find_ends(self, connection: Connection) -> tuple[ModelVariable, ModelVariable]:
         """Return the variables of a connection: output and input."""
         output, input_ = (self.files[name].variables[variable] for name, variable in connection.ends)
         return output, input_
@@ -166,23 +173,23 @@ class Assembly:
         self._log.listen()  # another simulation may have been prepared or run since
         for component in system.components:
             if self._values.get(component.name, (None,))[0] is not component:
-                self._values[component.name] = component, self._typed(component)
-        if self._used and fresh:
+                self._values[component.name] = component, self._type_start_values(component)
+        if self._is_started and fresh:
             values = self._values
             self._instance_stack.close()
             self._instantiate()
             self._values = values
-        elif self._used:
+        elif self._is_started:
             for stepped in self.network.instances:
                 stepped.reset()
             self.network.signals[:] = 0.0
         self.network.reorder(self._order)
-        self._used = True
+        self._is_started = True
         for name, instance in self.instances.items():
-            own = self.files[name].interface.tolerance if tolerance is None else tolerance
+            fmu_tolerance = self.files[name].interface.tolerance if tolerance is None else tolerance
             settings = integrator or IntegratorSettings()
-            instance.tolerance = own
-            instance.use_integrator(settings._replace(tolerance=own or settings.tolerance))
+            instance.tolerance = fmu_tolerance
+            instance.use_integrator(settings._replace(tolerance=fmu_tolerance or settings.tolerance))
             instance.set_start_values(self._values[name][1])
 
     @cached_property
@@ -207,51 +214,51 @@ class Assembly:
 
     @property
     def violations(self) -> list[str]:
-        """What FMUs did in the last run against the standard, and was accepted."""
+        """The violations of the standard that were accepted in the last run."""
         return [text for instance in self.instances.values() for text in instance.violations]
 
     @cached_property
     def idle_clocks(self) -> list[str]:
         """Full names of the triggered input clocks that no output clock drives."""
-        driven = {x.ends[1] for x in self._wired.connections}
+        driven = {x.ends[1] for x in self._resolved.connections}
         return [
             name
-            for name, one in self.unexchanged.items()
-            if is_triggered_input(one.variable) and one.end not in driven
+            for name, entry in self.unexchanged.items()
+            if is_triggered_input(entry.variable) and entry.end not in driven
         ]
 
     @cached_property
     def outputs(self) -> list[str]:
         """The outputs that are recorded by default: Reals, then other types except Strings."""
         signals = self.network.names
-        others = [n for n, v in self.unexchanged.items() if v.variable.causality == "output"]
+        unexchanged = [n for n, v in self.unexchanged.items() if v.variable.causality == "output"]
         return sorted(
-            (n for n in (*signals, *others) if not self.names.find(n).column_type.is_text),
+            (n for n in (*signals, *unexchanged) if not self.names.find(n).column_type.is_text),
             key=lambda n: self.names.find(n).column_type.is_discrete,
         )
 
-    def observe(self, names: Iterable[str], every: int = 1) -> None:
-        """Choose what to record besides the signals, for runs that begin after this.
+    def observe(self, names: Iterable[str], steps_per_row: int = 1) -> None:
+        """Choose what to record besides the signals, for runs that start after this.
 
         Args:
             names: names in `unexchanged`.
-            every: every `every`-th point has a row in tables.
+            steps_per_row: every `steps_per_row`-th point has a row in tables.
         """
-        observer = Observer(self.instances, [self.unexchanged[name] for name in names], every)
-        shown = dict(self._signals_shown)
-        for i, one in enumerate(observer.variables, len(self.network.names)):
-            if (to_fmu := one.component.alias(one.name).transformation) != IDENTITY:
-                shown[i] = to_fmu.inverse()
-        self.network.observer, self.shown = observer, shown
+        observer = Observer(self.instances, [self.unexchanged[name] for name in names], steps_per_row)
+        transformations = dict(self._signal_transformations)
+        for i, variable in enumerate(observer.variables, len(self.network.names)):
+            if (to_fmu := variable.component.alias(variable.name).transformation) != IDENTITY:
+                transformations[i] = to_fmu.inverse()
+        self.network.observer, self.shown = observer, transformations
 
     def parameters(self) -> dict[str, float]:
         """Return the parameters of all components by full name, in units of the system; Booleans as 0, 1."""
-        found: dict[str, float] = {}
+        values: dict[str, float] = {}
         for name, (component, start_values) in self._values.items():
             if self._parameters.get(name, (None,))[0] is not component:
-                self._parameters[name] = component, self._parameters_of(component, start_values)
-            found |= self._parameters[name][1]
-        return found
+                self._parameters[name] = component, self._list_parameters(component, start_values)
+            values |= self._parameters[name][1]
+        return values
 
     def start_values(self, name: str) -> list[TypedValue]:
         """Return the start values of a component, in the names and units of its FMU."""
@@ -259,66 +266,71 @@ class Assembly:
 
     def names_in_system(self, name: str) -> dict[str, str]:
         """Return the names in the system of variables that a component's FMU calls otherwise."""
-        known = self.system.component(name).by_fmu_name
-        return {own: in_system for own, (in_system, _) in known.items()}
+        aliases = self.system.component(name).by_fmu_name
+        return {fmu_name: in_system for fmu_name, (in_system, _) in aliases.items()}
 
     def list_non_default_values(self, component: Component) -> dict[str, dict[str, Any]]:
         """Return the start values of a component that differ from its FMU's, with default and unit.
 
         The same component gets the same object, so that many runs share it.
         """
-        if self._changed.get(component.name, (None,))[0] is not component:
+        if self._overrides.get(component.name, (None,))[0] is not component:
             interface = self.files[component.name].interface
-            self._changed[component.name] = component, _non_default_values(component, interface)
-        return self._changed[component.name][1]
+            self._overrides[component.name] = component, _non_default_values(component, interface)
+        return self._overrides[component.name][1]
 
     def list_lost_values(self, component: Component) -> dict[str, dict[str, Any]]:
-        """Return the start values of a component that its FMU did not take in the last initialization.
+        """Return the start values of a component that its FMU changed in the last initialization.
 
-        Each has the value that was set (`set`), the one that the FMU has instead (`read`, None if it does not
-        tell it), and the unit.
+        Each has the value that was set (`set`), the one that the FMU has instead (`read`, None if it
+        cannot be read), and the unit.
         """
-        known, interface = component.by_fmu_name, self.files[component.name].interface
-        found = {}
-        for lost in self.instances[component.name].lost_values:
-            name, alias = known.get(lost.variable, (lost.variable, Alias(lost.variable)))
-            values = [format_value(interface.variables[lost.variable], x) for x in lost[1:]]
+        aliases, interface = component.by_fmu_name, self.files[component.name].interface
+        rejected_values = {}
+        for rejected in self.instances[component.name].lost_values:
+            name, alias = aliases.get(rejected.variable, (rejected.variable, Alias(rejected.variable)))
+            values = [format_value(interface.variables[rejected.variable], x) for x in rejected[1:]]
             if alias.transformation != IDENTITY:
                 values = [x if x is None else alias.transformation.inverse()(x) for x in values]
-            unit = alias.unit or interface.unit(lost.variable)
-            found[name] = {"set": values[0], "read": values[1], "unit": None if unit is None else str(unit)}
-        return found
+            unit = alias.unit or interface.unit(rejected.variable)
+            rejected_values[name] = {
+                "set": values[0],
+                "read": values[1],
+                "unit": None if unit is None else str(unit),
+            }
+        return rejected_values
 
-    def _parameters_of(self, component: Component, start_values: Sequence[TypedValue]) -> dict[str, float]:
-        found: dict[str, float] = {}
-        known, values = component.by_fmu_name, {v.name: x for v, x in start_values}
+    def _list_parameters(self, component: Component, start_values: Sequence[TypedValue]) -> dict[str, float]:
+        parameters: dict[str, float] = {}
+        aliases, values = component.by_fmu_name, {v.name: x for v, x in start_values}
         for variable in self.files[component.name].variables.values():
             value = values.get(variable.name, variable.start)
-            number = variable.causality == "parameter" and variable.type in ("Real", "Integer", "Boolean")
-            if number and value is not None:
-                name, alias = known.get(variable.name, (variable.name, Alias(variable.name)))
-                found[f"{component.name}.{name}"] = alias.transformation.inverse()(_to_number(value))
-        return found
+            is_number = variable.causality == "parameter" and variable.type in ("Real", "Integer", "Boolean")
+            if is_number and value is not None:
+                name, alias = aliases.get(variable.name, (variable.name, Alias(variable.name)))
+                parameters[f"{component.name}.{name}"] = alias.transformation.inverse()(_to_number(value))
+        return parameters
 
-    def _typed(self, component: Component) -> list[TypedValue]:
+    def _type_start_values(self, component: Component) -> list[TypedValue]:
         """Return the start values of a component in the names and units of its FMU."""
         name, interface = component.name, self.files[component.name].interface
         converted = convert_to_fmu_terms(component)
-        refuse_driven(converted, self._wired)
+        refuse_driven(converted, self._resolved)
         structure = convert_structure(name, interface, converted.parameters)
         prepared = interface.structure
-        for own in {**structure, **prepared}:
-            if structure.get(own) != prepared.get(own):
+        for parameter in {**structure, **prepared}:
+            if structure.get(parameter) != prepared.get(parameter):
                 raise CommandError(
-                    f"{name}.{own} cannot change between runs or variants: it is a structural parameter, "
-                    "and the prepared system has arrays that follow from it. Prepare another system.",
-                    variable=own,
+                    f"{name}.{parameter} cannot change between runs or variants: it is a structural "
+                    "parameter, and the prepared system has arrays that follow from it. Prepare another "
+                    "system.",
+                    variable=parameter,
                 )
         values = convert_start_values(name, interface, converted.parameters)
         values = [(v, x) for v, x in values if not interface.is_structural(str(v.name))]
         if not structure:
             return values
-        return complete_start_values(name, interface, values, [x.input for x in self._wired.into(name)])
+        return complete_start_values(name, interface, values, [x.input for x in self._resolved.into(name)])
 
 
 def _to_number(value: float | str) -> float:
@@ -327,7 +339,7 @@ def _to_number(value: float | str) -> float:
 
 
 def _non_default_values(component: Component, interface: Interface) -> dict[str, dict[str, Any]]:
-    found = {}
+    entries = {}
     for name, value in component.parameters.items():
         alias = component.alias(name)
         default: Any = interface.variables[alias.variable].start
@@ -335,11 +347,11 @@ def _non_default_values(component: Component, interface: Interface) -> dict[str,
         if default is not None and isinstance(value, (int, float)) and not isinstance(value, bool):
             default = alias.transformation.inverse()(float(default))
         if str(default).lower() != str(value).lower() and default != value:
-            found[name] = {"value": value, "default": default, "unit": None if unit is None else str(unit)}
-    return found
+            entries[name] = {"value": value, "default": default, "unit": None if unit is None else str(unit)}
+    return entries
 
 
-def _is_known(instance: DescribedInstance) -> bool:
+def _has_known_outputs(instance: DescribedInstance) -> bool:
     """Return whether an instance is a table that says what its continuous outputs do in a step."""
     has_spans = bool(instance.span_references) or not instance.continuous_outputs.any()
     return is_table(instance.file) and has_spans
@@ -347,42 +359,42 @@ def _is_known(instance: DescribedInstance) -> bool:
 
 def _open_files(system: System, fmus: Mapping[str, Path], folder: Path) -> dict[str, FmuFile]:
     """Open each FMU once for each kind in use."""
-    wanted = {name: (path, system.component(name).kind) for name, path in fmus.items()}
+    keys = {name: (path, system.component(name).kind) for name, path in fmus.items()}
     opened = {
         (path, kind): open_fmu(path, folder / str(i), KINDS.get(kind))
-        for i, (path, kind) in enumerate(dict.fromkeys(wanted.values()))
+        for i, (path, kind) in enumerate(dict.fromkeys(keys.values()))
     }
     files = {
-        name: replace(opened[one], uses_event_mode=system.component(name).event_mode)
-        for name, one in wanted.items()
+        name: replace(opened[key], uses_event_mode=system.component(name).event_mode)
+        for name, key in keys.items()
     }
     structures = {name: structure_of(system.component(name), file.interface) for name, file in files.items()}
     return {name: file.with_structure(structures[name]) for name, file in files.items()}
 
 
-def _outputs(file: FmuFile, system: System, name: str) -> list[str]:
+def _select_outputs(file: FmuFile, system: System, name: str) -> list[str]:
     """Return all Real outputs of a component, and connected outputs of other types."""
     connected = {x.output for x in system.out_of(name)}
     outputs = [v for v in file.variables.values() if v.causality == "output"]
     return [v.name for v in outputs if v.type == "Real" or v.name in connected]
 
 
-def _signals(
+def _name_signals(
     components: Iterable[Component], outputs: Mapping[str, list[str]]
 ) -> tuple[list[str], dict[int, LinearTransformation]]:
     """Return the names of all signals of components, and transformations to the system's values."""
-    names, shown = [], {}
+    names, transformations = [], {}
     for component in components:
-        known = component.by_fmu_name
+        aliases = component.by_fmu_name
         for output in outputs[component.name]:
-            name, alias = known.get(output, (output, Alias(output)))
+            name, alias = aliases.get(output, (output, Alias(output)))
             if alias.transformation != IDENTITY:
-                shown[len(names)] = alias.transformation.inverse()
+                transformations[len(names)] = alias.transformation.inverse()
             names.append(f"{component.name}.{name}")
-    return names, shown
+    return names, transformations
 
 
-def _links(
+def _make_links(
     system: System,
     files: Mapping[str, FmuFile],
     inputs: Mapping[str, list[str]],
@@ -390,25 +402,25 @@ def _links(
 ) -> list[Link]:
     position = {c.name: i for i, c in enumerate(system.components)}
     used = {name: {x.output for x in system.out_of(name)} for name in position}
-    read = {name: {v: i for i, v in enumerate(inputs[name])} for name in position}
-    written = {name: {v: i for i, v in enumerate(outputs[name])} for name in position}
+    input_positions = {name: {v: i for i, v in enumerate(inputs[name])} for name in position}
+    output_positions = {name: {v: i for i, v in enumerate(outputs[name])} for name in position}
 
     def link(x: Connection) -> Link:
-        interface, taken = files[x.target].interface, used[x.target]
-        direct = interface.direct.among(taken, x.input)
+        interface, used_outputs = files[x.target].interface, used[x.target]
+        direct = interface.direct.among(used_outputs, x.input)
         transformation = x.transformation or IDENTITY
         return Link(
             source=position[x.source],
-            output=written[x.source][x.output],
+            output=output_positions[x.source][x.output],
             target=position[x.target],
-            input=read[x.target][x.input],
+            input=input_positions[x.target][x.input],
             direct=bool(direct),
-            initial=bool(interface.initial.among(taken, x.input)),
+            initial=bool(interface.initial.among(used_outputs, x.input)),
             factor=transformation.factor,
             offset=transformation.offset,
             name=str(x),
-            through=tuple(sorted(written[x.target][output] for output in direct)),
-            shows=bool(interface.direct.among(set(written[x.target]), x.input)),
+            through=tuple(sorted(output_positions[x.target][output] for output in direct)),
+            shows=bool(interface.direct.among(set(output_positions[x.target]), x.input)),
         )
 
     return [link(x) for x in system.connections]

@@ -29,7 +29,7 @@ def find_groups(
         kinds: Kind as which every component runs.
         isolated: Names of the components that run in processes of their own.
     """
-    able = {
+    groupable = {
         c.name
         for c in system.components
         if kinds[c.name] == MODEL_EXCHANGE and not c.samples and c.name not in isolated
@@ -37,18 +37,18 @@ def find_groups(
     group_of: dict[str, list[str]] = {}
     for x in system.connections:
         ends = [interfaces[name].variables[variable] for name, variable in x.ends]
-        if {x.source, x.target} <= able and all(v.variability == "continuous" for v in ends):
-            joined = {*group_of.get(x.source, [x.source]), *group_of.get(x.target, [x.target])}
-            group = [c.name for c in system.components if c.name in joined]
+        if {x.source, x.target} <= groupable and all(v.variability == "continuous" for v in ends):
+            merged = {*group_of.get(x.source, [x.source]), *group_of.get(x.target, [x.target])}
+            group = [c.name for c in system.components if c.name in merged]
             group_of |= dict.fromkeys(group, group)
     return [group_of[c.name] for c in system.components if c.name == group_of.get(c.name, [""])[0]]
 
 
 def arrange(components: Sequence[str], groups: Sequence[list[str]]) -> list[list[str]]:
-    """Return all components in groups, by name; each group is at the place of its first component."""
+    """Return all components in groups, by name; each group has the position of its first component."""
     first = {group[0]: group for group in groups}
-    others = {name for group in groups for name in group[1:]}
-    return [first.get(name, [name]) for name in components if name not in others]
+    later_members = {name for group in groups for name in group[1:]}
+    return [first.get(name, [name]) for name in components if name not in later_members]
 
 
 def connect(
@@ -70,14 +70,14 @@ def connect(
         followers: Positions of components that only pass on the values of one source.
     """
     position = {name: i for i, name in enumerate(instances)}
-    place = {position[n]: (u, i) for u, names_ in enumerate(arranged) for i, n in enumerate(names_)}
-    everyone = list(instances.values())
+    group_positions = {position[n]: (u, i) for u, names_ in enumerate(arranged) for i, n in enumerate(names_)}
+    all_instances = list(instances.values())
     joined = {u for u, members in enumerate(arranged) if members in groups}
     inside: dict[int, list[Link]] = {u: [] for u in joined}
     outside = []
     for x in links:
-        (u, i), (v, k) = place[x.source], place[x.target]
-        source, target = (everyone[end] for end in (x.source, x.target))
+        (u, i), (v, k) = group_positions[x.source], group_positions[x.target]
+        source, target = (all_instances[end] for end in (x.source, x.target))
         sampled = source.continuous_outputs[x.output] and not target.continuous_inputs[x.input]
         if u == v and u in joined and not sampled:
             inside[u].append(replace(x, source=i, target=k))
@@ -85,16 +85,22 @@ def connect(
             outside.append(x)
     stepped: list[FmuInstance] = []
     for u, members in enumerate(arranged):
-        own = [instances[n] for n in members]
-        models = [s for s in own if isinstance(s, ModelExchangeInstance)]
-        stepped.append(IntegratedGroup(models, inside[u]) if u in joined else make_stepped(own[0]))
-    condensed = [_condense(x, place, stepped) for x in outside]
-    return Network(stepped, _mark_direct(condensed, stepped), names, [place[i][0] for i in followers])
+        member_instances = [instances[n] for n in members]
+        models = [s for s in member_instances if isinstance(s, ModelExchangeInstance)]
+        stepped.append(
+            IntegratedGroup(models, inside[u]) if u in joined else make_stepped(member_instances[0])
+        )
+    condensed = [_condense(x, group_positions, stepped) for x in outside]
+    return Network(
+        stepped, _mark_direct(condensed, stepped), names, [group_positions[i][0] for i in followers]
+    )
 
 
-def _condense(link: Link, place: Mapping[int, tuple[int, int]], stepped: Sequence[FmuInstance]) -> Link:
+def _condense(
+    link: Link, group_positions: Mapping[int, tuple[int, int]], stepped: Sequence[FmuInstance]
+) -> Link:
     """Return a link between components as one between the instances of the network."""
-    (u, i), (v, k) = place[link.source], place[link.target]
+    (u, i), (v, k) = group_positions[link.source], group_positions[link.target]
     source, target = stepped[u], stepped[v]
     if isinstance(source, IntegratedGroup):
         link = replace(link, output=source.position(i, link.output))

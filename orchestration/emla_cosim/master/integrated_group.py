@@ -19,11 +19,11 @@ from .instances.integrated_instance import IntegratedInstance
 from .instances.model_exchange_instance import ModelExchangeInstance
 from .network import Link, Network
 
-_SAME = 1e-9
+_EVENT_TOLERANCE = 1e-9
 """In an event, continuous inputs are unchanged if they differ by less, relative to their sizes."""
 
 
-class _Surroundings(FmuInstance):
+class _Environment(FmuInstance):
     """What drives the inputs of a group, as an instance in its network: its outputs are these inputs."""
 
     name = ""
@@ -77,10 +77,10 @@ class _Transfer:
         """Add a constant to one of its inputs; return whether it has this input."""
         if member is not self._member:
             return False
-        wanted = _place(variable)
-        places = np.array([_place(v) == wanted for v in self._variables], dtype=bool)
-        self._offsets[places] += by
-        return bool(places.any())
+        location = _locate(variable)
+        matches = np.array([_locate(v) == location for v in self._variables], dtype=bool)
+        self._offsets[matches] += by
+        return bool(matches.any())
 
     def write(self, signals: Vector) -> None:
         """Pass signals to inputs of the FMU."""
@@ -90,7 +90,7 @@ class _Transfer:
         self._call()
 
 
-def _place(variable: ModelVariable) -> tuple[int, int]:
+def _locate(variable: ModelVariable) -> tuple[int, int]:
     """Return the value reference of a variable, and its position in its array."""
     return int(variable.valueReference), place_in_array(variable)
 
@@ -137,17 +137,17 @@ class IntegratedGroup(IntegratedInstance):
         self.nominals = np.concatenate([m.nominals for m in members])
         self.continuous_outputs = np.concatenate([m.continuous_outputs for m in members])
         self.differentiates = False
-        surroundings = _Surroundings(np.ones(len(self.free)), self.continuous_inputs)
+        environment = _Environment(np.ones(len(self.free)), self.continuous_inputs)
         outside = [Link(0, n, i + 1, k, direct=True) for n, (i, k) in enumerate(self.free)]
         links = [replace(x, source=x.source + 1, target=x.target + 1) for x in inside]
         names = [f"{members[i].name}.{members[i].read[k].name}" for i, k in self.free]
         names += [f"{m.name}.{v.name}" for m in members for v in m.written]
-        self._network = Network([surroundings, *members], [*outside, *links], names)
+        self._network = Network([environment, *members], [*outside, *links], names)
         self._scale = Scale(self._network)
-        self._external = self._writes([x for x in outside if self._is_continuous(x)])
+        self._external = self._make_writes([x for x in outside if self._is_continuous(x)])
         self._is_continuous_input = np.concatenate([m.continuous_inputs for m in members])
         self._continuous_links = [x for x in links if self._is_continuous(x)]
-        self._stages = self._plan()
+        self._stages = self._plan_stages()
         self._begin(float("nan"))
 
     def bind(self, inputs: Vector, outputs: Vector) -> None:
@@ -162,14 +162,14 @@ class IntegratedGroup(IntegratedInstance):
             member: Position of this member.
         """
         first = self._network.parts[0].stop
-        found = {int(self._network.parts[member + 1].start) + k for k in through}
-        waiting = list(found)
+        reached = {int(self._network.parts[member + 1].start) + k for k in through}
+        waiting = list(reached)
         while waiting:
-            for following in self._followers.get(waiting.pop(), ()):
-                if following not in found:
-                    found.add(following)
+            for following in self._dependents.get(waiting.pop(), ()):
+                if following not in reached:
+                    reached.add(following)
                     waiting.append(following)
-        return {signal - first for signal in found}
+        return {signal - first for signal in reached}
 
     def position(self, member: int, output: int) -> int:
         """Return the position of an output of a member among the outputs of the group."""
@@ -243,7 +243,7 @@ class IntegratedGroup(IntegratedInstance):
         """Find the signals of a loop without delay."""
         signals, loop = self._network.signals, stage.loop
 
-        def answer(guess: Vector) -> Vector:
+        def evaluate(guess: Vector) -> Vector:
             signals[loop] = guess
             for transfer in stage.writes:
                 transfer.write(signals)
@@ -251,11 +251,11 @@ class IntegratedGroup(IntegratedInstance):
                 transfer.read(signals)
             return signals[loop]
 
-        def sizes(values: Vector) -> Vector:
+        def list_sizes(values: Vector) -> Vector:
             return np.abs(values) + self._scale.floor[loop]
 
         try:  # from the answer to the last values, so that what only seems to be a loop takes two calls
-            signals[loop] = Newton(answer, sizes).solve(answer(signals[loop]))
+            signals[loop] = Newton(evaluate, list_sizes).solve(evaluate(signals[loop]))
         except NoSolutionError as error:
             names = join_names([self._network.names[i] for i in loop])
             raise self._integration_error(
@@ -263,22 +263,24 @@ class IntegratedGroup(IntegratedInstance):
             ) from error
 
     def _exchange(self) -> Collection[ModelExchangeInstance]:
-        network, before = self._network, self._network.inputs.copy()
+        network, inputs_before = self._network, self._network.inputs.copy()
         for _ in range(MOST_ITERATIONS):
             self._connect()
             for member in self.members:
                 member.get_outputs()
-            held = network.inputs[~self._is_continuous_input]
+            discrete_inputs = network.inputs[~self._is_continuous_input]
             for i in range(1, len(network.instances)):
                 network.pass_inputs(i)
-            if np.array_equal(held, network.inputs[~self._is_continuous_input]):
+            if np.array_equal(discrete_inputs, network.inputs[~self._is_continuous_input]):
                 break
         else:
             raise self._integration_error(
                 f"the discrete values between its components do not settle in {MOST_ITERATIONS} iterations"
             )
-        margin = np.where(self._is_continuous_input, _SAME * (np.abs(network.inputs) + _SAME), 0.0)
-        changed = np.abs(network.inputs - before) > margin
+        margin = np.where(
+            self._is_continuous_input, _EVENT_TOLERANCE * (np.abs(network.inputs) + _EVENT_TOLERANCE), 0.0
+        )
+        changed = np.abs(network.inputs - inputs_before) > margin
         return [
             m for m, part in zip(self.members, network.input_parts[1:], strict=True) if changed[part].any()
         ]
@@ -289,52 +291,52 @@ class IntegratedGroup(IntegratedInstance):
         return bool(source.continuous_outputs[link.output] and target.continuous_inputs[link.input])
 
     @cached_property
-    def _followers(self) -> dict[int, list[int]]:
+    def _dependents(self) -> dict[int, list[int]]:
         """Signals that depend on a signal without delay, by signal."""
-        found: dict[int, list[int]] = {}
+        dependents: dict[int, list[int]] = {}
         for x in self._continuous_links:
             first = int(self._network.parts[x.target].start)
-            found.setdefault(self._network.signal(x), []).extend(first + k for k in x.through)
-        return found
+            dependents.setdefault(self._network.signal(x), []).extend(first + k for k in x.through)
+        return dependents
 
-    def _plan(self) -> list[_Stage]:
+    def _plan_stages(self) -> list[_Stage]:
         """Return the stages in which continuous signals pass between the members."""
         import networkx  # slow to import, and rarely needed
 
         read = {self._network.signal(x) for x in self._continuous_links}
-        graph = networkx.DiGraph((s, t) for s in read for t in self._followers[s] if t in read)
+        graph = networkx.DiGraph((s, t) for s in read for t in self._dependents[s] if t in read)
         graph.add_nodes_from(read)
         condensed = networkx.condensation(graph)
         stages = []
         for generation in networkx.topological_generations(condensed):
-            alone: list[int] = []
+            independent: list[int] = []
             for c in generation:
                 members = sorted(condensed.nodes[c]["members"])
                 if len(members) > 1 or graph.has_edge(members[0], members[0]):
-                    stages.append(self._stage(members, is_loop=True))
+                    stages.append(self._make_stage(members, is_loop=True))
                 else:
-                    alone += members
-            if alone:
-                stages.append(self._stage(sorted(alone), is_loop=False))
+                    independent += members
+            if independent:
+                stages.append(self._make_stage(sorted(independent), is_loop=False))
         return stages
 
-    def _stage(self, signals: Sequence[int], is_loop: bool) -> _Stage:
+    def _make_stage(self, signals: Sequence[int], is_loop: bool) -> _Stage:
         reads, network = [], self._network
         for member, part in zip(self.members, network.parts[1:], strict=True):
-            own = [s for s in signals if part.start <= s < part.stop]
-            if own:
-                variables = [member.written[s - part.start] for s in own]
-                reads.append(_Transfer(member, variables, False, own))
-        writes = self._writes([x for x in self._continuous_links if network.signal(x) in signals])
+            member_signals = [s for s in signals if part.start <= s < part.stop]
+            if member_signals:
+                variables = [member.written[s - part.start] for s in member_signals]
+                reads.append(_Transfer(member, variables, False, member_signals))
+        writes = self._make_writes([x for x in self._continuous_links if network.signal(x) in signals])
         return _Stage(reads, writes, np.array(signals if is_loop else [], dtype=np.intp))
 
-    def _writes(self, links: Sequence[Link]) -> list[_Transfer]:
-        found = []
+    def _make_writes(self, links: Sequence[Link]) -> list[_Transfer]:
+        transfers = []
         for i, member in enumerate(self.members, 1):
-            own = [x for x in links if x.target == i]
-            if own:
-                variables = [member.read[x.input] for x in own]
-                signals = [self._network.signal(x) for x in own]
-                factors, offsets = [x.factor for x in own], [x.offset or -0.0 for x in own]
-                found.append(_Transfer(member, variables, True, signals, factors, offsets))
-        return found
+            member_links = [x for x in links if x.target == i]
+            if member_links:
+                variables = [member.read[x.input] for x in member_links]
+                signals = [self._network.signal(x) for x in member_links]
+                factors, offsets = [x.factor for x in member_links], [x.offset or -0.0 for x in member_links]
+                transfers.append(_Transfer(member, variables, True, signals, factors, offsets))
+        return transfers

@@ -80,8 +80,8 @@ class Network:
         read: positions of all signals that an instance reads.
         followers: positions of instances that only pass on the values of one source.
         order: positions in a good order of stepping one after the other.
-        observer: reads what recorders want besides the signals.
-        opaque_links: connections of Strings and Binary values, which are no signals.
+        observer: reads the variables that recorders request besides the signals.
+        opaque_links: connections of Strings and Binary values, which are not signals.
         tables: positions of instances whose signals are known in advance: data over time.
         samplers: positions of instances that compute at communication points only.
     """
@@ -95,8 +95,8 @@ class Network:
     ) -> None:
         self.instances = list(instances)
         self.links = list(links)
-        self.parts = _parts([len(s.outputs) for s in instances])
-        self.input_parts = _parts([len(s.inputs) for s in instances])
+        self.parts = _make_slices([len(s.outputs) for s in instances])
+        self.input_parts = _make_slices([len(s.inputs) for s in instances])
         self.signals: Vector = np.zeros(sum(len(s.outputs) for s in instances))
         self.inputs: Vector = np.zeros(sum(len(s.inputs) for s in instances))
         self.use_signals(self.signals)
@@ -122,18 +122,18 @@ class Network:
         self.samplers: frozenset[int] = frozenset()
         self._use_order(order_with_followers(len(instances), links, followers))
 
-    def use_signals(self, memory: Vector) -> None:
+    def use_signals(self, storage: Vector) -> None:
         """Keep the signals in this memory, shape (signals,)."""
-        self.signals = memory
-        for instance, written, taken in zip(self.instances, self.parts, self.input_parts, strict=True):
-            instance.bind(self.inputs[taken], memory[written])
+        self.signals = storage
+        for instance, part, input_part in zip(self.instances, self.parts, self.input_parts, strict=True):
+            instance.bind(self.inputs[input_part], storage[part])
 
     def _use_order(self, order: list[int]) -> None:
         self.order = order
-        self._place = {i: k for k, i in enumerate(order)}
-        self._against: list[list[Link]] = [[] for _ in order]  # feedback links, by target
+        self._rank = {i: k for k, i in enumerate(order)}
+        self._feedback_links: list[list[Link]] = [[] for _ in order]  # by target
         for link in self.find_feedback_links():
-            self._against[link.target].append(link)
+            self._feedback_links[link.target].append(link)
 
     def signal(self, link: Link) -> int:
         """Return the position in `signals` of the output that drives a link."""
@@ -148,7 +148,7 @@ class Network:
         instance.set_inputs()
 
     def pass_opaque_values(self) -> bool:
-        """Pass the present Strings and Binary values on; return whether an input has got another one.
+        """Pass the present Strings and Binary values on; return whether an input has changed.
 
         An input that has the value already is not set, because setting it may cause an event.
 
@@ -159,11 +159,11 @@ class Network:
         changed = False
         for link, value in zip(self.opaque_links, values, strict=True):
             if link.target.value(link.input) != value:
-                most = getattr(link.input, "most_bytes", None)
-                if most is not None and len(value) > most:
+                limit = getattr(link.input, "most_bytes", None)
+                if limit is not None and len(value) > limit:
                     raise RunError(
                         f"{link.source.name}.{link.output.name} has {len(value)} bytes, but "
-                        f"{link.target.name}.{link.input.name} takes {most} at the most (maxSize)."
+                        f"{link.target.name}.{link.input.name} takes {limit} at the most (maxSize)."
                     )
                 link.target.set_value(link.input, value)
                 changed = True
@@ -183,8 +183,8 @@ class Network:
         offsets = self.offsets[i] + 0.0  # turns -0.0 into 0.0: -0.0 - -0.0 would be 0.0
         with np.errstate(all="ignore"):
             assumed = (self.instances[i].inputs - offsets) / self.factors[i]
-        found = np.isfinite(assumed)
-        self.signals[self.sources[i][found]] = assumed[found]
+        is_finite = np.isfinite(assumed)
+        self.signals[self.sources[i][is_finite]] = assumed[is_finite]
 
     def reorder(self, names: Sequence[str]) -> None:
         """Replace the order of stepping.
@@ -198,19 +198,21 @@ class Network:
         """
         position = {instance.name: i for i, instance in enumerate(self.instances)}
         names = self._name_instances(names)
-        named = set(names)
-        reads_nothing = (s.name for s in self.instances if not len(s.inputs) and s.name not in named)
+        listed = set(names)
+        reads_nothing = (s.name for s in self.instances if not len(s.inputs) and s.name not in listed)
         names = [*reads_nothing, *names]
-        others = {name for name, i in position.items() if i not in self.followers}
-        if self.followers and sorted(names) == sorted(others):
+        leaders = {name for name, i in position.items() if i not in self.followers}
+        if self.followers and sorted(names) == sorted(leaders):
             order = [position[name] for name in names]
-            self._use_order(_with_followers(order, self.links, self.followers))
+            self._use_order(_insert_followers(order, self.links, self.followers))
             return
         if sorted(names) != sorted(position):
-            missing = [n for n in position if n not in named]
-            wrong = [n or "''" for n in dict.fromkeys(names) if n not in position or list(names).count(n) > 1]
+            missing = [n for n in position if n not in listed]
+            invalid = [
+                n or "''" for n in dict.fromkeys(names) if n not in position or list(names).count(n) > 1
+            ]
             problems = [f"missing: {join_names(missing)}"] if missing else []
-            problems += [f"unknown or named twice: {join_names(wrong)}"] if wrong else []
+            problems += [f"unknown or named twice: {join_names(invalid)}"] if invalid else []
             raise CommandError(
                 f"the order of stepping must name every component once ({'; '.join(problems)})."
             )
@@ -219,11 +221,11 @@ class Network:
     def _name_instances(self, names: Sequence[str]) -> list[str]:
         """Return the names with each run of components that one instance steps replaced by its name."""
         owner = {c: s.name for s in self.instances for c in s.components}
-        found: list[str] = []
+        instance_names: list[str] = []
         for name in names:
-            if name == (stepped := owner.get(name, name)) or stepped not in found:
-                found.append(stepped)
-        return found
+            if name == (instance := owner.get(name, name)) or instance not in instance_names:
+                instance_names.append(instance)
+        return instance_names
 
     def hold_back(self, last: Collection[int], keep_order: bool) -> None:
         """Move instances to the end of the order. The others only read their outputs from before the step.
@@ -235,14 +237,14 @@ class Network:
         """
         order = self.order
         if not keep_order:
-            seen = [link for link in self.links if link.source not in last or link.target in last]
-            order = order_with_followers(len(self.instances), seen, self.followers)
+            links = [link for link in self.links if link.source not in last or link.target in last]
+            order = order_with_followers(len(self.instances), links, self.followers)
         self._use_order(sorted(order, key=lambda i: i in last))
 
     def find_feedback_links(self) -> list[Link]:
         """Return the links that run against `order`. In sequential stepping they are one step late."""
-        place = self._place
-        return [link for link in self.links if place[link.source] >= place[link.target]]
+        rank = self._rank
+        return [link for link in self.links if rank[link.source] >= rank[link.target]]
 
     def groups(self, counts: Callable[[Link], bool] = lambda link: True) -> list[list[int]]:
         """Return groups of instances that depend on each other; each group follows those it depends on.
@@ -254,16 +256,16 @@ class Network:
             Positions of the instances of each group, in the order of the network. Instances in a loop of
             links share a group; all others are groups of their own.
         """
-        links, place = [x for x in self.links if counts(x)], self._place
-        if all(place[x.source] <= place[x.target] for x in links):
+        links, rank = [x for x in self.links if counts(x)], self._rank
+        if all(rank[x.source] <= rank[x.target] for x in links):
             return [[i] for i in self.order]
         import networkx  # slow to import, and rarely needed
 
         graph = networkx.DiGraph([(x.source, x.target) for x in links])
         graph.add_nodes_from(self.order)
         condensed = networkx.condensation(graph)
-        members = {c: sorted(condensed.nodes[c]["members"], key=place.__getitem__) for c in condensed}
-        order = networkx.lexicographical_topological_sort(condensed, lambda c: place[members[c][0]])
+        members = {c: sorted(condensed.nodes[c]["members"], key=rank.__getitem__) for c in condensed}
+        order = networkx.lexicographical_topological_sort(condensed, lambda c: rank[members[c][0]])
         return [members[c] for c in order]
 
     def find_coupling_variables(
@@ -271,7 +273,7 @@ class Network:
     ) -> Indices:
         """Return the positions of the signals of a group that are read before they are written."""
         inside = set(group)
-        links = [x for i in inside for x in self._against[i] if x.source in inside and counts(x)]
+        links = [x for i in inside for x in self._feedback_links[i] if x.source in inside and counts(x)]
         return np.array(sorted({self.signal(x) for x in links}), dtype=np.intp)
 
     def loops_without_delay(self) -> list[list[str]]:
@@ -292,10 +294,12 @@ class Network:
 
     def find_nonfinite_signal(self, time: float) -> RunError | None:
         """Return an error that names the first signal that is read and not finite; None if all are finite."""
-        wrong = self.read[~np.isfinite(self.signals[self.read])]
-        if not len(wrong):
+        nonfinite = self.read[~np.isfinite(self.signals[self.read])]
+        if not len(nonfinite):
             return None
-        return RunError(f"{self.names[wrong[0]]} became {self.signals[wrong[0]]} at t = {time:.9g} s.")
+        return RunError(
+            f"{self.names[nonfinite[0]]} became {self.signals[nonfinite[0]]} at t = {time:.9g} s."
+        )
 
     def check_finite(self, time: float) -> None:
         """Raise RunError if a signal that an instance reads is infinite or not a number; `time` in s."""
@@ -303,7 +307,7 @@ class Network:
             raise failure
 
 
-def _parts(lengths: Sequence[int]) -> list[slice]:
+def _make_slices(lengths: Sequence[int]) -> list[slice]:
     ends = np.cumsum([0, *lengths])
     return [slice(int(a), int(b)) for a, b in pairwise(ends)]
 
@@ -330,22 +334,22 @@ def order_with_followers(count: int, links: Sequence[Link], followers: Collectio
         for link in links
         if link.target not in followers and (first := origin(link.source)) is not None
     ]
-    others = [i for i in stepping_order(count, direct) if i not in followers]
-    return _with_followers(others, links, followers)
+    leaders = [i for i in stepping_order(count, direct) if i not in followers]
+    return _insert_followers(leaders, links, followers)
 
 
-def _with_followers(order: Sequence[int], links: Sequence[Link], followers: Collection[int]) -> list[int]:
+def _insert_followers(order: Sequence[int], links: Sequence[Link], followers: Collection[int]) -> list[int]:
     """Insert each follower after its source."""
     source_of = {link.target: link.source for link in links if link.target in followers}
     behind: dict[int | None, list[int]] = {}
     for i in sorted(followers):
         behind.setdefault(source_of.get(i), []).append(i)
 
-    def from_here(i: int | None) -> list[int]:
-        own = [] if i is None else [i]
-        return own + [k for follower in behind.get(i, []) for k in from_here(follower)]
+    def list_chain(i: int | None) -> list[int]:
+        head = [] if i is None else [i]
+        return head + [k for follower in behind.get(i, []) for k in list_chain(follower)]
 
-    return [k for i in (None, *order) for k in from_here(i)]
+    return [k for i in (None, *order) for k in list_chain(i)]
 
 
 def stepping_order(count: int, links: Sequence[Link]) -> list[int]:
@@ -358,26 +362,26 @@ def stepping_order(count: int, links: Sequence[Link]) -> list[int]:
     readers: list[dict[int, bool]] = [{} for _ in range(count)]  # of each source: whether directly
     for link in links:
         if link.source != link.target:
-            known = readers[link.source].get(link.target, False)
-            readers[link.source][link.target] = known or link.direct
-    direct, every = [0] * count, [0] * count  # sources that each still waits for
+            was_direct = readers[link.source].get(link.target, False)
+            readers[link.source][link.target] = was_direct or link.direct
+    direct_waits, all_waits = [0] * count, [0] * count  # sources that each still waits for
     for targets in readers:
         for i, is_direct in targets.items():
-            direct[i] += is_direct
-            every[i] += 1
+            direct_waits[i] += is_direct
+            all_waits[i] += 1
     waiting = set(range(count))
-    queue = [(direct[i], every[i], i) for i in waiting]
+    queue = [(direct_waits[i], all_waits[i], i) for i in waiting]
     heapify(queue)
     order: list[int] = []
     while queue:
-        chosen = heappop(queue)[2]
-        if chosen not in waiting:  # an older entry of an instance that is in the order already
+        instance = heappop(queue)[2]
+        if instance not in waiting:  # an older entry of an instance that is in the order already
             continue
-        waiting.remove(chosen)
-        order.append(chosen)
-        for i, is_direct in readers[chosen].items():
-            direct[i] -= is_direct
-            every[i] -= 1
+        waiting.remove(instance)
+        order.append(instance)
+        for i, is_direct in readers[instance].items():
+            direct_waits[i] -= is_direct
+            all_waits[i] -= 1
             if i in waiting:
-                heappush(queue, (direct[i], every[i], i))
+                heappush(queue, (direct_waits[i], all_waits[i], i))
     return order

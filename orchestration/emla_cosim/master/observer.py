@@ -19,32 +19,32 @@ class Observer:
     """Reads the observed variables of all instances after a step; it changes nothing in them.
 
     Numbers are read at every point that is recorded. Texts are read only where a row is due, because each one
-    costs a call; other rows have NaN in their place.
+    costs a call; other rows have NaN instead.
 
     Attributes:
         values: the observed values as doubles; for a String, the position of the text in `texts`.
         texts: the texts of the run.
-        every: every `every`-th point is due for texts.
+        steps_per_row: every `steps_per_row`-th point is due for texts.
     """
 
     def __init__(
         self,
         instances: Mapping[str, "DescribedInstance"],
         variables: Sequence["NamedVariable"] = (),
-        every: int = 1,
+        steps_per_row: int = 1,
     ) -> None:
         self.variables = _sort_by_instance(variables, list(instances))
         self.names = [v.full_name for v in self.variables]
         self.values: Vector = np.full(len(self.variables), np.nan)
-        self.texts, self.every = Texts(), every
+        self.texts, self.steps_per_row = Texts(), steps_per_row
         self.readers: list[tuple[DescribedInstance, slice]] = []
         """Instances with observed numbers, and their parts of `values`."""
         self.strings: list[tuple[int, DescribedInstance, ModelVariable]] = []
         """Position in `values`, instance and variable of each String."""
         for name, instance in instances.items():
-            own = [i for i, v in enumerate(self.variables) if v.component.name == name]
-            texts = [i for i in own if self.variables[i].variable.type == "String"]
-            numbers = [i for i in own if i not in texts]
+            indices = [i for i, v in enumerate(self.variables) if v.component.name == name]
+            texts = [i for i in indices if self.variables[i].variable.type == "String"]
+            numbers = [i for i in indices if i not in texts]
             part = slice(numbers[0], numbers[-1] + 1) if numbers else slice(0, 0)
             instance.observe([str(self.variables[i].variable.name) for i in numbers], self.values[part])
             if numbers:
@@ -60,14 +60,14 @@ class Observer:
 
     def is_due(self, steps: int) -> bool:
         """Return whether the row after this number of steps is due for texts."""
-        return bool(self.strings) and steps % self.every == 0
+        return bool(self.strings) and steps % self.steps_per_row == 0
 
     def next_due(self, steps: int) -> int:
         """Return the number of steps at the next row that is due for texts."""
-        return (steps // self.every + 1) * self.every
+        return (steps // self.steps_per_row + 1) * self.steps_per_row
 
 
 def _sort_by_instance(variables: Sequence["NamedVariable"], components: list[str]) -> list["NamedVariable"]:
     """Return the variables by component, with the texts of each at its end."""
-    place = {name: i for i, name in enumerate(components)}
-    return sorted(variables, key=lambda v: (place[v.component.name], v.variable.type == "String"))
+    position = {name: i for i, name in enumerate(components)}
+    return sorted(variables, key=lambda v: (position[v.component.name], v.variable.type == "String"))

@@ -32,7 +32,7 @@ def simulate(
         pacing: Holds the run back to a multiple of real time; None runs at full speed.
         between: Called after each stretch of steps.
         until: Time in s at which to stop.
-        longest: Largest number of steps in a stretch; `interrupted` is asked after each stretch.
+        longest: Largest number of steps in a stretch; `interrupted` is called after each stretch.
 
     Raises:
         InstanceError: A call of an FMU failed.
@@ -40,14 +40,14 @@ def simulate(
     """
     most = 1
     while not (stepping.reached(until) or interrupted()):
-        began, first = time.perf_counter(), stepping.steps
+        start_time, first_step = time.perf_counter(), stepping.steps
         count = most if pacing is None else min(most, pacing.steps(stepping.times.step))
         stepping.advance(rows, count, until)
-        took = time.perf_counter() - began
-        if took < 0.5 * STRETCH:
+        elapsed = time.perf_counter() - start_time
+        if elapsed < 0.5 * STRETCH:
             most = min(2 * most, longest)
-        elif took > 2.0 * STRETCH:
-            most = max(min(most, stepping.steps - first) // 2, 1)
+        elif elapsed > 2.0 * STRETCH:
+            most = max(min(most, stepping.steps - first_step) // 2, 1)
         if pacing is not None:
             pacing.wait(stepping.time, interrupted)
         between()

@@ -90,7 +90,7 @@ class Algorithm(ABC):
     block: Vector = field(init=False, repr=False)
     """All that steps change, in one piece of memory; checkpoints have it."""
     restored: Vector = field(init=False, repr=False)
-    """The part of it that a repeated step restores: all but what is learned of loops."""
+    """The part of it that a repeated step restores: all but the Jacobians of loops, which stay learned."""
 
     network: Network = field(init=False, repr=False)
     exchange: Exchange = field(init=False, repr=False)
@@ -106,8 +106,8 @@ class Algorithm(ABC):
         Raises:
             CommandError: an FMU lacks an ability that the algorithm needs, or a step multiple is invalid.
         """
-        for own in options_of(type(self)):
-            own.check(getattr(self, own.name))
+        for declared_option in options_of(type(self)):
+            declared_option.check(getattr(self, declared_option.name))
         self.network = network
         self.exchange = Exchange(network, self.extrapolation)
         self.steps = 0
@@ -134,13 +134,13 @@ class Algorithm(ABC):
         Raises:
             CommandError: The program is not valid, or an FMU of a group cannot restore its state.
         """
-        for each in program:
-            check_instruction(each, len(self.network.instances))
+        for instruction in program:
+            check_instruction(instruction, len(self.network.instances))
         operations = [x for x in program if isinstance(x, Operation)]
-        for each in operations:
-            self._sample(each, operations)
+        for instruction in operations:
+            self._apply_step_multiple(instruction, operations)
         names, count = name_own_vectors(program), len(self.network.signals)
-        self.known = self._find_known(program)
+        self.known = self._find_known_sources(program)
         self.program = step_first(program, self.known)
         self.operations = [x for x in self.program if isinstance(x, Operation)]
         self.stores = {name: np.zeros(count) for name in names}
@@ -148,9 +148,9 @@ class Algorithm(ABC):
             self.stores |= {f"{span} of step": np.zeros(count) for span in SPANS}
             self.exchange.use_known(self.known, np.flatnonzero(self.multiples > 1).tolist())
         self.groups = [self.make_group(list(x.members)) for x in self.program if isinstance(x, Solve)]
-        self._gather_memory()
+        self._gather_changing_values()
 
-    def _find_known(self, program: Sequence[Instruction]) -> frozenset[int]:
+    def _find_known_sources(self, program: Sequence[Instruction]) -> frozenset[int]:
         """Return the tables that can step before all others, so that their signals are known in advance."""
         combined = {x.instance for x in program if isinstance(x, Combine)}
         names = {i: self.network.instances[i].name for i in self.network.tables - combined}
@@ -158,19 +158,19 @@ class Algorithm(ABC):
             i for i, name in names.items() if self.multiples[i] == 1 and name not in self.step_multiples
         )
 
-    def _gather_memory(self) -> None:
+    def _gather_changing_values(self) -> None:
         """Move all that steps change into one block."""
         history = vars(self.exchange.history)
         parts = [self.network.signals, *history.values(), self.scale.largest, *self.stores.values()]
-        count, place = sum(part.size for part in parts), 0
+        count, offset = sum(part.size for part in parts), 0
         self.block = np.zeros(count + sum(group.jacobian.size for group in self.groups))
         self.restored = self.block[:count]
 
         def move(values: Vector) -> Vector:
-            nonlocal place
-            moved = self.block[place : place + values.size].reshape(values.shape)
-            moved[:], place = values, place + values.size
-            return moved
+            nonlocal offset
+            target = self.block[offset : offset + values.size].reshape(values.shape)
+            target[:], offset = values, offset + values.size
+            return target
 
         self.network.use_signals(move(self.network.signals))
         for name, values in history.items():
@@ -180,29 +180,29 @@ class Algorithm(ABC):
         for group in self.groups:
             group.jacobian = move(group.jacobian)
 
-    def _sample(self, operation: Operation, operations: Sequence[Operation]) -> None:
+    def _apply_step_multiple(self, operation: Operation, operations: Sequence[Operation]) -> None:
         """Take the step multiple of an operation as that of its instance."""
-        i, every = operation.instance, operation.every
-        if not every:
+        i, multiple = operation.instance, operation.every
+        if not multiple:
             return
         name = self.network.instances[i].name
-        others = {x.every for x in operations if x.instance == i}
-        if not 1 <= every <= MOST or len(others) > 1:
+        multiples = {x.every for x in operations if x.instance == i}
+        if not 1 <= multiple <= MOST or len(multiples) > 1:
             raise CommandError(
-                f"the operations of {name} are done every {', '.join(map(str, sorted(others)))} steps; "
+                f"the operations of {name} are done every {', '.join(map(str, sorted(multiples)))} steps; "
                 f"all need the same number, from 1 to {MOST}."
             )
-        if name in self.step_multiples and self.step_multiples[name] != every:
+        if name in self.step_multiples and self.step_multiples[name] != multiple:
             raise CommandError(
-                f"the algorithm does {every} steps of {name} at once; remove its step multiple."
+                f"the algorithm does {multiple} steps of {name} at once; remove its step multiple."
             )
-        self.multiples[i] = every
+        self.multiples[i] = multiple
 
     @property
     def split_steps(self) -> set[int]:
         """Instances whose steps begin and end in two calls, so that others step meanwhile."""
-        found = find_split_steps(self.exchange, self.operations) if self.is_plain else set[int]()
-        return found.union(*(find_split_steps(self.exchange, group.operations) for group in self.groups))
+        instances = find_split_steps(self.exchange, self.operations) if self.is_plain else set[int]()
+        return instances.union(*(find_split_steps(self.exchange, group.operations) for group in self.groups))
 
     @property
     def is_plain(self) -> bool:
@@ -214,19 +214,19 @@ class Algorithm(ABC):
         )
 
     def make_group(self, members: list[int]) -> CoupledGroup:
-        """Return what is known of a group; CommandError if its members cannot be solved together."""
+        """Return a group; CommandError if its members cannot be solved together."""
         instances = [self.network.instances[i] for i in members]
         if not members or any(self.multiples[i] > 1 for i in members):
             raise CommandError("a group needs members without step multiples.")
-        cut = self.network.find_coupling_variables(members)
-        if len(cut):
+        coupling_variables = self.network.find_coupling_variables(members)
+        if len(coupling_variables):
             require(instances, "rolls_back", "canGetAndSetFMUstate", "the strong coupling of a loop")
         return CoupledGroup(
             exchange=self.exchange,
             scale=self.scale,
             members=members,
-            coupling_variables=cut,
-            jacobian=estimate_jacobian(len(cut)),
+            coupling_variables=coupling_variables,
+            jacobian=estimate_jacobian(len(coupling_variables)),
             is_saved=all(s.rolls_back for s in instances),
             is_halved=all(s.varies_step for s in instances),
         )
@@ -286,10 +286,10 @@ class Algorithm(ABC):
     def report(self) -> dict[str, Any]:
         """Return how the steps are made, with the loops and how often they were stepped, for run.json."""
         instances = self.network.instances
-        together = [list(s.components) for s in instances if len(s.components) > 1]
+        merged_components = [list(s.components) for s in instances if len(s.components) > 1]
         report: dict[str, Any] = {"late_connections": [link.name for link in self.late_links()]}
-        report |= {"known_inputs": known} if (known := self.exchange.describe_known()) else {}
-        report |= {"integrated_together": together} if together else {}
+        report |= {"known_inputs": known_inputs} if (known_inputs := self.exchange.describe_known()) else {}
+        report |= {"integrated_together": merged_components} if merged_components else {}
         if not self.groups:
             return report
         loops = [[instances[i].name for i in loop] for loop in self.loops]
@@ -299,12 +299,12 @@ class Algorithm(ABC):
         """Return what steps have changed, as arrays by name."""
         return {"block": self.block, "counts": np.array([self.steps, self.sweeps], dtype=float)}
 
-    def remember(self, memory: Mapping[str, Vector]) -> None:
-        """Continue from what `memory` returned in an algorithm of the same class, for the same network."""
-        self.block[:] = memory["block"]
-        self.steps, self.sweeps = (int(count) for count in memory["counts"])
+    def remember(self, state: Mapping[str, Vector]) -> None:
+        """Continue from what `state` returned in an algorithm of the same class, for the same network."""
+        self.block[:] = state["block"]
+        self.steps, self.sweeps = (int(count) for count in state["counts"])
 
-    def close(self) -> None:  # noqa: B027 - most hold nothing
+    def close(self) -> None:  # noqa: B027 - most have nothing to free
         """Free what the algorithm holds of the FMU instances; never raises."""
 
     @property

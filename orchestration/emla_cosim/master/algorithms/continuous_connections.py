@@ -20,7 +20,7 @@ class ContinuousConnection:
         signal: Position of the output among all signals.
         source: Name of the component with the output.
         target: Name of the component with the input.
-        is_late: Whether the consumer reads the value from the begin of a step instead of its end.
+        is_late: Whether the consumer reads the value from the start of a step instead of its end.
         mode: How the input changes during the step; see `Mode`.
         is_in_loop: Whether the source depends on the target, so that an error is fed back.
         group: Number of the loop that iterates on the signal; -1 without one.
@@ -55,23 +55,28 @@ def list_continuous_connections(
         instance.name for instance, rare in zip(network.instances, exchange.rare, strict=True) if rare
     }
     late = {id(link) for link in algorithm.late_links()}
-    ways = [
+    paths = [
         (first, last, is_late)
         for first in network.links
         if first.source not in network.followers | algorithm.known and exchange.smooth[network.signal(first)]
-        for last, is_late in _readers(network, first, late)
+        for last, is_late in _list_readers(network, first, late)
         if _is_continuous(network, first, last, sampling)
     ]
-    loops, agreed = _loops([(first.source, last.target) for first, last, _ in ways]), _agreed(algorithm)
-    found = []
-    for first, last, is_late in ways:
-        signal, inside = network.signal(first), loops.get(first.source, -1) == loops.get(last.target, -2)
-        group, place = agreed.get(signal, (-1, -1)) if inside else (-1, -1)
+    loops, coupling_positions = (
+        _number_loops([(first.source, last.target) for first, last, _ in paths]),
+        _locate_coupling_variables(algorithm),
+    )
+    connections = []
+    for first, last, is_late in paths:
+        signal, is_in_loop = network.signal(first), loops.get(first.source, -1) == loops.get(last.target, -2)
+        group, position = coupling_positions.get(signal, (-1, -1)) if is_in_loop else (-1, -1)
         source, target = network.instances[first.source].name, network.instances[last.target].name
         name = f"{network.names[signal]} -> {last.name.partition(' -> ')[2] or f'{target}[{last.input}]'}"
         mode = exchange.modes[last.target]
-        found.append(ContinuousConnection(name, signal, source, target, is_late, mode, inside, group, place))
-    return found
+        connections.append(
+            ContinuousConnection(name, signal, source, target, is_late, mode, is_in_loop, group, position)
+        )
+    return connections
 
 
 def loop_responses(algorithm: Algorithm) -> Mapping[int, Vector]:
@@ -80,7 +85,7 @@ def loop_responses(algorithm: Algorithm) -> Mapping[int, Vector]:
     F' are the derivatives of the answers with respect to the guesses, as the algorithm learned them. Loops
     of which it learned nothing are left out.
     """
-    found = {}
+    responses = {}
     for number, group in enumerate(algorithm.groups):
         count = len(group.coupling_variables)
         missing = group.jacobian - np.eye(count)  # J = F' (F' - 1)^-1, so this is (F' - 1)^-1
@@ -91,11 +96,11 @@ def loop_responses(algorithm: Algorithm) -> Mapping[int, Vector]:
         except np.linalg.LinAlgError:
             continue
         if np.isfinite(response).all():
-            found[number] = response
-    return found
+            responses[number] = response
+    return responses
 
 
-def _readers(network: Network, link: Link, late: Collection[int]) -> Iterator[tuple[Link, bool]]:
+def _list_readers(network: Network, link: Link, late: Collection[int]) -> Iterator[tuple[Link, bool]]:
     """Yield the last link to each consumer of a signal, through followers, and whether it is late."""
     if link.target not in network.followers:
         yield link, id(link) in late
@@ -103,7 +108,7 @@ def _readers(network: Network, link: Link, late: Collection[int]) -> Iterator[tu
     for onward in network.links:
         if onward.source == link.target:
             yield from (
-                (last, is_late or id(link) in late) for last, is_late in _readers(network, onward, late)
+                (last, is_late or id(link) in late) for last, is_late in _list_readers(network, onward, late)
             )
 
 
@@ -113,45 +118,45 @@ def _is_continuous(network: Network, first: Link, last: Link, sampling: Collecti
     return ends and source.name not in sampling and target.name not in sampling
 
 
-def _loops(ways: Collection[tuple[int, int]]) -> dict[int, int]:
+def _number_loops(paths: Collection[tuple[int, int]]) -> dict[int, int]:
     """Return the number of the loop by instance: strongly connected components (Kosaraju)."""
     readers: dict[int, list[int]] = {}
     sources: dict[int, list[int]] = {}
-    for source, target in ways:
+    for source, target in paths:
         readers.setdefault(source, []).append(target)
         sources.setdefault(target, []).append(source)
-    left: set[int] = set()
-    order = [instance for start in readers for instance in _finishing_order(start, readers, left)]
-    loops, left = {}, set()
+    visited: set[int] = set()
+    order = [instance for start in readers for instance in _finishing_order(start, readers, visited)]
+    loops, visited = {}, set()
     for number, start in enumerate(reversed(order)):
-        members = _finishing_order(start, sources, left)
+        members = _finishing_order(start, sources, visited)
         if len(members) > 1 or start in readers.get(start, ()):
             loops |= dict.fromkeys(members, number)
     return loops
 
 
-def _finishing_order(start: int, neighbours: Mapping[int, Sequence[int]], left: set[int]) -> list[int]:
-    """Return the instances that are reachable outside of `left`, in post-order, and add them to `left`."""
-    if start in left:
+def _finishing_order(start: int, neighbours: Mapping[int, Sequence[int]], visited: set[int]) -> list[int]:
+    """Return the instances that are reachable outside of `visited`, in post-order; add them to `visited`."""
+    if start in visited:
         return []
-    left.add(start)
-    found, path = [], [(start, iter(neighbours.get(start, ())))]
+    visited.add(start)
+    finished, path = [], [(start, iter(neighbours.get(start, ())))]
     while path:
         instance, rest = path[-1]
-        following = next((i for i in rest if i not in left), None)
+        following = next((i for i in rest if i not in visited), None)
         if following is None:
-            found.append(instance)
+            finished.append(instance)
             path.pop()
         else:
-            left.add(following)
+            visited.add(following)
             path.append((following, iter(neighbours.get(following, ()))))
-    return found
+    return finished
 
 
-def _agreed(algorithm: Algorithm) -> dict[int, tuple[int, int]]:
+def _locate_coupling_variables(algorithm: Algorithm) -> dict[int, tuple[int, int]]:
     """Return the number of the loop and the position among its coupling variables, by signal."""
     return {
-        int(signal): (number, place)
+        int(signal): (number, position)
         for number, group in enumerate(algorithm.groups)
-        for place, signal in enumerate(group.coupling_variables)
+        for position, signal in enumerate(group.coupling_variables)
     }

@@ -18,8 +18,8 @@ class Explicit(Algorithm):
         >>> import emla_cosim as ec
         >>> class Backwards(ec.Explicit):
         ...     def table(self, network):
-        ...         places = reversed(range(len(network.instances)))
-        ...         return [ec.Operation(call, i) for i in places for call in ec.Call]
+        ...         positions = reversed(range(len(network.instances)))
+        ...         return [ec.Operation(call, i) for i in positions for call in ec.Call]
         ...
         ...     def late(self):
         ...         return [link for link in self.network.links if link.source <= link.target]

@@ -109,8 +109,8 @@ class Exchange:
             self.owners[part], self.smooth[part] = i, instance.continuous_outputs
         self.modes = [int(_mode(extrapolation, instance.interpolates)) for instance in network.instances]
         self.derivatives: Vector = np.zeros(len(network.inputs))
-        taken = len(network.inputs)
-        self.history = History(*(np.zeros(n) for n in (size, count, count, taken, taken)))
+        input_count = len(network.inputs)
+        self.history = History(*(np.zeros(n) for n in (size, count, count, input_count, input_count)))
         self.known: list[Indices] = [np.zeros(len(x.inputs), dtype=np.intp) for x in network.instances]
         """Per instance, what its inputs read, as numbers of `Known`."""
         self.follows = np.zeros(count, dtype=np.int32)
@@ -121,8 +121,8 @@ class Exchange:
     @property
     def accuracy(self) -> int:
         """Order of accuracy of the exchange with respect to the step size, in smooth motion."""
-        known = any((kinds != Known.NOT_KNOWN).any() for kinds in self.known)
-        if not known and Mode.HOLD in self.modes:
+        has_known_inputs = any((kinds != Known.NOT_KNOWN).any() for kinds in self.known)
+        if not has_known_inputs and Mode.HOLD in self.modes:
             return 1
         return 1 if any(map(self._is_first_order, self.network.links)) else 2
 
@@ -139,8 +139,10 @@ class Exchange:
 
     def is_of_middle(self, link: Link) -> bool:
         """Return whether an input has one value throughout a step that is that of the middle of the step."""
-        known = self.known[link.target][link.input]
-        return known == Known.MEAN or (known == Known.NOT_KNOWN and self.modes[link.target] == Mode.MIDDLE)
+        reading = self.known[link.target][link.input]
+        return reading == Known.MEAN or (
+            reading == Known.NOT_KNOWN and self.modes[link.target] == Mode.MIDDLE
+        )
 
     def _is_first_order(self, link: Link) -> bool:
         is_known = self.known[link.target][link.input] != Known.NOT_KNOWN
@@ -157,10 +159,10 @@ class Exchange:
         samplers = {*self.network.samplers, *rare, *(i for i, is_rare in enumerate(self.rare) if is_rare)}
         for link in self.network.links:
             if link.source in tables:
-                kind = Known.SAMPLE if link.target in samplers else self._find_known(link)
-                self.known[link.target][link.input] = kind
+                reading = Known.SAMPLE if link.target in samplers else self._choose_reading(link)
+                self.known[link.target][link.input] = reading
 
-    def _find_known(self, link: Link) -> Known:
+    def _choose_reading(self, link: Link) -> Known:
         source, target = self.network.instances[link.source], self.network.instances[link.target]
         if target.clocked_inputs[link.input]:
             return Known.SAMPLE
@@ -189,14 +191,14 @@ class Exchange:
         """
         for i in self.find_followed():
             instance = self.network.instances[i]
-            self.follows[i] = instance.rolls_back and _follows(instance, self.known[i] == Known.MEAN)
+            self.follows[i] = instance.rolls_back and _outputs_follow(instance, self.known[i] == Known.MEAN)
 
     def describe_known(self) -> dict[str, str]:
         """Return what each input with a known signal reads, by the name of its connection."""
         return {
-            link.name: KNOWN_TEXTS[Known(kind)]
+            link.name: KNOWN_TEXTS[Known(reading)]
             for link in self.network.links
-            if (kind := self.known[link.target][link.input]) != Known.NOT_KNOWN
+            if (reading := self.known[link.target][link.input]) != Known.NOT_KNOWN
         }
 
     def sample(self, instances: Collection[int]) -> None:
@@ -208,8 +210,8 @@ class Exchange:
         """Start a new history with the present signals at `time` in s."""
         self.history.previous[:] = self.network.signals
         self.history.at[:] = self.history.before[:] = self.history.taken_at[:] = time
-        for taken, sources in zip(self.network.input_parts, self.network.sources, strict=True):
-            self.history.taken[taken] = self.network.signals[sources]
+        for part, sources in zip(self.network.input_parts, self.network.sources, strict=True):
+            self.history.taken[part] = self.network.signals[sources]
 
     def shares(self, i: int) -> Vector:
         """Return how much instance i's inputs change per change of the signals at the end of a step."""
@@ -220,12 +222,12 @@ class Exchange:
         return follows
 
 
-def _follows(instance: FmuInstance, known: NDArray[np.bool_]) -> bool:
+def _outputs_follow(instance: FmuInstance, is_known_input: NDArray[np.bool_]) -> bool:
     """Return whether outputs change with these inputs although no step is done; all is then as before."""
     state, inputs, outputs = instance.save(), instance.inputs.copy(), instance.outputs.copy()
     try:
         for sign in (1.0, -1.0):  # one of the values may be out of range
-            instance.inputs[known] += sign * TRIAL * (1.0 + np.abs(inputs[known]))
+            instance.inputs[is_known_input] += sign * TRIAL * (1.0 + np.abs(inputs[is_known_input]))
             try:
                 instance.set_inputs()
                 instance.get_outputs()
@@ -240,11 +242,11 @@ def _follows(instance: FmuInstance, known: NDArray[np.bool_]) -> bool:
         instance.forget(state)
 
 
-def _mode(extrapolation: str, interpolates: bool) -> Mode:
+def _mode(extrapolation: str, can_interpolate: bool) -> Mode:
     match extrapolation:
         case "none":
             return Mode.HOLD
-        case "fmu" if interpolates:
+        case "fmu" if can_interpolate:
             return Mode.LINE
         case _:
             return Mode.MIDDLE

@@ -19,7 +19,7 @@ HALVINGS = 10
 
 @dataclass
 class CoupledGroup:
-    """A group of instances, and what is known of its loop.
+    """A group of instances, and the Jacobian of its loop.
 
     Args:
         exchange: The values of the instances.
@@ -76,15 +76,15 @@ def loop_derivatives(exchange: Exchange, group: CoupledGroup) -> Vector | None:
     network, count = exchange.network, len(group.coupling_variables)
     if not all(network.instances[i].differentiates for i in group.members):
         return None
-    found = np.zeros((count, count))
+    derivatives = np.zeros((count, count))
     for c, signal in enumerate(group.coupling_variables):
         change = np.zeros(len(network.signals))
         change[signal] = 1.0
         for i in group.members:
             direction = exchange.shares(i) * change[network.sources[i]]
-            answer = network.instances[i].directional_derivative(direction)
-            if answer is None:
+            output_change = network.instances[i].directional_derivative(direction)
+            if output_change is None:
                 return None
-            change[network.parts[i]] = answer
-        found[:, c] = change[group.coupling_variables]
-    return found
+            change[network.parts[i]] = output_change
+        derivatives[:, c] = change[group.coupling_variables]
+    return derivatives

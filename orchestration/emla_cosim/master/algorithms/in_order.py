@@ -9,7 +9,7 @@ from ..network import Network
 from .algorithm import Algorithm
 
 
-def _names(text: str) -> list[str]:
+def _split_names(text: str) -> list[str]:
     return [name.strip() for name in text.split(",")]
 
 
@@ -20,7 +20,7 @@ class InOrder(Algorithm):
     order: Sequence[str] = option(
         [],
         help="Order in which components step, with commas between. Default: derived from the connections.",
-        parse=_names,
+        parse=_split_names,
         identity="order",
         commands=STEPPED,
     )

@@ -30,7 +30,7 @@ def initialize(network: Network, start_time: float, stop_time: float | None) -> 
     for i in range(len(network.instances)):
         network.assume_inputs(i)  # start values replace signals that are not known yet
     settle_initial_values(network, Scale(network))
-    _settle_opaque_values(network)
+    _exchange_opaque_values(network)
     for i in range(len(network.instances)):  # inputs that no initial value depends on
         network.pass_inputs(i)
     for instance in network.instances:
@@ -50,11 +50,11 @@ def settle_initial_values(network: Network, scale: Scale) -> None:
         RunError: No solution of a loop was found.
         InstanceError: A call of an FMU failed.
     """
-    for group, cut in find_initial_loops(network):
-        _settle(network, group, cut, scale)
+    for group, coupling_variables in find_initial_loops(network):
+        _solve_group(network, group, coupling_variables, scale)
 
 
-def _settle_opaque_values(network: Network) -> None:
+def _exchange_opaque_values(network: Network) -> None:
     """Exchange Strings and Binary values, and the numbers that may depend on them, until none changes.
 
     Raises:
@@ -81,7 +81,7 @@ def _is_initial(link: Link) -> bool:
     return link.initial
 
 
-def _settle(network: Network, group: list[int], cut: Indices, scale: Scale) -> None:
+def _solve_group(network: Network, group: list[int], coupling_variables: Indices, scale: Scale) -> None:
     """Exchange values within a group until they are consistent."""
 
     def sweep() -> None:
@@ -89,40 +89,48 @@ def _settle(network: Network, group: list[int], cut: Indices, scale: Scale) -> N
             network.pass_inputs(i)
             network.instances[i].get_outputs()
 
-    if not len(cut):
+    if not len(coupling_variables):
         sweep()
         return
 
-    def answer(guess: Vector) -> Vector:
-        network.signals[cut] = guess
+    def evaluate(guess: Vector) -> Vector:
+        network.signals[coupling_variables] = guess
         sweep()
-        return network.signals[cut]
+        return network.signals[coupling_variables]
 
-    def sizes(values: Vector) -> Vector:
-        return np.abs(values) + scale.floor[cut]  # not the largest so far: earlier guesses can be huge
+    def list_sizes(values: Vector) -> Vector:
+        return (
+            np.abs(values) + scale.floor[coupling_variables]
+        )  # not the largest so far: earlier guesses can be huge
 
     try:
-        solution = Newton(answer, sizes).solve(network.signals[cut])
-        network.signals[cut] = (
+        solution = Newton(evaluate, list_sizes).solve(network.signals[coupling_variables])
+        network.signals[coupling_variables] = (
             solution  # more accurate than the answer, whose rounding errors the loop amplifies
         )
     except NoSolutionError as failure:
-        raise RunError(_no_solution(network, group, cut, failure)) from failure
+        raise RunError(_explain_no_solution(network, group, coupling_variables, failure)) from failure
 
 
-def _no_solution(network: Network, group: list[int], cut: np.ndarray, failure: NoSolutionError) -> str:
+def _explain_no_solution(
+    network: Network, group: list[int], coupling_variables: np.ndarray, failure: NoSolutionError
+) -> str:
     loop = network.loop_name(group)
     if failure.singular.any():
-        names = join_names([network.names[s] for s in cut[failure.singular]])
+        names = join_names([network.names[s] for s in coupling_variables[failure.singular]])
         gap = failure.gap[failure.singular]
         return (
             f"the initial values of the loop {loop} have no solution: the gain around the loop is 1 "
             f"for {names}, so a difference of {np.abs(gap).max():.3g} always remains. "
             "Change a parameter of the loop, or remove a connection."
         )
-    lost = [network.names[s] for s in cut[~np.isfinite(failure.gap)]]
-    moving = [network.names[s] for s in cut[failure.gap != 0.0]]
-    problem = f"{join_names(lost)} became infinite or NaN" if lost else f"{join_names(moving)} still change"
+    nonfinite = [network.names[s] for s in coupling_variables[~np.isfinite(failure.gap)]]
+    changing = [network.names[s] for s in coupling_variables[failure.gap != 0.0]]
+    problem = (
+        f"{join_names(nonfinite)} became infinite or NaN"
+        if nonfinite
+        else f"{join_names(changing)} still change"
+    )
     return (
         f"the initial values of the loop {loop} do not settle in {failure.calls} exchanges: {problem}. "
         "Set start values of its inputs nearer to the solution, or remove a connection."

@@ -69,8 +69,8 @@ class Newton:
         sizes: Return the sizes of values, shape (n,), positive, each in its value's unit.
     """
 
-    def __init__(self, answer: Callable[[Vector], Vector], sizes: Callable[[Vector], Vector]) -> None:
-        self._answer, self._sizes, self._calls = answer, sizes, 0
+    def __init__(self, function: Callable[[Vector], Vector], sizes: Callable[[Vector], Vector]) -> None:
+        self._function, self._sizes, self._calls = function, sizes, 0
 
     def solve(self, guess: Vector) -> Vector:
         """Return the solution x, shape (n,). The last call of F has this argument.
@@ -82,28 +82,28 @@ class Newton:
             NoSolutionError: No solution was found.
         """
         x, inverse, last = guess.copy(), None, np.inf
-        found = self._value(x)
+        value = self._evaluate(x)
         for _ in range(ITERATIONS):
-            gap = found - x
+            gap = value - x
             if not np.isfinite(gap).all():
                 break
             if not gap.any():
                 return x
-            inverse = inverse or self._inverse(x, found)
+            inverse = inverse or self._invert(x, value)
             correction = inverse.matrix @ gap
             size = self._weigh(x, correction)
             if self._agree(x, gap, size, last):
                 x = x + correction  # so that values which the loop amplifies agree, too
-                self._value(x)
+                self._evaluate(x)
                 return x
-            step, found, inverse = self._go(x, correction, size, inverse)
+            step, value, inverse = self._shorten(x, correction, size, inverse)
             x, last = x + step * correction, size
-        raise NoSolutionError(found - x, self._calls, np.zeros(len(x), dtype=bool))
+        raise NoSolutionError(value - x, self._calls, np.zeros(len(x), dtype=bool))
 
-    def _value(self, x: Vector) -> Vector:
+    def _evaluate(self, x: Vector) -> Vector:
         self._calls += 1
         with np.errstate(all="ignore"):
-            return np.array(self._answer(x), dtype=float)
+            return np.array(self._function(x), dtype=float)
 
     def _weigh(self, x: Vector, difference: Vector) -> float:
         """Return the largest difference relative to the values' sizes; infinity if it is not finite."""
@@ -116,7 +116,7 @@ class Newton:
             return True
         return correction <= ROUGH and correction >= 0.5 * last
 
-    def _go(
+    def _shorten(
         self, x: Vector, correction: Vector, size: float, inverse: _Inverse
     ) -> tuple[float, Vector, _Inverse | None]:
         """Find how far to go along a correction: the whole correction if no part of it helps.
@@ -126,22 +126,22 @@ class Newton:
         """
         for halvings in range(HALVINGS):
             step = 0.5**halvings
-            tried = x + step * correction
-            found = self._value(tried)
-            following = self._weigh(x, inverse.matrix @ (found - tried))
+            trial = x + step * correction
+            value = self._evaluate(trial)
+            following = self._weigh(x, inverse.matrix @ (value - trial))
             if following <= (1.0 - 0.25 * step) * size or (size <= ROUGH and following < np.inf):
-                return step, found, inverse if following <= _FAST * size else None
-        return 1.0, self._value(x + correction), None
+                return step, value, inverse if following <= _FAST * size else None
+        return 1.0, self._evaluate(x + correction), None
 
-    def _inverse(self, x: Vector, found: Vector) -> _Inverse:
+    def _invert(self, x: Vector, value: Vector) -> _Inverse:
         """Return the inverse at a point, from large differences if rounding errors hide small ones."""
-        sizes, gap = self._sizes(x), found - x
-        inverse = self._differences(x, found, DIFFERENCE * sizes)
+        sizes, gap = self._sizes(x), value - x
+        inverse = self._differences(x, value, DIFFERENCE * sizes)
         if inverse.hidden.size:
-            inverse = self._differences(x, found, np.maximum(sizes, np.abs(gap)))
+            inverse = self._differences(x, value, np.maximum(sizes, np.abs(gap)))
         if inverse.hidden.size:
-            lost = gap - self._correctable_part(inverse, gap)
-            if self._weigh(x, lost) > TOLERANCE:
+            uncorrectable = gap - self._correctable_part(inverse, gap)
+            if self._weigh(x, uncorrectable) > TOLERANCE:
                 main = np.abs(inverse.hidden).max(axis=1)
                 raise NoSolutionError(gap, self._calls, main > 0.1 * main.max())
         return inverse
@@ -150,22 +150,26 @@ class Newton:
         """Return the part of a gap that a correction removes."""
         return self._slopes @ (inverse.matrix @ gap)
 
-    def _differences(self, x: Vector, found: Vector, steps: Vector) -> _Inverse:
+    def _differences(self, x: Vector, value: Vector, steps: Vector) -> _Inverse:
         count, sizes = len(x), self._sizes(x)
         slopes, noise = np.eye(count), np.zeros((count, count))
         for j in range(count):
-            moved = x.copy()
-            moved[j] += steps[j]
-            step = moved[j] - x[j]
-            there = self._value(moved)
-            slopes[:, j] -= (there - found) / step
-            noise[:, j] = _ROUNDING * np.maximum(np.abs(found), np.abs(there)) / step
+            shifted = x.copy()
+            shifted[j] += steps[j]
+            step = shifted[j] - x[j]
+            shifted_value = self._evaluate(shifted)
+            slopes[:, j] -= (shifted_value - value) / step
+            noise[:, j] = _ROUNDING * np.maximum(np.abs(value), np.abs(shifted_value)) / step
         if not np.isfinite(slopes).all():
             raise NoSolutionError(np.full(count, np.nan), self._calls, np.zeros(count, dtype=bool))
         self._slopes = slopes
         rows = (np.abs(slopes) + noise) @ sizes + np.finfo(float).tiny  # size of each equation
         scaled, rounding = slopes * sizes / rows[:, None], noise * sizes / rows[:, None]
-        left, values, right = np.linalg.svd(scaled)
-        seen = values > max(float(np.linalg.norm(rounding)), _ROUNDING * float(values[0]))
-        matrix = (sizes[:, None] * right[seen].T / values[seen]) @ (left[:, seen].T / rows)
-        return _Inverse(matrix, right[~seen].T)
+        left_vectors, singular_values, right_vectors = np.linalg.svd(scaled)
+        is_visible = singular_values > max(
+            float(np.linalg.norm(rounding)), _ROUNDING * float(singular_values[0])
+        )
+        matrix = (sizes[:, None] * right_vectors[is_visible].T / singular_values[is_visible]) @ (
+            left_vectors[:, is_visible].T / rows
+        )
+        return _Inverse(matrix, right_vectors[~is_visible].T)

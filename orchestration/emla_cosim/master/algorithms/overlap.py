@@ -12,8 +12,8 @@ from .tasks import plan_tasks
 def find_split_steps(exchange: Exchange, operations: Sequence[Operation]) -> set[int]:
     """Return the instances whose steps can overlap: those in other processes, if there are several."""
     stepped = {o.instance for o in operations if o.call == Call.STEP}
-    apart = {i for i in stepped if exchange.network.instances[i].steps_apart}
-    return apart if len(apart) > 1 else set()
+    separate = {i for i in stepped if exchange.network.instances[i].steps_apart}
+    return separate if len(separate) > 1 else set()
 
 
 def overlap_steps(
@@ -36,22 +36,22 @@ def overlap_steps(
         return [(operation, False) for operation in operations]
     tasks = plan_tasks(exchange, operations)
     waits, followers = [len(task.after) for task in tasks], [list[int]() for _ in tasks]
-    for place, task in enumerate(tasks):
+    for task_number, task in enumerate(tasks):
         for before in task.after:
-            followers[before].append(place)
-    possible, under_way = [place for place, n in enumerate(waits) if not n], deque[int]()
-    heapify(possible)
+            followers[before].append(task_number)
+    ready, running = [task_number for task_number, n in enumerate(waits) if not n], deque[int]()
+    heapify(ready)
     ordered = list[tuple[Operation, bool]]()
-    while possible or under_way:
-        is_end = not possible
-        place = under_way.popleft() if is_end else heappop(possible)
-        operation = operations[place]
+    while ready or running:
+        is_end = not ready
+        task_number = running.popleft() if is_end else heappop(ready)
+        operation = operations[task_number]
         ordered.append((operation, is_end))
         if not is_end and operation.call == Call.STEP and operation.instance in split:
-            under_way.append(place)
+            running.append(task_number)
             continue
-        for follower in followers[place]:
+        for follower in followers[task_number]:
             waits[follower] -= 1
             if not waits[follower]:
-                heappush(possible, follower)
+                heappush(ready, follower)
     return ordered

@@ -84,10 +84,10 @@ def check_instruction(instruction: Instruction, count: int) -> None:
     """
     if not isinstance(instruction, Instruction):
         raise CommandError(f"{instruction!r} is not an Operation, a Solve or a Combine.")
-    positions = instruction.members if isinstance(instruction, Solve) else [instruction.instance]
-    if any(position not in range(count) for position in positions):
+    instances = instruction.members if isinstance(instruction, Solve) else [instruction.instance]
+    if any(position not in range(count) for position in instances):
         raise CommandError(f"{instruction!r} is not for instances from 0 to {count - 1}.")
-    if len(set(positions)) < len(positions):
+    if len(set(instances)) < len(instances):
         raise CommandError(f"{instruction!r} has an instance twice.")
     if isinstance(instruction, Operation) and instruction.call not in list(Call):
         raise CommandError(f"{instruction.call!r} is not a Call.")
@@ -103,10 +103,10 @@ def name_own_vectors(program: Sequence[Instruction]) -> list[str]:
     written = dict.fromkeys(x.into for x in combinations)
     if PREVIOUS in written:
         raise CommandError(f"a program cannot write '{PREVIOUS}': the master does; choose another vector.")
-    for each in combinations:
-        if not each.terms:
+    for combination in combinations:
+        if not combination.terms:
             raise CommandError("a Combine without terms has no sum; add a term.")
-        for name, factor in each.terms.items():
+        for name, factor in combination.terms.items():
             if not isinstance(factor, Real) or not math.isfinite(factor):
                 raise CommandError(f"the factor of '{name}' is {factor!r}; it must be a finite number.")
     read = [name for x in combinations for name in x.terms]
@@ -125,13 +125,13 @@ def step_first(program: Sequence[Instruction], instances: Collection[int]) -> li
         return list(program)
     first = sorted(instances)
     if any(isinstance(x, Solve) for x in program):  # groups come first, so that threads can share the steps
-        begin: list[Instruction] = [Solve([i]) for i in first]
+        reordered: list[Instruction] = [Solve([i]) for i in first]
     else:
-        begin = [Operation(call, i) for i in first for call in (Call.STEP, Call.GET)]
-    for each in program:
-        if isinstance(each, Solve):
-            members = [i for i in each.members if i not in instances]
-            begin += [Solve(members)] if members else []
-        elif each.instance not in instances:
-            begin.append(each)
-    return begin
+        reordered = [Operation(call, i) for i in first for call in (Call.STEP, Call.GET)]
+    for instruction in program:
+        if isinstance(instruction, Solve):
+            members = [i for i in instruction.members if i not in instances]
+            reordered += [Solve(members)] if members else []
+        elif instruction.instance not in instances:
+            reordered.append(instruction)
+    return reordered

@@ -38,12 +38,12 @@ def estimate_jacobian(count: int, derivatives: Vector | None = None) -> Vector:
         count: Number of values.
         derivatives: F' = dF/dx, so that J = F' (F' - 1)^-1; None if it is not known.
     """
-    unknown = np.eye(count) * (1.0 - RELAXATION)
+    default = np.eye(count) * (1.0 - RELAXATION)
     if derivatives is None:
-        return unknown
+        return default
     try:
         with np.errstate(all="ignore"):
-            found = np.linalg.solve((derivatives - np.eye(count)).T, derivatives.T).T
+            jacobian = np.linalg.solve((derivatives - np.eye(count)).T, derivatives.T).T
     except np.linalg.LinAlgError:
-        return unknown
-    return np.array(found, dtype=float) if np.isfinite(found).all() else np.array(unknown)
+        return default
+    return np.array(jacobian, dtype=float) if np.isfinite(jacobian).all() else np.array(default)

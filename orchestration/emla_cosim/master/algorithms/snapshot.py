@@ -16,19 +16,19 @@ class Snapshot:
     def __init__(self, algorithm: Algorithm, learned: bool = False) -> None:
         self._algorithm, self._members = algorithm, algorithm.network.instances
         self._states: list[Any] = [None] * len(self._members)
-        self._memory = algorithm.block if learned else algorithm.restored
-        self._copy, self._steps = self._memory.copy(), algorithm.steps
+        self._values = algorithm.block if learned else algorithm.restored
+        self._copy, self._steps = self._values.copy(), algorithm.steps
 
     def take(self) -> None:
         """Save the present state."""
         self._states = [s.save(state) for s, state in zip(self._members, self._states, strict=True)]
-        self._copy[:], self._steps = self._memory, self._algorithm.steps
+        self._copy[:], self._steps = self._values, self._algorithm.steps
 
     def restore(self) -> None:
         """Restore the saved state."""
         for instance, state in zip(self._members, self._states, strict=True):
             instance.restore(state)
-        self._memory[:], self._algorithm.steps = self._copy, self._steps
+        self._values[:], self._algorithm.steps = self._copy, self._steps
 
     def close(self) -> None:
         """Free the copies; never raises."""

@@ -66,11 +66,13 @@ class Strong(InOrder):
     def _sampled_instances(self) -> set[int]:
         """Return the positions of instances with a step multiple, and of the followers of their outputs."""
         network = self.network
-        sampled = {i for i, instance in enumerate(network.instances) if instance.name in self.step_multiples}
+        sampled_instances = {
+            i for i, instance in enumerate(network.instances) if instance.name in self.step_multiples
+        }
         for _ in network.followers:  # one may follow another
             links = [link for link in network.links if link.target in network.followers]
-            sampled |= {link.target for link in links if link.source in sampled}
-        return sampled
+            sampled_instances |= {link.target for link in links if link.source in sampled_instances}
+        return sampled_instances
 
     def late(self) -> list[Link]:
         """Return the links from sampled components to others, and against the order of the sampled."""

@@ -27,16 +27,16 @@ def plan_tasks(
     exchange: Exchange, operations: Sequence[Operation], groups: Sequence[Sequence[int]] = ()
 ) -> list[StepTask]:
     """Return the tasks of a step by place: groups of instances first, then operations."""
-    network, found = exchange.network, _TaskList(len(exchange.network.instances))
+    network, task_list = exchange.network, _TaskList(len(exchange.network.instances))
     sources = [sorted(set(exchange.owners[signals].tolist())) for signals in network.sources]
     for members in groups:
         read = {source for i in members for source in sources[i]}
-        found.add(members, reads=read - set(members), writes=members, steps=True)
+        task_list.add(members, reads=read - set(members), writes=members, steps=True)
     for operation in operations:
         i, call = operation.instance, operation.call
         reads, writes = (sources[i] if call == Call.SET else ()), ((i,) if call == Call.GET else ())
-        found.add((i,), reads, writes, steps=call == Call.STEP)
-    return found.tasks
+        task_list.add((i,), reads, writes, steps=call == Call.STEP)
+    return task_list.tasks
 
 
 class _TaskList:
@@ -50,14 +50,14 @@ class _TaskList:
 
     def add(self, instances: Iterable[int], reads: Iterable[int], writes: Iterable[int], steps: bool) -> None:
         """Add a task that calls these instances, reads outputs of some, and writes those of others."""
-        place, before = len(self.tasks), set[int]()
+        number, dependencies = len(self.tasks), set[int]()
         for i in instances:
-            before |= self._called[i]
-            self._called[i] = {place}
+            dependencies |= self._called[i]
+            self._called[i] = {number}
         for i in reads:
-            before |= self._written[i]
-            self._read[i].append(place)
+            dependencies |= self._written[i]
+            self._read[i].append(number)
         for i in writes:
-            before |= {*self._written[i], *self._read[i]}
-            self._written[i], self._read[i] = {place}, []
-        self.tasks.append(StepTask(tuple(instances), tuple(sorted(before - {place})), steps))
+            dependencies |= {*self._written[i], *self._read[i]}
+            self._written[i], self._read[i] = {number}, []
+        self.tasks.append(StepTask(tuple(instances), tuple(sorted(dependencies - {number})), steps))

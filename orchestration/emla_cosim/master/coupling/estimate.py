@@ -90,7 +90,7 @@ class CouplingError:
 
     Attributes:
         errors: Error of each signal by its position, relative to its range.
-        repeated: What was repeated: "the whole run" or "windows"; "differences of rows" if FMUs cannot
+        repeated: The repeated part: "the whole run" or "windows"; "differences of rows" if FMUs cannot
             repeat steps.
         repeated_steps: Number of steps that were repeated.
         not_estimated: Why there is no estimate; empty if there is one.
@@ -106,7 +106,7 @@ class CouplingError:
 
 @dataclass(frozen=True)
 class _Window:
-    """What a window shows, per signal.
+    """The errors in a window, per signal.
 
     Attributes:
         reached: Error after the window, relative to the range.
@@ -126,14 +126,19 @@ class _Window:
         value sometimes, without growing. One that shrinks counts, too: an error that follows its signal and
         does not add up grows in some windows and shrinks in others.
         """
-        third, half = (_largest(errors[: max(len(errors) * n // 4, 1)]) for n in (3, 2))
+        error_at_three_quarters, error_at_half = (
+            _largest(errors[: max(len(errors) * n // 4, 1)]) for n in (3, 2)
+        )
         reached = _largest(errors)
         with np.errstate(invalid="ignore"):
-            is_growing = np.minimum(reached - third, third - half) > LEAST_GROWTH * reached
-            early, late = (
+            is_growing = (
+                np.minimum(reached - error_at_three_quarters, error_at_three_quarters - error_at_half)
+                > LEAST_GROWTH * reached
+            )
+            error_before, error_after = (
                 _largest(errors[len(errors) * n // 4 : len(errors) * (n + 1) // 4]) for n in (1, 3)
             )
-            growth = np.where(is_growing | (late < early), late - early, 0.0)
+            growth = np.where(is_growing | (error_after < error_before), error_after - error_before, 0.0)
         return cls(reached, growth, measure_path(rows[max(len(errors) // 2 - 1, 0) : len(errors)], ranges))
 
 
@@ -159,11 +164,11 @@ class CouplingEstimate:
         self._algorithm, self._loop, self._times = algorithm, loop, times
         self._signals, self._sampling = np.array(signals, dtype=np.intp), sampling
         self._snapshots = dict[int, Snapshot]()
-        self._begins = list[int]()
-        self._kept: KeptRows | None = None
+        self._window_starts = list[int]()
+        self._rows: KeptRows | None = None
         self._repeated, self._pace, self._is_coarse = 0, 0.0, False
         self._program: HalvedProgram | None = None
-        self._is_void = False
+        self._has_changed = False
         instances = algorithm.network.instances
         # other processes on this machine should not change what is repeated
         self._clock = time.perf_counter if any(s.steps_apart for s in instances) else time.thread_time
@@ -175,30 +180,30 @@ class CouplingEstimate:
             loop.allow_way_back()
 
     def count_steps(self, first: int, last: int) -> int:
-        """Save the state at step `first` if it is due, and return the last step before the next one that is.
+        """Save the state at step `first` if it is due, and return the last step before the next state.
 
         Args:
             first: The present step.
-            last: The last step that is wanted.
+            last: The last requested step.
         """
-        if self._kept is None:
+        if self._rows is None:
             end = self._times.steps
-            self._begins = sorted({first + (end - first) * n // WINDOWS for n in range(WINDOWS)})
+            self._window_starts = sorted({first + (end - first) * n // WINDOWS for n in range(WINDOWS)})
             columns, is_coarse = self._signals, not self._sampling
-            self._kept = KeptRows(first, end, self._begins, columns, is_coarse)
-            self._kept.take(first, self._algorithm.network.signals[None])
-        if self._can_restore and first in self._begins and first not in self._snapshots:
-            began = self._clock()
+            self._rows = KeptRows(first, end, self._window_starts, columns, is_coarse)
+            self._rows.take(first, self._algorithm.network.signals[None])
+        if self._can_restore and first in self._window_starts and first not in self._snapshots:
+            save_start = self._clock()
             self._snapshots[first] = Snapshot(self._algorithm, learned=True)
             self._snapshots[first].take()
-            if self._clock() - began > SLOWEST_SAVE:
-                self._begins = self._begins[:1]
-        return next((b for b in self._begins if first < b < last), last)
+            if self._clock() - save_start > SLOWEST_SAVE:
+                self._window_starts = self._window_starts[:1]
+        return next((b for b in self._window_starts if first < b < last), last)
 
     def take(self, first: int, rows: Vector) -> None:
         """Take the rows of successive steps, of which `first` is the first: time in s, then all signals."""
-        if self._kept is not None:
-            self._kept.take(first, rows[:, 1:])
+        if self._rows is not None:
+            self._rows.take(first, rows[:, 1:])
 
     def estimate(self, allowed: float, pace: float) -> CouplingError:
         """Return the estimate; the instances cannot continue afterwards.
@@ -207,31 +212,31 @@ class CouplingEstimate:
             allowed: Wall time in s that it may take.
             pace: Wall time in s of a step of the run.
         """
-        last, kept, algorithm = self._algorithm.steps, self._kept, self._algorithm
-        if kept is None or last <= kept.first:
+        last, rows, algorithm = self._algorithm.steps, self._rows, self._algorithm
+        if rows is None or last <= rows.first:
             return CouplingError(not_estimated="there were no steps")
         if not self._can_restore:
-            return self._named(self._measure_differences(kept), DIFFERENCES)
-        if self._is_void:
+            return self._make_result(self._measure_differences(rows), DIFFERENCES)
+        if self._has_changed:
             return CouplingError(not_estimated="inputs were set during the run")
         self._program = self._loop.halve(self._sampling)
         if self._program is None:
             return CouplingError(not_estimated="the algorithm combines signals, and some components sample")
-        memory, sweeps = algorithm.block.copy(), algorithm.sweeps
+        block, sweeps = algorithm.block.copy(), algorithm.sweeps
         try:
             self._pace = MOST_COST * pace
-            return self._estimate(kept.first, last, allowed)
+            return self._estimate(rows.first, last, allowed)
         except RunError as error:
-            has_diverged = bool((kept.ranges > DIVERGED).any())  # which the run has said
+            has_diverged = bool((rows.ranges > DIVERGED).any())  # which the run reports itself
             return CouplingError(
                 not_estimated=f"steps could not be repeated: {error}", is_fault=not has_diverged
             )
         finally:
-            algorithm.block[:], algorithm.steps, algorithm.sweeps = memory, last, sweeps
+            algorithm.block[:], algorithm.steps, algorithm.sweeps = block, last, sweeps
 
     def note_change(self) -> None:
-        """Note that something else than a step changes the system, so that its steps cannot be repeated."""
-        self._is_void = self._kept is not None
+        """Record that something other than a step changes the system: steps cannot be repeated."""
+        self._has_changed = self._rows is not None
 
     def close(self) -> None:
         """Free the saved states; never raises."""
@@ -240,96 +245,102 @@ class CouplingEstimate:
 
     def _estimate(self, first: int, last: int, allowed: float) -> CouplingError:
         """Return the estimate for the steps from `first` to `last`."""
-        assert self._kept is not None
-        expected = self._kept.get(first, 1, min(CHECKED, last - first))
+        assert self._rows is not None
+        expected = self._rows.get(first, 1, min(CHECKED, last - first))
         if not np.array_equal(self._repeat(first, len(expected)), expected):
             why = "a restored state does not lead to the same results"
             return CouplingError(not_estimated=why, repeated_steps=self._repeated, is_fault=True)
         self._measure_cost(first, last, allowed)
         values = (last - first) * len(self._algorithm.network.signals)
         if self._pace * (last - first) <= allowed and values <= MOST_VALUES:
-            return self._named(_largest(self._halve(first, last - first, self._kept.stride)), "the whole run")
-        return self._named(self._combine_windows(first, last, allowed), "windows")
+            return self._make_result(
+                _largest(self._estimate_by_halves(first, last - first, self._rows.stride)), "the whole run"
+            )
+        return self._make_result(self._combine_windows(first, last, allowed), "windows")
 
-    def _named(self, errors: Vector, repeated: str) -> CouplingError:
+    def _make_result(self, errors: Vector, repeated: str) -> CouplingError:
         """Return the errors by the positions of their signals."""
         errors = np.where(np.isfinite(errors), np.minimum(errors, HUGE), HUGE)
-        found = dict(zip(self._signals.tolist(), errors.tolist(), strict=True))
-        return CouplingError(found, repeated, self._repeated)
+        errors_by_signal = dict(zip(self._signals.tolist(), errors.tolist(), strict=True))
+        return CouplingError(errors_by_signal, repeated, self._repeated)
 
-    def _measure_differences(self, kept: KeptRows) -> Vector:
+    def _measure_differences(self, row_store: KeptRows) -> Vector:
         """Return the rms of what inputs miss during a step, from differences of successive rows.
 
         A held input misses half of the change in a step, an extrapolated one half of the second difference.
         """
         order = self._algorithm.accuracy
-        begins = self._begins if kept.stride > 1 else self._begins[:1]
-        rows = [kept.get(begin - 1, 1, MOST_VALUES) for begin in begins]
+        begins = self._window_starts if row_store.stride > 1 else self._window_starts[:1]
+        rows = [row_store.get(begin - 1, 1, MOST_VALUES) for begin in begins]
         changes = np.concatenate([np.diff(r, n=order, axis=0) for r in rows])
         with np.errstate(all="ignore"):
-            missed = 0.5 * np.sqrt(np.mean(changes**2, axis=0)) / kept.ranges
-        return np.where(kept.ranges > 0.0, missed, 0.0) if len(changes) else np.zeros(len(kept.ranges))
+            missed = 0.5 * np.sqrt(np.mean(changes**2, axis=0)) / row_store.ranges
+        return (
+            np.where(row_store.ranges > 0.0, missed, 0.0) if len(changes) else np.zeros(len(row_store.ranges))
+        )
 
     def _measure_cost(self, first: int, last: int, allowed: float) -> None:
         """Measure what a step in halves costs, and whether longer steps cost less than those they replace."""
         count, ratio = min(max(int(0.1 * allowed / self._pace), 2), MEASURED, last - first), GROWTH**2
-        began = self._clock()
+        start_time = self._clock()
         self._repeat(first, count, program=self._program)
-        halved = self._clock()
-        self._pace = min((halved - began) / count, self._pace)
+        halves_end = self._clock()
+        self._pace = min((halves_end - start_time) / count, self._pace)
         if not self._sampling and count >= ratio:
             self._repeat(first, max(count // ratio, 1), ratio)
-            coarse = (self._clock() - halved) / (max(count // ratio, 1) * ratio)
+            coarse = (self._clock() - halves_end) / (max(count // ratio, 1) * ratio)
             self._is_coarse = coarse < WORTHWHILE * self._pace
 
     def _combine_windows(self, first: int, last: int, allowed: float) -> Vector:
         """Return the largest errors of all windows, each continued to the end of the run."""
-        assert self._kept is not None
+        assert self._rows is not None
         begins = [b for b in self._snapshots if b < last]
         windows = [self._repeat_window(b, last, allowed / len(begins)) for b in begins]
         reached = np.max([w.reached for w in windows], axis=0)
         growth, path = (np.sum(x, axis=0) for x in ([w.growth for w in windows], [w.path for w in windows]))
-        whole, seen = self._kept.path, np.minimum(2.0 * path / len(windows), 1.0)
+        run_path, seen_fraction = self._rows.path, np.minimum(2.0 * path / len(windows), 1.0)
         with np.errstate(all="ignore"):
             rate = np.where(growth > 0.0, growth / path, 0.0)
             # windows shorter than a swing do not show whether errors add up
-            onward = np.where(whole > 1.0, whole ** (UNSEEN + (1.0 - UNSEEN) * seen), whole)
+            onward = np.where(run_path > 1.0, run_path ** (UNSEEN + (1.0 - UNSEEN) * seen_fraction), run_path)
         return reached + np.nan_to_num(rate * onward, nan=0.0, posinf=HUGE)
 
     def _repeat_window(self, begin: int, last: int, allowed: float) -> _Window:
-        """Return the error after a window of steps, whose repetition may take so long, in s."""
-        assert self._kept is not None
-        room, deadline = len(self._kept.get(begin, 1, last - begin)), self._clock() + allowed
+        """Return the error after a window of steps, whose repetition may take `allowed` seconds."""
+        assert self._rows is not None
+        available, deadline = len(self._rows.get(begin, 1, last - begin)), self._clock() + allowed
         share = 0.4 if self._is_coarse else 1.0
-        count = min(_round_down(max(share * allowed / self._pace, SHORTEST_WINDOW)), room)
-        began, stride = self._clock(), 1
-        errors = self._halve(begin, count, 1)
-        per_step = (self._clock() - began) / count
-        order, ranges = self._algorithm.accuracy, self._kept.ranges
+        count = min(_round_down(max(share * allowed / self._pace, SHORTEST_WINDOW)), available)
+        start_time, stride = self._clock(), 1
+        errors = self._estimate_by_halves(begin, count, 1)
+        per_step = (self._clock() - start_time) / count
+        order, ranges = self._algorithm.accuracy, self._rows.ranges
         while self._is_coarse and stride * len(errors) < last - begin:
-            longer = stride * GROWTH
-            left = (deadline - self._clock()) / (GROWTH * per_step)
-            expected = self._kept.get(begin, longer, _round_down(max(min(left, last - begin), 1.0)))
-            if longer * len(expected) < 2 * stride * len(errors):
+            multiple = stride * GROWTH
+            affordable = (deadline - self._clock()) / (GROWTH * per_step)
+            expected = self._rows.get(begin, multiple, _round_down(max(min(affordable, last - begin), 1.0)))
+            if multiple * len(expected) < 2 * stride * len(errors):
                 break
-            began = self._clock()
-            change = _relative(self._repeat(begin, len(expected), longer)[: len(expected)], expected, ranges)
-            per_step = (self._clock() - began) / len(expected)
-            coarse = change / (longer**order - 1.0)
-            if len(coarse) < len(expected) or not _agree(coarse, errors, longer // stride, change):
+            start_time = self._clock()
+            change = _relative(
+                self._repeat(begin, len(expected), multiple)[: len(expected)], expected, ranges
+            )
+            per_step = (self._clock() - start_time) / len(expected)
+            coarse = change / (multiple**order - 1.0)
+            if len(coarse) < len(expected) or not _errors_agree(coarse, errors, multiple // stride, change):
                 break
-            errors, stride = coarse, longer
-        rows = self._kept.get(begin, stride, len(errors))
+            errors, stride = coarse, multiple
+        rows = self._rows.get(begin, stride, len(errors))
         return _Window.of(errors, rows, ranges)
 
-    def _halve(self, begin: int, count: int, stride: int) -> Vector:
+    def _estimate_by_halves(self, begin: int, count: int, stride: int) -> Vector:
         """Return the error at every `stride`-th of `count` steps that are done in halves."""
-        assert self._kept is not None
-        found = self._repeat(begin, count, None, self._program, stride)
-        expected = self._kept.get(begin, stride, len(found))
+        assert self._rows is not None
+        halved = self._repeat(begin, count, None, self._program, stride)
+        expected = self._rows.get(begin, stride, len(halved))
         share = 1.0 - 0.5**self._algorithm.accuracy
-        errors = _relative(found, expected, self._kept.ranges) / share
-        if len(found) < count // stride:  # the halves failed: they end far from the run
+        errors = _relative(halved, expected, self._rows.ranges) / share
+        if len(halved) < count // stride:  # the halves failed: they end far from the run
             errors = np.full((1, len(self._signals)), np.inf)
         return errors
 
@@ -337,7 +348,7 @@ class CouplingEstimate:
         self,
         begin: int,
         count: int,
-        longer: int | None = None,
+        multiple: int | None = None,
         program: HalvedProgram | None = None,
         stride: int = 1,
     ) -> Vector:
@@ -346,16 +357,16 @@ class CouplingEstimate:
         Args:
             begin: Step of the state.
             count: Number of steps.
-            longer: Their length, as a multiple of a step; None for a step in the place of each.
+            multiple: Their length, as a multiple of a step; None for a step in the place of each.
             program: What a step does; None for the program of the algorithm.
             stride: Distance of the signals, in steps.
         """
         self._snapshots[begin].restore()
         times = self._times
-        if longer is None:
+        if multiple is None:
             first, clock = begin, times.clock
         else:
-            first, clock = 0, make_clock(times.point(begin), longer * times.step)
+            first, clock = 0, make_clock(times.point(begin), multiple * times.step)
         rows, error = self._loop.repeat(first, count, clock, program)
         self._repeated += len(rows)
         if isinstance(error, InstanceError) and program is not None:
@@ -363,18 +374,21 @@ class CouplingEstimate:
         return rows[stride - 1 :: stride, self._signals]
 
 
-def _agree(coarse: Vector, fine: Vector, ratio: int, change: Vector) -> bool:
+def _errors_agree(coarse: Vector, fine: Vector, ratio: int, change: Vector) -> bool:
     """Return whether the error of coarse steps can be trusted; `ratio` is that of the distances of rows."""
-    early = _largest(coarse[: max(len(fine) // ratio, 1)]).max()
-    before = _largest(fine).max()
-    is_small = max(early, before) < NEGLIGIBLE
-    return bool(change.max() <= ASYMPTOTIC and (is_small or before / AGREES <= early <= AGREES * before))
+    coarse_error = _largest(coarse[: max(len(fine) // ratio, 1)]).max()
+    fine_error = _largest(fine).max()
+    is_small = max(coarse_error, fine_error) < NEGLIGIBLE
+    return bool(
+        change.max() <= ASYMPTOTIC
+        and (is_small or fine_error / AGREES <= coarse_error <= AGREES * fine_error)
+    )
 
 
-def _relative(found: Vector, expected: Vector, ranges: Vector) -> Vector:
+def _relative(signals: Vector, expected: Vector, ranges: Vector) -> Vector:
     """Return the differences of signals relative to their ranges, shape (rows, signals)."""
     with np.errstate(all="ignore"):
-        difference = np.abs(found - expected[: len(found)]) / ranges
+        difference = np.abs(signals - expected[: len(signals)]) / ranges
     return np.where(ranges > 0.0, np.nan_to_num(difference, nan=np.inf), 0.0)
 
 

@@ -59,8 +59,8 @@ def halve(algorithm: Algorithm, operations: NDArray[Any], sampling: Collection[i
     Returns:
         The program; None if the algorithm combines vectors while instances sample.
     """
-    every = range(len(algorithm.network.instances))
-    continuous = np.array([i for i in every if i not in sampling], dtype=np.int32)
+    positions = range(len(algorithm.network.instances))
+    continuous = np.array([i for i in positions if i not in sampling], dtype=np.int32)
     if not sampling:
         parts = np.repeat([Part.FIRST_HALF, Part.SECOND_HALF], len(operations))
         return HalvedProgram(np.tile(operations, 2), parts.astype(np.int32), continuous)
@@ -68,8 +68,8 @@ def halve(algorithm: Algorithm, operations: NDArray[Any], sampling: Collection[i
         return None
     halving = _Halving(algorithm, operations, frozenset(sampling))
     rows = list(halving.list_rows())
-    found, parts = np.array([row for row, _ in rows], OPERATION), [part for _, part in rows]
-    return HalvedProgram(found, np.array(parts, dtype=np.int32), continuous, halving.groups)
+    ordered, parts = np.array([row for row, _ in rows], OPERATION), [part for _, part in rows]
+    return HalvedProgram(ordered, np.array(parts, dtype=np.int32), continuous, halving.groups)
 
 
 class _Halving:
@@ -78,7 +78,7 @@ class _Halving:
     def __init__(self, algorithm: Algorithm, operations: NDArray[Any], sampling: frozenset[int]) -> None:
         self._algorithm, self._operations, self._sampling = algorithm, operations, sampling
         self._written = {i: n for n, x in enumerate(operations) for i in self._find_written(x)}
-        self._replaced = set[int]()  # samplers whose signals are those from the start of the step
+        self._with_old_signals = set[int]()  # samplers whose signals are those from the start of the step
         self.groups = list[CoupledGroup]()
 
     def list_rows(self) -> Iterator[tuple[Any, Part]]:
@@ -87,31 +87,31 @@ class _Halving:
         yield nothing, Part.SAVE
         yield from ((x, Part.WHOLE) for x in self._operations)
         yield nothing, Part.RESTORE
-        left = [self._leave_out(operation) for operation in self._operations]
-        halves = [(n, operation) for n, operation in enumerate(left) if operation is not None]
+        reduced = [self._exclude_samplers(operation) for operation in self._operations]
+        halves = [(n, operation) for n, operation in enumerate(reduced) if operation is not None]
         for part in (Part.FIRST_HALF, Part.SECOND_HALF):
             for n, operation in halves:
-                yield from self._swap(self._find_old(n, operation))
+                yield from self._swap_signals(self._find_old(n, operation))
                 yield operation, part
-        yield from self._swap(set())
+        yield from self._swap_signals(set())
 
-    def _swap(self, old: set[int]) -> Iterator[tuple[Any, Part]]:
+    def _swap_signals(self, old: set[int]) -> Iterator[tuple[Any, Part]]:
         """Yield what makes the signals of these samplers, and no others, those from the start of the step."""
-        for i in sorted(old ^ self._replaced):
+        for i in sorted(old ^ self._with_old_signals):
             swapped = np.zeros((), OPERATION)
             swapped["target"] = i
             yield swapped, Part.SWAP
-        self._replaced = old
+        self._with_old_signals = old
 
-    def _leave_out(self, operation: Any) -> Any:
+    def _exclude_samplers(self, operation: Any) -> Any:
         """Return an operation without instances that sample; None if nothing is left."""
         members = self._find_members(operation)
-        left = [i for i in members if i not in self._sampling]
-        if len(left) == len(members) or not left:
-            return operation if left else None
+        remaining = [i for i in members if i not in self._sampling]
+        if len(remaining) == len(members) or not remaining:
+            return operation if remaining else None
         solved = operation.copy()
         solved["target"] = len(self._algorithm.groups) + len(self.groups)
-        self.groups.append(self._algorithm.make_group(left))
+        self.groups.append(self._algorithm.make_group(remaining))
         return solved
 
     def _find_members(self, operation: Any) -> list[int]:
@@ -129,5 +129,5 @@ class _Halving:
     def _find_old(self, n: int, operation: Any) -> set[int]:
         """Return the samplers that operation n reads before they are written; none if it reads nothing."""
         if operation["call"] not in (Call.SET, Call.SOLVE):
-            return self._replaced
+            return self._with_old_signals
         return {i for i, written in self._written.items() if written > n}

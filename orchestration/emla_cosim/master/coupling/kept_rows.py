@@ -30,9 +30,9 @@ class _Series:
         """Take what belongs here from a block, whose first row is that of step `first`."""
         begin = self.first + self.count * self.stride - first
         if begin < len(block) and self.count < len(self.rows):
-            found = block[begin :: self.stride][: len(self.rows) - self.count, columns]
-            self.rows[self.count : self.count + len(found)] = found
-            self.count += len(found)
+            selected = block[begin :: self.stride][: len(self.rows) - self.count, columns]
+            self.rows[self.count : self.count + len(selected)] = selected
+            self.count += len(selected)
 
 
 class KeptRows:
@@ -51,8 +51,8 @@ class KeptRows:
         self.stride = -(-(last - first) // POINTS)
         """Distance in steps of the rows from the whole run."""
         room = (last - first) // self.stride + 1
-        self._whole = _Series(first, self.stride, np.empty((room, len(columns))))
-        self._series = [self._whole]
+        self._run_series = _Series(first, self.stride, np.empty((room, len(columns))))
+        self._series = [self._run_series]
         longest = max(min(LONGEST_WINDOW, WINDOW_VALUES // max(len(columns), 1)), 64)
         for begin in windows if self.stride > 1 else []:
             stride, most = 1, longest
@@ -62,35 +62,35 @@ class KeptRows:
                 if not is_coarse or stride * most >= last - begin:
                     break
                 stride, most = stride * GROWTH, longest // GROWTH
-        self._open = list(self._series)
+        self._incomplete = list(self._series)
 
     def take(self, first: int, block: Vector) -> None:
         """Take signals, shape (steps, signals), of successive steps from `first` on."""
-        for series in self._open:
+        for series in self._incomplete:
             series.take(first, block, self.columns)
-        self._open = [series for series in self._open if series.count < len(series.rows)]
+        self._incomplete = [series for series in self._incomplete if series.count < len(series.rows)]
 
     def get(self, first: int, stride: int, most: int) -> Vector:
         """Return rows at steps first + stride, first + 2 stride and so on: at most `most`, maybe none."""
         best = np.empty((0, len(self.columns)))
         for s in self._series:
-            begin, is_inside = divmod(first + stride - s.first, s.stride)
-            if not is_inside and stride % s.stride == 0 and 0 <= begin < s.count:
-                found = s.rows[begin : s.count : stride // s.stride][:most]
-                best = found if len(found) > len(best) else best
+            index, remainder = divmod(first + stride - s.first, s.stride)
+            if not remainder and stride % s.stride == 0 and 0 <= index < s.count:
+                candidate = s.rows[index : s.count : stride // s.stride][:most]
+                best = candidate if len(candidate) > len(best) else best
         return best
 
     @property
     def ranges(self) -> Vector:
         """Return the range of each signal over the run; 0 if it is only rounding errors."""
-        rows = self._whole.rows[: self._whole.count]
+        rows = self._run_series.rows[: self._run_series.count]
         ranges, sizes = np.ptp(rows, axis=0), np.abs(rows).max(axis=0)
         return np.where(ranges > 1e-9 * sizes, ranges, 0.0)
 
     @property
     def path(self) -> Vector:
         """Return the path of each signal over the run, relative to its range."""
-        return measure_path(self._whole.rows[: self._whole.count], self.ranges)
+        return measure_path(self._run_series.rows[: self._run_series.count], self.ranges)
 
 
 def measure_path(rows: Vector, ranges: Vector) -> Vector:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from ...fmu.file import FmuFile
 
-_OURS = "fmublock"
+_OUR_TOOL = "fmublock"
 """End of the name of the tool that builds our FMUs. Their discrete states are discrete local variables."""
 
 
@@ -29,14 +29,16 @@ def find_sampling(files: Mapping[str, FmuFile], declared: Collection[str]) -> Sa
         files: The FMU of each component.
         declared: Components that are declared to sample.
     """
-    known = {name: True if name in declared else _samples(file) for name, file in files.items()}
-    samplers, unknown = (frozenset(n for n, s in known.items() if s is kind) for kind in (True, None))
+    samples_by_name = {name: True if name in declared else _is_sampling(file) for name, file in files.items()}
+    samplers, unknown = (
+        frozenset(n for n, s in samples_by_name.items() if s is kind) for kind in (True, None)
+    )
     return Sampling(samplers, unknown)
 
 
-def _samples(file: FmuFile) -> bool | None:
+def _is_sampling(file: FmuFile) -> bool | None:
     """Return whether an FMU samples; None if its description does not show it."""
-    description, is_ours = file.description, str(file.description.generationTool).endswith(_OURS)
+    description, is_ours = file.description, str(file.description.generationTool).endswith(_OUR_TOOL)
     causalities = ("local",) if is_ours else ("local", "output", "independent")
     variables = [v for v in file.variables.values() if v.causality in causalities]
     if file.interface.clocks or any(v.variability == "discrete" for v in variables):

@@ -96,17 +96,19 @@ def save_checkpoint(file: OutputFile, stepping: Stepping, notes: Mapping[str, An
 
 
 def load_checkpoint(path: Path, folder: Path = HERE) -> Checkpoint:
-    """Read a checkpoint whose path is relative to `folder`; CommandError if the file is no checkpoint."""
-    place = folder / path
-    if not place.is_file():
+    """Read a checkpoint whose path is relative to `folder`; CommandError if it is not a checkpoint."""
+    file_path = folder / path
+    if not file_path.is_file():
         raise CommandError(f"there is no checkpoint '{path}'.")
     try:
-        header, arrays = _read(place)
-        form, notes, names = header["format"], header["notes"], sorted(header["arrays"])
+        header, arrays = _read(file_path)
+        file_format, notes, names = header["format"], header["notes"], sorted(header["arrays"])
     except Exception as error:  # zip, JSON and array readers raise errors of many types
         raise CommandError(f"'{path}' is not a checkpoint, or is damaged: {error}.") from error
-    if form != FORMAT:
-        raise CommandError(f"the checkpoint '{path}' has the format {form}; this version reads {FORMAT}.")
+    if file_format != FORMAT:
+        raise CommandError(
+            f"the checkpoint '{path}' has the format {file_format}; this version reads {FORMAT}."
+        )
     if names != sorted(arrays):
         raise CommandError(f"'{path}' is not a checkpoint, or is damaged: parts of it are missing.")
     states = {n.removeprefix(_STATE): arrays[n].tobytes() for n in arrays if n.startswith(_STATE)}

@@ -19,8 +19,8 @@ JUST_BEFORE = 1e-5
 SHORT = 1e-6
 """Length of a very short step, as a fraction of the run's time.
 
-Steps become shorter only if a single one is inaccurate: so many steps are as many as anybody waits for, and a
-jump at an unknown time causes errors in proportion to the step, as is what a step is allowed.
+Steps become shorter only if a single one is inaccurate: a million steps take as long as users
+wait, and a jump at an unknown time causes errors in proportion to the step, as is the allowed error.
 """
 
 
@@ -56,14 +56,14 @@ class ControlTables:
         size = len(algorithm.restored)
         self._copies = {name: np.zeros(size) for name in ("copy", "coarse", "next_coarse")}
         self._errors = {name: np.zeros(count) for name in ("total", "first_errors")}
-        self._rooms = {name: np.zeros(count) for name in ("whole", "errors", "judged")}
+        self._buffers = {name: np.zeros(count) for name in ("whole", "errors", "judged")}
         self._flags = {name: np.zeros(count, dtype=np.int32) for name in ("jumps", "jumped")}
         self.total = self._errors["total"]
         self.control = control = Control()
         control.controlled, control.controlled_count = self.signals.ctypes.data, count
         control.states, control.instance_count = states.records.ctypes.data, len(states.records)
         control.memory, control.memory_count = algorithm.restored.ctypes.data, size
-        for name, values in {**self._copies, **self._errors, **self._rooms, **self._flags}.items():
+        for name, values in {**self._copies, **self._errors, **self._buffers, **self._flags}.items():
             setattr(control, name, values.ctypes.data)
         control.tolerance, control.divisor = tolerance, 2.0**algorithm.accuracy - 1.0
         control.start, control.time = times.start, times.start
@@ -86,17 +86,17 @@ class ControlTables:
         """Return what steps have changed, as arrays by name."""
         numbers = np.array([float(getattr(self.control, name)) for name in _NUMBERS + _COUNTS])
         return {"control": numbers} | {
-            f"control/{x}": values.astype(float) for x, values in self._kept().items()
+            f"control/{x}": values.astype(float) for x, values in self._list_state_arrays().items()
         }
 
     def remember(self, memory: Any) -> None:
         """Continue from what `memory` returned."""
         for name, number in zip(_NUMBERS + _COUNTS, memory["control"], strict=True):
             setattr(self.control, name, int(number) if name in _COUNTS else float(number))
-        for name, values in self._kept().items():
+        for name, values in self._list_state_arrays().items():
             values[:] = memory[f"control/{name}"]
 
-    def _kept(self) -> dict[str, Any]:
+    def _list_state_arrays(self) -> dict[str, Any]:
         """Return the arrays that later steps depend on."""
         return {**self._errors, "jumped": self._flags["jumped"], "coarse": self._copies["coarse"]}
 
@@ -113,26 +113,26 @@ def find_controlled_signals(algorithm: Algorithm) -> tuple[Any, int]:
         algorithm: An algorithm after `setup`.
 
     Returns:
-        The records; unread signals of instances with others that are read come last. And how many others
-        there are.
+        The records; unread signals of instances with others that are read come last. And the number of
+        the others.
     """
     network, exchange = algorithm.network, algorithm.exchange
     is_unread = ~np.isin(np.arange(len(network.signals)), network.read)
     is_read = np.zeros(len(network.instances), dtype=bool)
     is_read[exchange.owners[network.read]] = True
-    is_beside = is_unread & is_read[exchange.owners]
-    order = np.argsort(is_beside, kind="stable")
-    chosen = order[exchange.smooth[order]]
-    records = np.zeros(len(chosen), CONTROLLED)
-    records["signal"], records["is_unread"] = chosen, is_unread[chosen]
-    records["is_instant"] = _follow_late_inputs(algorithm, is_unread)[chosen]
-    return records, int((~is_beside[chosen]).sum())
+    is_secondary = is_unread & is_read[exchange.owners]
+    order = np.argsort(is_secondary, kind="stable")
+    selected = order[exchange.smooth[order]]
+    records = np.zeros(len(selected), CONTROLLED)
+    records["signal"], records["is_unread"] = selected, is_unread[selected]
+    records["is_instant"] = _depend_on_late_inputs(algorithm, is_unread)[selected]
+    return records, int((~is_secondary[selected]).sum())
 
 
-def _follow_late_inputs(algorithm: Algorithm, is_unread: Any) -> Any:
+def _depend_on_late_inputs(algorithm: Algorithm, is_unread: Any) -> Any:
     """Return whether each signal depends directly on an input of another time, perhaps through others.
 
-    Of unread outputs this is not known; all of instances with such inputs count.
+    For unread outputs the dependencies are not declared; all outputs of instances with such inputs count.
     """
     network, exchange = algorithm.network, algorithm.exchange
     late = {id(link) for link in algorithm.late_links()}

@@ -94,10 +94,10 @@ class ErrorControl(Stepping):
             self._tables.control_error(algorithm.accuracy, per_unit=False)
         else:
             self.loop.tighten(SHORT * tolerance)  # which steps of this length are allowed
-        self._events = _event_points(events, times)
+        self._events = _list_event_points(events, times)
         self._output = None if interval is None else make_clock(times.start, interval)
-        self._end = _last_point(times, interval)
-        self._points = 0
+        self._end = _find_last_point(times, interval)
+        self._output_points = 0
 
     @property
     def time(self) -> float:
@@ -116,8 +116,8 @@ class ErrorControl(Stepping):
 
     def advance(self, rows: RowSink, most: int, until: float = math.inf) -> None:
         """Do at most `most` steps, none beyond `until` in s, and record them."""
-        ends = time.monotonic() + LONGEST
-        while most > 0 and not (self.reached(until) or time.monotonic() > ends):
+        deadline = time.monotonic() + LONGEST
+        while most > 0 and not (self.reached(until) or time.monotonic() > deadline):
             most -= self._try_steps(rows, most, until)
 
     def _try_steps(self, rows: RowSink, most: int, until: float) -> int:
@@ -126,23 +126,25 @@ class ErrorControl(Stepping):
         control.point, output, is_event = self._next_point(until)
         control.is_event = is_event
         control.enough = min(self._end, until - ROUNDING * self.times.step)
-        records_each = self._output is None
-        one_by_one = records_each and bool(observer.strings)  # C cannot read texts
-        block = rows.room(most) if records_each and not one_by_one else None
+        records_every_step = self._output is None
+        is_single_step = records_every_step and bool(observer.strings)  # C cannot read texts
+        block = rows.room(most) if records_every_step and not is_single_step else None
         accepted = control.accepted
-        ended, failure = self.loop.control(control, 1 if one_by_one else most, block)
+        end_reason, failure = self.loop.control(control, 1 if is_single_step else most, block)
         if block is not None and (recorded := self.loop.recorded):
             rows.commit(recorded)
-        if ended == Failure.TOO_SHORT:
+        if end_reason == Failure.TOO_SHORT:
             raise self._too_short_error()
         if failure is not None:
             raise failure
         if control.is_met:
-            self._points += output
+            self._output_points += output
             if is_event:
                 self.algorithm.exchange.begin(self.time)  # do not extrapolate across a jump
                 control.coarse_time = math.nan
-        if (control.is_met and output and not records_each) or (one_by_one and control.accepted > accepted):
+        if (control.is_met and output and not records_every_step) or (
+            is_single_step and control.accepted > accepted
+        ):
             self.record(rows)
         return int(control.tried)
 
@@ -152,11 +154,11 @@ class ErrorControl(Stepping):
         return super().report() | {
             "rejected_steps": int(control.rejected),
             "largest_step_s": float(control.longest),
-            "estimated_error": float(self._errors().max(initial=0.0)),
+            "estimated_error": float(self._get_relative_errors().max(initial=0.0)),
             "error_per_unit_step": bool(control.is_per_unit),
         }
 
-    def _errors(self) -> Vector:
+    def _get_relative_errors(self) -> Vector:
         """Return the errors of all steps, relative to the sizes of the controlled signals."""
         return self.algorithm.scale.relative(self._tables.total, self._tables.signals["signal"])
 
@@ -174,10 +176,10 @@ class ErrorControl(Stepping):
 
     def remarks(self) -> list[str]:
         """Add a remark if the errors of all steps add up to far more than the tolerance."""
-        errors, others = self._errors(), super().remarks()
+        errors, base_remarks = self._get_relative_errors(), super().remarks()
         total = errors.max(initial=0.0)
         if not total > REMARK_THRESHOLD * self.tolerance:
-            return others
+            return base_remarks
         if self._sampled:
             reason = (
                 "a component samples, and the tolerance bounds the error of one step only. If the motion is "
@@ -194,21 +196,21 @@ class ErrorControl(Stepping):
                 "--largest-step, or another tolerance."
             )
         return [
-            *others,
+            *base_remarks,
             f"the errors of all steps add up to {total:.2g} of the size of "
-            f"{self._name(int(self._tables.signals['signal'][errors.argmax()]))}, which is "
+            f"{self._get_name(int(self._tables.signals['signal'][errors.argmax()]))}, which is "
             f"{total / self.tolerance:.2g} times the error tolerance {self.tolerance:.3g}: {reason}",
         ]
 
     def memory(self) -> dict[str, Vector]:
         """Add the state of error control to the memory."""
-        points = np.array([float(self._points)])
+        points = np.array([float(self._output_points)])
         return super().memory() | self._tables.memory() | {"control/points": points}
 
     def remember(self, memory: Mapping[str, Vector]) -> None:
         """Restore the state from `memory` of an error control with the same algorithm."""
         super().remember(memory)
-        self._points = int(memory["control/points"][0])
+        self._output_points = int(memory["control/points"][0])
         self._tables.remember(memory)
 
     def close(self) -> None:
@@ -218,28 +220,28 @@ class ErrorControl(Stepping):
 
     def _next_point(self, until: float) -> tuple[float, bool, bool]:
         """Return the next time in s to reach exactly, whether to record it, and whether it is an event."""
-        following = math.inf if self._output is None else self._output.point(self._points + 1)
-        recorded = min(following, self._end)
+        next_output = math.inf if self._output is None else self._output.point(self._output_points + 1)
+        next_row = min(next_output, self._end)
         k = bisect_right(self._events, self.time)
         event = self._events[k] if k < len(self._events) else math.inf
         rounding = ROUNDING * self.times.step
-        if until < min(recorded, event) - rounding:
+        if until < min(next_row, event) - rounding:
             return until, False, False
-        if event < recorded:
+        if event < next_row:
             return event, False, True
-        return recorded, True, event == recorded
+        return next_row, True, event == next_row
 
     def _too_short_error(self) -> RunError:
         control = self.control
         failure = self.algorithm.network.find_nonfinite_signal(control.end)
         text = (
             f"the error exceeds its tolerance even with a step of {control.step:.2g} s. "
-            f"{self._name(control.worst)} differs most."
+            f"{self._get_name(control.worst)} differs most."
         )
         warning = None if self.steps else self.algorithm.warning()  # later, that of any failure is reported
         return failure or RunError(text if warning is None else f"{text} {warning}")
 
-    def _name(self, signal: int) -> str:
+    def _get_name(self, signal: int) -> str:
         return self.algorithm.network.names[signal]
 
 
@@ -248,16 +250,16 @@ def default_largest_step(times: CommunicationPoints) -> float:
     return max((times.stop - times.start) / LARGEST_SHARE, SHORTEST_LIMIT * times.step)
 
 
-def _event_points(events: Sequence[float], times: CommunicationPoints) -> list[float]:
+def _list_event_points(events: Sequence[float], times: CommunicationPoints) -> list[float]:
     """Return the times of events within the run, each with a point just before it, in order.
 
     The step over a jump is so short that interpolation between its ends makes no difference.
     """
-    inside = [t for t in events if times.start < t <= times.stop]
-    return sorted({t - before for t in inside for before in (0.0, JUST_BEFORE * times.step)})
+    within_run = [t for t in events if times.start < t <= times.stop]
+    return sorted({t - lead for t in within_run for lead in (0.0, JUST_BEFORE * times.step)})
 
 
-def _last_point(times: CommunicationPoints, interval: float | None) -> float:
+def _find_last_point(times: CommunicationPoints, interval: float | None) -> float:
     """Return the stop time in s, rounded to a multiple of the interval if it is one up to rounding errors."""
     if interval is None:
         return times.stop

@@ -40,9 +40,9 @@ class FixedSteps(Stepping):
             raise CommandError(f"the number of threads must be from 1 to {THREADS}, not {threads}.")
         super().__init__(algorithm, times)
         self.estimate: CouplingEstimate | None = None
-        """What saves states and rows for an estimate of the coupling error, if there is one."""
+        """Saves states and rows for an estimate of the coupling error, if the run has one."""
         self._division = StepDivision(algorithm, self.loop, times)
-        self._choice = None if threads == 1 else LaneChoice(self.loop, algorithm, threads)
+        self._lane_choice = None if threads == 1 else LaneChoice(self.loop, algorithm, threads)
 
     @property
     def time(self) -> float:
@@ -61,11 +61,11 @@ class FixedSteps(Stepping):
 
     def advance(self, rows: RowSink, most: int, until: float = math.inf) -> None:
         """Do at most `most` steps, none beyond `until` in s, and record them."""
-        last = min(self.algorithm.steps + most, self._last(until))
-        if self._choice is None:
+        last = min(self.algorithm.steps + most, self._find_last_step(until))
+        if self._lane_choice is None:
             self._advance(rows, last)
         else:
-            while self._advance_measured(self._choice, rows, last):
+            while self._advance_measured(self._lane_choice, rows, last):
                 pass
 
     def allow_way_back(self) -> None:
@@ -79,11 +79,11 @@ class FixedSteps(Stepping):
             RunError: The step failed.
         """
         network, first = self.algorithm.network, self.algorithm.steps
-        nowhere = np.empty((0, 1 + len(network.signals) + len(network.observer.values)))
+        no_rows = np.empty((0, 1 + len(network.signals) + len(network.observer.values)))
         self._division.forget()
         self.loop.offset_input(i, j, offset)
         try:
-            _, failure = self.loop.run(first, 1, self.times.clock, first + 2, nowhere)
+            _, failure = self.loop.run(first, 1, self.times.clock, first + 2, no_rows)
         finally:
             self.loop.offset_input(i, j, 0.0)
         if failure is not None:
@@ -91,11 +91,11 @@ class FixedSteps(Stepping):
 
     def reached(self, until: float) -> bool:
         """Whether no step is left before a time in s."""
-        return self.algorithm.steps >= self._last(until)
+        return self.algorithm.steps >= self._find_last_step(until)
 
     def report(self) -> dict[str, Any]:
         """Add the use of threads to the report."""
-        threads = self._choice.report() if self._choice is not None else {"threads": 1}
+        threads = self._lane_choice.report() if self._lane_choice is not None else {"threads": 1}
         return super().report() | self._division.report() | threads
 
     def remarks(self) -> list[str]:
@@ -112,7 +112,7 @@ class FixedSteps(Stepping):
         self._division.remember(memory)
 
     def note_change(self) -> None:
-        """Note that something else than a step changes the system: earlier steps cannot be repeated."""
+        """Record that something other than a step changes the system: earlier steps cannot be repeated."""
         self._division.forget()
         if self.estimate is not None:
             self.estimate.note_change()
@@ -124,22 +124,22 @@ class FixedSteps(Stepping):
         self._division.close()
         super().close()
 
-    def _last(self, until: float) -> int:
-        """Return the number of the last communication point up to a time in s, apart from rounding."""
+    def _find_last_step(self, until: float) -> int:
+        """Return the number of the last communication point up to a time in s, except for rounding."""
         ahead = (min(until, self.times.stop) - self.times.start) / self.times.step
         return min(self.times.steps, math.floor(ahead + ROUNDING))
 
     def _advance(self, rows: RowSink, last: int) -> None:
-        first, every, observer = self.algorithm.steps, rows.every, self.algorithm.network.observer
+        first, steps_per_row, observer = self.algorithm.steps, rows.every, self.algorithm.network.observer
         self._division.save()
         if observer.strings:  # C cannot read texts
             last = min(last, observer.next_due(first))
         if self.estimate is not None:
             last = self.estimate.count_steps(first, last)
-        block = rows.room(max(last // every - first // every, 1))
-        fitting = (first // every + len(block) + 1) * every - 1
-        count = min(last, fitting) - first
-        recorded, failure = self.loop.run(first, count, self.times.clock, every, block)
+        block = rows.room(max(last // steps_per_row - first // steps_per_row, 1))
+        last_fitting_step = (first // steps_per_row + len(block) + 1) * steps_per_row - 1
+        count = min(last, last_fitting_step) - first
+        recorded, failure = self.loop.run(first, count, self.times.clock, steps_per_row, block)
         if recorded and failure is None and observer.is_due(self.algorithm.steps):
             observer.read()
             block[recorded - 1, -len(observer.values) :] = observer.values
@@ -148,7 +148,11 @@ class FixedSteps(Stepping):
         if recorded:
             rows.commit(recorded)
         if isinstance(failure, DiscardedStepError):
-            row = (self.algorithm.steps // every * every, block[recorded - 1]) if recorded else None
+            row = (
+                (self.algorithm.steps // steps_per_row * steps_per_row, block[recorded - 1])
+                if recorded
+                else None
+            )
             self._division.divide(failure, row)
         elif failure is not None:
             raise failure
@@ -156,7 +160,7 @@ class FixedSteps(Stepping):
     def _advance_measured(self, choice: LaneChoice, rows: RowSink, last: int) -> bool:
         """Do one measurement's steps. Return whether more steps remain, and room for their rows."""
         first = self.algorithm.steps
-        began, count = time.perf_counter(), choice.next(last - first)
+        start_time, count = time.perf_counter(), choice.next(last - first)
         self._advance(rows, first + count)
-        choice.did(self.algorithm.steps - first, time.perf_counter() - began)
+        choice.record_steps(self.algorithm.steps - first, time.perf_counter() - start_time)
         return first + count == self.algorithm.steps < last

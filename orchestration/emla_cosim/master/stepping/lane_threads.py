@@ -35,8 +35,8 @@ class LaneThreads:
         lanes: Sequence[Sequence[int]],
     ) -> None:
         self.lanes, self._library = [list(lane) for lane in lanes], library
-        self._held = list[Any]()  # owners of memory whose addresses are in the tables
-        plans = self._fill(tasks)
+        self._owners = list[Any]()  # owners of memory whose addresses are in the tables
+        plans = self._make_plans(tasks)
         self._address = library.start_lanes(ctypes.addressof(stepper), plans.ctypes.data, len(plans))
         if not self._address:
             raise RunError(f"the system cannot start {len(lanes)} threads for FMUs. Set fewer threads.")
@@ -49,29 +49,29 @@ class LaneThreads:
         """End the threads."""
         self._library.end_lanes(self._address)
 
-    def _fill(self, tasks: Sequence[StepTask]) -> Any:
+    def _make_plans(self, tasks: Sequence[StepTask]) -> Any:
         """Return the LANE records."""
         position = {
-            place: (lane, number)
-            for lane, places in enumerate(self.lanes)
-            for number, place in enumerate(places, 1)
+            task_number: (lane, number)
+            for lane, task_numbers in enumerate(self.lanes)
+            for number, task_number in enumerate(task_numbers, 1)
         }
         plans = np.zeros(len(self.lanes), LANE)
-        for lane, places in enumerate(self.lanes):
-            records = np.zeros(len(places), TASK)
-            for record, place in zip(records, places, strict=True):
-                needed = dict[int, int]()  # a lane does its tasks in order: the last one is enough
-                for other, number in (position[p] for p in tasks[place].after):
-                    if other != lane:
-                        needed[other] = max(number, needed.get(other, 0))
-                waits = np.array(list(needed.items()), dtype=WAIT)
+        for lane, task_numbers in enumerate(self.lanes):
+            records = np.zeros(len(task_numbers), TASK)
+            for record, task_number in zip(records, task_numbers, strict=True):
+                awaited = dict[int, int]()  # a lane does its tasks in order: the last one is enough
+                for other_lane, number in (position[p] for p in tasks[task_number].after):
+                    if other_lane != lane:
+                        awaited[other_lane] = max(number, awaited.get(other_lane, 0))
+                waits = np.array(list(awaited.items()), dtype=WAIT)
                 record["waits"], record["wait_count"] = self._keep(waits), len(waits)
-                record["operation"] = place
+                record["operation"] = task_number
             plans[lane]["tasks"], plans[lane]["task_count"] = self._keep(records), len(records)
-            self._held.append(activity := crash_page.current_activity(lane))
+            self._owners.append(activity := crash_page.current_activity(lane))
             plans[lane]["activity"] = ctypes.addressof(activity)
         return plans
 
     def _keep(self, values: Any) -> int:
-        self._held.append(values)
+        self._owners.append(values)
         return int(values.ctypes.data)

@@ -24,7 +24,7 @@ BETTER = 0.97
 """A further lane, and several threads instead of one, must shorten a step by this factor."""
 
 _FIRST = 0.1
-"""Time in s that a run takes before threads are considered: to find out costs as much as a short run."""
+"""Time in s that a run takes before threads are considered: measuring takes as long as a short run."""
 
 _PROBE = 0.005
 """Duration of a measurement in s."""
@@ -35,14 +35,14 @@ _SOON, _LATE = 1.0, 30.0
 _ROUNDS, _MOST = 8, 64
 """How often costs are measured, and in how many steps at most: as many as the largest step multiple."""
 
-_Course = Generator[tuple[float, int], tuple[int, float], None]
-"""Yields for how many seconds and at least how many steps to go on, and receives how many it was of both."""
+_ThreadPolicy = Generator[tuple[float, int], tuple[int, float], None]
+"""Yields how many seconds and at least how many steps to do; receives the steps and seconds done."""
 
 
 class LaneChoice:
     """Share the steps of a loop among threads, as their measured times suggest.
 
-    For each stretch, ask `next` for the number of steps, do them, and pass the time that they took to `did`.
+    For each stretch, get the number of steps from `next`, do them, and pass their time to `record_steps`.
 
     Args:
         loop: The stepper in C.
@@ -55,9 +55,9 @@ class LaneChoice:
         self._most = min(threads or count_cores(), THREADS, len(algorithm.network.instances))
         reason = loop.why_one_thread
         self._report: dict[str, Any] = {"why_one_thread": reason} if reason else {}
-        course = self._use_threads_if_faster() if threads is None else self._use_requested_threads()
-        self._course = course if self._most > 1 and not reason else None
-        self._goal = next(course) if self._course is not None else (0.0, 0)
+        policy = self._use_threads_if_faster() if threads is None else self._use_requested_threads()
+        self._policy = policy if self._most > 1 and not reason else None
+        self._goal = next(policy) if self._policy is not None else (0.0, 0)
         self._steps, self._seconds, self._size = 0, 0.0, 1
 
     def report(self) -> dict[str, Any]:
@@ -65,32 +65,32 @@ class LaneChoice:
         return {"threads": self._loop.threads, **self._report}
 
     def next(self, count: int) -> int:
-        """Return how many of `count` steps to do before the next call of `did`."""
-        return count if self._course is None else min(count, self._size)
+        """Return how many of `count` steps to do before the next call of `record_steps`."""
+        return count if self._policy is None else min(count, self._size)
 
-    def did(self, steps: int, seconds: float) -> None:
-        """Take note of the time that some steps took, in s."""
-        if self._course is None or not steps:
+    def record_steps(self, steps: int, seconds: float) -> None:
+        """Record the time in s that some steps took."""
+        if self._policy is None or not steps:
             return
         self._steps, self._seconds = self._steps + steps, self._seconds + seconds
         seconds_left, steps_left = self._goal[0] - self._seconds, self._goal[1] - self._steps
         if seconds_left > 0.0 or steps_left > 0:
-            left = max(round(seconds_left / (self._seconds / self._steps)), steps_left)
-            self._size = max(1, min(2 * self._size, left))
+            remaining_steps = max(round(seconds_left / (self._seconds / self._steps)), steps_left)
+            self._size = max(1, min(2 * self._size, remaining_steps))
             return
-        measured, self._steps, self._seconds, self._size = (self._steps, self._seconds), 0, 0.0, 1
+        measurement, self._steps, self._seconds, self._size = (self._steps, self._seconds), 0, 0.0, 1
         try:
-            self._goal = self._course.send(measured)
+            self._goal = self._policy.send(measurement)
         except StopIteration:
-            self._course = None
+            self._policy = None
 
-    def _use_requested_threads(self) -> _Course:
+    def _use_requested_threads(self) -> _ThreadPolicy:
         """Measure the costs, then use the requested number of threads."""
-        yield 0.0, 1  # the profiler, if there is one, has begun then; and the first step takes longer
+        yield 0.0, 1  # the profiler, if there is one, has started then; and the first step takes longer
         self._share(self._schedule((yield from self._measure_costs()), self._most))
 
-    def _use_threads_if_faster(self) -> _Course:
-        """Use threads while they are faster, which is looked at again from time to time."""
+    def _use_threads_if_faster(self) -> _ThreadPolicy:
+        """Use threads while they are faster; compare again from time to time."""
         pause = _SOON
         yield _FIRST, 1
         while True:
@@ -106,15 +106,19 @@ class LaneChoice:
             pause = min(2.0 * pause, _LATE)
 
     def _measure_costs(self) -> Generator[tuple[float, int], tuple[int, float], list[float]]:
-        """Do some steps in one thread, and return the seconds per step that each instance takes at least."""
-        loop, before, costs = self._loop, self._loop.measured, np.full(len(self._loop.efforts), np.inf)
+        """Do some steps in one thread, and return the shortest time per step of each instance in s."""
+        loop, measured_before, costs = (
+            self._loop,
+            self._loop.measured,
+            np.full(len(self._loop.efforts), np.inf),
+        )
         loop.is_shared, count = False, min(int(self._algorithm.multiples.max()), _MOST)
         loop.measure(range(len(loop.efforts)))
-        for _ in range(_ROUNDS):  # other programs interrupt some
+        for _ in range(_ROUNDS):  # the minimum: other programs interrupt some rounds
             start = loop.efforts["nanoseconds"].sum(axis=1)
             steps, _ = yield 0.0, count
             costs = np.minimum(costs, (loop.efforts["nanoseconds"].sum(axis=1) - start) * (1e-9 / steps))
-        loop.measure(before)
+        loop.measure(measured_before)
         return costs.tolist()
 
     def _find_schedule(self, costs: Sequence[float]) -> ThreadSchedule | None:
@@ -124,10 +128,10 @@ class LaneChoice:
             return None
         best, length = None, total
         for count in range(2, self._most + 1):
-            found = self._schedule(costs, count)
-            if found.length > BETTER * length:
+            schedule = self._schedule(costs, count)
+            if schedule.length > BETTER * length:
                 break
-            best, length = found, found.length
+            best, length = schedule, schedule.length
         return best if total - length >= WORTH else None
 
     def _schedule(self, costs: Sequence[float], count: int) -> ThreadSchedule:
@@ -141,14 +145,17 @@ class LaneChoice:
         ]
         self._report["lanes"] = [[instances[i].name for i in lane] for lane in members]
 
-    def _use_faster(self) -> _Course:
-        """Do steps in several threads and in one by turns, and go on in the faster way."""
+    def _use_faster(self) -> _ThreadPolicy:
+        """Do steps in several threads and in one by turns, and continue in the faster way."""
         measured: dict[bool, list[float]] = {True: [], False: []}
-        for way in (True, False) * 2:
-            self._loop.is_shared = way
+        for is_shared in (True, False) * 2:
+            self._loop.is_shared = is_shared
             steps, seconds = yield _PROBE, 1
-            measured[way].append(seconds / steps)
-        shared, alone = min(measured[True]), min(measured[False])
-        for name, seconds in {"step_in_threads_us": shared, "step_in_one_thread_us": alone}.items():
+            measured[is_shared].append(seconds / steps)
+        shared_time, single_time = min(measured[True]), min(measured[False])
+        for name, seconds in {
+            "step_in_threads_us": shared_time,
+            "step_in_one_thread_us": single_time,
+        }.items():
             self._report[name] = round(1e6 * seconds, 3)
-        self._loop.is_shared = shared < BETTER * alone
+        self._loop.is_shared = shared_time < BETTER * single_time

@@ -1,4 +1,4 @@
-"""What the loops outside of Python share: the check of rows, and the error of an exception of Python."""
+"""Check the rows of loops in C, and make the error of an exception of Python."""
 
 import numpy as np
 
@@ -30,7 +30,7 @@ def check_room(network: Network, rows: Vector, needed: int) -> None:
         raise ValueError(f"rows must have at least {needed} times {width} contiguous doubles")
 
 
-def left_exception_error(
+def make_python_exception_error(
     network: Network, error: SystemError, begin: float, end: float, failed: int, status: int, thread: int = 0
 ) -> RunError:
     """Return the error for an exception of Python that an FMU left between two times.
@@ -46,17 +46,21 @@ def left_exception_error(
         status: What that call returned.
         thread: The thread that made it.
     """
-    left, instances = describe_left_exception(error), network.instances
+    exception_text, instances = describe_left_exception(error), network.instances
     if status not in FINE:
         instance, (_, call) = instances[failed], decode_call(crash_page.current_activity(thread))
         message = str(instance.error(call, status))
-        return RunError(f"{message} A Python exception was left: {left}. {REMEDY}", component=instance.name)
-    named = [x for x in instances if isinstance(x, DescribedInstance) and uses_python(x.file.library)]
-    names = [x.name for x in named or instances]
+        return RunError(
+            f"{message} A Python exception was left: {exception_text}. {REMEDY}", component=instance.name
+        )
+    python_instances = [
+        x for x in instances if isinstance(x, DescribedInstance) and uses_python(x.file.library)
+    ]
+    names = [x.name for x in python_instances or instances]
     return PythonExceptionError(
         " or ".join(names) if len(names) <= _MOST_NAMES else f"one of {len(names)} FMUs",
         f"a call between t = {begin:.9g} s and t = {end:.9g} s",
-        left,
+        exception_text,
         [],
         "To find the call, run with `--isolate`.",
     )

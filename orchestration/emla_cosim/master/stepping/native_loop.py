@@ -23,7 +23,7 @@ from ..coupling.halved_program import HalvedProgram, halve
 from ..instances.fmu_instance import EntryPoints
 from ..instances.measured_calls import KINDS, Calls
 from .lane_threads import LaneThreads
-from .loop_errors import check_room, left_exception_error
+from .loop_errors import check_room, make_python_exception_error
 from .saved_states import SavedStates
 from .stepper_tables import StepperTables
 from .timing import Clock
@@ -43,10 +43,10 @@ _PROGRAM_CALLS = {
     Failure.STEP: Call.STEP,
     Failure.GET: Call.GET,
 }
-"""The call of a program that failed; states and recorded variables are none."""
+"""The call of a program that failed; states and recorded variables have none."""
 
-_ENDS = (Failure.NONE, Failure.LATE, Failure.INTERRUPTED)
-"""What is no failure."""
+_NORMAL_ENDS = (Failure.NONE, Failure.LATE, Failure.INTERRUPTED)
+"""Results that are not failures."""
 
 
 class NativeLoop:
@@ -67,17 +67,17 @@ class NativeLoop:
         self._algorithm, self._library = algorithm, library
         self._tables = StepperTables(algorithm, points)
         self._groups, self._halving = algorithm.groups, ()
-        self._points, self._calls = points, [p.calls for p in points]
+        self._entry_points, self._calls = points, [p.calls for p in points]
         in_groups = [o for group in algorithm.groups for o in group.operations]
         order = [*in_groups, *algorithm.operations]
-        self._places = {(o.call, o.instance): place for place, o in enumerate(order)}
+        self._call_order = {(o.call, o.instance): place for place, o in enumerate(order)}
         self._stepper, self._stop = self._tables.stepper, ctypes.c_int32()
         self._stepper.stop = ctypes.addressof(self._stop)
         self.divisions = np.zeros(len(points), DIVISION)
         self.divisions["shortest"] = np.inf
         self._stepper.divisions = self.divisions.ctypes.data
         self._lanes: LaneThreads | None = None
-        self.is_shared, self.seconds_beside = False, 0.0
+        self.is_shared, self.extra_thread_seconds = False, 0.0
 
     def why_not_kept(self) -> str:
         """Return why the stepper could not be kept in the cache; empty if it was."""
@@ -96,7 +96,7 @@ class NativeLoop:
             rows: Output: time, all signals and all observed variables, shape (rows, values).
 
         Returns:
-            The number of recorded rows, and the error in step `algorithm.steps`; None without one.
+            The number of recorded rows, and the error in step `algorithm.steps`, or None.
 
         Raises:
             PythonExceptionError: An FMU left an exception of Python. The rows of this call are lost, because
@@ -105,14 +105,14 @@ class NativeLoop:
         check_room(self._algorithm.network, rows, (first + count) // every - first // every)
         stepper, algorithm = self._stepper, self._algorithm
         stepper.clock[:] = clock
-        alone, start = partial(self._library.run, ctypes.addressof(stepper)), time.perf_counter()
-        run = self._lanes.run if self._lanes is not None and self.is_shared else alone
+        run_in_one_thread, start = partial(self._library.run, ctypes.addressof(stepper)), time.perf_counter()
+        run = self._lanes.run if self._lanes is not None and self.is_shared else run_in_one_thread
         try:
             failure = self._call(run, first, count, every, rows.ctypes.data)
         except SystemError as error:
             end = min(stepper.reached + 1, first + count)
             raise self._python_error(error, clock.point(first), clock.point(end)) from error
-        self.seconds_beside += (self.threads - 1) * (time.perf_counter() - start)
+        self.extra_thread_seconds += (self.threads - 1) * (time.perf_counter() - start)
         algorithm.steps += stepper.reached - first
         return int(stepper.recorded), self._error(failure, clock.point(stepper.reached + 1))
 
@@ -139,7 +139,7 @@ class NativeLoop:
             RunError: Ctrl-C was pressed.
         """
         rows = np.empty((count, 1 + len(self._algorithm.network.signals)))
-        before, efforts = Stepper.from_buffer_copy(self._stepper), self.measured
+        saved_stepper, efforts = Stepper.from_buffer_copy(self._stepper), self.measured
         stepper, recorded, failure = self._stepper, 0, Failure.LATE
         stepper.observer_count = stepper.observed_count = 0
         activity = crash_page.current_activity(
@@ -155,31 +155,31 @@ class NativeLoop:
             run = partial(self._library.run, ctypes.addressof(stepper))
         self.measure(())
         try:
-            done = first
-            while failure == Failure.LATE and done < first + count:
-                place = rows.ctypes.data + recorded * rows.itemsize * rows.shape[1]
-                how = (1, place) if program is None else (place,)  # each step has a row
-                failure = self._call(run, done, first + count - done, *how)
-                done, recorded = int(stepper.reached), recorded + int(stepper.recorded)
+            next_step = first
+            while failure == Failure.LATE and next_step < first + count:
+                address = rows.ctypes.data + recorded * rows.itemsize * rows.shape[1]
+                arguments = (1, address) if program is None else (address,)  # each step has a row
+                failure = self._call(run, next_step, first + count - next_step, *arguments)
+                next_step, recorded = int(stepper.reached), recorded + int(stepper.recorded)
             if failure == Failure.INTERRUPTED:
                 raise RunError("the estimate was interrupted.")
-            return rows[:recorded, 1:], self._error(failure, clock.point(done + 1))
+            return rows[:recorded, 1:], self._error(failure, clock.point(next_step + 1))
         finally:
             activity.code = 0
             if states is not None:
                 states.free(self._algorithm.network.instances)
             self.measure(efforts)
-            ctypes.memmove(ctypes.addressof(stepper), ctypes.addressof(before), ctypes.sizeof(Stepper))
+            ctypes.memmove(ctypes.addressof(stepper), ctypes.addressof(saved_stepper), ctypes.sizeof(Stepper))
 
     def _use_halves(self, program: HalvedProgram, halves: Halves) -> SavedStates:
         """Fill in how steps are done in halves, and return the places of states, which the caller frees."""
         stepper, network, states = self._stepper, self._algorithm.network, self.make_states()
-        kept = np.zeros(2 * (len(network.signals) + len(network.instances)))
-        self._halving = groups, _ = np.concatenate([self._tables.groups, program.group_records]), kept
+        buffer = np.zeros(2 * (len(network.signals) + len(network.instances)))
+        self._halving = groups, _ = np.concatenate([self._tables.groups, program.group_records]), buffer
         stepper.operations, stepper.operation_count = program.operations.ctypes.data, len(program.operations)
         stepper.groups, stepper.group_count = groups.ctypes.data, len(groups)
         halves.parts, halves.continuous = program.parts.ctypes.data, program.continuous.ctypes.data
-        halves.states, halves.kept = states.records.ctypes.data, kept.ctypes.data
+        halves.states, halves.kept = states.records.ctypes.data, buffer.ctypes.data
         halves.continuous_count, halves.instance_count = len(program.continuous), len(network.instances)
         return states
 
@@ -195,7 +195,7 @@ class NativeLoop:
         """Try steps under error control.
 
         Args:
-            control: Where to go and what is allowed, and what came out.
+            control: The record with the goal, the tolerances and the results.
             most: Largest number of trials.
             rows: Output: a row for each accepted step, as for `run`; None for no rows.
 
@@ -205,15 +205,15 @@ class NativeLoop:
         Raises:
             PythonExceptionError: As for `run`.
         """
-        place, room = (None, 0) if rows is None else (rows.ctypes.data, len(rows))
+        address, row_count = (None, 0) if rows is None else (rows.ctypes.data, len(rows))
         if rows is not None:
             check_room(self._algorithm.network, rows, 1)
-        began, accepted = control.time, control.accepted
+        start_time, accepted = control.time, control.accepted
         try:
             addresses = ctypes.addressof(self._stepper), ctypes.addressof(control)
-            failure = self._call(self._library.control, *addresses, most, room, place)
+            failure = self._call(self._library.control, *addresses, most, row_count, address)
         except SystemError as error:
-            raise self._python_error(error, began, control.end) from error
+            raise self._python_error(error, start_time, control.end) from error
         self._algorithm.steps += 2 * (control.accepted - accepted)
         return failure, None if failure == Failure.TOO_SHORT else self._error(failure, control.end)
 
@@ -232,7 +232,7 @@ class NativeLoop:
 
     def _python_error(self, error: SystemError, begin: float, end: float) -> RunError:
         network, stepper = self._algorithm.network, self._stepper
-        return left_exception_error(network, error, begin, end, stepper.instance, stepper.status)
+        return make_python_exception_error(network, error, begin, end, stepper.instance, stepper.status)
 
     @property
     def threads(self) -> int:
@@ -257,7 +257,7 @@ class NativeLoop:
 
     @cached_property
     def first_lane_only(self) -> set[int]:
-        """Instances that only the thread that calls `run` may call: others must not run beside them."""
+        """Instances that only the thread that calls `run` may call: others must not run at the same time."""
         instances = self._algorithm.network.instances
         return {
             i
@@ -284,11 +284,11 @@ class NativeLoop:
 
     def measure(self, positions: Iterable[int]) -> None:
         """Measure the calls of the instances at these positions from now on, and of no others."""
-        efforts, places = self.efforts, self._tables.instances["effort"]
+        efforts, effort_addresses = self.efforts, self._tables.instances["effort"]
         efforts["now"] = address_of_clock(self._library)
-        places[:] = 0
+        effort_addresses[:] = 0
         for i in positions:
-            places[i] = efforts.ctypes.data + i * efforts.itemsize
+            effort_addresses[i] = efforts.ctypes.data + i * efforts.itemsize
 
     @property
     def measured(self) -> list[int]:
@@ -335,8 +335,8 @@ class NativeLoop:
     def offset_input(self, i: int, j: int, offset: float) -> None:
         """Add an offset to input j of instance i from now on, in its unit, instead of an earlier one."""
         network = self._algorithm.network
-        place = network.input_parts[i].start + j
-        self._tables.inputs["offset"][place] = network.offsets[i][j] + offset
+        index = network.input_parts[i].start + j
+        self._tables.inputs["offset"][index] = network.offsets[i][j] + offset
 
     @property
     def failed(self) -> int:
@@ -360,13 +360,13 @@ class NativeLoop:
 
     def make_states(self) -> SavedStates:
         """Return further places for states that C saves; the caller frees the states."""
-        return SavedStates(self._points)
+        return SavedStates(self._entry_points)
 
     def _error(self, failure: Failure, end: float) -> RunError | None:
-        """Return the error of a run whose last step ends at `end` s, or raise an exception that is none."""
-        if failure in _ENDS:
+        """Return the error of a run whose last step ends at `end` s, or raise any other exception."""
+        if failure in _NORMAL_ENDS:
             return None
-        error = self._find_python_error(failure) or self._describe(failure, end)
+        error = self._find_python_error(failure) or self._describe_failure(failure, end)
         if error is not None and not isinstance(error, RunError):
             raise error
         return error
@@ -374,7 +374,7 @@ class NativeLoop:
     def _find_python_error(self, failure: Failure) -> BaseException | None:
         """Return what a call in Python has raised; the first by the order of the program, if several did."""
         failed, instances = self._stepper.instance, self._algorithm.network.instances
-        error, place = None, math.inf
+        error, first_order = None, math.inf
         if failure == Failure.STEP and failed == len(instances):
             assert self._tables.passing is not None
             return self._tables.passing.error
@@ -382,17 +382,17 @@ class NativeLoop:
             calls = self._calls[failed]
             error = None if calls is None else calls.error
         if failure in _PROGRAM_CALLS:
-            place = self._places[_PROGRAM_CALLS[failure], failed]
+            first_order = self._call_order[_PROGRAM_CALLS[failure], failed]
         for i, instance in enumerate(instances):
             try:
                 if instance.is_under_way:
                     instance.end_step()
-            except RunError as late:
-                if (began := self._places[Call.STEP, i]) < place:
-                    error, place = late, began
+            except RunError as step_error:
+                if (call_order := self._call_order[Call.STEP, i]) < first_order:
+                    error, first_order = step_error, call_order
         return error
 
-    def _describe(self, failure: Failure, end: float) -> RunError | None:
+    def _describe_failure(self, failure: Failure, end: float) -> RunError | None:
         stepper, network = self._stepper, self._algorithm.network
         if failure == Failure.NOT_FINITE:
             return network.find_nonfinite_signal(end)

@@ -54,8 +54,8 @@ class Pacing:
 
     def wait(self, simulated: float, interrupted: Callable[[], bool]) -> None:
         """Wait until the clock reaches this simulated time in s, or until `interrupted` returns true."""
-        origin, began = self._start
-        due = began + (simulated - origin) / self.factor
+        start, start_time = self._start
+        due = start_time + (simulated - start) / self.factor
         delay = time.perf_counter() - due
         self.points += 1
         if delay > 0.0:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from .native_loop import NativeLoop
 
 PACING = "waiting for real time"
-"""The activity of a run that is slower than it could be."""
+"""The activity of a run that waits for real time."""
 
 
 class Profiler:
@@ -35,7 +35,7 @@ class Profiler:
         self._loop: NativeLoop | None = None
         self._activities = dict[str, float]()
         self._inner = 0.0
-        self._inside = dict[str, Effort | None]()
+        self._inner_efforts = dict[str, Effort | None]()
         self._replaced = list[tuple[Any, str]]()
         self._measured = [MeasuredCalls(instance) for instance in self._instances]
         for instance in self._instances:
@@ -55,13 +55,13 @@ class Profiler:
     def _watch(self, name: str, call: Callable[..., Any]) -> Callable[..., Any]:
         def watched(*arguments: Any) -> Any:
             outer, self._inner = self._inner, 0.0
-            began = time.perf_counter()
+            start_time = time.perf_counter()
             try:
                 return call(*arguments)
             finally:
-                took = time.perf_counter() - began
-                self._activities[name] += took - self._inner
-                self._inner = outer + took
+                elapsed = time.perf_counter() - start_time
+                self._activities[name] += elapsed - self._inner
+                self._inner = outer + elapsed
 
         return watched
 
@@ -85,8 +85,8 @@ class Profiler:
         for measured in self._measured:
             measured.close()
         for instance in self._instances:
-            if isinstance(instance, IsolatedInstance) and instance.name not in self._inside:
-                self._inside[instance.name] = instance.effort()
+            if isinstance(instance, IsolatedInstance) and instance.name not in self._inner_efforts:
+                self._inner_efforts[instance.name] = instance.effort()
                 instance.measure(False)
 
     def report(self, wall_s: float) -> dict[str, Any]:
@@ -95,14 +95,14 @@ class Profiler:
         Args:
             wall_s: Wall time of the run in s.
         """
-        total = wall_s + (0.0 if self._loop is None else self._loop.seconds_beside)
+        total = wall_s + (0.0 if self._loop is None else self._loop.extra_thread_seconds)
         in_c = [{}] * len(self._instances) if self._loop is None else self._loop.profile()
         spent = list(map(_add_up, self._measured, in_c))
-        here = [i for i, x in enumerate(self._instances) if not isinstance(x, IsolatedInstance)]
-        waited = sum(effort.seconds for i, effort in enumerate(spent) if i not in here)
-        measured = sum(spent[i].seconds for i in here) + waited + sum(self._activities.values())
+        in_process = [i for i, x in enumerate(self._instances) if not isinstance(x, IsolatedInstance)]
+        waited = sum(effort.seconds for i, effort in enumerate(spent) if i not in in_process)
+        measured = sum(spent[i].seconds for i in in_process) + waited + sum(self._activities.values())
         # an estimate from other calls: on a busy machine it can exceed what is left of the run
-        own = min(sum(effort.own_cost_s for effort in spent), max(total - measured, 0.0))
+        own_cost = min(sum(effort.own_cost_s for effort in spent), max(total - measured, 0.0))
 
         def part(seconds: float) -> dict[str, float]:
             return {"seconds": seconds, "share": seconds / total if total > 0.0 else 0.0}
@@ -110,23 +110,25 @@ class Profiler:
         rows = dict[str, Any]()
         for instance, effort in zip(self._instances, spent, strict=True):
             if isinstance(instance, IsolatedInstance):
-                inside = self._inside[instance.name] if self._inside else instance.effort()
-                more = {"separate_process": True, "waited_s": effort.seconds}
-                effort = effort if inside is None else inside
+                inner_effort = (
+                    self._inner_efforts[instance.name] if self._inner_efforts else instance.effort()
+                )
+                process_entries = {"separate_process": True, "waited_s": effort.seconds}
+                effort = effort if inner_effort is None else inner_effort
             else:
-                more = {"separate_process": False}
+                process_entries = {"separate_process": False}
             calls = {name: {"count": c.count, "seconds": c.seconds} for name, c in effort.calls.items()}
-            rows[instance.name] = {**part(effort.seconds), "calls": calls, **more}
+            rows[instance.name] = {**part(effort.seconds), "calls": calls, **process_entries}
         costs = {"per_call_in_python_s": sum(measure_own_cost())}
         if any(in_c):
             costs["per_call_in_c_s"] = sum(_measure_cost_in_c())
         return {
             "total_s": total,
             "fmus": rows,
-            "master": part(max(total - measured - own, 0.0)),
-            **({} if len(here) == len(spent) else {"separate_processes": part(waited)}),
+            "master": part(max(total - measured - own_cost, 0.0)),
+            **({} if len(in_process) == len(spent) else {"separate_processes": part(waited)}),
             "recorders": {name: part(seconds) for name, seconds in self._activities.items()},
-            "profiler": {**part(own), **costs},
+            "profiler": {**part(own_cost), **costs},
         }
 
 
@@ -144,6 +146,6 @@ def _measure_cost_in_c(calls: int = 20_000, rounds: int = 5) -> OwnCost:
     """Return what the measurement of one call in C costs."""
     library, efforts = load_stepper(), np.zeros(rounds, EFFORT)
     efforts["now"] = address_of_clock(library)
-    whole = [library.measure_cost(efforts[n : n + 1].ctypes.data, calls) for n in range(rounds)]
-    within = 1e-9 * float(efforts["nanoseconds"].sum(axis=1).min()) / calls
-    return OwnCost(within, max(1e-9 * min(whole) / calls - within, 0.0))
+    total_times = [library.measure_cost(efforts[n : n + 1].ctypes.data, calls) for n in range(rounds)]
+    inner_cost = 1e-9 * float(efforts["nanoseconds"].sum(axis=1).min()) / calls
+    return OwnCost(inner_cost, max(1e-9 * min(total_times) / calls - inner_cost, 0.0))

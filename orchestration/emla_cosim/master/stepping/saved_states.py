@@ -24,8 +24,10 @@ class SavedStates:
     def __init__(self, points: Sequence[EntryPoints]) -> None:
         self.records = np.zeros(len(points), SAVED_STATE)
         self._points = points
-        self.memory = [np.zeros(Events.from_address(p.events).memory_size if p.events else 0) for p in points]
-        self.records["events"] = [m.ctypes.data for m in self.memory]
+        self.event_memory = [
+            np.zeros(Events.from_address(p.events).memory_size if p.events else 0) for p in points
+        ]
+        self.records["events"] = [m.ctypes.data for m in self.event_memory]
 
     def free(self, instances: Sequence[FmuInstance]) -> None:
         """Free the states; never raises."""

@@ -11,7 +11,7 @@ from heapq import heappop, heappush
 
 from ..algorithms.tasks import StepTask
 
-_TRIES, _MANY = 40, 4000
+_TRIALS, _MAX_TRIED_TASKS = 40, 4000
 """Number of orders to try, and the limit of their tasks in all: with many tasks, orders differ little."""
 
 
@@ -39,11 +39,11 @@ def schedule_tasks(
     """
     cost = [sum(costs[i] for i in task.instances) if task.steps else 0.0 for task in tasks]
     paths, noise = list(cost), random.Random(1)
-    for place in range(len(tasks) - 1, -1, -1):
-        for before in tasks[place].after:
-            paths[before] = max(paths[before], cost[before] + paths[place])
+    for task_number in range(len(tasks) - 1, -1, -1):
+        for before in tasks[task_number].after:
+            paths[before] = max(paths[before], cost[before] + paths[task_number])
     best = _simulate_step(tasks, cost, paths, count, first_only)
-    for _ in range(min(_TRIES, _MANY // max(len(tasks), 1))):
+    for _ in range(min(_TRIALS, _MAX_TRIED_TASKS // max(len(tasks), 1))):
         blurred = [path * noise.uniform(0.7, 1.3) for path in paths]
         best = min(best, _simulate_step(tasks, cost, blurred, count, first_only), key=lambda s: s.length)
     return best
@@ -58,9 +58,9 @@ def _simulate_step(
 ) -> ThreadSchedule:
     """Simulate one step: a free lane takes the most urgent of the possible tasks."""
     waits, followers = [len(task.after) for task in tasks], [list[int]() for _ in tasks]
-    for place, task in enumerate(tasks):
+    for task_number, task in enumerate(tasks):
         for before in task.after:
-            followers[before].append(place)
+            followers[before].append(task_number)
 
     def end(place: int) -> list[int]:
         """Return the tasks that waited only for this one."""
@@ -68,33 +68,33 @@ def _simulate_step(
             waits[follower] -= 1
         return [follower for follower in followers[place] if not waits[follower]]
 
-    lane_of, begun, now = dict[int, int](), [0.0] * len(tasks), 0.0
+    lane_of, start_times, now = dict[int, int](), [0.0] * len(tasks), 0.0
     free, running = list(range(count)), list[tuple[float, int, int]]()
-    possible = [list[tuple[float, int]]() for _ in (0, 1)]  # for all lanes, and for the first lane only
-    ready = [place for place, n in enumerate(waits) if not n]
+    urgent_tasks = [list[tuple[float, int]]() for _ in (0, 1)]  # for all lanes, and for the first lane only
+    ready = [task_number for task_number, n in enumerate(waits) if not n]
     while ready or running:
         while ready:
-            place = ready.pop()
-            begun[place] = now
-            if tasks[place].steps:
-                queue = possible[not set(first_only).isdisjoint(tasks[place].instances)]
-                heappush(queue, (-priorities[place], place))
+            task_number = ready.pop()
+            start_times[task_number] = now
+            if tasks[task_number].steps:
+                queue = urgent_tasks[not set(first_only).isdisjoint(tasks[task_number].instances)]
+                heappush(queue, (-priorities[task_number], task_number))
             else:  # it takes no time
-                ready += end(place)
+                ready += end(task_number)
         for lane in sorted(free):
-            if queues := [q for q in (possible if lane == 0 else possible[:1]) if q]:
-                _, place = heappop(min(queues, key=lambda q: q[0]))
+            if queues := [q for q in (urgent_tasks if lane == 0 else urgent_tasks[:1]) if q]:
+                _, task_number = heappop(min(queues, key=lambda q: q[0]))
                 free.remove(lane)
-                begun[place] = now
-                lane_of |= dict.fromkeys(tasks[place].instances, lane)
-                heappush(running, (now + cost[place], place, lane))
+                start_times[task_number] = now
+                lane_of |= dict.fromkeys(tasks[task_number].instances, lane)
+                heappush(running, (now + cost[task_number], task_number, lane))
         now = running[0][0] if running else now
         while running and running[0][0] == now:
-            _, place, lane = heappop(running)
+            _, task_number, lane = heappop(running)
             free.append(lane)
-            ready += end(place)
+            ready += end(task_number)
     lanes = [list[int]() for _ in range(count)]
     # tasks without cost come first, so that others do not wait for more than these
-    for place in sorted(range(len(tasks)), key=lambda p: (begun[p], cost[p] > 0.0, p)):
-        lanes[lane_of.get(tasks[place].instances[0], 0)].append(place)
+    for task_number in sorted(range(len(tasks)), key=lambda p: (start_times[p], cost[p] > 0.0, p)):
+        lanes[lane_of.get(tasks[task_number].instances[0], 0)].append(task_number)
     return ThreadSchedule([lane for lane in lanes if lane], now)

@@ -38,12 +38,12 @@ class StepDivision:
         instances = algorithm.network.instances
         self._divided = set[int]()
         self._first_failure: tuple[int, DiscardedStepError] | None = None
-        self._fixed = [s.name for s in instances if not s.rolls_back or s.restarts_when_saved]
+        self._irreversible = [s.name for s in instances if not s.rolls_back or s.restarts_when_saved]
         self._snapshot = Snapshot(algorithm, learned=True)
         self._divisions: Any = None
         self._due = 0.0
-        alone = {o.instance for o in algorithm.operations}  # groups divide their steps themselves
-        self._is_possible = not self._fixed and any(instances[i].varies_step for i in alone)
+        ungrouped = {o.instance for o in algorithm.operations}  # groups divide their steps themselves
+        self._is_possible = not self._irreversible and any(instances[i].varies_step for i in ungrouped)
         if self._is_possible:
             loop.allow_way_back()
 
@@ -61,7 +61,7 @@ class StepDivision:
         self._due = saved + max(INTERVAL, (saved - now) / SHARE)
 
     def forget(self) -> None:
-        """Save a new state before the next step: something else than steps changes the system."""
+        """Save a new state before the next step: something other than a step changes the system."""
         self._due = 0.0
 
     def divide(self, failure: DiscardedStepError, row: tuple[int, Vector] | None) -> None:
@@ -94,15 +94,15 @@ class StepDivision:
         instance = self._algorithm.network.instances[i]
         if not instance.varies_step:
             return "It cannot do parts of the step: it has no canHandleVariableCommunicationStepSize."
-        if self._fixed:
+        if self._irreversible:
             return (
-                f"The step cannot be repeated in parts: {join_names(self._fixed)} cannot return to an "
+                f"The step cannot be repeated in parts: {join_names(self._irreversible)} cannot return to an "
                 "earlier state (canGetAndSetFMUstate)."
             )
         return "" if self._is_possible else "The step cannot be repeated in parts: a state cannot be saved."
 
     def _repeat(self, row: tuple[int, Vector] | None) -> str:
-        """Repeat the steps since the saved state. Return why this was no use; empty if all is as before."""
+        """Repeat the steps since the saved state. Return why this failed; empty if the state is as before."""
         steps, network = self._algorithm.steps, self._algorithm.network
         self._snapshot.restore()
         self._loop.divisions[:] = self._divisions
@@ -117,9 +117,9 @@ class StepDivision:
     def _run_to(self, step: int) -> None:
         """Do the steps up to this one, and record none of them."""
         network, algorithm = self._algorithm.network, self._algorithm
-        nowhere = np.empty((0, 1 + len(network.signals) + len(network.observer.values)))
+        no_rows = np.empty((0, 1 + len(network.signals) + len(network.observer.values)))
         while (first := algorithm.steps) < step:
-            _, failure = self._loop.run(first, step - first, self._times.clock, step + 1, nowhere)
+            _, failure = self._loop.run(first, step - first, self._times.clock, step + 1, no_rows)
             if failure is not None:
                 raise failure
 

@@ -49,8 +49,8 @@ class StepSizeControl(ABC):
 
     def check(self) -> None:
         """Raise CommandError if values of options do not fit."""
-        for own in options_of(type(self)):
-            own.check(getattr(self, own.name))
+        for declared_option in options_of(type(self)):
+            declared_option.check(getattr(self, declared_option.name))
 
     @abstractmethod
     def stepping(self, algorithm: Algorithm, request: StepRequest) -> Stepping:

@@ -50,7 +50,7 @@ class StepperTables:
     Attributes:
         stepper: The record that the functions in C get.
         states: The places of the states that groups save.
-        residuals: Per group, room for the residuals of all sweeps.
+        residuals: Per group, a buffer for the residuals of all sweeps.
         instances: The records of the instances.
         inputs: The records of all inputs.
         operations: The records of the operations of a step.
@@ -62,7 +62,7 @@ class StepperTables:
 
     def __init__(self, algorithm: Algorithm, points: Sequence[EntryPoints]) -> None:
         self._algorithm, self._points = algorithm, points
-        self._held: list[Any] = [points]  # owners of memory whose addresses are in the tables
+        self._owners: list[Any] = [points]  # owners of memory whose addresses are in the tables
         self.passing = PythonCalls() if algorithm.network.opaque_links else None
         self.states = SavedStates(points)
         self.efforts = np.zeros(len(points), EFFORT)
@@ -72,14 +72,14 @@ class StepperTables:
 
     @property
     def arrays(self) -> list[NDArray[Any]]:
-        """Return all memory to which the tables point."""
+        """Return all arrays to which the tables point."""
         references = [[p.input_references, p.output_references, p.derivative_orders] for p in self._points]
-        held = [x for x in self._held if isinstance(x, np.ndarray)]
-        return [*held, *self.states.memory, *(array for group in references for array in group)]
+        arrays = [x for x in self._owners if isinstance(x, np.ndarray)]
+        return [*arrays, *self.states.event_memory, *(array for group in references for array in group)]
 
     def _keep(self, values: Any) -> int:
         """Keep an array, and return its address."""
-        self._held.append(values)
+        self._owners.append(values)
         return int(values.ctypes.data)
 
     def _fill(self) -> None:
@@ -88,15 +88,15 @@ class StepperTables:
         vectors = [network.signals, history.previous, *algorithm.stores.values()]
         self._positions = {program.SIGNALS: SIGNALS, program.PREVIOUS: PREVIOUS}
         self._positions |= {name: FIRST_STORE + n for n, name in enumerate(algorithm.stores)}
-        self.instances, self.inputs = self._instances(), self._inputs()
+        self.instances, self.inputs = self._make_instances(), self._make_inputs()
         stepper.instances, stepper.inputs = self._keep(self.instances), self._keep(self.inputs)
-        stepper.signals = self._keep(self._signals())
+        stepper.signals = self._keep(self._make_signals())
         self.groups = self.list_groups(algorithm.groups)
         stepper.groups, stepper.group_count = self._keep(self.groups), len(algorithm.groups)
         self._fill_program()
         stepper.read, stepper.read_count = self._keep(network.read.astype(np.int32)), len(network.read)
         stepper.follows = self._keep(algorithm.exchange.follows)  # filled in when the run begins
-        observers = self._observers()
+        observers = self._make_observers()
         stepper.observers, stepper.observer_count = self._keep(observers), len(observers)
         stepper.observed, stepper.observed_count = self._keep(observer.values), len(observer.values)
         stepper.coupling_tolerance = algorithm.coupling_tolerance
@@ -118,33 +118,37 @@ class StepperTables:
         combinations, terms = list[tuple[int, ...]](), list[tuple[float, int, int]]()
         if self.passing is not None:
             rows.append((1, Call.STEP, len(self._points), 0, 0))
-        for each in algorithm.program[: len(algorithm.groups)] if algorithm.is_plain else algorithm.program:
-            if isinstance(each, program.Operation):
-                rows.append(self._row(each))
-            elif isinstance(each, program.Solve):
+        for instruction in (
+            algorithm.program[: len(algorithm.groups)] if algorithm.is_plain else algorithm.program
+        ):
+            if isinstance(instruction, program.Operation):
+                rows.append(self._make_row(instruction))
+            elif isinstance(instruction, program.Solve):
                 rows.append((1, Call.SOLVE, groups, 0, 0))
                 groups += 1
             else:
                 rows.append((1, Call.COMBINE, len(combinations), 0, 0))
-                into, count = self._positions[each.into], len(each.terms)
-                combinations.append((each.instance, into, len(terms), count))
-                terms += [(factor, self._positions[name], 0) for name, factor in each.terms.items()]
-        rows += self._rows(algorithm.operations) if algorithm.is_plain else []
+                into, count = self._positions[instruction.into], len(instruction.terms)
+                combinations.append((instruction.instance, into, len(terms), count))
+                terms += [(factor, self._positions[name], 0) for name, factor in instruction.terms.items()]
+        rows += self._make_rows(algorithm.operations) if algorithm.is_plain else []
         stepper, self.operations = self.stepper, np.array(rows, dtype=OPERATION)
         stepper.operations, stepper.operation_count = self._keep(self.operations), len(rows)
         stepper.combinations = self._keep(np.array(combinations, dtype=COMBINATION))
         stepper.terms = self._keep(np.array(terms, dtype=TERM))
 
-    def _row(self, operation: program.Operation, is_end: bool = False) -> tuple[int, ...]:
-        every, store = int(self._algorithm.multiples[operation.instance]), self._positions[operation.store]
-        return every, Call.END if is_end else int(operation.call), operation.instance, store, 0
+    def _make_row(self, operation: program.Operation, is_end: bool = False) -> tuple[int, ...]:
+        multiple, store = int(self._algorithm.multiples[operation.instance]), self._positions[operation.store]
+        return multiple, Call.END if is_end else int(operation.call), operation.instance, store, 0
 
-    def _rows(self, operations: Sequence[program.Operation]) -> list[tuple[int, ...]]:
+    def _make_rows(self, operations: Sequence[program.Operation]) -> list[tuple[int, ...]]:
         """Return the rows of operations, in an order in which steps in other processes overlap."""
         split = {i for i, p in enumerate(self._points) if p.end_step}
-        return [self._row(*each) for each in overlap_steps(self._algorithm.exchange, operations, split)]
+        return [
+            self._make_row(*entry) for entry in overlap_steps(self._algorithm.exchange, operations, split)
+        ]
 
-    def _inputs(self) -> Any:
+    def _make_inputs(self) -> Any:
         network, exchange = self._algorithm.network, self._algorithm.exchange
         records = np.zeros(len(network.inputs), INPUT)
         records["signal"] = signals = np.concatenate([np.empty(0, dtype=np.intp), *network.sources])
@@ -155,16 +159,16 @@ class StepperTables:
         records["known"] = np.concatenate([np.empty(0, dtype=np.intp), *exchange.known])
         return records
 
-    def _signals(self) -> Any:
+    def _make_signals(self) -> Any:
         exchange, records = self._algorithm.exchange, np.zeros(len(self._algorithm.network.signals), SIGNAL)
         records["floor"], records["instance"] = self._algorithm.scale.floor, exchange.owners
         records["is_smooth"] = exchange.smooth
         return records
 
-    def _instances(self) -> Any:
+    def _make_instances(self) -> Any:
         network, exchange, points = self._algorithm.network, self._algorithm.exchange, self._points
         saved = {i for group in self._algorithm.groups if group.is_saved for i in group.members}
-        records, every = np.zeros(len(points), INSTANCE), range(len(points))
+        records, positions = np.zeros(len(points), INSTANCE), range(len(points))
         for name in ("component", "do_step", "get_state", "set_state", "get_status", "end_step", "events"):
             records[name] = [getattr(p, name) for p in points]
         records["set_derivatives"] = [p.set_real_input_derivatives for p in points]
@@ -172,9 +176,12 @@ class StepperTables:
         records["orders"] = [p.derivative_orders.ctypes.data for p in points]
         records["end"] = [0 if p.step_end is None else p.step_end.address for p in points]
         records["is_version_3"] = [p.step_end is not None for p in points]
-        places = self.states.records
-        records["state"] = places.ctypes.data + places.itemsize * np.arange(len(points))
-        records["code"], numbers = [code_of(i, "") for i in every], {name: n for n, name in enumerate(CALLS)}
+        state_records = self.states.records
+        records["state"] = state_records.ctypes.data + state_records.itemsize * np.arange(len(points))
+        records["code"], numbers = (
+            [code_of(i, "") for i in positions],
+            {name: n for n, name in enumerate(CALLS)},
+        )
         records["code_derivatives"] = numbers["setRealInputDerivatives"]
         records["code_step"], records["code_status"] = numbers["doStep"], numbers["getBooleanStatus"]
         records["code_save"] = [numbers[p.names.save] for p in points]
@@ -186,8 +193,8 @@ class StepperTables:
         records["is_held"] = [
             m == Mode.HOLD and not exchange.has_known(i) for i, m in enumerate(exchange.modes)
         ]
-        records["has_slopes"] = [exchange.has_slopes(i) for i in every]
-        records["has_no_way_back"] = [i not in saved for i in every]
+        records["has_slopes"] = [exchange.has_slopes(i) for i in positions]
+        records["has_no_way_back"] = [i not in saved for i in positions]
         self._fill_calls(records)
         if self.passing is None:
             return records
@@ -197,14 +204,14 @@ class StepperTables:
 
     def _fill_calls(self, records: Any) -> None:
         """Make the calls that set inputs and get outputs: all in one array, as they are read one by one."""
-        found = list[Any]()
+        records_of_calls = list[Any]()
         first = np.zeros((len(records), 2), dtype=np.intp)
         for i, points in enumerate(self._points):
-            first[i, 0] = len(found)
-            found.extend(self._calls(i, points, "set"))
-            first[i, 1] = len(found)
-            found.extend(self._calls(i, points, "get"))
-        calls = np.array(found, dtype=CALL)
+            first[i, 0] = len(records_of_calls)
+            records_of_calls.extend(self._make_calls(i, points, "set"))
+            first[i, 1] = len(records_of_calls)
+            records_of_calls.extend(self._make_calls(i, points, "get"))
+        calls = np.array(records_of_calls, dtype=CALL)
         address = self._keep(calls)
         records["setters"], records["getters"] = address + calls.itemsize * first.T
         records["setter_count"] = first[:, 1] - first[:, 0]
@@ -212,29 +219,29 @@ class StepperTables:
 
     def list_calls(self, i: int, points: EntryPoints, access: str) -> NDArray[Any]:
         """Return further CALL records that `set` the inputs, or `get` the outputs, of an instance."""
-        calls = np.array(self._calls(i, points, access), dtype=CALL)
+        calls = np.array(self._make_calls(i, points, access), dtype=CALL)
         self._keep(calls)
         return calls
 
-    def _calls(self, i: int, points: EntryPoints, access: str) -> Sequence[Any]:
+    def _make_calls(self, i: int, points: EntryPoints, access: str) -> Sequence[Any]:
         """Return the CALL records that set the inputs, or get the outputs, of an instance."""
         network, sets = self._algorithm.network, access == "set"
         vector = network.inputs if sets else network.signals
         first = (network.input_parts if sets else network.parts)[i].start
         typed = points.setters if sets else points.getters
         if typed is not None:
-            return self._typed_calls(i, points, typed, first)
+            return self._make_typed_calls(i, points, typed, first)
         references = points.input_references if sets else points.output_references
         count = len(network.inputs[network.input_parts[i]] if sets else network.signals[network.parts[i]])
-        calls = [self._real_call(i, points, access, references, vector[first : first + count])]
+        calls = [self._make_real_call(i, points, access, references, vector[first : first + count])]
         if not sets and i in self._algorithm.known:
-            for span, own in zip(SPANS, network.instances[i].span_references, strict=False):
+            for span, span_references in zip(SPANS, network.instances[i].span_references, strict=False):
                 values = self._algorithm.stores[f"{span} of step"][first : first + count]
-                self._held.append(own)
-                calls.append(self._real_call(i, points, access, own, values))
+                self._owners.append(span_references)
+                calls.append(self._make_real_call(i, points, access, span_references, values))
         return calls if count else []
 
-    def _real_call(
+    def _make_real_call(
         self, i: int, points: EntryPoints, access: str, references: NDArray[np.uint32], values: NDArray[Any]
     ) -> Any:
         """Return the CALL record for doubles that need no conversion."""
@@ -247,7 +254,7 @@ class StepperTables:
         record["is_version_3"] = points.step_end is not None
         return record
 
-    def _typed_calls(self, i: int, points: EntryPoints, calls: Sequence[GroupCall], first: int) -> Any:
+    def _make_typed_calls(self, i: int, points: EntryPoints, calls: Sequence[GroupCall], first: int) -> Any:
         records = np.zeros(len(calls), CALL)
         for record, (function, group) in zip(records, calls, strict=True):
             fill_typed_call(record, group, function, self._keep, first)
@@ -256,27 +263,27 @@ class StepperTables:
         records["code"] = [code_of(i, group.call) for _, group in calls]
         return records
 
-    def _observers(self) -> Any:
+    def _make_observers(self) -> Any:
         """Return the CALL records that get the observed variables."""
-        network, found = self._algorithm.network, list[Any]()
-        place = {name: i for i, stepped in enumerate(network.instances) for name in stepped.components}
+        network, getters = self._algorithm.network, list[Any]()
+        positions = {name: i for i, stepped in enumerate(network.instances) for name in stepped.components}
         for instance, part in network.observer.readers:
-            i = place[instance.name]
+            i = positions[instance.name]
             if (calls := self._points[i].calls) is not None:
                 record = np.zeros((), CALL)
                 record["function"], record["instance"] = calls.getter(instance.get_observed), i
-                found.append(record)
+                getters.append(record)
                 continue
             for group in instance.observed_groups():
                 record = np.zeros((), CALL)
                 self._fill_observed(record, group, part.start)
                 record["component"], record["instance"] = group.component, i
                 record["code"] = code_of(i, group.call)
-                found.append(record)
-        return np.array(found, dtype=CALL)
+                getters.append(record)
+        return np.array(getters, dtype=CALL)
 
     def _fill_observed(self, record: Any, group: ObservedGroup, first: int) -> None:
-        self._held.append(group)
+        self._owners.append(group)
         if group.group is not None:
             fill_typed_call(record, group.group.group, group.function, self._keep, first)
             record["is_version_3"] = True
@@ -297,15 +304,15 @@ class StepperTables:
             n = len(group.coupling_variables)
             record["members"] = self._keep(np.array(group.members, dtype=np.int32))
             record["coupling"] = self._keep(group.coupling_variables.astype(np.int32))
-            rows = np.array(self._rows(group.operations), dtype=OPERATION)
+            rows = np.array(self._make_rows(group.operations), dtype=OPERATION)
             record["operations"], record["operation_count"] = self._keep(rows), len(rows)
             record["jacobian"] = self._keep(group.jacobian)
             self.residuals.append(np.zeros(SWEEPS * n))
             record["residuals"] = self._keep(self.residuals[-1])
-            room = {"guess": n, "sizes": n, "direction": n, "earlier": n * n, "basis": n * n}
-            room["answers"] = SWEEPS * n
-            room["kept"] = sum(2 * (parts[i].stop - parts[i].start) + 2 for i in group.members)
-            for name, size in room.items():
+            buffer_sizes = {"guess": n, "sizes": n, "direction": n, "earlier": n * n, "basis": n * n}
+            buffer_sizes["answers"] = SWEEPS * n
+            buffer_sizes["kept"] = sum(2 * (parts[i].stop - parts[i].start) + 2 for i in group.members)
+            for name, size in buffer_sizes.items():
                 record[name] = self._keep(np.zeros(size))
             record["member_count"], record["coupling_count"] = len(group.members), n
             record["is_saved"], record["is_halved"] = group.is_saved, group.is_halved

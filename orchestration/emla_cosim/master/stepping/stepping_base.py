@@ -13,9 +13,8 @@ from .timing import CommunicationPoints
 ROUNDING = 1e-6
 """Times that differ by less than this fraction of a step are equal."""
 
-
 LONGEST = 1.0
-"""Wall time in s after which `Stepping.advance` returns with the next step, so that a run ends when told."""
+"""Wall time in s after which `Stepping.advance` returns after the next step: so an interrupt ends a run."""
 
 
 class RowSink(Protocol):
@@ -87,8 +86,8 @@ class Stepping(ABC):
 
     def report(self) -> dict[str, Any]:
         """Return how the steps were made, as plain data for run.json."""
-        found, reason = {"steps": self.steps, **self.algorithm.report()}, self.loop.why_not_kept()
-        return found | ({"compiled_code_not_kept": reason} if reason else {})
+        entries, reason = {"steps": self.steps, **self.algorithm.report()}, self.loop.why_not_kept()
+        return entries | ({"compiled_code_not_kept": reason} if reason else {})
 
     def notes(self) -> list[str]:
         """Return what a reader should know before the run, without full stops."""

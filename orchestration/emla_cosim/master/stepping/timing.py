@@ -78,7 +78,7 @@ class CommunicationPoints:
         return self.point(k + count) - self.point(k)
 
     def stretch(self, k: int, count: int) -> tuple[float, float]:
-        """Return begin and length in s of the `count` steps up to communication point k."""
+        """Return start and length in s of the `count` steps up to communication point k."""
         return self.point(k - count), self.span(k - count, count)
 
 
@@ -109,10 +109,10 @@ def make_communication_points(
         )
     steps = round(span / step_size)
     if (steps == 0 and span > 0.0) or abs(steps * step_size - span) > 1e-9 * span:
-        whole = max(int(span / step_size), 1)
+        whole_steps = max(int(span / step_size), 1)
         raise CommandError(
             f"the stop time {stop_time:.12g} s is not a whole number of steps of {step_size:.12g} s; "
-            f"{start_time + whole * step_size:.12g} s would be."
+            f"{start_time + whole_steps * step_size:.12g} s would be."
         )
     latest = max(abs(start_time), abs(stop_time))
     if math.ulp(latest) > _COARSE * step_size:
