@@ -290,7 +290,7 @@ def test_a_slave_that_discards_every_step_ends_the_run_with_its_message() -> Non
 
     slave = FakeSlave("stubborn", 0, [0.0], never)
     stepping = controlled(Network([slave], []), Jacobi(), 1.0, 0.1, 1e-3)
-    with pytest.raises(DiscardedStepError, match=r"stubborn answered doStep with fmi2Discard. It said: No\."):
+    with pytest.raises(DiscardedStepError, match=r"stubborn answered doStep with fmi2Discard. FMU log: No\."):
         recorded(stepping)
     assert SMALLEST / 2.0 < 0.1 * 2.0**-stepping.control.rejected < SMALLEST
 

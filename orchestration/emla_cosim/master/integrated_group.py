@@ -225,8 +225,8 @@ class IntegratedGroup(IntegratedInstance):
         for transfer in self._external:
             transfer.write(self._network.signals)
 
-    def _kept(self) -> list[Vector]:
-        return [self._passed, self._network.signals, self._network.inputs]
+    def _list_state_arrays(self) -> list[Vector]:
+        return [self._passed_inputs, self._network.signals, self._network.inputs]
 
     def _connect(self) -> None:
         signals = self._network.signals

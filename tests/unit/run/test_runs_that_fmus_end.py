@@ -82,4 +82,4 @@ def test_messages_reach_the_run_whose_fmu_wrote_them(faulty_fmu: Path) -> None:
     failing = ec.System.of({"a": faulty_fmu}, set={"a.fault": int(Fault.ERROR), "a.at": 0.3})
     with ec.load(failing, **OPTIONS).prepare() as first, ec.load(failing, **OPTIONS).prepare() as second:
         for simulation in (first, second, first):
-            assert "It said: " in str(simulation.attempt().problem)
+            assert "FMU log: " in str(simulation.attempt().problem)

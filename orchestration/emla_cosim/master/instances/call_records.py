@@ -21,11 +21,11 @@ def fill_typed_call(
         keep: Keeps an array as long as the record, and returns its address.
         first: Where the vector of the group begins in the one of the call.
     """
-    places = np.arange(len(group.values)) if isinstance(group.places, slice) else group.places
+    slots = np.arange(len(group.values)) if isinstance(group.slots, slice) else group.slots
     record["function"] = function
     record["references"], record["reference_count"] = keep(group.references), len(group.references)
     record["values"], record["value_count"] = keep(group.values), len(group.values)
     record["items"] = keep((group.elements + first).astype(np.int32))
-    record["places"], record["item_count"] = keep(places.astype(np.int32)), len(group.elements)
+    record["places"], record["item_count"] = keep(slots.astype(np.int32)), len(group.elements)
     is_truth = group.boolean and group.values.dtype.name != "bool"
     record["type"] = TRUTH_OF_FMI_2 if is_truth else TYPES.index(group.values.dtype.name)

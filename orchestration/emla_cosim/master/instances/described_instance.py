@@ -17,7 +17,7 @@ from ...fmu.interface import MODEL_EXCHANGE
 from ...fmu.tables import find_span_references
 from ...fmu.variables import TypedValue
 from .fmu_instance import FmuInstance
-from .start_values import LostValue
+from .start_values import RejectedValue
 
 
 class DescribedInstance(FmuInstance):
@@ -47,12 +47,12 @@ class DescribedInstance(FmuInstance):
         self.continuous_inputs = np.array([v.variability == "continuous" for v in self.read], dtype=bool)
         self.continuous_outputs = np.array([v.variability == "continuous" for v in self.written], dtype=bool)
         self.nominals = np.array([_nominal(v) for v in self.written])
-        self.input_starts = np.array([_start(v) for v in self.read])
+        self.input_starts = np.array([_parse_start(v) for v in self.read])
         self.inputs, self.outputs = self.input_starts.copy(), np.zeros(len(self.written))
         self.tolerance: float | None = None
         """Relative tolerance of the FMU's solver in the next run; None leaves it to the FMU."""
-        self.lost_values: list[LostValue] = []
-        """Start values that the FMU did not have at the end of its last initialization."""
+        self.lost_values: list[RejectedValue] = []
+        """Start values that the FMU had changed at the end of its last initialization."""
 
     @property
     def clocked_inputs(self) -> NDArray[np.bool_]:
@@ -66,7 +66,7 @@ class DescribedInstance(FmuInstance):
 
     @property
     def violations(self) -> list[str]:
-        """Return what the FMU did in this run against the standard, and was accepted."""
+        """Violations of the standard in this run that were accepted."""
         return []
 
     def ready(self) -> None:
@@ -88,7 +88,7 @@ class DescribedInstance(FmuInstance):
         """Return the present value of a variable."""
 
 
-def _start(variable: ModelVariable) -> float:
+def _parse_start(variable: ModelVariable) -> float:
     return float({"true": "1", "false": "0", None: "0"}.get(variable.start, str(variable.start)))
 
 

@@ -1,4 +1,4 @@
-"""Messages on what went wrong in events of an instance; the stepper in C leaves only numbers."""
+"""Error messages for the events of an instance, from the numbers of the stepper in C."""
 
 from ...base.errors import RunError
 from ...stepper.event_layout import (
@@ -22,7 +22,7 @@ _REFUSED = {Problem.EARLY_RETURN: "it returned early", Problem.EVENT: "it asked 
 
 
 def explain_problem(instance: InProcessInstance, tables: EventTables) -> RunError:
-    """Return the error for the problem of an instance in its last event or step, which is solved by this."""
+    """Return the error for the problem of an instance in its last event or step, and clear the problem."""
     record = tables.record
     problem, name = Problem(record.problem), instance.name
     record.problem = Problem.NONE
@@ -68,8 +68,8 @@ def describe_answer(problem: Problem, record: Events, tables: EventTables) -> tu
     clock = tables.name_clock(record.clock)
     if problem == Problem.ENDLESS_TICKS:
         return _at(GET_CLOCK, record.time), f"a tick of {clock} after each of {record.count} updates"
-    what = "interval" if problem == Problem.WRONG_INTERVAL else "shift"
-    return "getIntervalDecimal", f"its clock {clock} has the {what} {record.value:g} s"
+    quantity = "interval" if problem == Problem.WRONG_INTERVAL else "shift"
+    return "getIntervalDecimal", f"its clock {clock} has the {quantity} {record.value:g} s"
 
 
 def _at(call: str, time: float) -> str:

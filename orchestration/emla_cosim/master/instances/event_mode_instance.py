@@ -29,11 +29,11 @@ from .typed_values import TypedValues, TypeGroup, ValueRangeError
 _SETTING, _GETTING, _RECORDING = "setting inputs", "getting outputs", "getting recorded variables"
 
 _CALLS = {"setReal": _SETTING, "getReal": _GETTING}
-"""What the stepper calls setting inputs and getting outputs."""
+"""The stepper's names of these calls."""
 
 
 class SavedState(ctypes.c_void_p):
-    """A saved state of the FMU, with a copy of what the instance knew of its events."""
+    """A saved state of the FMU, with a copy of the state of the instance's events."""
 
     memory: Vector
 
@@ -55,8 +55,8 @@ def _returns_early(file: FmuFile) -> bool:
 class EventModeInstance(InProcessInstance):
     """One instance of an FMU that uses event mode if the FMU has it, and lets its steps end early.
 
-    `events.h` of the stepper says what happens when. Here are the tables of the instance, its initialization,
-    and the values that a user sets and reads.
+    `events.h` of the stepper handles the events. This class has the tables of the instance, its
+    initialization, and the values that a user sets and reads.
     """
 
     _tables: EventTables | None = None
@@ -91,7 +91,7 @@ class EventModeInstance(InProcessInstance):
 
     @property
     def violations(self) -> list[str]:
-        """Return what the FMU did in this run against the standard, and was accepted."""
+        """Violations of the standard in this run that were accepted."""
         time = math.nan if self._tables is None else self._tables.record.first_return
         if math.isnan(time):
             return []
@@ -133,14 +133,14 @@ class EventModeInstance(InProcessInstance):
             super().set_value(variable, value)
         elif is_clocked(variable):
             self._values_by_hand[str(variable.name)] = variable, value
-            setters = [(v, self._setter_by_hand(v, x)) for v, x in self._values_by_hand.values()]
+            setters = [(v, self._make_setter_by_hand(v, x)) for v, x in self._values_by_hand.values()]
             self.tables.set_by_hand(setters)
         else:
             self._do("enterEventMode", require_stepper().enter_events)
             super().set_value(variable, value)
             self._do("updateDiscreteStates", require_stepper().leave_events)
 
-    def _setter_by_hand(self, variable: ModelVariable, value: Any) -> Callable[[], int]:
+    def _make_setter_by_hand(self, variable: ModelVariable, value: Any) -> Callable[[], int]:
         """Return a function that sets a clocked variable, for the stepper; it keeps an exception."""
 
         def set_variable() -> int:
@@ -159,11 +159,11 @@ class EventModeInstance(InProcessInstance):
         The value of a clock is the number of its ticks.
         """
         if self._tables is not None:
-            (place,) = self._tables.find_places([variable])
+            (position,) = self._tables.find_places([variable])
             if variable.type == CLOCK:
-                return int(self._tables.memory[place])
-            if place >= 0 and self._stepping:
-                return self._tables.memory[place]
+                return int(self._tables.memory[position])
+            if position >= 0 and self._stepping:
+                return self._tables.memory[position]
         return super().value(variable)
 
     def set_inputs(self) -> None:
@@ -174,7 +174,7 @@ class EventModeInstance(InProcessInstance):
         try:
             status = self.tables.continuous.set(self._component, self.inputs)
         except ValueRangeError as error:
-            raise self._range_error(error) from error
+            raise self._make_range_error(error) from error
         if status not in FINE:
             raise self.error(_SETTING, status)
 
@@ -224,9 +224,9 @@ class EventModeInstance(InProcessInstance):
 
     def deserialize(self, content: bytes) -> None:
         """Restore a state from the bytes of `serialize`."""
-        memory = self.tables.memory
-        super().deserialize(content[memory.nbytes :])
-        memory[:] = np.frombuffer(content[: memory.nbytes])
+        event_state = self.tables.memory
+        super().deserialize(content[event_state.nbytes :])
+        event_state[:] = np.frombuffer(content[: event_state.nbytes])
 
     def entry_points(self) -> EntryPoints:
         """Return the addresses of the FMU's functions, and of the tables of its events."""
@@ -243,7 +243,7 @@ class EventModeInstance(InProcessInstance):
         return self._observer.groups
 
     def error(self, call: str, status: int) -> RunError:
-        """Return the error for a call that returned this status, or for what went wrong in a step."""
+        """Return the error for a call that returned this status, or for a problem in a step."""
         if call.startswith(DO_STEP) and self.tables.record.problem:
             return self._explain()
         call = _CALLS.get(call, call)
@@ -252,7 +252,7 @@ class EventModeInstance(InProcessInstance):
                 self.tables.continuous.check(self.inputs)
                 self.tables.check_range(self.inputs)
             except ValueRangeError as error:
-                return self._range_error(error)
+                return self._make_range_error(error)
         return super().error(call, status)
 
     @property
@@ -272,7 +272,7 @@ class EventModeInstance(InProcessInstance):
             raise self._explain()
 
     def _explain(self) -> RunError:
-        """Return the error for what went wrong in the last call of the stepper."""
+        """Return the error for the problem in the last call of the stepper."""
         error, self._error_by_hand = self._error_by_hand, None
         return error or explain_problem(self, self.tables)
 
@@ -286,27 +286,29 @@ class _Getter:
         functions: The FMI functions by their short names.
 
     Attributes:
-        groups: What the stepper needs to do the same.
+        groups: The same calls for the stepper.
     """
 
     def __init__(
         self, tables: EventTables, variables: Sequence[ModelVariable], functions: Mapping[str, Any]
     ) -> None:
-        places = tables.find_places(variables)
-        others, self._kept = np.flatnonzero(places < 0), np.flatnonzero(places >= 0)
-        self._memory, self._places = tables.memory, places
-        self._typed = TypedValues("get", [variables[i] for i in others.tolist()], functions, elements=others)
+        positions = tables.find_places(variables)
+        fmu_elements, self._event_elements = np.flatnonzero(positions < 0), np.flatnonzero(positions >= 0)
+        self._state, self._positions = tables.memory, positions
+        self._typed = TypedValues(
+            "get", [variables[i] for i in fmu_elements.tolist()], functions, elements=fmu_elements
+        )
         self._clocks = np.array([i for i, v in enumerate(variables) if v.type == CLOCK], dtype=np.intp)
         self.groups = [*self._typed.groups]
-        if len(self._kept):
-            self.groups.append(tables.copy_group(places[self._kept], self._kept))
+        if len(self._event_elements):
+            self.groups.append(tables.copy_group(positions[self._event_elements], self._event_elements))
 
     def get(self, component: Any, vector: Vector) -> int:
         """Read all variables and return the worst status."""
         status = self._typed.get(component, vector)
-        vector[self._kept] = self._memory[self._places[self._kept]]
+        vector[self._event_elements] = self._state[self._positions[self._event_elements]]
         return status
 
     def copy_ticks(self, vector: Vector) -> None:
         """Read the clocks, which have no value in the FMU."""
-        vector[self._clocks] = self._memory[self._places[self._clocks]]
+        vector[self._clocks] = self._state[self._positions[self._clocks]]

@@ -28,7 +28,7 @@ from ...stepper.layout import CALL
 from .call_records import fill_typed_call
 from .typed_values import TypedValues, TypeGroup, start_memory
 
-_CALLED = ctypes.CFUNCTYPE(
+_FMI_FUNCTION = ctypes.CFUNCTYPE(
     ctypes.c_int, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_size_t, ctypes.c_void_p, ctypes.c_size_t
 )
 """An FMI 3.0 function that sets or gets values."""
@@ -78,23 +78,23 @@ class EventTables:
         access: FmiAccess,
     ) -> None:
         self.record, self._access = Events(), access
-        self._held, self._records = list[Any](), list[Any]()
+        self._owners, self._records = list[Any](), list[Any]()
         self._ticking = [v for v in variables.values() if v.type == CLOCK]
         self._clocked = [v for v in variables.values() if _keeps_value(v)]
         outputs = [int(v.valueReference) for v in self._ticking if v.causality != "input"]
         self._references = list(dict.fromkeys([*outputs, *(int(v.valueReference) for v in self._ticking)]))
         self._positions = {reference: i for i, reference in enumerate(self._references)}
-        self._listed = list[int]()
+        self._clock_list = list[int]()
         is_waiting = np.array([is_clocked(v) or v.type == CLOCK for v in inputs], dtype=bool)
         is_smooth = np.array([v.variability == "continuous" for v in inputs], dtype=bool)
         is_discrete = ~is_smooth & has_event_mode & ~is_waiting
         self.discrete = np.flatnonzero(is_discrete)
-        self.continuous = self._setters(inputs, np.flatnonzero(~is_discrete & ~is_waiting))
-        self._discrete_setters = self._setters(inputs, self.discrete)
+        self.continuous = self._make_setters(inputs, np.flatnonzero(~is_discrete & ~is_waiting))
+        self._discrete_setters = self._make_setters(inputs, self.discrete)
         self._fill_memory(len(clocks))
         self._fill_clocks(inputs, clocks, len(set(outputs)))
         self._fill_calls(inputs, [i for i, v in enumerate(inputs) if is_clocked(v) and v.type != CLOCK])
-        self._list_size = len(self._listed)
+        self._list_size = len(self._clock_list)
         self.record.has_event_mode, self.record.first_return = has_event_mode, math.nan
         self.set_by_hand([])
         self.restart(math.nan)
@@ -107,8 +107,8 @@ class EventTables:
     @property
     def arrays(self) -> list[NDArray[Any]]:
         """Return all memory to which the record points."""
-        held = [x for x in self._held if isinstance(x, np.ndarray)]
-        return [*held, self.memory, *self._by_hand[:2]]
+        arrays = [x for x in self._owners if isinstance(x, np.ndarray)]
+        return [*arrays, self.memory, *self._by_hand[:2]]
 
     @property
     def address(self) -> int:
@@ -130,16 +130,16 @@ class EventTables:
 
     def find_places(self, variables: Sequence[ModelVariable]) -> NDArray[np.intp]:
         """Return the positions of clocked variables and clocks in the memory; -1 for others."""
-        return np.array([self._places.get(v.name, -1) for v in variables], dtype=np.intp)
+        return np.array([self._state_positions.get(v.name, -1) for v in variables], dtype=np.intp)
 
-    def copy_group(self, places: NDArray[np.intp], targets: NDArray[np.intp]) -> TypeGroup:
+    def copy_group(self, slots: NDArray[np.intp], targets: NDArray[np.intp]) -> TypeGroup:
         """Return what copies numbers from these positions of the memory to targets in a vector."""
         return TypeGroup(
             call="",
             elements=targets,
             references=np.empty(0, dtype=np.uint32),
             values=self.memory,
-            places=places,
+            slots=slots,
             boolean=False,
             function=lambda *_: 0,
             arguments=(),
@@ -147,36 +147,36 @@ class EventTables:
 
     def set_by_hand(self, setters: Sequence[tuple[ModelVariable, Callable[[], int]]]) -> None:
         """Set these variables with functions that return a status, whenever a clock of theirs ticks."""
-        del self._listed[self._list_size :]
+        del self._clock_list[self._list_size :]
         calls = np.zeros(len(setters), CLOCKED_CALL)
-        functions = [_CALLED(lambda *_, do=do: do()) for _, do in setters]
+        functions = [_FMI_FUNCTION(lambda *_, do=do: do()) for _, do in setters]
         for record, (variable, _), function in zip(calls, setters, functions, strict=True):
             record["call"]["function"] = ctypes.cast(function, ctypes.c_void_p).value
             record["call"]["is_version_3"] = True
             record["clocks"] = self._list_clocks(clocks_of(variable))
         self._use_by_hand(calls, functions)
 
-    def _use_by_hand(self, calls: NDArray[Any], held: Sequence[Any]) -> None:
-        listed = np.array(self._listed, dtype=np.int32)
-        self._by_hand = calls, listed, held  # which C knows by address only
+    def _use_by_hand(self, calls: NDArray[Any], owners: Sequence[Any]) -> None:
+        clock_list = np.array(self._clock_list, dtype=np.int32)
+        self._by_hand = calls, clock_list, owners  # which C knows by address only
         self.record.hand_setters, self.record.hand_setter_count = calls.ctypes.data, len(calls)
-        self.record.listed = listed.ctypes.data
+        self.record.listed = clock_list.ctypes.data
 
     def hold_inputs(self, variables: Sequence[ElementVariable]) -> dict[str, NDArray[Any]]:
         """Set these variables, whenever a clock of theirs ticks, to what the returned memory has, by name."""
-        del self._listed[self._list_size :]
-        whole = {int(v.valueReference): v for v in variables}  # arrays are set as a whole
-        calls, memory = np.zeros(len(whole), CLOCKED_CALL), dict[int, NDArray[Any]]()
-        for record, (reference, variable) in zip(calls, whole.items(), strict=True):
+        del self._clock_list[self._list_size :]
+        arrays = {int(v.valueReference): v for v in variables}  # arrays are set as a whole
+        calls, values_by_reference = np.zeros(len(arrays), CLOCKED_CALL), dict[int, NDArray[Any]]()
+        for record, (reference, variable) in zip(calls, arrays.items(), strict=True):
             (group,) = TypedValues("set", [variable], self._access.functions, self._access.arrays).groups
             group.values[:] = start_memory(variable)
-            memory[reference] = group.values
+            values_by_reference[reference] = group.values
             self._fill_call(record["call"], group)
             record["call"]["item_count"] = 0  # its memory has the values already
             record["call"]["component"] = self.record.component
             record["clocks"] = self._list_clocks(clocks_of(variable))
         self._use_by_hand(calls, [])
-        return {str(v.name): memory[int(v.valueReference)] for v in variables}
+        return {str(v.name): values_by_reference[int(v.valueReference)] for v in variables}
 
     def check_range(self, inputs: Vector) -> None:
         """Raise ValueRangeError if an input that changes in event mode does not fit into its type."""
@@ -185,40 +185,40 @@ class EventTables:
 
     def name_clock(self, clock: int) -> str:
         """Return the name of a clock by its position."""
-        return self._name(self._references[clock])
+        return self._get_name(self._references[clock])
 
     def describe_needed(self, clock: int) -> str:
         """Return the names of the clocks with one of which a clock can tick only."""
-        return " or ".join(self._name(c) for c in sorted(self._needed[self._references[clock]]))
+        return " or ".join(self._get_name(c) for c in sorted(self._needed[self._references[clock]]))
 
-    def _name(self, reference: int) -> str:
+    def _get_name(self, reference: int) -> str:
         names = {int(v.valueReference): str(v.name) for v in self._ticking}
         return names.get(reference, f"clock {reference}")
 
-    def _position(self, clock: ModelVariable) -> int:
+    def _find_position(self, clock: ModelVariable) -> int:
         return self._positions[int(clock.valueReference)]
 
     def _keep(self, values: NDArray[Any]) -> int:
         """Keep an array, and return its address."""
-        self._held.append(values)
+        self._owners.append(values)
         return int(values.ctypes.data)
 
-    def _setters(self, inputs: Sequence[ModelVariable], elements: NDArray[np.intp]) -> TypedValues:
+    def _make_setters(self, inputs: Sequence[ModelVariable], elements: NDArray[np.intp]) -> TypedValues:
         """Return what sets the inputs at these positions."""
         variables = [inputs[i] for i in elements]
         return TypedValues("set", variables, self._access.functions, self._access.arrays, elements)
 
     def _list_clocks(self, references: Sequence[int]) -> tuple[int, int]:
         """Add clocks to the list, and return the set of them."""
-        first = len(self._listed)
-        self._listed += [self._positions.get(reference, -1) for reference in references]
+        first = len(self._clock_list)
+        self._clock_list += [self._positions.get(reference, -1) for reference in references]
         return first, len(references)
 
     def _fill_memory(self, clocks: int) -> None:
         record, sizes = self.record, (len(self.discrete), TICKS_SIZE * clocks, len(self._clocked))
         first, self._first_value, self._first_count = (int(n) for n in FIRST_PASSED + np.cumsum(sizes))
-        self._places = {v.name: i for i, v in enumerate(self._clocked, self._first_value)}
-        self._places |= {v.name: self._first_count + self._position(v) for v in self._ticking}
+        self._state_positions = {v.name: i for i, v in enumerate(self._clocked, self._first_value)}
+        self._state_positions |= {v.name: self._first_count + self._find_position(v) for v in self._ticking}
         self.memory = np.empty(self._first_count + len(self._references))
         self.passed, self._counts = self.memory[FIRST_PASSED:first], self.memory[self._first_count :]
         record.memory, record.memory_size = self._keep(self.memory), len(self.memory)
@@ -239,11 +239,16 @@ class EventTables:
         needed = [self._list_clocks(sorted(self._needed.get(r, ()))) for r in self._references]
         record.needed = self._keep(np.array(needed, dtype=CLOCK_SET))
         timed = [
-            (math.nan if c.interval is None else c.interval, c.shift, self._positions[c.reference], _kind(c))
+            (
+                math.nan if c.interval is None else c.interval,
+                c.shift,
+                self._positions[c.reference],
+                _find_kind(c),
+            )
             for c in clocks
         ]
         record.timed, record.timed_count = self._keep(np.array(timed, dtype=TIMED_CLOCK)), len(timed)
-        triggered = [(self._position(v), i) for i, v in enumerate(inputs) if is_triggered_input(v)]
+        triggered = [(self._find_position(v), i) for i, v in enumerate(inputs) if is_triggered_input(v)]
         record.triggered = self._keep(np.array(triggered, dtype=TRIGGERED_CLOCK))
         record.triggered_count = len(triggered)
 
@@ -256,39 +261,39 @@ class EventTables:
             self._fill_call(call, group)
         record.discrete_setters, record.discrete_setter_count = self._keep(calls), len(calls)
         self._records.append(calls)
-        places = np.array(waiting, dtype=np.intp)
-        self._clocked_setters = self._setters(inputs, places)
-        every = np.arange(len(self._clocked))
+        waiting_elements = np.array(waiting, dtype=np.intp)
+        self._clocked_setters = self._make_setters(inputs, waiting_elements)
+        clocked_elements = np.arange(len(self._clocked))
         for access, variables, elements in (
-            ("set", [inputs[i] for i in waiting], places),
-            ("get", self._clocked, every),
+            ("set", [inputs[i] for i in waiting], waiting_elements),
+            ("get", self._clocked, clocked_elements),
         ):
-            calls = self._clocked_calls(access, variables, elements)
+            calls = self._make_clocked_calls(access, variables, elements)
             setattr(record, f"{access}ters", self._keep(calls))
             setattr(record, f"{access}ter_count", len(calls))
             self._records.append(calls)
 
-    def _clocked_calls(
+    def _make_clocked_calls(
         self, access: str, variables: Sequence[ModelVariable], elements: NDArray[np.intp]
     ) -> NDArray[Any]:
         """Return a call for each type of the variables that belong to the same clocks."""
         sets = [tuple(dict.fromkeys(clocks_of(v))) for v in variables]
         groups = list[tuple[TypeGroup, tuple[int, int]]]()
         for clocks in dict.fromkeys(sets):
-            members = [i for i, own in enumerate(sets) if own == clocks]
+            members = [i for i, clock_set in enumerate(sets) if clock_set == clocks]
             functions, arrays = self._access.functions, self._access.arrays
-            those = [variables[i] for i in members]
-            typed = TypedValues(access, those, functions, arrays, elements[members])
-            listed = self._list_clocks(clocks)
-            groups += [(group, listed) for group in typed.groups]
+            member_variables = [variables[i] for i in members]
+            typed = TypedValues(access, member_variables, functions, arrays, elements[members])
+            clock_range = self._list_clocks(clocks)
+            groups += [(group, clock_range) for group in typed.groups]
         calls = np.zeros(len(groups), CLOCKED_CALL)
-        for call, (group, listed) in zip(calls, groups, strict=True):
+        for call, (group, clock_range) in zip(calls, groups, strict=True):
             self._fill_call(call["call"], group)
-            call["clocks"] = listed
+            call["clocks"] = clock_range
         return calls
 
     def _fill_call(self, call: Any, group: TypeGroup) -> None:
-        self._held.append(group)
+        self._owners.append(group)
         fill_typed_call(call, group, self._access.addresses[group.call], self._keep)
         call["is_version_3"], call["code"] = True, self._access.codes[group.call]
 
@@ -300,7 +305,7 @@ def _keeps_value(variable: ModelVariable) -> bool:
     return variable.type not in ("String", BINARY, CLOCK)
 
 
-def _kind(clock: InputClock) -> ClockKind:
+def _find_kind(clock: InputClock) -> ClockKind:
     if clock.kind in PERIODIC:
         return ClockKind.TOLD if clock.interval is None else ClockKind.DECLARED
     return ClockKind.COUNTDOWN if clock.kind == COUNTDOWN else ClockKind.CHANGING

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from .typed_values import TypeGroup
 
 
-_ASKED = "asked to end the simulation"
+_END_REQUEST = "asked to end the simulation"
 
 
 class InstanceError(RunError):
@@ -31,12 +31,16 @@ class InstanceError(RunError):
         log: Messages of the instance.
     """
 
-    did = "answered {call} with {status}"
+    action_format = "answered {call} with {status}"
 
     def __init__(self, instance: str, call: str, status: str, log: list[str]) -> None:
-        did = self.did.format(call=call, status=status)
-        said = f" It said: {' '.join(dict.fromkeys(log))}" if log else ""  # a repeated step repeats messages
-        super().__init__(f"{instance} {did}.{said}", component=instance, call=call, status=status, log=log)
+        action = self.action_format.format(call=call, status=status)
+        log_text = (
+            f" FMU log: {' '.join(dict.fromkeys(log))}" if log else ""
+        )  # a repeated step repeats messages
+        super().__init__(
+            f"{instance} {action}.{log_text}", component=instance, call=call, status=status, log=log
+        )
 
 
 class DiscardedStepError(InstanceError):
@@ -46,29 +50,29 @@ class DiscardedStepError(InstanceError):
 class EndRequestedError(InstanceError):
     """The instance requested the end of the simulation."""
 
-    did = f"{_ASKED} during {{call}}"
+    action_format = f"{_END_REQUEST} during {{call}}"
 
 
 def tells_requested_end(text: str | None) -> bool:
     """Return whether a text contains the message of an EndRequestedError."""
-    return f" {_ASKED} during " in (text or "")
+    return f" {_END_REQUEST} during " in (text or "")
 
 
 class PythonExceptionError(InstanceError):
     """An FMU left an exception of Python set in this process; see `python_exceptions`.
 
     Args:
-        instance: Name of the instance; several, if it is not known which one did it.
-        call: The FMI function, or what is known of it.
+        instance: Name of the instance; several names if the culprit is unknown.
+        call: The FMI function, or the interval of time.
         left: The exception in one line.
         log: Messages of the instance.
-        remedy: What to do besides telling the exporter, as a sentence.
+        remedy: A sentence on what to do besides reporting it to the exporter.
     """
 
-    did = "left a Python exception in {call}: {status}"
+    action_format = "left a Python exception in {call}: {status}"
 
-    def __init__(self, instance: str, call: str, left: str, log: list[str], remedy: str = "") -> None:
-        super().__init__(instance, call, left, log)
+    def __init__(self, instance: str, call: str, exception: str, log: list[str], remedy: str = "") -> None:
+        super().__init__(instance, call, exception, log)
         self.args = (" ".join(filter(None, (str(self), remedy, REMEDY))),)
 
 
@@ -308,7 +312,7 @@ class FmuInstance(ABC):
     def forget(self, state: Any) -> None:  # noqa: B027 - only instances that save states need it
         """Free a saved state; never raises."""
 
-    def prepare_checkpoints(self) -> None:  # noqa: B027 - most forget nothing in a checkpoint
+    def prepare_checkpoints(self) -> None:  # noqa: B027 - most lose nothing in a checkpoint
         """Step from now on so that the results are the same after `serialize` and `deserialize`."""
 
     def serialize(self) -> bytes:

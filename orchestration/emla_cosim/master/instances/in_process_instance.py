@@ -49,23 +49,23 @@ from .start_values import StartValues
 from .typed_values import TypedValues, TypeGroup, ValueRangeError, start_memory
 
 _POINTER = ctypes.c_void_p
-_ONE, _REAL, _INTEGER, _TEXT = (
+_REFERENCE, _REAL, _INTEGER, _TEXT = (
     kind * 1 for kind in (ctypes.c_uint32, ctypes.c_double, ctypes.c_int32, ctypes.c_char_p)
 )
 """Memory for one value reference, or one value."""
 
-_DEAD_LIBRARIES: set[Path] = set()
+_UNUSABLE_LIBRARIES: set[Path] = set()
 
 
 def is_dead(file: FmuFile) -> bool:
     """Return whether an FMU returned fmi2Fatal in this process. Then none of its functions may be called."""
-    return file.library in _DEAD_LIBRARIES
+    return file.library in _UNUSABLE_LIBRARIES
 
 
 _LOADING = "loading its library"
 """The call that loads the library, as messages name it."""
 
-_RESETS = "fmublock"
+_OUR_TOOL = "fmublock"
 """End of the name of the tool that builds our FMUs, whose `fmi2Reset` resets everything."""
 
 _TYPED_CALLS = {"setReal": "setting inputs", "getReal": "getting outputs"}
@@ -124,7 +124,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         self.arrays: dict[int, NDArray[Any]] = {}
         """The memory of arrays that are set; see `TypedValues`."""
         self._step_end = StepEnd()
-        self._functions = {n: self._with_notice(n, f) for n, f in self._library.functions.items()}
+        self._functions = {n: self._record_calls(n, f) for n, f in self._library.functions.items()}
         if self._library.is_version_3:
             self._functions = short_functions(self._functions, self._step_end)
         self._component = self.fmu.component
@@ -176,8 +176,8 @@ class InProcessInstance(FmiInstance, DescribedInstance):
     def bind(self, inputs: Vector, outputs: Vector) -> None:
         """Use this memory for inputs and outputs; the instance keeps its addresses."""
         super().bind(inputs, outputs)
-        self._set_arguments = self._arguments(self._input_references, inputs)
-        self._get_arguments = self._arguments(self._output_references, outputs)
+        self._set_arguments = self._make_arguments(self._input_references, inputs)
+        self._get_arguments = self._make_arguments(self._output_references, outputs)
 
     def set_start_values(self, values: Iterable[TypedValue]) -> None:
         """Set variables in each initialization from now on."""
@@ -185,12 +185,12 @@ class InProcessInstance(FmiInstance, DescribedInstance):
 
     def _set_start_values(self) -> None:
         """Set start values; InstanceError if the FMU rejects one."""
-        for reference, memory in self.arrays.items():
-            memory[:] = start_memory(self.array(reference))
+        for reference, array_values in self.arrays.items():
+            array_values[:] = start_memory(self.array(reference))
         values = self._start_values
         if (rejected := values.set_numbers(self._component)) is not None:
             (variable, value), status = rejected
-            raise self._rejection(variable, value, status)
+            raise self._make_rejection_error(variable, value, status)
         for i in values.texts:
             self.set_value(*values.all[i])
 
@@ -205,37 +205,37 @@ class InProcessInstance(FmiInstance, DescribedInstance):
 
     def set_value(self, variable: ModelVariable, value: Any) -> None:
         """Set one variable to a value of its type; InstanceError if the FMU rejects it."""
-        reference = _ONE(variable.valueReference)
+        reference = _REFERENCE(variable.valueReference)
         if variable.type == "String":
             status = self.status("fmi2SetString", reference, 1, _TEXT(str(value).encode()))
         elif variable.type == BINARY:
-            status = self.status("fmi3SetBinary", reference, 1, *_in_memory(value), 1)
+            status = self.status("fmi3SetBinary", reference, 1, *_make_binary_arguments(value), 1)
         elif isinstance(variable, ElementVariable):
             (group,) = TypedValues("set", [variable], self._functions, self.arrays).groups
-            group.values[group.places] = value
+            group.values[group.slots] = value
             status = group.function(self._component, *group.arguments)
         else:  # tables have thousands of values, and the calls of fmpy are slow
             kind = kind_of(variable)
-            place = _REAL(value) if kind == "Real" else _INTEGER(value)
-            status = self._functions[f"set{kind}"](self._component, reference, 1, place)
+            buffer = _REAL(value) if kind == "Real" else _INTEGER(value)
+            status = self._functions[f"set{kind}"](self._component, reference, 1, buffer)
         if status not in FINE:
-            raise self._rejection(variable, value, status)
+            raise self._make_rejection_error(variable, value, status)
 
-    def _rejection(self, variable: ModelVariable, value: Any, status: int) -> RunError:
+    def _make_rejection_error(self, variable: ModelVariable, value: Any, status: int) -> RunError:
         return self.error(f"setting {variable.name} = {value}", status)
 
     def value(self, variable: ModelVariable) -> Any:
         """Return the present value of a variable."""
         with self.calling(f"getting {variable.name}"):
             (value,) = self.get_typed([variable])
-        return _python_value(variable, value)
+        return _convert_to_python(variable, value)
 
     def reset(self) -> None:
         """Return to the state right after instantiation.
 
         FMUs of other tools get a new instance, because some (of 20-sim) keep their state in `fmi2Reset`.
         """
-        if str(self.file.description.generationTool).endswith(_RESETS):
+        if str(self.file.description.generationTool).endswith(_OUR_TOOL):
             super().reset()
         else:
             self._replace()
@@ -259,29 +259,29 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         self.begin_initialization(start_time, stop_time, self.tolerance, self._set_start_values)
 
     def exit_initialization(self) -> None:
-        """Leave initialization mode, and note which start values the FMU did not take."""
+        """Leave initialization mode, and find the start values that the FMU changed."""
         super().exit_initialization()
         self._stepping = True
         for variable, value in self.configuration:
             if (present := self.value(variable)) != value:
                 raise RunError(
-                    f"{self.name}.{variable.name} is {present}: the FMU did not take the value {value}."
+                    f"{self.name}.{variable.name} is {present}: the FMU did not accept the value {value}."
                 )
         status, present = self._start_values.read_numbers(self._component)
         if status == FATAL:
             raise self.error("reading start values", status)
-        told = present if status in FINE else None
-        self.lost_values = self._start_values.find_lost(told, self._read_back)
+        reported = present if status in FINE else None
+        self.lost_values = self._start_values.find_rejected(reported, self._read_back)
 
     def _read_back(self, variable: ModelVariable) -> Any:
-        """Return the value of a variable; None if the FMU does not tell it, InstanceError after fmi2Fatal."""
+        """Return the value of a variable; None if it cannot be read, InstanceError after fmi2Fatal."""
         try:
             (value,) = self.get_typed([variable])
         except FMICallException as error:
             if error.status == FATAL:
                 raise self.error(str(error.function), FATAL) from error
             return None
-        return _python_value(variable, value)
+        return _convert_to_python(variable, value)
 
     def set_inputs(self) -> None:
         """Pass `inputs` to the FMU."""
@@ -291,14 +291,14 @@ class InProcessInstance(FmiInstance, DescribedInstance):
             try:
                 call, status = "setting inputs", self._typed[0].set(self._component, self.inputs)
             except ValueRangeError as error:
-                raise self._range_error(error) from error
+                raise self._make_range_error(error) from error
         else:
             call, status = "setReal", self._set_real(*self._set_arguments)
         if status not in FINE:
             raise self.error(call, status)
 
-    def _range_error(self, error: ValueRangeError) -> RunError:
-        return RunError(f"{self.name} got a value that it cannot take: its input {error}.")
+    def _make_range_error(self, error: ValueRangeError) -> RunError:
+        return RunError(f"{self.name} got a value that it cannot accept: its input {error}.")
 
     def set_input_derivatives(self, derivatives: Vector) -> None:
         """Set the slopes of the inputs during the next step, per s."""
@@ -362,22 +362,22 @@ class InProcessInstance(FmiInstance, DescribedInstance):
 
     def directional_derivative(self, direction: Vector) -> Vector | None:
         """Return the derivative of the outputs along a direction of the inputs; None if the FMU has none."""
-        found = np.zeros(len(self.outputs))
-        if not len(found) or not len(direction):
-            return found
+        derivative = np.zeros(len(self.outputs))
+        if not len(derivative) or not len(direction):
+            return derivative
         if DERIVATIVE not in self._functions:
             return None
-        unknown, known = self._output_references, self._input_references
+        output_references, input_references = self._output_references, self._input_references
         status = self._functions[DERIVATIVE](
             self._component,
-            *(unknown.ctypes.data, len(unknown)),
-            *(known.ctypes.data, len(known)),
-            *(direction.ctypes.data, *self._count(direction)),
-            *(found.ctypes.data, *self._count(found)),
+            *(output_references.ctypes.data, len(output_references)),
+            *(input_references.ctypes.data, len(input_references)),
+            *(direction.ctypes.data, *self._list_count(direction)),
+            *(derivative.ctypes.data, *self._list_count(derivative)),
         )
         if status == FATAL:
             raise self.error(DERIVATIVE, status)
-        return found if status in FINE else None
+        return derivative if status in FINE else None
 
     @property
     def runs_beside_others(self) -> bool:
@@ -480,9 +480,9 @@ class InProcessInstance(FmiInstance, DescribedInstance):
         if not (function == _LOADING or call.startswith("instantiate")):
             call += self._describe_time(call)
         self._stepping = False
-        left, said = describe_left_exception(error), self.messages()
-        needs = explain_python_needs(self.file.folder, [left, *said])
-        return PythonExceptionError(self.name, call, left, said, needs)
+        exception_text, messages = describe_left_exception(error), self.messages()
+        needs = explain_python_needs(self.file.folder, [exception_text, *messages])
+        return PythonExceptionError(self.name, call, exception_text, messages, needs)
 
     def _describe_time(self, call: str) -> str:
         """Return the present time as a phrase; only the start of the present step is known."""
@@ -499,32 +499,32 @@ class InProcessInstance(FmiInstance, DescribedInstance):
                 try:
                     self._typed[0].check(self.inputs)
                 except ValueRangeError as error:
-                    return self._range_error(error)
-        kind = self._discard_error(call) if status == DISCARD else InstanceError
+                    return self._make_range_error(error)
+        kind = self._choose_discard_error(call) if status == DISCARD else InstanceError
         self._stepping = self._stepping and status == DISCARD
         if status == FATAL:
-            _DEAD_LIBRARIES.add(self.file.library)
+            _UNUSABLE_LIBRARIES.add(self.file.library)
         answer = STATUS[status] if 0 <= status < len(STATUS) else f"status {status}"
-        said = self.messages()
+        messages = self.messages()
         if self._library.is_version_3:
             answer = answer.replace("fmi2", "fmi3")
             call = rename(call)
-            said += (
+            messages += (
                 [self._step_end.complaint] if call.startswith("doStep") and self._step_end.complaint else []
             )
-        error = kind(self.name, plain_name(call), answer, said)
+        error = kind(self.name, plain_name(call), answer, messages)
         if kind is DiscardedStepError and (reached := self._last_successful_time()) > self._present.time:
             error.args = (f"{error} It did this step until t = {reached:.9g} s.",)
-        if hint := explain_earlier_exception(said):
+        if hint := explain_earlier_exception(messages):
             error.args = (f"{error} {hint}",)
         return error
 
-    def _discard_error(self, call: str) -> type[InstanceError]:
+    def _choose_discard_error(self, call: str) -> type[InstanceError]:
         """Return the type of the error for a call that the FMU discarded."""
         if not call.startswith("doStep"):
             return InstanceError
-        ends = self._step_end.terminates if self._library.is_version_3 else self.asks_to_end()
-        return EndRequestedError if ends else DiscardedStepError
+        requests_end = self._step_end.terminates if self._library.is_version_3 else self.asks_to_end()
+        return EndRequestedError if requests_end else DiscardedStepError
 
     def _last_successful_time(self) -> float:
         """Return the time in s that a discarded step has reached; NaN if the FMU does not know it."""
@@ -543,7 +543,7 @@ class InProcessInstance(FmiInstance, DescribedInstance):
             with contextlib.suppress(FMICallException):
                 self.fmu.freeFMUstate(state)
 
-    def _with_notice(self, name: str, function: Callable[..., int]) -> Callable[..., int]:
+    def _record_calls(self, name: str, function: Callable[..., int]) -> Callable[..., int]:
         """Return the function, with its calls recorded in the black box."""
         present, code = self._present, self._codes[name]
 
@@ -558,13 +558,13 @@ class InProcessInstance(FmiInstance, DescribedInstance):
 
         return called
 
-    def _arguments(self, references: NDArray[np.uint32], values: Vector) -> tuple[Any, ...]:
+    def _make_arguments(self, references: NDArray[np.uint32], values: Vector) -> tuple[Any, ...]:
         addresses = (x.ctypes.data_as(_POINTER) for x in (references, values))
         reference, value = addresses
-        return (self._component, reference, len(references), value, *self._count(values))
+        return (self._component, reference, len(references), value, *self._list_count(values))
 
-    def _count(self, values: Vector) -> tuple[int, ...]:
-        """Return the number of values, which functions of FMI 3.0 want as well."""
+    def _list_count(self, values: Vector) -> tuple[int, ...]:
+        """Return the number of values, a further argument of functions of FMI 3.0."""
         return (len(values),) if self._library.is_version_3 else ()
 
     def _call(self, name: str, *arguments: Any) -> None:
@@ -573,13 +573,13 @@ class InProcessInstance(FmiInstance, DescribedInstance):
             raise self.error(name, status)
 
 
-def _in_memory(value: bytes) -> tuple[Any, Any]:
+def _make_binary_arguments(value: bytes) -> tuple[Any, Any]:
     """Return size and address of a Binary value, as arguments of fmi3SetBinary."""
-    memory = (ctypes.c_uint8 * max(len(value), 1)).from_buffer_copy(value or b"\0")
-    return (ctypes.c_size_t * 1)(len(value)), (fmi3Binary * 1)(ctypes.cast(memory, fmi3Binary))
+    buffer = (ctypes.c_uint8 * max(len(value), 1)).from_buffer_copy(value or b"\0")
+    return (ctypes.c_size_t * 1)(len(value)), (fmi3Binary * 1)(ctypes.cast(buffer, fmi3Binary))
 
 
-def _python_value(variable: ModelVariable, value: Any) -> Any:
+def _convert_to_python(variable: ModelVariable, value: Any) -> Any:
     """Return a value from an FMU in the type of its variable; no text is an empty one."""
     if variable.type == "String":
         return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value or "")

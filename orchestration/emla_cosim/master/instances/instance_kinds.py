@@ -22,8 +22,8 @@ def make_instance(
         CommandError: Also if it runs as Model Exchange, and there is no CVode for this platform.
     """
     if file.kind != MODEL_EXCHANGE:
-        made = EventModeInstance if handles_events(file) else InProcessInstance
-        return made(name, file, inputs, outputs, log, number)
+        instance_class = EventModeInstance if handles_events(file) else InProcessInstance
+        return instance_class(name, file, inputs, outputs, log, number)
     load_sundials()
     return ModelExchangeInstance(name, file, inputs, outputs, log, number)
 

@@ -21,7 +21,7 @@ _LENGTH = struct.Struct("<Q")
 class IntegrationError(InstanceError):
     """The integrator cannot continue."""
 
-    did = "cannot be integrated {call}: {status}"
+    action_format = "cannot be integrated {call}: {status}"
 
 
 class IntegratedInstance(Integrator[ModelExchangeInstance], FmuInstance):
@@ -46,8 +46,8 @@ class IntegratedInstance(Integrator[ModelExchangeInstance], FmuInstance):
         self.rolls_back = all(m.rolls_back for m in members)
         self.serializes = all(m.serializes for m in members)
         moving = [v for v, moves in zip(first.read, first.continuous_inputs, strict=True) if moves]
-        self._moved = np.zeros(len(moving))
-        self._write_moved = first.writer(moving, self._moved)
+        self._moving_values = np.zeros(len(moving))
+        self._write_moving = first.writer(moving, self._moving_values)
         self._restarts_always = False
         self._begin(math.nan)
 
@@ -60,7 +60,7 @@ class IntegratedInstance(Integrator[ModelExchangeInstance], FmuInstance):
         """Forget everything about earlier runs; `time` in s."""
         super()._begin(time)
         self._is_integrating = False
-        self._passed = np.full(len(self.inputs), math.nan)
+        self._passed_inputs = np.full(len(self.inputs), math.nan)
         self._slopes: Vector | None = None
 
     def bind(self, inputs: Vector, outputs: Vector) -> None:
@@ -85,7 +85,7 @@ class IntegratedInstance(Integrator[ModelExchangeInstance], FmuInstance):
         for member in self.members:
             member.exit_initialization()
             member.surround = self._event
-        self._passed[:] = self.inputs
+        self._passed_inputs[:] = self.inputs
         self._finish_event()
         self._is_integrating = True
 
@@ -95,7 +95,7 @@ class IntegratedInstance(Integrator[ModelExchangeInstance], FmuInstance):
             self._set_all_inputs()
             return
         self._slopes = None
-        changed = self.inputs != self._passed
+        changed = self.inputs != self._passed_inputs
         if not changed.any():
             return
         if self._indicators or (changed & ~self.continuous_inputs).any():
@@ -103,7 +103,7 @@ class IntegratedInstance(Integrator[ModelExchangeInstance], FmuInstance):
                 self._set_all_inputs()
         else:
             self._set_continuous_inputs()
-        self._passed[:] = self.inputs
+        self._passed_inputs[:] = self.inputs
         self._is_discontinuous = self._is_interrupted = True
 
     def set_input_derivatives(self, derivatives: Vector) -> None:
@@ -124,33 +124,33 @@ class IntegratedInstance(Integrator[ModelExchangeInstance], FmuInstance):
             self._is_discontinuous = self._is_interrupted = True
         if not abs(self._time - time) <= CLOSE * abs(time):
             self._time, self._is_discontinuous = time, True
-        self._begun, self._held = self._time, self._passed[self.continuous_inputs]
+        self._step_start, self._inputs_at_start = self._time, self._passed_inputs[self.continuous_inputs]
         try:
             self._advance(time + step)
         except SolverError as error:
             raise self._integration_error(f"{error}.") from error
         if self._slopes is not None:
-            self._passed[self.continuous_inputs] = self._moving(self._time)
+            self._passed_inputs[self.continuous_inputs] = self._evaluate_moving_inputs(self._time)
             self._slopes, self._is_discontinuous, self._is_interrupted = None, True, True
 
     def save(self, state: Any = None) -> Any:
         """Return a copy of the state, in the memory of the earlier copy `state`."""
-        self._is_discontinuous = self._is_interrupted = True  # a repeated step begins as this one
+        self._is_discontinuous = self._is_interrupted = True  # a repeated step starts as this one
         earlier = [None] * len(self.members) if state is None else state[0]
-        held = [m.save(s) for m, s in zip(self.members, earlier, strict=True)]
-        return held, self._memory()
+        member_states = [m.save(s) for m, s in zip(self.members, earlier, strict=True)]
+        return member_states, self._pack_numbers()
 
     def restore(self, state: Any) -> None:
         """Restore a saved state."""
-        held, memory = state
-        self._remember(memory)
-        for member, own in zip(self.members, held, strict=True):
-            member.restore(own)
+        member_states, numbers = state
+        self._unpack_numbers(numbers)
+        for member, member_state in zip(self.members, member_states, strict=True):
+            member.restore(member_state)
 
     def forget(self, state: Any) -> None:
         """Free a saved state."""
-        for member, own in zip(self.members, state[0], strict=True):
-            member.forget(own)
+        for member, member_state in zip(self.members, state[0], strict=True):
+            member.forget(member_state)
 
     def prepare_checkpoints(self) -> None:
         """Start the integrator anew in each step, because a checkpoint does not have its memory."""
@@ -158,18 +158,20 @@ class IntegratedInstance(Integrator[ModelExchangeInstance], FmuInstance):
 
     def serialize(self) -> bytes:
         """Return the state as bytes."""
-        held = [m.serialize() for m in self.members]
-        return self._memory().tobytes() + b"".join(_LENGTH.pack(len(own)) + own for own in held)
+        member_states = [m.serialize() for m in self.members]
+        return self._pack_numbers().tobytes() + b"".join(
+            _LENGTH.pack(len(member_state)) + member_state for member_state in member_states
+        )
 
     def deserialize(self, content: bytes) -> None:
         """Restore a state from the bytes of `serialize`."""
-        end = self._memory().nbytes
-        self._remember(np.frombuffer(content[:end]))
+        end = self._pack_numbers().nbytes
+        self._unpack_numbers(np.frombuffer(content[:end]))
         self._restarts_always = True
         for member in self.members:
-            begin = end + _LENGTH.size
-            end = begin + _LENGTH.unpack(content[end:begin])[0]
-            member.deserialize(content[begin:end])
+            start = end + _LENGTH.size
+            end = start + _LENGTH.unpack(content[end:start])[0]
+            member.deserialize(content[start:end])
 
     def close(self) -> None:
         """Free the solver; the FMUs have their own `close`."""
@@ -177,12 +179,12 @@ class IntegratedInstance(Integrator[ModelExchangeInstance], FmuInstance):
 
     def derivatives(self, states: Vector) -> Vector:
         """Set the states, and return their derivatives at the present time, per s."""
-        found = np.empty(self._count)
+        derivatives = np.empty(self._count)
         self._is_discontinuous = self._is_interrupted = True
         self._place(self._time, states.ctypes.data)
         for member, offset in zip(self.members, self._states, strict=True):
-            member.derive(found.ctypes.data + offset)
-        return found
+            member.derive(derivatives.ctypes.data + offset)
+        return derivatives
 
     def shift_input(self, member: int, variable: ModelVariable, by: float) -> None:
         """Add a constant to a continuous input; a connection to it adds the constant from now on.
@@ -196,7 +198,7 @@ class IntegratedInstance(Integrator[ModelExchangeInstance], FmuInstance):
         instance.writer([variable], np.array([float(instance.value(variable)) + by]))()
 
     def handle_event(self) -> None:
-        """Do an event, in which the FMUs find their discrete states and relations for the present states."""
+        """Do an event, in which the FMUs update discrete states and relations for the present states."""
         with self._event():
             pass
 
@@ -210,26 +212,28 @@ class IntegratedInstance(Integrator[ModelExchangeInstance], FmuInstance):
 
     def _set_moving_inputs(self, values: Vector) -> None:
         """Set the continuous inputs to these values."""
-        self._moved[:] = values
-        self._write_moved()
+        self._moving_values[:] = values
+        self._write_moving()
 
     def _connect(self) -> None:
         """Pass continuous values between the FMUs until they agree."""
 
-    def _kept(self) -> list[Vector]:
+    def _list_state_arrays(self) -> list[Vector]:
         """Return arrays that are part of the state."""
-        return [self._passed]
+        return [self._passed_inputs]
 
-    def _memory(self) -> Vector:
+    def _pack_numbers(self) -> Vector:
         """Return what belongs to the state besides the FMUs' own."""
-        return np.concatenate([[self._time], [m.next_event for m in self.members], *self._kept()])
+        return np.concatenate(
+            [[self._time], [m.next_event for m in self.members], *self._list_state_arrays()]
+        )
 
-    def _remember(self, memory: Vector) -> None:
+    def _unpack_numbers(self, numbers: Vector) -> None:
         count = 1 + len(self.members)
-        self._time, events, rest = float(memory[0]), memory[1:count], memory[count:]
+        self._time, events, rest = float(numbers[0]), numbers[1:count], numbers[count:]
         for member, time in zip(self.members, events, strict=True):
             member.next_event, member.has_new_nominals = float(time), True
-        for array in self._kept():
+        for array in self._list_state_arrays():
             array[:], rest = rest[: len(array)], rest[len(array) :]
         self._next_event, self._slopes = float(events.min()), None
         self._is_discontinuous = self._is_interrupted = True
@@ -245,15 +249,15 @@ class IntegratedInstance(Integrator[ModelExchangeInstance], FmuInstance):
     def _follow(self, time: float) -> None:
         """Set the inputs that follow their slopes, and connect the FMUs."""
         if self._slopes is not None:
-            self._set_moving_inputs(self._moving(time))
+            self._set_moving_inputs(self._evaluate_moving_inputs(time))
         self._connect()
 
-    def _moving(self, time: float) -> Vector:
+    def _evaluate_moving_inputs(self, time: float) -> Vector:
         """Return the continuous inputs, which follow their slopes, at a time in s."""
         assert self._slopes is not None
-        return self._held + (time - self._begun) * self._slopes
+        return self._inputs_at_start + (time - self._step_start) * self._slopes
 
     def _integration_error(self, reason: str) -> IntegrationError:
         at = f"at t = {self._time:.9g} s"
-        said = [line for m in self.members for line in m.messages()]
-        return IntegrationError(self.name, at, reason.rstrip("."), said)
+        messages = [line for m in self.members for line in m.messages()]
+        return IntegrationError(self.name, at, reason.rstrip("."), messages)

@@ -26,13 +26,12 @@ from .request import Request
 _TIMEOUT = 10.0
 """Seconds that an FMU has to terminate and to free its memory."""
 
-
 _FMI_CALLS = {
     "enter_initialization": "enterInitializationMode",
     "exit_initialization": "exitInitializationMode",
     "outputs": "getReal",
 }
-"""FMI functions of the requests that can take long, beside steps."""
+"""FMI functions of the requests that can take long, besides steps."""
 
 
 class ProcessEndedError(InstanceError):
@@ -63,7 +62,7 @@ class IsolatedInstance(DescribedInstance):
         self._outputs_of_step: bytes | None = None
         self._observed_of_step: bytes | None = None
         self._observed: Vector = np.empty(0)
-        self._end: InstanceError | None = None
+        self._end_error: InstanceError | None = None
         self._violations = list[str]()
         self._present, self._number = crash_page.current_activity(), number
         try:
@@ -78,7 +77,7 @@ class IsolatedInstance(DescribedInstance):
 
     @property
     def violations(self) -> list[str]:
-        """Return what the FMU did in this run against the standard, and was accepted."""
+        """Violations of the standard in this run that were accepted."""
         return self._violations
 
     def ready(self) -> None:
@@ -118,7 +117,7 @@ class IsolatedInstance(DescribedInstance):
         self._ask("enter_initialization", start_time, stop_time, self.tolerance)
 
     def exit_initialization(self) -> None:
-        """Leave initialization mode, and note which start values the FMU did not take."""
+        """Leave initialization mode, and find the start values that the FMU changed."""
         self.lost_values = self._ask("exit_initialization")
 
     def set_inputs(self) -> None:
@@ -132,8 +131,8 @@ class IsolatedInstance(DescribedInstance):
 
     def get_outputs(self) -> None:
         """Read the FMU's outputs into `outputs`."""
-        found = self._outputs_of_step or self._ask("outputs")
-        self.outputs[:] = np.frombuffer(found)
+        content = self._outputs_of_step or self._ask("outputs")
+        self.outputs[:] = np.frombuffer(content)
 
     def observe(self, names: Sequence[str], values: Vector) -> None:
         """Choose the numeric variables that `get_observed` reads, and where to."""
@@ -142,8 +141,8 @@ class IsolatedInstance(DescribedInstance):
 
     def get_observed(self) -> None:
         """Read the observed variables."""
-        found = self._observed_of_step or self._ask("observed")
-        self._observed[:] = np.frombuffer(found)
+        content = self._observed_of_step or self._ask("observed")
+        self._observed[:] = np.frombuffer(content)
 
     def do_step(self, time: float, step: float) -> None:
         """Advance from `time` by `step`, both in s."""
@@ -162,7 +161,7 @@ class IsolatedInstance(DescribedInstance):
         try:
             self._outputs_of_step, self._observed_of_step, self._violations = self._receive(call="doStep")
         except RunError:
-            with contextlib.suppress(InstanceError):  # they often explain why it failed
+            with contextlib.suppress(InstanceError):  # violations often explain the failure
                 self._violations = self._ask("violations")
             raise
 
@@ -229,12 +228,12 @@ class IsolatedInstance(DescribedInstance):
     def _send(self, request: Request) -> None:
         if os.getpid() != self._owner:
             raise RunError(f"the FMU of {self.name} belongs to another process. Prepare it in this process.")
-        if self._end is not None:
-            raise self._end
+        if self._end_error is not None:
+            raise self._end_error
         try:
             self._process.send(request)
         except ChildEndedError as error:
-            raise self._ended_error(str(error)) from error
+            raise self._make_ended_error(str(error)) from error
 
     def _receive(self, timeout: float | None = None, call: str = "") -> Any:
         """Wait for the answer to a request, with the FMI call in the black box meanwhile."""
@@ -243,13 +242,13 @@ class IsolatedInstance(DescribedInstance):
         try:
             answer = self._process.receive(timeout)
         except ChildEndedError as error:
-            raise self._ended_error(str(error)) from error
+            raise self._make_ended_error(str(error)) from error
         except KeyboardInterrupt as error:  # a second Ctrl-C ends a call that never returns
             self._process.kill()
-            raise self._ended_error("interrupted") from error
-        except BaseException:  # a late answer must not be taken for that of the next request
+            raise self._make_ended_error("interrupted") from error
+        except BaseException:  # a late answer must not count as that of the next request
             self._process.kill()
-            self._ended_error("left")
+            self._make_ended_error("left")
             raise
         finally:
             self._present.code = 0
@@ -257,8 +256,8 @@ class IsolatedInstance(DescribedInstance):
             raise answer
         return answer
 
-    def _ended_error(self, how: str) -> InstanceError:
+    def _make_ended_error(self, reason: str) -> InstanceError:
         """Return the error for an ended process. All later calls raise it, too."""
         call = decode_call(self._calls.activity())[1]
-        self._end = ProcessEndedError(self.name, call, how, [])
-        return self._end
+        self._end_error = ProcessEndedError(self.name, call, reason, [])
+        return self._end_error

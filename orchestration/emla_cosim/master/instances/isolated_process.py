@@ -14,7 +14,7 @@ from .in_process_instance import InProcessInstance
 from .instance_kinds import make_instance, make_stepped
 from .measured_calls import Effort, MeasuredCalls
 from .request import Request
-from .start_values import LostValue
+from .start_values import RejectedValue
 
 
 class IsolatedProcess:
@@ -33,13 +33,13 @@ class IsolatedProcess:
             self._stepped.set_inputs()
         if request.slopes is not None:
             self._stepped.set_input_derivatives(np.frombuffer(request.slopes))
-        own = getattr(self, request.call, None) or getattr(self._stepped, request.call)
-        return own(*request.arguments)
+        method = getattr(self, request.call, None) or getattr(self._stepped, request.call)
+        return method(*request.arguments)
 
     def set_start_values(self, values: list[tuple[str, Any]]) -> None:
         """Set start values by name."""
-        known = self._instance.file.variables
-        self._instance.set_start_values((known[name], value) for name, value in values)
+        variables = self._instance.file.variables
+        self._instance.set_start_values((variables[name], value) for name, value in values)
 
     def use_integrator(self, settings: IntegratorSettings) -> None:
         """Integrate with these settings from the next initialization on."""
@@ -58,8 +58,8 @@ class IsolatedProcess:
         self._instance.tolerance = tolerance
         self._stepped.enter_initialization(start_time, stop_time)
 
-    def exit_initialization(self) -> list[LostValue]:
-        """Leave initialization mode, and return the start values that the FMU did not take."""
+    def exit_initialization(self) -> list[RejectedValue]:
+        """Leave initialization mode, and return the start values that the FMU changed."""
         self._stepped.exit_initialization()
         return self._instance.lost_values
 
@@ -92,7 +92,7 @@ class IsolatedProcess:
         return self.outputs(), self.observed(), self.violations()
 
     def violations(self) -> list[str]:
-        """Return what the FMU did in this run against the standard, and was accepted."""
+        """Return the violations of the standard in this run that were accepted."""
         return self._instance.violations
 
     def measure(self, on: bool) -> None:
@@ -108,9 +108,9 @@ class IsolatedProcess:
             self._measured.add_to(effort)
         return effort
 
-    def save(self, known: int | None) -> int:
-        """Save the state and return its number; `known` is a number to overwrite."""
-        number = known if known is not None else max(self._states, default=0) + 1
+    def save(self, number_to_reuse: int | None) -> int:
+        """Save the state and return its number; `number_to_reuse` is a number to overwrite."""
+        number = number_to_reuse if number_to_reuse is not None else max(self._states, default=0) + 1
         self._states[number] = self._stepped.save(self._states.get(number))
         return number
 

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from .fmu_instance import FmuInstance
 
 INPUTS, STEPS, OUTPUTS, STATES, RECORDED = "inputs", "steps", "outputs", "states", "recorded"
-"""What calls do. States are saved and restored; recorded variables are those beside the outputs."""
+"""What calls do. States are saved and restored; recorded variables are those besides the outputs."""
 
 KINDS = (INPUTS, STEPS, OUTPUTS, STATES, RECORDED)
 """These in the order of the numbers of `Effort` in `stepper.h`."""
@@ -28,10 +28,10 @@ _METHODS = {
 
 
 class OwnCost(NamedTuple):
-    """What the measurement of one call costs in s: within the time of the call, and beside it."""
+    """What the measurement of one call costs in s: within the time of the call, and outside of it."""
 
     within: float
-    beside: float
+    overhead: float
 
 
 @dataclass
@@ -57,10 +57,10 @@ class Effort:
     def add(self, name: str, count: int, seconds: float, cost: OwnCost) -> None:
         """Add measured calls, without the cost of their measurement."""
         if count:
-            known = self.calls.setdefault(name, Calls())
-            known.count += count
-            known.seconds += max(seconds - count * cost.within, 0.0)
-            self.own_cost_s += min(seconds, count * cost.within) + count * cost.beside
+            calls_so_far = self.calls.setdefault(name, Calls())
+            calls_so_far.count += count
+            calls_so_far.seconds += max(seconds - count * cost.within, 0.0)
+            self.own_cost_s += min(seconds, count * cost.within) + count * cost.overhead
 
     @property
     def seconds(self) -> float:
@@ -82,16 +82,16 @@ class MeasuredCalls:
     def __init__(self, instance: FmuInstance) -> None:
         self._instance, self._calls = instance, dict[str, Calls]()
         self._methods = list[str]()
-        left_out = {"set_inputs"} if not len(instance.inputs) else set[str]()
-        left_out |= {"get_outputs"} if not len(instance.outputs) else set()
+        unmeasured = {"set_inputs"} if not len(instance.inputs) else set[str]()
+        unmeasured |= {"get_outputs"} if not len(instance.outputs) else set()
         if instance.steps_apart:  # its `do_step` consists of these two
             self._measure("begin_step", STEPS)
             self._measure("end_step", STEPS, counts=False)
-            left_out |= {"do_step"}
+            unmeasured |= {"do_step"}
         elif not instance.observed_groups():
-            left_out |= {"get_observed"}
+            unmeasured |= {"get_observed"}
         for method, name in _METHODS.items():
-            if method not in left_out:
+            if method not in unmeasured:
                 self._measure(method, name)
 
     def _measure(self, method: str, name: str, counts: bool = True) -> None:
@@ -121,11 +121,11 @@ def _measure(call: Callable[..., Any], calls: Calls, count: int) -> Callable[...
     clock = time.perf_counter
 
     def measured(*arguments: Any) -> Any:
-        began = clock()
+        start = clock()
         try:
             return call(*arguments)
         finally:
-            calls.seconds += clock() - began
+            calls.seconds += clock() - start
             calls.count += count
 
     return measured
@@ -139,15 +139,17 @@ def measure_own_cost(calls: int = 2000, rounds: int = 5) -> OwnCost:
         pass
 
     def repeat(call: Callable[[float, float], None]) -> float:
-        began = time.perf_counter()
+        start = time.perf_counter()
         for _ in range(calls):
             call(0.0, 0.0)
-        return (time.perf_counter() - began) / calls
+        return (time.perf_counter() - start) / calls
 
-    within, whole, plain = [], [], []
+    inner_times, measured_times, plain_times = [], [], []
     for _ in range(rounds):
         counted = Calls()
-        whole.append(repeat(_measure(do_nothing, counted, 1)))
-        plain.append(repeat(do_nothing))
-        within.append(counted.seconds / calls - plain[-1])
-    return OwnCost(max(min(within), 0.0), max(min(whole) - min(plain) - min(within), 0.0))
+        measured_times.append(repeat(_measure(do_nothing, counted, 1)))
+        plain_times.append(repeat(do_nothing))
+        inner_times.append(counted.seconds / calls - plain_times[-1])
+    return OwnCost(
+        max(min(inner_times), 0.0), max(min(measured_times) - min(plain_times) - min(inner_times), 0.0)
+    )

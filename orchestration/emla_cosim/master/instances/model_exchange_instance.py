@@ -66,9 +66,9 @@ class ModelExchangeInstance(InProcessInstance, ContinuousModel):
     def _check_count(self, call: str, declared: int) -> None:
         """Raise InstanceError if the FMU has another number of values than it declares."""
         with self.calling():
-            found = getattr(self.fmu, call)()
-        if found != declared:
-            raise self._answer_error(call, f"{found}, and its model description has {declared}")
+            count = getattr(self.fmu, call)()
+        if count != declared:
+            raise self._answer_error(call, f"{count}, and its model description has {declared}")
 
     def set_value(self, variable: ModelVariable, value: Any) -> None:
         """Set one variable to a value of its type; InstanceError if the FMU rejects it."""
@@ -108,7 +108,7 @@ class ModelExchangeInstance(InProcessInstance, ContinuousModel):
     ) -> Callable[[], None]:
         """Return a function that gets or sets variables whose values are the memory of one FMI call."""
         references = [v.valueReference for v in variables if not place_in_array(v)]
-        arguments = self._arguments(np.array(references, dtype=np.uint32), values)[1:]
+        arguments = self._make_arguments(np.array(references, dtype=np.uint32), values)[1:]
         return lambda: self._call(name, *arguments)
 
     def _check(self, call: str, status: int) -> None:
@@ -123,7 +123,7 @@ class ModelExchangeInstance(InProcessInstance, ContinuousModel):
     def _describe_time(self, call: str) -> str:
         return "" if math.isnan(self._time) else f" at t = {self._time:.9g} s"
 
-    def _discard_error(self, call: str) -> type[InstanceError]:
+    def _choose_discard_error(self, call: str) -> type[InstanceError]:
         return DiscardedCallError
 
     def _update(self, call: str) -> tuple[bool, bool, bool, bool, bool, float]:

@@ -1,4 +1,4 @@
-"""Let the stepper in C call what only Python can call, such as FMUs in other processes."""
+"""Let the stepper in C call Python, for example for FMUs in other processes."""
 
 import ctypes
 from collections.abc import Callable
@@ -22,18 +22,18 @@ _NOTHING = np.empty(0, dtype=np.uint32)
 
 
 class PythonCalls:
-    """Functions with the arguments of FMI 2.0 that call the methods of something in Python.
+    """Functions with the arguments of FMI 2.0 that call Python.
 
     Values pass through the memory that stepper and instance share, so that the functions copy none.
 
     Attributes:
-        error: what the last call that failed has raised; None without one.
+        error: the exception of the last call that failed; None without one.
     """
 
     def __init__(self) -> None:
         self.error: BaseException | None = None
         self._states = dict[int, Any]()
-        self._held = list[Any]()  # the functions, which C knows by address only
+        self._functions = list[Any]()  # the functions, which C knows by address only
 
     def entry_points(self, instance: FmuInstance, splits: bool = False) -> EntryPoints:
         """Return the functions for an instance.
@@ -53,10 +53,10 @@ class PythonCalls:
         def step(component: Any, time: float, step: float, no_way_back: int) -> None:
             instance.do_step(time, step)
 
-        def save(component: Any, place: Any) -> None:
-            number = place[0] or len(self._states) + 1
+        def save(component: Any, slot: Any) -> None:
+            number = slot[0] or len(self._states) + 1
             self._states[number] = instance.save(self._states.get(number))
-            place[0] = number
+            slot[0] = number
 
         return EntryPoints(
             component=0,
@@ -99,5 +99,5 @@ class PythonCalls:
             return OK
 
         function = kind(checked)
-        self._held.append(function)
+        self._functions.append(function)
         return ctypes.cast(function, ctypes.c_void_p).value or 0

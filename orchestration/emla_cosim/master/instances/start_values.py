@@ -1,4 +1,4 @@
-"""Start values of an instance: set them, and find those that the FMU did not take."""
+"""Start values of an instance: set them, and find those that the FMU changed."""
 
 import math
 from collections.abc import Callable, Iterable, Mapping
@@ -17,17 +17,17 @@ ROUNDING = 1e-14
 """Relative difference of two Reals that are equal, such as after a conversion of units within the FMU."""
 
 
-class LostValue(NamedTuple):
+class RejectedValue(NamedTuple):
     """A start value that the FMU does not have.
 
     Attributes:
         variable: The name of the variable.
-        wanted: The value that was set.
-        present: The value of the FMU; None if the FMU does not tell it.
+        expected: The value that was set.
+        present: The value of the FMU; None if it cannot be read.
     """
 
     variable: str
-    wanted: Any
+    expected: Any
     present: Any
 
 
@@ -35,7 +35,7 @@ class StartValues:
     """The start values of an instance.
 
     Only inputs, and variables that are `exact`, must keep them. Numbers are set one by one, because after an
-    error no further call can tell which one was rejected. They are read back with one call per type, but for
+    error no further call shows which one was rejected. They are read back with one call per type, except for
     clocked ones, which cannot be read then.
 
     Args:
@@ -69,7 +69,7 @@ class StartValues:
             for i, v in enumerate(variables)
             if (v.causality == "input" or v.initial == "exact") and not v.clocks
         }
-        self._kept_texts = [i for i in last.values() if variables[i].type == "String"]
+        self._exact_texts = [i for i in last.values() if variables[i].type == "String"]
         self._numbers = [i for i in last.values() if variables[i].type != "String"]
         self._getters = TypedValues("get", [variables[i] for i in self._numbers], self._functions)
 
@@ -77,9 +77,9 @@ class StartValues:
         """Set all values but Strings; return the first one that the FMU rejects, with its status."""
         for i, setter in self._setters:
             if getattr(self.all[i][0], "is_resized", False):  # its other elements have no start values
-                setter.values[setter.places] = self.all[i][1]
+                setter.values[setter.slots] = self.all[i][1]
         for i, setter in self._setters:
-            setter.values[setter.places] = self.all[i][1]
+            setter.values[setter.slots] = self.all[i][1]
             if (status := setter.function(component, *setter.arguments)) not in FINE:
                 return self.all[i], status
         return None
@@ -89,22 +89,24 @@ class StartValues:
         present = np.empty(len(self._numbers))
         return self._getters.get(component, present), present
 
-    def find_lost(self, present: Vector | None, read: Callable[[ModelVariable], Any]) -> list[LostValue]:
+    def find_rejected(
+        self, present: Vector | None, read: Callable[[ModelVariable], Any]
+    ) -> list[RejectedValue]:
         """Return the values that the FMU does not have.
 
         Args:
-            present: The numbers from `read_numbers`; None if the FMU did not tell all of them.
-            read: Returns the present value of one variable; None if the FMU does not tell it.
+            present: The numbers from `read_numbers`; None if they could not be read.
+            read: Returns the present value of one variable; None if it cannot be read.
         """
-        doubtful = self._numbers
+        candidates = self._numbers
         if present is not None:
-            wanted = np.array([self.all[i][1] for i in self._numbers], dtype=np.float64)
-            doubtful = [self._numbers[k] for k in np.flatnonzero(wanted != present)]
-        values = [(*self.all[i], read(self.all[i][0])) for i in sorted([*doubtful, *self._kept_texts])]
-        return [LostValue(str(v.name), *pair) for v, *pair in values if not _is_equal(*pair)]
+            expected = np.array([self.all[i][1] for i in self._numbers], dtype=np.float64)
+            candidates = [self._numbers[k] for k in np.flatnonzero(expected != present)]
+        values = [(*self.all[i], read(self.all[i][0])) for i in sorted([*candidates, *self._exact_texts])]
+        return [RejectedValue(str(v.name), *pair) for v, *pair in values if not _is_equal(*pair)]
 
 
-def _is_equal(wanted: Any, present: Any) -> bool:
+def _is_equal(expected: Any, present: Any) -> bool:
     if isinstance(present, float):
-        return math.isclose(wanted, present, rel_tol=ROUNDING)
-    return present == wanted
+        return math.isclose(expected, present, rel_tol=ROUNDING)
+    return present == expected

@@ -23,7 +23,7 @@ class ValueRangeError(ValueError):
 class TypeGroup:
     """Elements of one type: their positions in the vector, and memory in the FMI type.
 
-    `places` are their positions in that memory, which holds whole arrays. `arguments` are those of the FMI
+    `slots` are their positions in that memory, which holds whole arrays. `arguments` are those of the FMI
     function after the component: addresses, made once because that is slow.
     """
 
@@ -31,7 +31,7 @@ class TypeGroup:
     elements: NDArray[np.intp]
     references: NDArray[np.uint32]
     values: NDArray[Any]
-    places: NDArray[np.intp] | slice
+    slots: NDArray[np.intp] | slice
     boolean: bool
     function: Callable[..., int]
     arguments: tuple[Any, ...]
@@ -48,9 +48,9 @@ class TypeGroup:
         """Raise ValueRangeError if a rounded value does not fit into its type."""
         if self.integers:
             low, limit = self.limits
-            wrong = ~((values >= low) & (values < limit))
-            if wrong.any():
-                i = int(np.argmax(wrong))
+            is_out_of_range = ~((values >= low) & (values < limit))
+            if is_out_of_range.any():
+                i = int(np.argmax(is_out_of_range))
                 name, kind = (
                     self.integers[i].name,
                     getattr(self.integers[i], "data_type", self.integers[i].type),
@@ -83,23 +83,23 @@ class TypedValues:
         for type_, members in _plan_calls(access, variables):
             first, layout = variables[members[0]], ElementLayout(variables[i] for i in members)
             references = np.array(layout.references, dtype=np.uint32)
-            places = np.array(layout.places, dtype=np.intp)
+            slots = np.array(layout.places, dtype=np.intp)
             values = np.zeros(layout.size, dtype=value_type(first))
             counts = (layout.size,) if isinstance(first, ElementVariable) else ()
             if access == "set" and isinstance(first, ElementVariable) and first.size > 1:
-                reference, memory = int(first.valueReference), start_memory(first)
-                values = memory if arrays is None else arrays.setdefault(reference, memory)
+                reference, start_array = int(first.valueReference), start_memory(first)
+                values = start_array if arrays is None else arrays.setdefault(reference, start_array)
             self.groups.append(
                 TypeGroup(
                     call=f"{access}{type_}",
                     elements=elements[members],
                     references=references,
                     values=values,
-                    places=slice(None) if np.array_equal(places, np.arange(layout.size)) else places,
+                    slots=slice(None) if np.array_equal(slots, np.arange(layout.size)) else slots,
                     boolean=type_ == "Boolean",
                     function=functions[f"{access}{type_}"],
-                    arguments=(_pointer(references), len(references), _pointer(values), *counts),
-                    integers=_integers([variables[i] for i in members]),
+                    arguments=(_get_pointer(references), len(references), _get_pointer(values), *counts),
+                    integers=_select_integers([variables[i] for i in members]),
                 )
             )
 
@@ -115,8 +115,8 @@ class TypedValues:
             if group.values.dtype.kind != "f":
                 values = np.rint(values)
                 group.check(values)
-            group.values[group.places] = values != 0.0 if group.boolean else values
-            worst = max(worst, group.function(component, *group.arguments), key=_badness)
+            group.values[group.slots] = values != 0.0 if group.boolean else values
+            worst = max(worst, group.function(component, *group.arguments), key=_severity)
         return worst
 
     def check(self, vector: Vector) -> None:
@@ -128,18 +128,18 @@ class TypedValues:
         """Get all variables and return the worst status."""
         worst = 0
         for group in self.groups:
-            worst = max(worst, group.function(component, *group.arguments), key=_badness)
-            values = group.values[group.places]
+            worst = max(worst, group.function(component, *group.arguments), key=_severity)
+            values = group.values[group.slots]
             vector[group.elements] = values != 0 if group.boolean else values
         return worst
 
 
-def _badness(status: int) -> int:
-    """Return how bad a status is: one that is not in the standard is worse than a warning, also -1."""
+def _severity(status: int) -> int:
+    """Return the order of a status: one that is not in the standard, also -1, is worse than a warning."""
     return status if status >= 0 else 1 - status
 
 
-def _integers(variables: Sequence[ModelVariable]) -> list[ModelVariable]:
+def _select_integers(variables: Sequence[ModelVariable]) -> list[ModelVariable]:
     """Return variables of one type if they are integers, otherwise none."""
     return [v for v in variables if v.type != "Boolean" and value_type(v).kind in "iu"]
 
@@ -163,5 +163,5 @@ def _plan_calls(access: str, variables: Sequence[ModelVariable]) -> Iterator[tup
             yield type_, members
 
 
-def _pointer(array: NDArray[Any]) -> Any:
+def _get_pointer(array: NDArray[Any]) -> Any:
     return array.ctypes.data_as(ctypes.c_void_p)
