@@ -1,4 +1,4 @@
-"""What components of a system as plain C consist of: their blocks, and the order of their calls."""
+"""The content of components as plain C: their blocks, and the order of their calls."""
 
 import keyword
 import re
@@ -29,7 +29,7 @@ _WORDS = {
     *("short", "signed", "sizeof", "static", "struct", "switch", "typedef", "union", "unsigned", "void"),
     *("volatile", "while"),
 }
-"""Words that C reserves."""
+"""Reserved words of C."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ class CodePart:
 
 @dataclass(frozen=True)
 class CodeVariable:
-    """A variable that the caller of the C code sees.
+    """A variable in the interface of the C code.
 
     Attributes:
         field: its name in C.
@@ -104,16 +104,16 @@ class CodeVariable:
 
 @dataclass(frozen=True)
 class CodePlan:
-    """All that the C code needs.
+    """The content of the C code.
 
     Attributes:
         name: prefix of everything in C.
         system: the components with their connections, as the FMU of a system has them.
         parts: the components.
         blocks: their blocks, each once.
-        inputs: what the caller sets in each step.
-        outputs: what a step returns.
-        parameters: what the caller may set before the start.
+        inputs: the variables that the caller sets in each step.
+        outputs: the variables that a step returns.
+        parameters: the variables that the caller may set before the start.
         step: time in s between two calls.
     """
 
@@ -161,18 +161,20 @@ def plan_code(
         CommandError: The components cannot be plain C.
         RunError: They cannot be initialized.
     """
-    chosen = _choose(system, components)
-    names = [c.name for c in chosen]
+    chosen_components = _choose_components(system, components)
+    names = [c.name for c in chosen_components]
     inside = [x for x in system.connections if {x.ends[0][0], x.ends[1][0]} <= {*names}]
-    alone = replace(system, components=tuple(chosen), connections=tuple(inside), bonds={})
-    models = {c.name: _find_block(c) for c in chosen}
-    own = _restrict(algorithm, names)
-    plan = plan_container(alone, {n: fmus[n] for n in names}, own, times)
-    multiple = _check(plan, own)
+    reduced_system = replace(system, components=tuple(chosen_components), connections=tuple(inside), bonds={})
+    models = {c.name: _find_block(c) for c in chosen_components}
+    reduced_algorithm = _restrict_algorithm(algorithm, names)
+    plan = plan_container(reduced_system, {n: fmus[n] for n in names}, reduced_algorithm, times)
+    multiple = _check_plan(plan, reduced_algorithm)
     fields = dict(zip(names, _name_parts(names), strict=True))
     blocks = _write_blocks(models[part.name] for part in plan.parts)
     parts = [
-        CodePart(part.name, fields[part.name], block := blocks[models[part.name]], _starts(plan, p, block))
+        CodePart(
+            part.name, fields[part.name], block := blocks[models[part.name]], _list_starts(plan, p, block)
+        )
         for p, part in enumerate(plan.parts)
     ]
     driven = {f"{part.name}.{v.name}" for part in plan.parts for v in part.instance.read}
@@ -190,25 +192,27 @@ def plan_code(
     )
 
 
-def _choose(system: System, patterns: Collection[str]) -> list[Component]:
+def _choose_components(system: System, patterns: Collection[str]) -> list[Component]:
     names = [c.name for c in system.components]
     if not patterns:
-        there = join_names(names)
-        raise CommandError(f"plain C needs --components, such as --components controller; there are {there}.")
-    chosen = set[str]()
+        available = join_names(names)
+        raise CommandError(
+            f"plain C needs --components, such as --components controller; there are {available}."
+        )
+    names_to_keep = set[str]()
     for pattern in patterns:
         matches = [n for n in names if matches_pattern(n, pattern) or matches_pattern(n, f"*.{pattern}")]
         if not matches:
-            there = join_names(names)
+            available = join_names(names)
             raise CommandError(
-                f"no component matches '{pattern}' of --components; there are {there}.", name=pattern
+                f"no component matches '{pattern}' of --components; there are {available}.", name=pattern
             )
-        chosen.update(matches)
-    return [c for c in system.components if c.name in chosen]
+        names_to_keep.update(matches)
+    return [c for c in system.components if c.name in names_to_keep]
 
 
 def _choose_outputs(names: Sequence[str], patterns: Collection[str], driving: Collection[str]) -> list[str]:
-    """Return the chosen outputs, else those that drive others, else all."""
+    """Return the selected outputs, else those that drive others, else all."""
     if not patterns:
         return [name for name in names if name in driving] or list(names)
     selected = select_names(patterns, names, "output")
@@ -216,14 +220,14 @@ def _choose_outputs(names: Sequence[str], patterns: Collection[str], driving: Co
 
 
 def _find_block(component: Component) -> type[Block]:
-    """Return the block of a component; CommandError if it is no block, or one that reads data."""
+    """Return the block of a component; CommandError if it is not a block, or reads data."""
     if not component.model:
         raise CommandError(f"{component.name} is an FMU file; only blocks of Python can be plain C.")
     block = find_block(component.model) if isinstance(component.model, str) else component.model
     return block if isinstance(block, type) else type(block)
 
 
-def _restrict(algorithm: Algorithm, names: Collection[str]) -> Algorithm:
+def _restrict_algorithm(algorithm: Algorithm, names: Collection[str]) -> Algorithm:
     """Return the algorithm for some of the components."""
     changes: dict[str, Any] = {}
     if order := getattr(algorithm, "order", None):
@@ -233,7 +237,7 @@ def _restrict(algorithm: Algorithm, names: Collection[str]) -> Algorithm:
     return replace(algorithm, **changes) if changes else algorithm
 
 
-def _check(plan: ContainerPlan, algorithm: Algorithm) -> int:
+def _check_plan(plan: ContainerPlan, algorithm: Algorithm) -> int:
     """Return the common step multiple; CommandError if the components cannot be plain C."""
     if plan.groups:
         raise CommandError("plain C has no strong coupling; add --algorithm gauss-seidel.")
@@ -250,8 +254,12 @@ def _check(plan: ContainerPlan, algorithm: Algorithm) -> int:
     if len(multiples) > 1:
         steps = ", ".join(f"{part.name} {part.multiple}" for part in plan.parts)
         raise CommandError(f"the components have different step multiples: {steps}; export each rate alone.")
-    if others := [library.file.path for library in plan.libraries if library.source != "fmi2_block.c"]:
-        raise CommandError(f"the FMU '{others[0]}' has data or other code; only equations can be plain C.")
+    if other_libraries := [
+        library.file.path for library in plan.libraries if library.source != "fmi2_block.c"
+    ]:
+        raise CommandError(
+            f"the FMU '{other_libraries[0]}' has data or other code; only equations can be plain C."
+        )
     return multiples.pop()
 
 
@@ -269,7 +277,7 @@ def _write_blocks(models: Iterable[type[Block]]) -> dict[type[Block], CodeBlock]
     return blocks
 
 
-def _starts(plan: ContainerPlan, p: int, block: CodeBlock) -> list[float]:
+def _list_starts(plan: ContainerPlan, p: int, block: CodeBlock) -> list[float]:
     """Return the start values of a component: its block's, its FMU's, or those of the system."""
     part = plan.parts[p]
     starts: dict[int, Any] = {r: scalar.start for r, scalar in enumerate(block.layout.scalars)}
@@ -289,9 +297,9 @@ def _list_variables(
         for part in parts
         for r in part.block.layout.references(getattr(part.block.layout, kind))
     ]
-    chosen = [v for v in variables if names is None or v.name in names]
-    fields = _make_unique([v.field for v in chosen])
-    return [replace(v, field=field) for v, field in zip(chosen, fields, strict=True)]
+    selected = [v for v in variables if names is None or v.name in names]
+    fields = _make_unique([v.field for v in selected])
+    return [replace(v, field=field) for v, field in zip(selected, fields, strict=True)]
 
 
 def _name_parts(names: Sequence[str]) -> list[str]:

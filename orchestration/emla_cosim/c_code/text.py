@@ -21,7 +21,7 @@ from ..master.algorithms.program import Call
 from .plan import CodePlan
 
 MARK = "/* Written by EMLA-Cosim:"
-"""Begin of both files, by which they are recognized."""
+"""Start of both files, by which they are recognized."""
 
 DOUBLE, FLOAT = PRECISIONS = ("double", "float")
 """Types of all numbers."""
@@ -34,19 +34,19 @@ _NUMBER = r"(?<![\w.])(?:\d+\.\d*|\.\d+)(?:[eE][-+]?\d+)?|(?<![\w.])\d+[eE][-+]?
 _TOKEN = re.compile(
     rf'(?P<text>/\*.*?\*/|"(?:\\.|[^"\\])*")|(?P<type>\bdouble\b)|(?P<number>{_NUMBER})', re.DOTALL
 )
-"""What a change of the type replaces, and comments and texts, in which it replaces nothing."""
+"""The tokens that a change of the type replaces, and comments and texts, which it skips."""
 
 
-def header_text(plan: CodePlan, precision: str) -> str:
+def render_header(plan: CodePlan, precision: str) -> str:
     """Return the header."""
     return _render("code.h.jinja", plan, precision)
 
 
-def source_text(plan: CodePlan, precision: str) -> str:
+def render_source(plan: CodePlan, precision: str) -> str:
     """Return the source.
 
     Raises:
-        CommandError: The equations contain large whole numbers, as random numbers do, and float is asked for.
+        CommandError: The equations contain large whole numbers, as random numbers do, and float is requested.
     """
     equations = "\n".join(text for block in plan.blocks for text in block.functions)
     if precision == FLOAT:
@@ -63,7 +63,7 @@ def source_text(plan: CodePlan, precision: str) -> str:
         isfinite=math.isfinite,
         Call=Call,
     )
-    return _with_type(text, plan.name, precision)
+    return _replace_types(text, plan.name, precision)
 
 
 def _render(template: str, plan: CodePlan, precision: str, **context: Any) -> str:
@@ -80,7 +80,7 @@ def _render(template: str, plan: CodePlan, precision: str, **context: Any) -> st
         "number": c_number,
         "quote": c_text,
         "room": partial(max, 1),  # C has no empty arrays
-        "typed": lambda number: _with_type(c_number(number), plan.name, precision),
+        "typed": lambda number: _replace_types(c_number(number), plan.name, precision),
     }
     context |= {"mark": MARK, "name": plan.name, "plan": plan, "precision": precision}
     return environment.get_template(template).render(context)
@@ -89,16 +89,16 @@ def _render(template: str, plan: CodePlan, precision: str, **context: Any) -> st
 def _read_signals(plan: CodePlan, i: int) -> list[tuple[int, str, str]]:
     """Return the value reference of each connected input, its value in C and its name."""
     network, lines = plan.system.network, list[tuple[int, str, str]]()
-    for j, own in enumerate(plan.system.parts[i].instance.read):
+    for j, variable in enumerate(plan.system.parts[i].instance.read):
         factor, offset = float(network.factors[i][j]), float(network.offsets[i][j])
         value = f"m->signals[{int(network.sources[i][j])}]"
         value = value if factor == 1.0 else f"{c_number(factor)} * {value}"
         value = value if offset == 0.0 else f"{value} + {c_number(offset)}"
-        if own.type == "Boolean":
+        if variable.type == "Boolean":
             value = f"rint({value}) != 0"
-        elif own.type != "Real":
+        elif variable.type != "Real":
             value = f"rint({value})"
-        lines.append((int(own.valueReference), value, str(own.name)))
+        lines.append((int(variable.valueReference), value, str(variable.name)))
     return lines
 
 
@@ -112,7 +112,7 @@ def _check_float(plan: CodePlan, equations: str) -> None:
         )
 
 
-def _with_type(text: str, name: str, precision: str) -> str:
+def _replace_types(text: str, name: str, precision: str) -> str:
     """Return C with numbers of the type that the header defines, outside of comments and texts."""
 
     def replace(token: re.Match[str]) -> str:

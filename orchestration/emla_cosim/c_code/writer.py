@@ -10,14 +10,14 @@ from ..master.algorithms.algorithm import Algorithm
 from ..master.stepping.timing import CommunicationPoints
 from ..system.model import System
 from .plan import as_identifier, plan_code
-from .text import MARK, header_text, source_text
+from .text import MARK, render_header, render_source
 
 
 def list_files(path: Path) -> tuple[Path, Path]:
     """Return the source and its header.
 
     Raises:
-        CommandError: The file's name is no name in C.
+        CommandError: The file's name is not a name in C.
     """
     if as_identifier(path.stem) != path.stem or not re.fullmatch(r"[A-Za-z]\w*", path.stem, re.ASCII):
         raise CommandError(
@@ -27,7 +27,7 @@ def list_files(path: Path) -> tuple[Path, Path]:
 
 
 def check_code(path: Path, overwrite: bool = False) -> None:
-    """Check that the files may be written. Raises CommandError if one must not be written."""
+    """Check that the files may be written. Raises CommandError if one must not be replaced."""
     _open_files(path, overwrite)
 
 
@@ -72,6 +72,6 @@ def write_code(
     """
     source, header = _open_files(path, overwrite)
     plan = plan_code(path.stem, system, fmus, components, algorithm, times, outputs)
-    texts = header_text(plan, precision), source_text(plan, precision)
+    texts = render_header(plan, precision), render_source(plan, precision)
     for file, text in zip((header, source), texts, strict=True):
         file.write(text.encode())

@@ -17,13 +17,13 @@ from ..master.stepping.timing import MAXIMUM_STEPS
 from ..stepper.layout import TRUTH_OF_FMI_2, TYPES
 from .image import table
 from .plan import ContainerPlan
-from .variables import ContainerVariable, time_name
+from .variables import ContainerVariable, choose_time_name
 
 _TEXT = TRUTH_OF_FMI_2 + 1
 """The number of the type of Strings; see `shim/tables.h`."""
 
 
-def part_source(folder: str, source: str) -> str:
+def write_part_source(folder: str, source: str) -> str:
     """Return the C file that compiles one part in, with a prefix before its functions."""
     return f"""/* The part {folder}: its functions with a prefix. */
 #include "fmi2Functions.h"
@@ -41,13 +41,13 @@ class SystemTables:
     Args:
         plan: The system.
         identifier: The model identifier.
-        variables: The variables that it shows.
+        variables: The variables of the FMU.
         fmi: The version of FMI.
 
     Attributes:
-        sizes: the numbers of everything, and what the system has.
+        sizes: the sizes of all tables, and the abilities of the system.
         header: the constant tables.
-        wiring: what connects the tables of the stepper with the memory of an instance.
+        wiring: the code that connects the tables of the stepper with the memory of an instance.
 
     Raises:
         CommandError: A start value is an integer that a double cannot hold.
@@ -59,30 +59,34 @@ class SystemTables:
         self._plan, self._image = plan, plan.image.image
         self._arrays = dict[tuple[int, int], int]()
         """Positions in `saved` of arrays, by component and value reference."""
-        rows = [self._variable(v, fmi) for v in variables]
+        rows = [self._format_variable(v, fmi) for v in variables]
         if fmi == 3:
-            rows.append(f"{{{c_text(time_name(variables))}, 'R', 0, 0, 0, -1, 0, 0, 1, -1, -1, -1}}")
-        starts = [_start(place, x) for place, x in enumerate(variables) if x.changed and x.settable]
+            rows.append(f"{{{c_text(choose_time_name(variables))}, 'R', 0, 0, 0, -1, 0, 0, 1, -1, -1, -1}}")
+        starts = [
+            _format_start(position, x)
+            for position, x in enumerate(variables)
+            if x.is_overridden and x.is_settable
+        ]
         tables = [
-            *self._libraries(),
-            *self._parts(),
-            *self._network(),
-            *self._initial_groups(),
+            *self._list_libraries(),
+            *self._list_parts(),
+            *self._list_network(),
+            *self._list_initial_groups(),
             *table("Variable", "variables", rows),
             *table("Start", "starts", starts),
-            *self._texts(),
+            *self._list_text_links(),
         ]
         sizes = [1, *(v.size for v in variables)]
-        lines = [f'#define MODEL_IDENTIFIER "{identifier}"', "#define GUID_SIZE 39", *self._flags()]
+        lines = [f'#define MODEL_IDENTIFIER "{identifier}"', "#define GUID_SIZE 39", *self._list_flags()]
         lines += [
-            f"#define {name} {value}" for name, value in self._numbers(variables, sizes, starts).items()
+            f"#define {name} {value}" for name, value in self._list_numbers(variables, sizes, starts).items()
         ]
-        lines += [f"#define {name} {c_number(value)}" for name, value in self._reals().items()]
+        lines += [f"#define {name} {c_number(value)}" for name, value in self._list_reals().items()]
         self.sizes = "\n".join([*lines, ""])
         self.header = "\n".join([*tables, *self._image.constants])
         self.wiring = self._image.text()
 
-    def _flags(self) -> list[str]:
+    def _list_flags(self) -> list[str]:
         plan = self._plan
         has_states = plan.all_can("canGetAndSetFMUstate")
         flags = {
@@ -99,7 +103,7 @@ class SystemTables:
         lines = [f"#define {name} {int(value)}" for name, value in parts.items()]
         return [*lines, *(f"#define {name}" for name, value in flags.items() if value)]
 
-    def _numbers(
+    def _list_numbers(
         self, variables: Sequence[ContainerVariable], sizes: Sequence[int], starts: Sequence[str]
     ) -> dict[str, int]:
         plan, image, loops = self._plan, self._plan.image, self._plan.initial_groups
@@ -129,7 +133,7 @@ class SystemTables:
             "LOOP_HALVINGS": newton.HALVINGS,
         }
 
-    def _reals(self) -> dict[str, float]:
+    def _list_reals(self) -> dict[str, float]:
         times, clock = self._plan.times, self._plan.times.clock
         return {
             "START_TIME": times.start,
@@ -143,7 +147,7 @@ class SystemTables:
             "LOOP_ROUGH": newton.ROUGH,
         }
 
-    def _libraries(self) -> list[str]:
+    def _list_libraries(self) -> list[str]:
         """Return the FMUs, and the functions of those that are compiled in."""
         plan, rows = self._plan, list[str]()
         has_states = plan.all_can("canGetAndSetFMUstate")
@@ -175,26 +179,30 @@ class SystemTables:
         compiled = [f"COMPILED_IN({library.folder})" for library in plan.libraries if library.source]
         return [*compiled, "", *table("Library", "libraries", rows)]
 
-    def _parts(self) -> list[str]:
+    def _list_parts(self) -> list[str]:
         parts, rows = self._plan.image.parts, list[str]()
         names = [
             line
-            for own in parts
-            if own.events >= 0
-            for line in table("char *const", f"clocks_{own.events}", map(c_text, own.clocks))
+            for part_image in parts
+            if part_image.events >= 0
+            for line in table("char *const", f"clocks_{part_image.events}", map(c_text, part_image.clocks))
         ]
-        for part, own in zip(self._plan.parts, parts, strict=True):
+        for part, part_image in zip(self._plan.parts, parts, strict=True):
             options = part.instance.instantiation
             cells = [
-                *(c_text(part.name), part.library, *own.setters, *own.getters),
+                *(c_text(part.name), part.library, *part_image.setters, *part_image.getters),
                 *(int(bool(options.get(name))) for name in ("eventModeUsed", "earlyReturnAllowed")),
-                *(own.events, *own.memory, f"clocks_{own.events}" if own.events >= 0 else "NULL"),
+                *(
+                    part_image.events,
+                    *part_image.memory,
+                    f"clocks_{part_image.events}" if part_image.events >= 0 else "NULL",
+                ),
                 c_number(part.instance.file.interface.tolerance or 0.0),
             ]
             rows.append(f"{{{', '.join(map(str, cells))}}}")
         return [*names, *table("Part", "parts", rows)]
 
-    def _network(self) -> list[str]:
+    def _list_network(self) -> list[str]:
         network, parts = self._plan.network, self._plan.parts
         starts = [c_number(float(x)) for part in parts for x in part.instance.input_starts]
         return [
@@ -204,7 +212,7 @@ class SystemTables:
             *table("double", "first_jacobians", map(c_number, self._plan.image.jacobians)),
         ]
 
-    def _initial_groups(self) -> list[str]:
+    def _list_initial_groups(self) -> list[str]:
         loops, rows, members, coupling = self._plan.initial_groups, list[str](), 0, 0
         for loop in loops:
             rows.append(f"{{{members}, {len(loop.members)}, {coupling}, {len(loop.coupling)}}}")
@@ -216,7 +224,7 @@ class SystemTables:
             *table("Loop", "loops", rows),
         ]
 
-    def _texts(self) -> list[str]:
+    def _list_text_links(self) -> list[str]:
         """Return the connections of Strings and Binary values."""
         rows, numbers = list[str](), {id(part.instance): i for i, part in enumerate(self._plan.parts)}
         for link in self._plan.network.opaque_links:
@@ -224,52 +232,57 @@ class SystemTables:
             cells = [
                 *(numbers[id(link.source)], numbers[id(link.target)]),
                 *(link.output.valueReference, link.input.valueReference),
-                *(int(link.input.type == BINARY), _way(link.target, link.input)),
+                *(int(link.input.type == BINARY), _choose_part_way(link.target, link.input)),
                 *(getattr(link.input, "most_bytes", None) or 0, *map(c_text, names)),
             ]
             rows.append(f"{{{', '.join(map(str, cells))}}}")
         return table("TextLink", "text_links", rows)
 
-    def _variable(self, variable: ContainerVariable, fmi: int) -> str:
-        own = variable.own
+    def _format_variable(self, variable: ContainerVariable, fmi: int) -> str:
+        part_variable = variable.part_variable
         cells = [
-            *(c_text(variable.name), f"'{variable.letter(fmi)}'", _type(own), _settable(variable)),
-            *(self._choose_way(variable), variable.part, own.valueReference),
-            *(place_in_array(own), variable.size, self._array(variable), variable.signal),
-            self._plan.image.parts[variable.part].ticks.get(str(own.name), -1),
+            *(
+                c_text(variable.name),
+                f"'{variable.letter(fmi)}'",
+                _find_type(part_variable),
+                _choose_setting_time(variable),
+            ),
+            *(self._choose_way(variable), variable.part, part_variable.valueReference),
+            *(place_in_array(part_variable), variable.size, self._find_array(variable), variable.signal),
+            self._plan.image.parts[variable.part].ticks.get(str(part_variable.name), -1),
         ]
         return f"{{{', '.join(map(str, cells))}}}"
 
-    def _array(self, variable: ContainerVariable) -> int:
+    def _find_array(self, variable: ContainerVariable) -> int:
         """Return where its array is kept, or a value that waits or may cause an event; -1 without."""
-        own, part = variable.own, self._plan.parts[variable.part]
-        held = self._plan.image.parts[variable.part].held
-        if own.type == "String" or not variable.settable:
+        part_variable, part = variable.part_variable, self._plan.parts[variable.part]
+        pending_inputs = self._plan.image.parts[variable.part].held
+        if part_variable.type == "String" or not variable.is_settable:
             return -1
-        if str(own.name) in held:
-            return self._image.save(held[str(own.name)])
-        if not isinstance(own, ElementVariable):
+        if str(part_variable.name) in pending_inputs:
+            return self._image.save(pending_inputs[str(part_variable.name)])
+        if not isinstance(part_variable, ElementVariable):
             return -1
         if variable.size == 1:
-            start = start_memory(own)
+            start = start_memory(part_variable)
             return self._image.save(start, start) if self._choose_way(variable) == "IN_EVENT_MODE" else -1
-        key = variable.part, int(own.valueReference)
+        key = variable.part, int(part_variable.valueReference)
         if key not in self._arrays:
-            start = start_memory(own)
+            start = start_memory(part_variable)
             for x in start.tolist():
-                _exact(f"{part.name}.{own.name}", x)
-            memory = part.instance.arrays.setdefault(key[1], start)
-            self._arrays[key] = self._image.save(memory, start)
+                _convert_exactly(f"{part.name}.{part_variable.name}", x)
+            values = part.instance.arrays.setdefault(key[1], start)
+            self._arrays[key] = self._image.save(values, start)
         return self._arrays[key]
 
     def _choose_way(self, variable: ContainerVariable) -> str:
         """Return how a part takes the value of a variable between its steps; see `shim/tables.h`."""
-        if _settable(variable) != "ALWAYS_SET":
+        if _choose_setting_time(variable) != "ALWAYS_SET":
             return "AT_ONCE"
-        return _way(self._plan.parts[variable.part].instance, variable.own)
+        return _choose_part_way(self._plan.parts[variable.part].instance, variable.part_variable)
 
 
-def _type(variable: ModelVariable) -> int:
+def _find_type(variable: ModelVariable) -> int:
     """Return the number in C of the type of a variable of a part."""
     if variable.type == "String":
         return _TEXT
@@ -278,30 +291,30 @@ def _type(variable: ModelVariable) -> int:
     return TYPES.index(value_type(variable).name)
 
 
-def _way(instance: Any, variable: ModelVariable) -> str:
+def _choose_part_way(instance: Any, variable: ModelVariable) -> str:
     """Return how a part takes the value of a variable between its steps; see `shim/tables.h`."""
     if not instance.instantiation.get("eventModeUsed") or variable.variability == "continuous":
         return "AT_ONCE"
     return "AT_TICKS" if is_clocked(variable) and variable.causality == "input" else "IN_EVENT_MODE"
 
 
-def _settable(variable: ContainerVariable) -> str:
+def _choose_setting_time(variable: ContainerVariable) -> str:
     """Return when a host may set a variable; see `shim/tables.h`."""
-    if not variable.settable:
+    if not variable.is_settable:
         return "NEVER_SET"
     while_stepping = variable.causality == "input" or variable.variability == "tunable"
     return "ALWAYS_SET" if while_stepping else "SET_BEFORE_STEPS"
 
 
-def _start(place: int, variable: ContainerVariable) -> str:
-    if variable.own.type == "String":
-        return f"{{{place}, 0.0, {c_text(str(variable.start))}}}"
+def _format_start(position: int, variable: ContainerVariable) -> str:
+    if variable.part_variable.type == "String":
+        return f"{{{position}, 0.0, {c_text(str(variable.start))}}}"
     value = variable.start
     number = {"true": 1, "false": 0}.get(value, value) if isinstance(value, str) else value
-    return f"{{{place}, {c_number(_exact(variable.name, number))}, NULL}}"
+    return f"{{{position}, {c_number(_convert_exactly(variable.name, number))}, NULL}}"
 
 
-def _exact(name: str, value: Any) -> float:
+def _convert_exactly(name: str, value: Any) -> float:
     """Return a value as a double; CommandError if it is an integer that a double cannot hold."""
     if isinstance(value, int) and int(float(value)) != value:
         raise CommandError(

@@ -16,7 +16,7 @@ from ..base.units import SiUnit
 from ..base.version import __version__
 from ..fmu.elements import declared_type
 from .plan import ContainerPlan, Library
-from .variables import ContainerVariable, time_name
+from .variables import ContainerVariable, choose_time_name
 
 
 def describe_container(
@@ -34,26 +34,26 @@ def describe_container(
     if any(x.file.description.variableNamingConvention != "structured" for x in plan.libraries):
         root.set("variableNamingConvention", "flat")
     if fmi == 3:
-        SubElement(root, "CoSimulation", _interface3(plan, identifier))
+        SubElement(root, "CoSimulation", _list_interface_attributes(plan, identifier))
     else:
         _add_interface(root, plan, identifier, source_files)
     units, types, model_variables = _Units(), Element("TypeDefinitions"), Element("ModelVariables")
     enumerations = _Enumerations(types, fmi)
     for reference, variable in enumerate(variables):
         library = plan.libraries[plan.parts[variable.part].library]
-        attributes = _attributes(reference, variable)
+        attributes = _list_attributes(reference, variable)
         if fmi == 3:
-            declared = declared_type(variable.own)
+            declared = declared_type(variable.part_variable)
             kind = SubElement(model_variables, FMI3_TYPES.get(declared, declared), attributes)
         else:
             element = SubElement(model_variables, "ScalarVariable", attributes)
-            kind = SubElement(element, str(variable.own.type))
+            kind = SubElement(element, str(variable.part_variable.type))
         _set_type_attributes(kind, variable, library, units, enumerations)
         _set_start(kind, variable, fmi)
-        if fmi == 2 and variable.own.type == "Integer":
+        if fmi == 2 and variable.part_variable.type == "Integer":
             _fit_into_integer(kind, variable)
     if fmi == 3:
-        _add_time(model_variables, time_name(variables), units)
+        _add_time(model_variables, choose_time_name(variables), units)
     root.extend(place for place in (units.element(), types) if len(place))
     add_log_categories(root, fmi)
     times = plan.times
@@ -85,16 +85,16 @@ def _add_interface(root: Element, plan: ContainerPlan, identifier: str, source_f
         "providesDirectionalDerivative": False,
     }
     texts = {flag: "true" for flag, value in flags.items() if value}
-    named = {"modelIdentifier": identifier, "maxOutputDerivativeOrder": "0"}
-    element = SubElement(root, "CoSimulation", named | texts)
-    listed = list(source_files)
-    if listed:
+    attributes = {"modelIdentifier": identifier, "maxOutputDerivativeOrder": "0"}
+    element = SubElement(root, "CoSimulation", attributes | texts)
+    source_paths = list(source_files)
+    if source_paths:
         files = SubElement(element, "SourceFiles")
-        for file in listed:
+        for file in source_paths:
             SubElement(files, "File", name=file)
 
 
-def _interface3(plan: ContainerPlan, identifier: str) -> dict[str, str]:
+def _list_interface_attributes(plan: ContainerPlan, identifier: str) -> dict[str, str]:
     """Return the attributes of CoSimulation in FMI 3.0."""
     states = plan.all_can("canGetAndSetFMUstate")
     flags = {
@@ -117,8 +117,8 @@ class _Units:
 
     def name(self, unit: str, library: Library) -> str:
         """Return the name in the container of a unit of an FMU."""
-        if (known := self._names.get((library.folder, unit))) is not None:
-            return known
+        if (existing := self._names.get((library.folder, unit))) is not None:
+            return existing
         defined = replace(library.file.interface.units.find(unit), name=unit)
         name = self.add(defined)
         displays = self._displays.setdefault(name, {})
@@ -150,31 +150,31 @@ class _Units:
 class _Enumerations:
     """The enumerations of all parts, as `FMU.Type`."""
 
-    def __init__(self, place: Element, fmi: int) -> None:
-        self._place, self._fmi, self._known = place, fmi, set[str]()
+    def __init__(self, parent: Element, fmi: int) -> None:
+        self._parent, self._fmi, self._names_so_far = parent, fmi, set[str]()
 
-    def name(self, own: ModelVariable, folder: str) -> str:
+    def name(self, variable: ModelVariable, folder: str) -> str:
         """Return the name of the type of an Enumeration in the container."""
-        declared: Any = own.declaredType
+        declared: Any = variable.declaredType
         name = f"{folder}.{declared.name}"
-        if name not in self._known:
-            self._known.add(name)
+        if name not in self._names_so_far:
+            self._names_so_far.add(name)
             if self._fmi == 3:
-                items = SubElement(self._place, "EnumerationType", name=name)
+                items = SubElement(self._parent, "EnumerationType", name=name)
             else:
-                items = SubElement(SubElement(self._place, "SimpleType", name=name), "Enumeration")
+                items = SubElement(SubElement(self._parent, "SimpleType", name=name), "Enumeration")
             for item in declared.items or ():
                 texts = {"name": item.name, "value": item.value, "description": item.description}
                 SubElement(items, "Item", {k: str(v) for k, v in texts.items() if v is not None})
         return name
 
 
-def _attributes(reference: int, variable: ContainerVariable) -> dict[str, str]:
+def _list_attributes(reference: int, variable: ContainerVariable) -> dict[str, str]:
     """Return the attributes of a variable that do not depend on its type."""
-    own = variable.own
+    part_variable = variable.part_variable
     attributes = {"name": variable.name, "valueReference": str(reference)}
-    if own.description:
-        attributes["description"] = own.description
+    if part_variable.description:
+        attributes["description"] = part_variable.description
     attributes |= {"causality": variable.causality, "variability": variable.variability}
     if variable.initial is not None:
         attributes["initial"] = variable.initial
@@ -188,19 +188,23 @@ def _set_type_attributes(
     units: _Units,
     enumerations: _Enumerations,
 ) -> None:
-    """Set unit, range and the like of a variable."""
-    own, declared = variable.own, variable.own.declaredType
+    """Set unit, range and other attributes of the type of a variable."""
+    part_variable, declared = variable.part_variable, variable.part_variable.declaredType
 
     def attribute(name: str) -> Any:
-        found = getattr(own, name, None)
-        return getattr(declared, name, None) if found is None and declared is not None else found
+        value_of_variable = getattr(part_variable, name, None)
+        return (
+            getattr(declared, name, None)
+            if value_of_variable is None and declared is not None
+            else value_of_variable
+        )
 
-    if own.type == "Enumeration":
-        kind.set("declaredType", enumerations.name(own, library.folder))
+    if part_variable.type == "Enumeration":
+        kind.set("declaredType", enumerations.name(part_variable, library.folder))
     for name in ("quantity", "min", "max", "nominal"):
-        if (value := attribute(name)) is not None and own.type not in ("Boolean", "String"):
+        if (value := attribute(name)) is not None and part_variable.type not in ("Boolean", "String"):
             kind.set(name, str(value))
-    if own.type == "Real":
+    if part_variable.type == "Real":
         if (unit := attribute("unit")) is not None:
             kind.set("unit", units.name(str(unit), library))
             if (display := attribute("displayUnit")) is not None:
@@ -215,10 +219,10 @@ def _set_start(kind: Element, variable: ContainerVariable, fmi: int) -> None:
     starts = variable.causality == "input" or variable.initial in ("exact", "approx")
     if not starts and variable.variability != "constant":
         return
-    if fmi == 3 and variable.own.type == "String":
-        SubElement(kind, "Start", value=_start(variable))
+    if fmi == 3 and variable.part_variable.type == "String":
+        SubElement(kind, "Start", value=_format_start(variable))
     else:
-        kind.set("start", _start(variable))
+        kind.set("start", _format_start(variable))
 
 
 def _fit_into_integer(kind: Element, variable: ContainerVariable) -> None:
@@ -239,16 +243,16 @@ def _fit_into_integer(kind: Element, variable: ContainerVariable) -> None:
         del kind.attrib[name]
 
 
-def _add_time(place: Element, name: str, units: _Units) -> None:
+def _add_time(parent: Element, name: str, units: _Units) -> None:
     """Add the time, which FMI 3.0 requires."""
-    attributes = {"name": name, "valueReference": str(len(place)), "description": "Time"}
+    attributes = {"name": name, "valueReference": str(len(parent)), "description": "Time"}
     attributes |= {"causality": "independent", "variability": "continuous"}
-    SubElement(place, "Float64", attributes, unit=units.add(parse_unit("s")))
+    SubElement(parent, "Float64", attributes, unit=units.add(parse_unit("s")))
 
 
-def _start(variable: ContainerVariable) -> str:
-    value, type_ = variable.start, variable.own.type
-    if value is not None and not variable.changed:
+def _format_start(variable: ContainerVariable) -> str:
+    value, type_ = variable.start, variable.part_variable.type
+    if value is not None and not variable.is_overridden:
         return str(value)  # as its FMU writes it
     if type_ == "String":
         return "" if value is None else str(value)
@@ -260,17 +264,17 @@ def _start(variable: ContainerVariable) -> str:
 
 
 def _add_structure(root: Element, variables: Sequence[ContainerVariable]) -> None:
-    """Add outputs, which depend on no input at a communication point: an input acts from the next step on.
+    """Add outputs. They depend on no input at a communication point: an input acts from the next step on.
 
-    Outputs that are no signals, such as Strings, are read from their part at once and may depend on anything.
-    So may initial values, through the connections.
+    Outputs that are not signals, such as Strings, are read from their part at once and may depend on
+    anything. So may initial values, through the connections.
     """
     structure = SubElement(root, "ModelStructure")
     outputs = [i for i, v in enumerate(variables, 1) if v.causality == "output"]
     if outputs:
         element = SubElement(structure, "Outputs")
         for i in outputs:
-            SubElement(element, "Unknown", {"index": str(i)} | _dependencies(variables[i - 1]))
+            SubElement(element, "Unknown", {"index": str(i)} | _list_dependencies(variables[i - 1]))
     initial = [i for i, v in enumerate(variables, 1) if _is_initial_unknown(v)]
     if initial:
         element = SubElement(structure, "InitialUnknowns")
@@ -283,13 +287,13 @@ def _add_structure3(root: Element, variables: Sequence[ContainerVariable]) -> No
     structure = SubElement(root, "ModelStructure")
     for reference, variable in enumerate(variables):
         if variable.causality == "output":
-            SubElement(structure, "Output", {"valueReference": str(reference)} | _dependencies(variable))
+            SubElement(structure, "Output", {"valueReference": str(reference)} | _list_dependencies(variable))
     for reference, variable in enumerate(variables):
         if _is_initial_unknown(variable):
             SubElement(structure, "InitialUnknown", valueReference=str(reference))
 
 
-def _dependencies(variable: ContainerVariable) -> dict[str, str]:
+def _list_dependencies(variable: ContainerVariable) -> dict[str, str]:
     """Return the attribute for the dependencies of an output; without it, it may depend on everything."""
     return {"dependencies": ""} if variable.signal >= 0 else {}
 

@@ -28,52 +28,54 @@ def draw_system(components: Mapping[str, str], connections: Iterable[Connection]
         connections: The connections.
     """
     diagrams = build_diagrams(components, link_components(connections))
-    return [(d.title, _draw(d, _ARROW if d is diagrams[0] else "")) for d in diagrams]
+    return [(d.title, _draw_diagram(d, _ARROW if d is diagrams[0] else "")) for d in diagrams]
 
 
-def _draw(diagram: Diagram, definitions: str) -> str:
+def _draw_diagram(diagram: Diagram, definitions: str) -> str:
     left, top, width, height = diagram.view
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" role="img" viewBox="{left:.1f} {top:.1f} {width:.1f} '
         f'{height:.1f}" style="width: {1.05 * width:.0f}mm; max-width: 100%" font-family="sans-serif">',
         definitions,
-        *map(_wire, diagram.lines),
-        *map(_box, diagram.boxes),
-        *(_label(line.x, line.y, line.label, 2.6, "start", "#4b5563") for line in diagram.lines),
+        *map(_draw_wire, diagram.lines),
+        *map(_draw_box, diagram.boxes),
+        *(_draw_label(line.x, line.y, line.label, 2.6, "start", "#4b5563") for line in diagram.lines),
         "</svg>",
     ]
     return "".join(parts)
 
 
-def _wire(line: DiagramLine) -> str:
+def _draw_wire(line: DiagramLine) -> str:
     return (
         f'<path d="{line.path}" fill="none" stroke="{_COLORS[line.color]}" stroke-width="0.5" '
-        f'marker-end="url(#arrow)">{_title(line.told)}</path>'
+        f'marker-end="url(#arrow)">{_make_title(line.told)}</path>'
     )
 
 
-def _box(box: Box) -> str:
+def _draw_box(box: Box) -> str:
     color, x, middle = _COLORS[box.color], box.x + box.width / 2, box.y + box.height / 2
-    texts = [_label(x, middle - 1.2, box.above, 3.0, "middle", "#4b5563")] if box.above else []
-    texts.append(_label(x, middle + (3.6 if box.above else 1.4), box.name, box.letters, "middle", "#111827"))
+    texts = [_draw_label(x, middle - 1.2, box.above, 3.0, "middle", "#4b5563")] if box.above else []
+    texts.append(
+        _draw_label(x, middle + (3.6 if box.above else 1.4), box.name, box.letters, "middle", "#111827")
+    )
     return (
-        f'<g>{_title(box.told)}<rect x="{box.x:.1f}" y="{box.y:.1f}" width="{box.width:.1f}" '
+        f'<g>{_make_title(box.told)}<rect x="{box.x:.1f}" y="{box.y:.1f}" width="{box.width:.1f}" '
         f'height="{box.height:.1f}" rx="1.5" fill="{color}" fill-opacity="0.1" stroke="{color}" '
         f'stroke-width="0.5"/>{"".join(texts)}</g>'
     )
 
 
-def _label(x: float, y: float, text: str, size: float, anchor: str, color: str) -> str:
+def _draw_label(x: float, y: float, text: str, size: float, anchor: str, color: str) -> str:
     return (
         f'<text x="{x:.1f}" y="{y:.1f}" font-size="{size:.2f}" text-anchor="{anchor}" fill="{color}">'
-        f"{_plain(text)}</text>"
+        f"{_escape_text(text)}</text>"
     )
 
 
-def _title(text: str) -> str:
-    return f"<title>{_plain(text)}</title>"
+def _make_title(text: str) -> str:
+    return f"<title>{_escape_text(text)}</title>"
 
 
-def _plain(text: str) -> str:
+def _escape_text(text: str) -> str:
     """Return a text from outside on one line, without markup."""
     return escape("; ".join(" ".join(line.split()) for line in text.splitlines()))

@@ -1,4 +1,4 @@
-"""The tables of the stepper as C: constants, and what each instance of the FMU wires to its own memory."""
+"""The tables of the stepper as C: constants, and records that each instance connects to its memory."""
 
 import ctypes
 from bisect import bisect_right
@@ -51,11 +51,11 @@ _POOLS: Mapping[Any, tuple[str, str]] = {
 }
 """Arrays of an instance for records with addresses, and their type in C."""
 
-_ROOM = {
+_SCRATCH_FIELDS = {
     *("guess", "sizes", "direction", "earlier", "basis", "residuals", "answers", "kept"),
     *("values", "input_values", "derivatives", "observed", "marks", "active"),
 }
-"""Fields that point to memory which no step keeps."""
+"""Fields that point to memory whose content steps do not need later."""
 
 _ADDRESSES = {
     *(name for t in (CALL, INSTANCE, GROUP) for name in t.names or () if t[name] == np.intp),
@@ -78,7 +78,7 @@ _WORD = 8
 
 @dataclass
 class _Region:
-    """Memory of a table, and what it is in C.
+    """Memory of a table, and its expression in C.
 
     Attributes:
         address: where it begins.
@@ -118,16 +118,16 @@ class Image:
         self._addresses = list[int]()
         self._tables = 0
         for values in arrays:
-            self._own(values)
+            self._add_array(values)
 
-    def _own(self, values: NDArray[Any]) -> _Region:
+    def _add_array(self, values: NDArray[Any]) -> _Region:
         """Return the memory of an array, which is that of the whole array if this is a part of one."""
         owner = values.base if isinstance(values.base, np.ndarray) else values
         return self._add(_Region(owner.ctypes.data, owner.nbytes, owner))
 
     def _add(self, region: _Region) -> _Region:
         existing = self._regions.get(region.address)
-        if existing is None or existing.size < region.size:  # an empty one may be where another begins
+        if existing is None or existing.size < region.size:  # an empty region may have the address of another
             self._regions[region.address] = region
             self._addresses = []
         return self._regions[region.address]
@@ -139,13 +139,13 @@ class Image:
 
     def save(self, values: NDArray[Any], first: NDArray[Any] | None = None) -> int:
         """Keep memory that steps change, with these first values; return its position in `saved`."""
-        region = self._own(values)
+        region = self._add_array(values)
         if region.name:
             return region.place
         region.name, region.place = "memory.saved", self.saved
         self.saved += -(-values.nbytes // _WORD)
         if first is not None and first.any():
-            name = self._constant(first)
+            name = self._add_constant(first)
             self._starts.append(f"memcpy(&saved[{region.place}], {name}, sizeof {name});")
         return region.place
 
@@ -164,7 +164,7 @@ class Image:
     def wire(self, target: str, record: Any, kind: str) -> None:
         """Let each instance fill in a record of ctypes, such as `m->stepper`."""
         values = {name: getattr(record, name) for name, *_ in record._fields_}
-        self._wires.append(f"{target} = {self._record(values, kind)};")
+        self._wires.append(f"{target} = {self._format_record(values, kind)};")
 
     def add(self, line: str) -> None:
         """Let each instance do something else."""
@@ -172,7 +172,7 @@ class Image:
 
     def point(self, target: str, address: int) -> None:
         """Let each instance fill in an address."""
-        self._wires.append(f"{target} = {self._expression('values', address)};")
+        self._wires.append(f"{target} = {self._format_address('values', address)};")
 
     def text(self) -> str:
         """Return the function that fills in the tables of an instance, and the one for its first memory."""
@@ -185,20 +185,20 @@ class Image:
     def _find(self, address: int) -> tuple[_Region, int]:
         """Return the region to which an address belongs, and the distance from its start in bytes."""
         self._addresses = self._addresses or sorted(self._regions)
-        place = bisect_right(self._addresses, address) - 1
-        region = self._regions[self._addresses[max(place, 0)]]
+        index = bisect_right(self._addresses, address) - 1
+        region = self._regions[self._addresses[max(index, 0)]]
         offset = address - region.address
         assert 0 <= offset <= region.size, "a table of the stepper points to unknown memory"
         return region, offset
 
-    def _expression(self, field: str, address: int) -> str:
+    def _format_address(self, field: str, address: int) -> str:
         """Return an address in C."""
         if address == 0:
             return "NULL"
         region, offset = self._find(address)
         if region.values is None:
             return region.name
-        if region.name == "memory.saved" or region.name == "room" or field in _ROOM:
+        if region.name == "memory.saved" or region.name == "room" or field in _SCRATCH_FIELDS:
             if not region.name:
                 region.name, region.place = "room", self.room
                 self.room += -(-region.size // _WORD)
@@ -207,7 +207,7 @@ class Image:
             self._enter_pool(region)
             return f"&m->{region.name}[{region.place + offset // region.values.itemsize}]"
         if not region.name:
-            region.name = self._constant(region.values)
+            region.name = self._add_constant(region.values)
         return region.name if offset == 0 else f"{region.name} + {offset // region.values.itemsize}"
 
     def _enter_pool(self, region: _Region) -> None:
@@ -217,38 +217,38 @@ class Image:
         name, kind = _POOLS[region.values.dtype]
         region.name, region.place = name, self.pools[name]
         self.pools[name] += len(region.values)
-        for place, record in enumerate(region.values, region.place):
-            self._wires.append(f"m->{name}[{place}] = {self._record(_as_dict(record), kind)};")
+        for position, record in enumerate(region.values, region.place):
+            self._wires.append(f"m->{name}[{position}] = {self._format_record(_as_dict(record), kind)};")
 
-    def _record(self, values: Mapping[str, Any], kind: str) -> str:
+    def _format_record(self, values: Mapping[str, Any], kind: str) -> str:
         """Return a record in C."""
-        return f"({kind}){{{', '.join(self._cell(name, values, kind) for name in values)}}}"
+        return f"({kind}){{{', '.join(self._format_cell(name, values, kind) for name in values)}}}"
 
-    def _cell(self, name: str, values: Mapping[str, Any], kind: str) -> str:
+    def _format_cell(self, name: str, values: Mapping[str, Any], kind: str) -> str:
         """Return a member of a record in C."""
         value = values[name]
-        if name.startswith("code"):  # of the present call, which nobody reads here
+        if name.startswith("code"):  # of the present call, which has no reader here
             return "{0}" if isinstance(value, ctypes.Array) else "0"
         if name == "component":
             code = values["codes"][0] if kind == "Events" else values["code"]
             return f"m->parts[{split_code(int(code))[0]}]" if value else "NULL"
         if name == "function":
-            return self._function(values["code"]) if value else "NULL"
+            return self._format_function(values["code"]) if value else "NULL"
         if name == "functions":
-            return f"{{{', '.join(map(self._function, values['codes']))}}}"
+            return f"{{{', '.join(map(self._format_function, values['codes']))}}}"
         if name in _CODES:
-            return self._function(values["code"] + values[_CODES[name]]) if value else "NULL"
+            return self._format_function(values["code"] + values[_CODES[name]]) if value else "NULL"
         if isinstance(value, ctypes.Array):
-            return f"{{{', '.join(map(_number, value))}}}"
+            return f"{{{', '.join(map(_format_number, value))}}}"
         if isinstance(value, np.void):
             members = _as_dict(value)
-            return self._record(members, "Call" if "function" in members else "ClockSet")
+            return self._format_record(members, "Call" if "function" in members else "ClockSet")
         if name in _ADDRESSES:
             is_room = name == "references" and kind == "Events"  # elsewhere, they are constants
-            return self._expression("values" if is_room else name, int(value or 0))
-        return _number(value)
+            return self._format_address("values" if is_room else name, int(value or 0))
+        return _format_number(value)
 
-    def _function(self, code: int) -> str:
+    def _format_function(self, code: int) -> str:
         """Return the function of a call in C."""
         instance, call = split_code(int(code))
         if not call:
@@ -256,11 +256,11 @@ class Image:
         table, prefix = self._functions[instance]
         return f"{table}[{prefix}_{call[0].upper()}{call[1:]}]"
 
-    def _constant(self, values: NDArray[Any]) -> str:
+    def _add_constant(self, values: NDArray[Any]) -> str:
         """Add a constant array, and return its name."""
         name = f"table_{self._tables}"
         self._tables += 1
-        self.constants += table(_TYPES[values.dtype], name, map(_row, values.reshape(-1)))
+        self.constants += table(_TYPES[values.dtype], name, map(_format_row, values.reshape(-1)))
         return name
 
 
@@ -268,13 +268,13 @@ def _as_dict(record: Any) -> dict[str, Any]:
     return {name: record[name] for name in record.dtype.names}
 
 
-def _row(value: Any) -> str:
+def _format_row(value: Any) -> str:
     if isinstance(value, np.void):
-        return f"{{{', '.join(map(_number, _as_dict(value).values()))}}}"
-    return _number(value)
+        return f"{{{', '.join(map(_format_number, _as_dict(value).values()))}}}"
+    return _format_number(value)
 
 
-def _number(value: Any) -> str:
+def _format_number(value: Any) -> str:
     if isinstance(value, float | np.floating):
         return c_number(float(value))
     return str(int(value))

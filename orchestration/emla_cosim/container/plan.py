@@ -1,4 +1,4 @@
-"""What a system as one FMU consists of: its FMUs, and how the master steps them."""
+"""The content of a system as one FMU: its FMUs, and how the master steps them."""
 
 import re
 from collections.abc import Collection, Mapping, Sequence
@@ -78,7 +78,7 @@ class Part:
 
 @dataclass(frozen=True)
 class InitialGroup:
-    """Parts that are initialized until they agree, with the first guess of what they exchange."""
+    """Parts that are initialized until they agree, with the first guess of the exchanged values."""
 
     members: Sequence[int]
     coupling: Sequence[int]
@@ -87,7 +87,7 @@ class InitialGroup:
 
 @dataclass(frozen=True)
 class ContainerPlan:
-    """All that the FMU of a system knows, besides the variables that it shows.
+    """The content of the FMU of a system, except its variables.
 
     Attributes:
         libraries: its FMUs.
@@ -98,8 +98,8 @@ class ContainerPlan:
         initial_groups: groups that are initialized together.
         image: the stepper as C.
         times: start, stop and step size.
-        known: names in the system of variables that their FMU calls otherwise, by component.
-        lost: start values that an FMU did not take, by component.
+        system_names: names in the system of variables with another name in their FMU, by component.
+        changed_start_values: start values that an FMU changed, by component.
     """
 
     libraries: Sequence[Library]
@@ -110,8 +110,8 @@ class ContainerPlan:
     initial_groups: Sequence[InitialGroup]
     image: SystemImage
     times: CommunicationPoints
-    known: Mapping[str, Mapping[str, str]]
-    lost: Mapping[str, Mapping[str, Any]]
+    system_names: Mapping[str, Mapping[str, str]]
+    changed_start_values: Mapping[str, Mapping[str, Any]]
 
     def any_has(self, capability: str) -> bool:
         """Return whether any FMU has a capability of the standard."""
@@ -138,25 +138,26 @@ def plan_container(
         RunError: It cannot be initialized.
     """
     with Assembly(system, fmus) as assembly:
-        _refuse_what_does_not_fit(assembly)
+        _check_support(assembly)
         assembly.start(system)
         algorithm.setup(assembly.network)
-        guesses = _initial_guesses(assembly.network, times)
-        if any(len(guess) for guess in guesses):  # which initialized the instances
+        guesses = _solve_initial_loops(assembly.network, times)
+        if any(len(guess) for guess in guesses):  # solving for them initialized the instances
             assembly.start(system, fresh=True)
             algorithm.setup(assembly.network)
         try:
             algorithm.initialize(times.start, times.stop)
-            return _plan(assembly, algorithm, guesses, times)
+            return _make_plan(assembly, algorithm, guesses, times)
         finally:
             algorithm.close()
 
 
-def _refuse_what_does_not_fit(assembly: Assembly) -> None:
-    others = [name for name, file in assembly.files.items() if file.kind != CO_SIMULATION]
-    if others:
+def _check_support(assembly: Assembly) -> None:
+    model_exchange = [name for name, file in assembly.files.items() if file.kind != CO_SIMULATION]
+    if model_exchange:
         raise CommandError(
-            f"{join_names(others)} would run as Model Exchange; an FMU of a system needs co-simulation FMUs."
+            f"{join_names(model_exchange)} would run as Model Exchange; an FMU of a system needs "
+            "co-simulation FMUs."
         )
     links = assembly.network.opaque_links
     clocked = [f"{x.target.name}.{x.input.name}" for x in links if is_clocked(x.input)]
@@ -165,7 +166,11 @@ def _refuse_what_does_not_fit(assembly: Assembly) -> None:
             f"an FMU of a system cannot pass on Strings or Binary values of clocks; {join_names(clocked)} "
             "has a connection."
         )
-    sizes = [f"{name}.{own}" for name, file in assembly.files.items() for own in file.interface.structure]
+    sizes = [
+        f"{name}.{parameter}"
+        for name, file in assembly.files.items()
+        for parameter in file.interface.structure
+    ]
     if sizes:
         raise CommandError(f"an FMU of a system cannot change structural parameters such as {sizes[0]}.")
     python = [n for n, f in assembly.files.items() if (f.folder / "resources/slavemodule.txt").exists()]
@@ -175,30 +180,30 @@ def _refuse_what_does_not_fit(assembly: Assembly) -> None:
         )
 
 
-def _initial_guesses(network: Network, times: CommunicationPoints) -> list[Vector]:
+def _solve_initial_loops(network: Network, times: CommunicationPoints) -> list[Vector]:
     """Return the solution of each loop of initial values, as `initialize` finds it."""
     loops = find_initial_loops(network)
-    if not any(len(cut) for _, cut in loops):
+    if not any(len(coupling_variables) for _, coupling_variables in loops):
         return [np.empty(0) for _ in loops]
     for instance in network.instances:
         instance.enter_initialization(times.start, times.stop)
     for i in range(len(network.instances)):
         network.assume_inputs(i)
     settle_initial_values(network, Scale(network))
-    return [network.signals[cut].copy() for _, cut in loops]
+    return [network.signals[coupling_variables].copy() for _, coupling_variables in loops]
 
 
-def _plan(
+def _make_plan(
     assembly: Assembly,
     algorithm: Algorithm,
     guesses: Sequence[Vector],
     times: CommunicationPoints,
 ) -> ContainerPlan:
     network, exchange = assembly.network, algorithm.exchange
-    libraries = _libraries(list(assembly.files.values()))
-    place = {library.file.folder: i for i, library in enumerate(libraries)}
+    libraries = _list_libraries(list(assembly.files.values()))
+    library_numbers = {library.file.folder: i for i, library in enumerate(libraries)}
     instances = [x for x in network.instances if isinstance(x, InProcessInstance)]  # all of co-simulation are
-    numbers = [place[instance.file.folder] for instance in instances]
+    numbers = [library_numbers[instance.file.folder] for instance in instances]
     parts = [
         Part(
             name=instance.name,
@@ -217,37 +222,37 @@ def _plan(
         operations=algorithm.operations,
         groups=algorithm.groups,
         initial_groups=[
-            InitialGroup(members, cut.tolist(), guess)
-            for (members, cut), guess in zip(find_initial_loops(network), guesses, strict=True)
+            InitialGroup(members, coupling_variables.tolist(), guess)
+            for (members, coupling_variables), guess in zip(find_initial_loops(network), guesses, strict=True)
         ],
         image=make_system_image(algorithm, instances, numbers),
         times=times,
-        known={name: assembly.names_in_system(name) for name in assembly.files},
-        lost={c.name: assembly.list_lost_values(c) for c in assembly.system.components},
+        system_names={name: assembly.names_in_system(name) for name in assembly.files},
+        changed_start_values={c.name: assembly.list_lost_values(c) for c in assembly.system.components},
     )
 
 
-def _libraries(files: Sequence[FmuFile]) -> list[Library]:
+def _list_libraries(files: Sequence[FmuFile]) -> list[Library]:
     """Return each FMU once, with a folder of its own."""
-    found: dict[Path, Library] = {}
+    libraries: dict[Path, Library] = {}
     for file in files:
-        if file.folder in found:
+        if file.folder in libraries:
             continue
-        taken = {*_MAIN_STEMS, *(library.folder.casefold() for library in found.values())}
+        used_folders = {*_MAIN_STEMS, *(library.folder.casefold() for library in libraries.values())}
         name = re.sub(r"\W", "_", file.model_identifier, flags=re.ASCII)  # a path from outside
         folder, number = name, 2
-        while folder.casefold() in taken:
+        while folder.casefold() in used_folders:
             folder, number = f"{name}_{number}", number + 1
         content = {
             p.relative_to(file.folder).as_posix(): p.read_bytes()
             for p in file.folder.rglob("*")
             if p.is_file()
         }
-        found[file.folder] = Library(file, folder, _source(file, content), content)
-    return list(found.values())
+        libraries[file.folder] = Library(file, folder, _find_source(file, content), content)
+    return list(libraries.values())
 
 
-def _source(file: FmuFile, content: Collection[str]) -> str | None:
+def _find_source(file: FmuFile, content: Collection[str]) -> str | None:
     """Return the source file of an FMU that can be compiled in."""
     is_ours = str(file.description.generationTool).endswith(_BUILDER)
     present = (source for source in _COMPILED if f"sources/{source}" in content)

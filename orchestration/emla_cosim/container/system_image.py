@@ -28,7 +28,7 @@ class PartImage:
         memory: where the memory of its events begins in `saved`, its size, and in it the counts of ticks.
         clocks: names of its clocks.
         ticks: position in `saved` of each variable that has the value of its last tick, by name.
-        held: what an input gets at its next tick, by name.
+        held: the value that an input gets at its next tick, by name.
     """
 
     setters: tuple[int, int]
@@ -46,9 +46,9 @@ class SystemImage:
 
     Attributes:
         image: its tables.
-        parts: what the components add.
+        parts: the calls and events of the components.
         restored: size in doubles of the memory that an initialization clears, at the start of `saved`.
-        jacobians: what is known of the loops at the start; it follows in `saved`.
+        jacobians: the Jacobians of the loops at the start; they follow in `saved`.
         stores: number of vectors.
         groups: number of groups of strong coupling.
     """
@@ -72,10 +72,10 @@ def make_system_image(
         libraries: The number of the library of each instance.
     """
     with_events = [x for x in instances if isinstance(x, EventModeInstance)]
-    held = {x.name: x.tables.hold_inputs(_find_open_inputs(x)) for x in with_events}
+    pending_inputs = {x.name: x.tables.hold_inputs(_find_open_inputs(x)) for x in with_events}
     points = list_entry_points(algorithm)
     tables = StepperTables(algorithm, points)
-    initial = [_initial_calls(tables, i, x) for i, x in enumerate(instances)]
+    initial = [_list_initial_calls(tables, i, x) for i, x in enumerate(instances)]
     stepper = tables.stepper
     stepper.observers = stepper.observed = stepper.activity = None
     functions = [
@@ -88,7 +88,7 @@ def make_system_image(
     for instance in instances:
         for reference, values in instance.arrays.items():
             image.save(values, start_memory(instance.array(reference)))
-    for values in (values for own in held.values() for values in own.values()):
+    for values in (values for inputs in pending_inputs.values() for values in inputs.values()):
         image.save(values, values)
     for number, instance in enumerate(with_events):
         image.name(instance.tables.address, f"&m->events[{number}]")
@@ -99,7 +99,7 @@ def make_system_image(
     if tables.passing is not None:
         image.add(f"m->instances[{len(instances)}].component = m;")
     parts = [
-        _part(image, instance, initial[i], with_events, held.get(instance.name, {}))
+        _make_part_image(image, instance, initial[i], with_events, pending_inputs.get(instance.name, {}))
         for i, instance in enumerate(instances)
     ]
     restored = len(algorithm.restored)
@@ -121,7 +121,7 @@ def _find_open_inputs(instance: EventModeInstance) -> list[ElementVariable]:
     ]
 
 
-def _initial_calls(tables: StepperTables, i: int, instance: InProcessInstance) -> list[tuple[int, int]]:
+def _list_initial_calls(tables: StepperTables, i: int, instance: InProcessInstance) -> list[tuple[int, int]]:
     """Return address and number of the calls of initialization mode that set all inputs, and get all outputs.
 
     Without events, they are those of steps.
@@ -136,7 +136,7 @@ def _initial_calls(tables: StepperTables, i: int, instance: InProcessInstance) -
 
 
 def _name_records(image: Image, tables: StepperTables, points: Sequence[Any]) -> None:
-    """Name what each instance has once: the end of a step, its saved state, the vectors."""
+    """Name the records that each instance has once: the end of a step, its saved state, the vectors."""
     states = tables.states.records
     for i, point in enumerate(points):
         if point.step_end is not None:
@@ -149,25 +149,25 @@ def _name_records(image: Image, tables: StepperTables, points: Sequence[Any]) ->
         image.point(f"m->stores[{number}]", address)
 
 
-def _part(
+def _make_part_image(
     image: Image,
     instance: InProcessInstance,
     initial: Sequence[tuple[int, int]],
     with_events: Sequence[InProcessInstance],
-    held: Mapping[str, NDArray[Any]],
+    pending_inputs: Mapping[str, NDArray[Any]],
 ) -> PartImage:
     setters, getters = ((image.place(address) if count else 0, count) for address, count in initial)
     if not isinstance(instance, EventModeInstance):
         return PartImage(setters, getters)
     tables, variables = instance.tables, list(instance.file.variables.values())
     start = image.place_in_saved(tables.memory.ctypes.data)
-    places = tables.find_places(variables)
+    positions = tables.find_places(variables)
     return PartImage(
         setters=setters,
         getters=getters,
         events=with_events.index(instance),
         memory=(start, len(tables.memory), tables.first_count),
         clocks=[tables.name_clock(clock) for clock in range(tables.record.clock_count)],
-        ticks={str(v.name): start + int(p) for v, p in zip(variables, places, strict=True) if p >= 0},
-        held=held,
+        ticks={str(v.name): start + int(p) for v, p in zip(variables, positions, strict=True) if p >= 0},
+        held=pending_inputs,
     )

@@ -1,4 +1,4 @@
-"""Terminals of the FMU of a system: those of its components, as far as their variables are outside."""
+"""Terminals of the FMU of a system: those of its components whose variables the FMU has."""
 
 from collections.abc import Iterator, Sequence
 from xml.etree.ElementTree import Element, SubElement
@@ -13,27 +13,27 @@ from .plan import ContainerPlan, Library
 from .variables import ContainerVariable
 
 
-def container_terminals(plan: ContainerPlan, variables: Sequence[ContainerVariable]) -> bytes | None:
+def write_terminals(plan: ContainerPlan, variables: Sequence[ContainerVariable]) -> bytes | None:
     """Return the file as UTF-8 XML, or None without terminals.
 
     Members keep their names, so that they connect with the terminals of other FMUs. The terminal `load` of
     the component `lift.plant` becomes `lift.plant.load`.
     """
     members = [dict(_read_members(library)) for library in plan.libraries]
-    found: dict[str, dict[str, str]] = {}
+    members_by_terminal: dict[str, dict[str, str]] = {}
     for variable in variables:
         part = plan.parts[variable.part]
-        known = members[part.library].get(variable.own.name)
-        if known is not None and variable.causality in ("input", "output"):
-            terminal, member = known
-            found.setdefault(f"{part.name}.{terminal}", {}).setdefault(member, variable.name)
-    if not found:
+        terminal_member = members[part.library].get(variable.part_variable.name)
+        if terminal_member is not None and variable.causality in ("input", "output"):
+            terminal, member = terminal_member
+            members_by_terminal.setdefault(f"{part.name}.{terminal}", {}).setdefault(member, variable.name)
+    if not members_by_terminal:
         return None
     root = Element("fmiTerminalsAndIcons", fmiVersion="3.0")
     terminals = SubElement(root, "Terminals")
-    for name, inside in found.items():
+    for name, members_inside in members_by_terminal.items():
         terminal = SubElement(terminals, "Terminal", name=name, matchingRule="bus")
-        for member, variable in inside.items():
+        for member, variable in members_inside.items():
             attributes = {"variableName": variable, "memberName": member, "variableKind": "signal"}
             SubElement(terminal, "TerminalMemberVariable", attributes)
     return format_xml(root)

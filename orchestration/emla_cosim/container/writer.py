@@ -20,22 +20,22 @@ from ..master.algorithms.algorithm import Algorithm
 from ..master.stepping.timing import CommunicationPoints
 from ..stepper.library import native_sources
 from ..system.model import System
-from .c_tables import SystemTables, part_source
+from .c_tables import SystemTables, write_part_source
 from .description import describe_container
-from .page import container_page
+from .page import render_page
 from .plan import ContainerPlan, Library, plan_container
-from .terminals import container_terminals
+from .terminals import write_terminals
 from .variables import ContainerVariable, list_variables
 
 _SHARED = (
     *("messages.h", "logging.h", "conversions.h"),
     *("fmi2_types.h", "fmi2_status.h", "fmi3_types.h", "fmi3_values.h", "fmi3_lacking.h"),
 )
-"""C files of fmublock's FMUs that this one has, too, as far as they are for its version of FMI."""
+"""C files that this FMU shares with those of fmublock, if they are for its version of FMI."""
 
 
 def check_container(path: Path, overwrite: bool = False) -> OutputFile:
-    """Return the file of an FMU, which may be written. Raises CommandError if it must not be written."""
+    """Return the file of an FMU, which may be written. Raises CommandError if it must not be replaced."""
     return OutputFile(path, "the FMU", _is_ours, overwrite, creates_folder=True)
 
 
@@ -53,7 +53,7 @@ def write_container(
     times: CommunicationPoints,
     inputs: Collection[str] = (),
     outputs: Collection[str] = (),
-    shown: Callable[[Collection[str]], Sequence[str]] = lambda names: [],
+    list_default_outputs: Callable[[Collection[str]], Sequence[str]] = lambda names: [],
     platforms: Sequence[str] = (),
     fmi: int = 2,
     overwrite: bool = False,
@@ -61,7 +61,7 @@ def write_container(
 ) -> Mapping[str, Mapping[str, Any]]:
     """Write a system as one co-simulation FMU, which steps its FMUs as the algorithm does.
 
-    FMUs of this project are compiled in, for any platform. Others are carried along with their libraries.
+    FMUs of this project are compiled in, for any platform. The libraries of others are packed into it.
     Equal content gives equal bytes.
 
     Args:
@@ -73,49 +73,50 @@ def write_container(
         algorithm: The algorithm that steps it.
         times: Start, stop and step size.
         inputs: Names or patterns of the inputs, among those that nothing drives. Default: all of these.
-        outputs: Names or patterns of the outputs. Default: `shown`.
-        shown: Returns the outputs without `outputs` from the names of all signals. None means all outputs.
+        outputs: Names or patterns of the outputs. Default: `list_default_outputs`.
+        list_default_outputs: Returns the outputs if `outputs` is empty, from the names of all signals; an empty
+            list means all outputs.
         platforms: FMI platforms. Default: that of this machine.
         fmi: Version of FMI, 2 or 3. Its FMUs keep theirs.
         overwrite: Whether to replace a file that emla did not write.
         progress: Receives the progress of compiling.
 
     Returns:
-        The start values that an FMU did not take, by component; see `Assembly.list_lost_values`.
+        The start values that an FMU changed, by component; see `Assembly.list_lost_values`.
 
     Raises:
         CommandError: The system cannot be one FMU, or the file must not be replaced.
         RunError: It cannot be initialized or compiled, or the file cannot be written.
     """
-    plan, told = plan_container(system, fmus, algorithm, times), progress or Progress()
-    wanted = list(platforms) or [host_platform()]
+    plan, reporter = plan_container(system, fmus, algorithm, times), progress or Progress()
+    required_platforms = list(platforms) or [host_platform()]
     for library in plan.libraries:
-        _check_platforms(library, wanted)
-    variables = list_variables(plan, inputs, outputs, shown(plan.network.names))
+        _check_platforms(library, required_platforms)
+    variables = list_variables(plan, inputs, outputs, list_default_outputs(plan.network.names))
     identifier = re.sub(r"\W", "_", path.stem, flags=re.ASCII)
     identifier = identifier if re.match(r"[A-Za-z_]", identifier) else f"_{identifier}"
-    content, mains = _content(plan, identifier, variables, wanted, fmi)
-    content["documentation/index.html"] = container_page(plan, name, description, variables, system).encode()
-    terminals = container_terminals(plan, variables)
+    content, mains = _collect_content(plan, identifier, variables, required_platforms, fmi)
+    content["documentation/index.html"] = render_page(plan, name, description, variables, system).encode()
+    terminals = write_terminals(plan, variables)
     if terminals is not None:
         content[TERMINALS] = terminals
-    listed = mains if all(x.source for x in plan.libraries) else []
-    described = (plan, name, identifier, description)
+    source_files = mains if all(x.source for x in plan.libraries) else []
+    arguments = (plan, name, identifier, description)
     try:
-        anonymous = describe_container(*described, "", variables, listed, fmi)
+        anonymous = describe_container(*arguments, "", variables, source_files, fmi)
     except BuildError as error:
         raise CommandError(str(error)) from error
     guid = content_guid({**content, "modelDescription.xml": anonymous})
-    content["modelDescription.xml"] = describe_container(*described, guid, variables, listed, fmi)
+    content["modelDescription.xml"] = describe_container(*arguments, guid, variables, source_files, fmi)
     content["sources/guid.h"] = f'#define MODEL_GUID "{guid}"\n'.encode()
-    told.begin("compiling", len(wanted))
+    reporter.begin("compiling", len(required_platforms))
     try:
         binaries = compile_libraries(
             identifier,
             mains,
             content,
-            wanted,
-            lambda: told.advance(1),
+            required_platforms,
+            lambda: reporter.advance(1),
             loads=any(x.source is None for x in plan.libraries),
         )
         binaries = rename_folders(binaries, fmi)
@@ -124,7 +125,7 @@ def write_container(
     file = check_container(path, overwrite)
     with file.report_errors():
         write_archive(path, {**content, **binaries}, key_comment(guid.strip("{}")), check=file.check_again)
-    return plan.lost
+    return plan.changed_start_values
 
 
 def _check_platforms(library: Library, platforms: Sequence[str]) -> None:
@@ -139,7 +140,7 @@ def _check_platforms(library: Library, platforms: Sequence[str]) -> None:
         )
 
 
-def _content(
+def _collect_content(
     plan: ContainerPlan,
     identifier: str,
     variables: Sequence[ContainerVariable],
@@ -148,8 +149,8 @@ def _content(
 ) -> tuple[dict[str, bytes], list[str]]:
     """Return the files of the FMU by path, and the C files to compile."""
     shim = files("emla_cosim.container").joinpath("shim")
-    own = (f for f in shim.iterdir() if f.name.endswith((".c", ".h")))
-    content = {f"sources/{f.name}": f.read_bytes() for f in own if is_for(f.name, fmi)}
+    shim_files = (f for f in shim.iterdir() if f.name.endswith((".c", ".h")))
+    content = {f"sources/{f.name}": f.read_bytes() for f in shim_files if is_for(f.name, fmi)}
     content |= {f"sources/stepper/{name}": text for name, text in _stepper_files().items()}
     blocks = sources("shim", fmi)
     content |= {f"sources/{name}": blocks[f"sources/{name}"] for name in _SHARED if is_for(name, fmi)}
@@ -160,16 +161,16 @@ def _content(
     for library in plan.libraries:
         folder = library.folder
         if library.source is not None:
-            content[f"sources/{folder}.c"] = part_source(folder, library.source).encode()
+            content[f"sources/{folder}.c"] = write_part_source(folder, library.source).encode()
             mains.append(f"{folder}.c")
-            content |= _moved(library, "sources", f"sources/{folder}")
+            content |= _relocate(library, "sources", f"sources/{folder}")
         else:
             content[f"resources/{folder}/modelDescription.xml"] = library.content["modelDescription.xml"]
             for platform in platforms:
                 binaries = f"binaries/{binaries_folder(platform, library.fmi)}"
-                content |= _moved(library, binaries, f"resources/{folder}/binaries/{platform}")
-        content |= _moved(library, "resources", f"resources/{folder}/resources")
-        content |= _moved(library, "documentation/licenses", f"documentation/licenses/{folder}")
+                content |= _relocate(library, binaries, f"resources/{folder}/binaries/{platform}")
+        content |= _relocate(library, "resources", f"resources/{folder}/resources")
+        content |= _relocate(library, "documentation/licenses", f"documentation/licenses/{folder}")
     if fmi == 3 and all(x.source for x in plan.libraries):
         content["sources/buildDescription.xml"] = build_description(identifier, mains)
     return content, mains
@@ -177,13 +178,13 @@ def _content(
 
 def _stepper_files() -> dict[str, bytes]:
     """Return the C files of the stepper that steps need."""
-    present, wanted = native_sources(), ["step.h", "event_calls.h"]
-    for name in wanted:
-        included = re.findall(r'#include "(\w+\.h)"', present[name].decode())
-        wanted += [x for x in included if x in present and x not in wanted]
-    return {name: present[name] for name in wanted}
+    available, required = native_sources(), ["step.h", "event_calls.h"]
+    for name in required:
+        included = re.findall(r'#include "(\w+\.h)"', available[name].decode())
+        required += [x for x in included if x in available and x not in required]
+    return {name: available[name] for name in required}
 
 
-def _moved(library: Library, folder: str, inside: str) -> dict[str, bytes]:
+def _relocate(library: Library, folder: str, inside: str) -> dict[str, bytes]:
     """Return the files in a folder of an FMU by their path in the container."""
     return {f"{inside}/{path}": content for path, content in library.files_in(folder).items()}

@@ -49,22 +49,22 @@ class Fault:
 
     def __post_init__(self) -> None:
         check_choice("kind of fault", self.kind, KINDS)
-        of = f"the fault of {self.signal}"
+        subject = f"the fault of {self.signal}"
         number = self.value
         if isinstance(number, str):
-            number, unit = split_quantity(number, f"the value of {of}")
+            number, unit = split_quantity(number, f"the value of {subject}")
             if self.kind == "gain" or not unit:
-                number = read_quantity(str(self.value), f"the value of {of}", "1")
+                number = read_quantity(str(self.value), f"the value of {subject}", "1")
                 object.__setattr__(self, "value", number)
         if not math.isfinite(self.start):
-            raise CommandError(f"{of} begins at {self.start:g} s; that must be a finite number.")
+            raise CommandError(f"{subject} begins at {self.start:g} s; that must be a finite number.")
         if self.duration is not None and not 0.0 < self.duration < math.inf:
-            raise CommandError(f"{of} lasts {self.duration:g} s; that must be a positive number.")
+            raise CommandError(f"{subject} lasts {self.duration:g} s; that must be a positive number.")
         if number is not None and not math.isfinite(number):
-            raise CommandError(f"{of} has the value {number:g}; that must be a finite number.")
+            raise CommandError(f"{subject} has the value {number:g}; that must be a finite number.")
         if (self.value is None) != (self.kind == "freeze"):
             needs = "keeps the last value of the signal; leave out" if self.kind == "freeze" else "needs"
-            raise CommandError(f"{of} is of the kind {self.kind}, which {needs} a value.")
+            raise CommandError(f"{subject} is of the kind {self.kind}, which {needs} a value.")
 
     @classmethod
     def of_text(cls, text: str) -> "Fault":
@@ -73,17 +73,17 @@ class Fault:
         Raises:
             CommandError: the text cannot be read.
         """
-        found = _TEXT.fullmatch(text.strip())
-        if found is None:
+        match = _TEXT.fullmatch(text.strip())
+        if match is None:
             raise CommandError(
                 f"the fault '{text}' cannot be read; write SIGNAL=KIND:VALUE@START+DURATION, such as "
                 "lift.plant.x_measured=offset:1e-3@1+0.1."
             )
-        signal, label = found["signal"].strip(), f"the time of the fault '{text}'"
-        start = read_quantity(found["start"], label, "s")
-        length = found["duration"]
+        signal, label = match["signal"].strip(), f"the time of the fault '{text}'"
+        start = read_quantity(match["start"], label, "s")
+        length = match["duration"]
         duration = None if length is None else read_quantity(length, label, "s")
-        return cls(signal, found["kind"], start, duration, found["value"])
+        return cls(signal, match["kind"], start, duration, match["value"])
 
     def __str__(self) -> str:
         value = "" if self.value is None else f":{self.value}"

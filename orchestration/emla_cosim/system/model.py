@@ -44,8 +44,8 @@ class Component:
         parameters: start values by name of the variable; those of enumerations by number or name.
         fmu: path of an FMU.
         aliases: variables that have another name or unit in the FMU.
-        samples: whether it computes at communication points only, as a digital controller does. The values it
-            holds between them are then no error of the coupling.
+        samples: whether it computes at communication points only, as a digital controller does. Holding its
+            values between them does not count as a coupling error.
         kind: as what its FMU runs: `cs` (co-simulation) or `me` (Model Exchange). Default: co-simulation if
             the FMU has that.
         event_mode: whether its FMU uses event mode and early return, if it has them.
@@ -148,7 +148,7 @@ class System:
         return f"<System of {', '.join(count_parts(self))}>"
 
     def _repr_html_(self) -> str:
-        """Return what a notebook shows: diagram, components and connections."""
+        """Return the HTML for notebooks: diagram, components and connections."""
         return render_cell(self)
 
     @classmethod
@@ -182,9 +182,11 @@ class System:
             >>> ec.load(system, step_size=1e-3, stop_time=0.01).prepare().run().steps
             10
         """
-        made = cls(tuple(_component(name, what) for name, what in components.items()), ())
-        wired = replace(made, connections=tuple(made._connection(text) for text in connections))
-        return wired.with_parameters(list_elements(set or {}))
+        unconnected = cls(tuple(_make_component(name, content) for name, content in components.items()), ())
+        connected = replace(
+            unconnected, connections=tuple(unconnected._read_connection(text) for text in connections)
+        )
+        return connected.with_parameters(list_elements(set or {}))
 
     @property
     def branches(self) -> list[str]:
@@ -201,7 +203,7 @@ class System:
     def component(self, name: str) -> Component:
         """Return the component of this name; raise CommandError if it does not exist."""
         if name not in self._by_name:
-            raise self._unknown(name)
+            raise self._make_unknown_error(name)
         return self._by_name[name]
 
     def into(self, name: str) -> Sequence[Connection]:
@@ -222,17 +224,17 @@ class System:
         """
         path = str(path)
         dots = (i for i in reversed(range(len(path) - 1)) if path[i] == ".")
-        found = next((i for i in dots if path[:i] in self._by_name), None)  # the longest name wins
-        if found is None and path and (main := self.find_main()) is not None:
+        dot = next((i for i in dots if path[:i] in self._by_name), None)  # the longest name wins
+        if dot is None and path and (main := self.find_main()) is not None:
             return main, path
-        if found is None:
+        if dot is None:
             longest = max(c.name.count(".") for c in self.components) + 1 if self.components else 1
             names = path.split(".")
             if len(names) <= longest or not names[-1]:
                 example = f"{self.components[0].name}.VARIABLE" if self.components else "COMPONENT.VARIABLE"
                 raise ShortNameError(f"'{path}' is not a variable; write it as {example}.", name=path)
-            raise self._unknown(".".join(names[:longest]))
-        return self._by_name[path[:found]], path[found + 1 :]
+            raise self._make_unknown_error(".".join(names[:longest]))
+        return self._by_name[path[:dot]], path[dot + 1 :]
 
     def find_main(self) -> Component | None:
         """Return the component whose variables need no component's name; None if there is none."""
@@ -284,9 +286,9 @@ class System:
         Raises:
             CommandError: a connection cannot be read.
         """
-        added = {x.ends[1]: x for x in map(self._connection, connections)}
-        kept = (x for x in self.connections if x.ends[1] not in added)
-        return replace(self, connections=(*kept, *added.values()))
+        added = {x.ends[1]: x for x in map(self._read_connection, connections)}
+        remaining = (x for x in self.connections if x.ends[1] not in added)
+        return replace(self, connections=(*remaining, *added.values()))
 
     def without_connections(self, *inputs: str) -> "System":
         """Return the system without the connections to these inputs, so that you can set them.
@@ -303,8 +305,8 @@ class System:
             freed.add((component.name, variable))
         missing = freed - {x.ends[1] for x in self.connections}
         if missing:
-            named = join_names(sorted(".".join(end) for end in missing))
-            raise CommandError(f"nothing drives {named}.", names=sorted(missing))
+            input_names = join_names(sorted(".".join(end) for end in missing))
+            raise CommandError(f"nothing drives {input_names}.", names=sorted(missing))
         return replace(self, connections=tuple(x for x in self.connections if x.ends[1] not in freed))
 
     @cached_property
@@ -320,34 +322,34 @@ class System:
             by_target.setdefault(x.target, []).append(x)
         return by_source, by_target
 
-    def _connection(self, text: str) -> Connection:
+    def _read_connection(self, text: str) -> Connection:
         source, arrow, target = (part.strip() for part in str(text).partition("->"))
         if not (source and arrow and target):
             raise CommandError(f"'{text}' is not a connection; write a.output -> b.input.", name=text)
         (source, output), (target, input_) = self.split(source), self.split(target)
         return Connection(source.name, output, target.name, input_, from_text=True)
 
-    def _unknown(self, name: str) -> CommandError:
+    def _make_unknown_error(self, name: str) -> CommandError:
         branch = name.partition(".")[0]
-        inside = [c.name for c in self.components if c.branch == branch]
-        known = inside or [c.name for c in self.components] or ["none"]
-        more = f", and {len(known) - 8} more" if len(known) > 8 else ""
+        siblings = [c.name for c in self.components if c.branch == branch]
+        existing = siblings or [c.name for c in self.components] or ["none"]
+        more = f", and {len(existing) - 8} more" if len(existing) > 8 else ""
         return CommandError(
-            f"there is no component '{name}'; there are {join_names(known[:8])}{more}.",
+            f"there is no component '{name}'; there are {join_names(existing[:8])}{more}.",
             name=name,
-            choices=known,
+            choices=existing,
         )
 
 
-def _component(name: str, what: str | Path | type) -> Component:
+def _make_component(name: str, content: str | Path | type) -> Component:
     """Return a component from a file, a block, or the name of one of our models."""
-    if isinstance(what, type):
-        return Component(name, model=what)
-    if not isinstance(what, (str, Path)):
-        raise CommandError(f"{name} is {what!r}; it must be an FMU file, a block class or a model name.")
-    if isinstance(what, Path) or what.lower().endswith(".fmu"):
-        return Component(name, fmu=Path(what))
-    return Component(name, model=what)
+    if isinstance(content, type):
+        return Component(name, model=content)
+    if not isinstance(content, (str, Path)):
+        raise CommandError(f"{name} is {content!r}; it must be an FMU file, a block class or a model name.")
+    if isinstance(content, Path) or content.lower().endswith(".fmu"):
+        return Component(name, fmu=Path(content))
+    return Component(name, model=content)
 
 
 def count_parts(system: System) -> list[str]:
@@ -365,7 +367,7 @@ def render_cell(
     facts: Sequence[str] = (),
     notes: Sequence[str] = (),
 ) -> str:
-    """Return what a notebook shows of a system, or of a scenario or simulation of it; see `render_system`."""
+    """Return the HTML for notebooks of a system, scenario or simulation; see `render_system`."""
     from ..views.system_cell import render_system
 
     return render_system(system, title, description, facts, notes)

@@ -1,4 +1,4 @@
-"""The resolver of names: which variables of a system a user means, and whether they can be set."""
+"""The resolver of names: which variables of a system a text names, and whether they can be set."""
 
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -17,7 +17,7 @@ from ..fmu.interface import Interface
 from ..fmu.variables import explain_fixed, find_variable, suggest_settable
 from .model import Component, System, Value
 
-_LISTED = 3
+_MAX_LISTED = 3
 """The number of variables that a message lists."""
 
 
@@ -130,18 +130,18 @@ class Names:
         try:
             component, name = self._system.split(text)
         except CommandError as error:
-            if full := [n for n in self.all if n.endswith(f".{text}")][:_LISTED]:
+            if full := [n for n in self.all if n.endswith(f".{text}")][:_MAX_LISTED]:
                 raise CommandError(
                     f"'{text}' is not a full name; write {' or '.join(full)}.", name=text
                 ) from error
             raise
-        interface, own = self.interfaces[component.name], component.alias(name).variable
-        other = self._replacements.get(component.name)
-        is_settable = own in interface.variables and interface.is_settable(own)
-        if other is not None and not is_settable and name in other.variables:
-            return NamedVariable(component, name, other)
-        if own not in interface.variables:
-            find_variable(component.name, _variables(component, interface), name)
+        interface, fmu_name = self.interfaces[component.name], component.alias(name).variable
+        replacement = self._replacements.get(component.name)
+        is_settable = fmu_name in interface.variables and interface.is_settable(fmu_name)
+        if replacement is not None and not is_settable and name in replacement.variables:
+            return NamedVariable(component, name, replacement)
+        if fmu_name not in interface.variables:
+            find_variable(component.name, _map_variables(component, interface), name)
         return NamedVariable(component, name, interface)
 
     def get(self, text: str) -> NamedVariable | None:
@@ -179,7 +179,7 @@ class Names:
         return explain_fixed(variable.interface, variable.fmu_name)
 
     def is_free(self, variable: NamedVariable) -> bool:
-        """Return whether patterns set a variable: it accepts a start value, and is no size of an array."""
+        """Return whether patterns set a variable: it accepts a start value, and is no array's size."""
         return not variable.is_structural and self.explain_fixed(variable) is None
 
     def resolve(
@@ -211,11 +211,11 @@ class Names:
             return free
         variable = self.find(text)
         if (reason := self.explain_fixed(variable)) is not None:
-            near = "."
+            suggestion = "."
             if variable.end not in self._drivers:
-                near = suggest_settable(variable.component.name, variable.interface, variable.fmu_name)
+                suggestion = suggest_settable(variable.component.name, variable.interface, variable.fmu_name)
             raise CommandError(
-                f"{subject or variable.full_name} cannot be {action}: {reason}{near}", name=text
+                f"{subject or variable.full_name} cannot be {action}: {reason}{suggestion}", name=text
             )
         return [variable]
 
@@ -231,13 +231,13 @@ class Names:
         Raises:
             CommandError: A name does not exist or accepts no start value, or a unit does not fit.
         """
-        matched, named = dict[str, Value](), dict[str, Value]()
+        by_pattern, by_name = dict[str, Value](), dict[str, Value]()
         for text, value in values.items():
             variables = self.resolve(text)
             is_name = text in (variables[0].full_name, variables[0].name)
-            found = named if is_name else matched
-            found |= {v.full_name: v.convert(value) for v in variables}
-        return matched | named
+            values_of_kind = by_name if is_name else by_pattern
+            values_of_kind |= {v.full_name: v.convert(value) for v in variables}
+        return by_pattern | by_name
 
     def with_converted_values(self) -> System:
         """Return the system with its start values as numbers in the units of their variables.
@@ -259,28 +259,28 @@ class Names:
         return {
             f"{c.name}.{name}": NamedVariable(c, name, self.interfaces[c.name])
             for c in self._system.components
-            for name in _variables(c, self.interfaces[c.name])
+            for name in _map_variables(c, self.interfaces[c.name])
         }
 
     def _explain_no_match(self, pattern: str, matching: list[NamedVariable]) -> CommandError:
         reasons = {v.full_name: reason for v in matching if (reason := self.explain_fixed(v)) is not None}
         if reasons:
-            more = len(reasons) - _LISTED
-            listed = [*list(reasons)[:_LISTED], *([f"{more} more"] if more > 0 else [])]
+            hidden_count = len(reasons) - _MAX_LISTED
+            listed = [*list(reasons)[:_MAX_LISTED], *([f"{hidden_count} more"] if hidden_count > 0 else [])]
             first = next(iter(reasons.values()))
             why = first if len(set(reasons.values())) == 1 else "they are computed or driven"
             return CommandError(
                 f"'{pattern}' matches {join_names(listed)}, which cannot be set: {why}.", name=pattern
             )
-        text = pattern.replace("*", "").replace("?", "").strip(".")
-        count = text.count(".") + 1
+        stem = pattern.replace("*", "").replace("?", "").strip(".")
+        count = stem.count(".") + 1
         words = [name.split(".") for name, v in self.all.items() if self.is_free(v)]
         parts = {".".join(w[i : i + count]): None for w in words for i in range(len(w) - count + 1)}
-        meant = suggest_names(text, parts, "* matches any text, ? one character.")
-        return CommandError(f"no variable that can be set matches '{pattern}'; {meant}", name=pattern)
+        suggestion = suggest_names(stem, parts, "* matches any text, ? one character.")
+        return CommandError(f"no variable that can be set matches '{pattern}'; {suggestion}", name=pattern)
 
 
-def _variables(component: Component, interface: Interface) -> dict[str, ModelVariable]:
+def _map_variables(component: Component, interface: Interface) -> dict[str, ModelVariable]:
     """Return the variables of a component by their names in the system, in the order of the FMU."""
-    names = {own: name for own, (name, _) in component.by_fmu_name.items()}
-    return {names.get(own, own): variable for own, variable in interface.variables.items()}
+    names = {fmu_name: name for fmu_name, (name, _) in component.by_fmu_name.items()}
+    return {names.get(fmu_name, fmu_name): variable for fmu_name, variable in interface.variables.items()}

@@ -16,7 +16,7 @@ from ..fmu.interface import Interface
 from ..fmu.variables import find_variable
 from .model import Component, Connection, System, Value
 
-_UNSEEN = ("Cc", "Cs", "Zl", "Zp")
+_INVISIBLE = ("Cc", "Cs", "Zl", "Zp")
 """Unicode categories: control characters, surrogates, line and paragraph separators."""
 
 
@@ -32,7 +32,7 @@ def resolve_system(system: System, interfaces: Mapping[str, Interface]) -> Syste
     """
     names: set[str] = set()
     for name in (c.name for c in system.components):
-        if not name or any(unicodedata.category(letter) in _UNSEEN for letter in name):
+        if not name or any(unicodedata.category(letter) in _INVISIBLE for letter in name):
             raise CommandError(
                 f"the component {name!r} needs another name: one line, without control characters.", name=name
             )
@@ -47,7 +47,7 @@ def resolve_system(system: System, interfaces: Mapping[str, Interface]) -> Syste
     for component in components:
         refuse_driven(component, system)
     connections = (
-        replace(x, transformation=_transformation(x, system, interfaces)) for x in system.connections
+        replace(x, transformation=_check_and_transform(x, system, interfaces)) for x in system.connections
     )
     return replace(system, components=components, connections=tuple(connections))
 
@@ -75,12 +75,12 @@ def convert_to_fmu_terms(component: Component) -> Component:
     return replace(component, parameters=values, aliases={})
 
 
-def _transformation(
+def _check_and_transform(
     connection: Connection, system: System, interfaces: Mapping[str, Interface]
 ) -> LinearTransformation:
     """Return the transformation of a connection after checking types and causalities."""
-    source = _type(system.component(connection.source), interfaces, connection.output, "output")
-    target = _type(system.component(connection.target), interfaces, connection.input, "input")
+    source = _find_type(system.component(connection.source), interfaces, connection.output, "output")
+    target = _find_type(system.component(connection.target), interfaces, connection.input, "input")
     if (source.kind == CLOCK) != (target.kind == CLOCK):
         raise CommandError(
             f"the connection {connection} joins the types {source.kind} and {target.kind}: only an output "
@@ -95,18 +95,18 @@ def _transformation(
             raise CommandError(f"{message}.")
         fault = "an Integer sets an Enumeration by its number, and nothing checks that it has this value"
         accept_if_lenient(str(connection), fault, message)
-    _accept_meaning(connection, interfaces)
+    _check_mime_types(connection, interfaces)
     transformation = find_transformation(connection, interfaces)
     if transformation != IDENTITY and target.kind != "Real":
         raise CommandError(f"the connection {connection} transforms values of the type {target.kind}.")
-    _accept_quantities(connection, transformation, interfaces)
+    _check_quantities(connection, transformation, interfaces)
     if not (math.isfinite(transformation.factor) and math.isfinite(transformation.offset)):
         raise CommandError(f"the connection {connection} has the transformation {transformation}.")
     return transformation
 
 
-def _accept_meaning(connection: Connection, interfaces: Mapping[str, Interface]) -> None:
-    """Raise CommandError if the ends of a connection are Binary with another `mimeType`, unless lenient."""
+def _check_mime_types(connection: Connection, interfaces: Mapping[str, Interface]) -> None:
+    """Raise CommandError if the Binary ends of a connection have different `mimeType`s, unless lenient."""
     output, input_ = (interfaces[component].variables[name] for component, name in connection.ends)
     meanings = [v.mime_type for v in (output, input_) if isinstance(v, ElementVariable)]
     if len(set(meanings)) > 1:
@@ -118,12 +118,12 @@ def _accept_meaning(connection: Connection, interfaces: Mapping[str, Interface])
         )
 
 
-def _accept_quantities(
+def _check_quantities(
     connection: Connection, transformation: LinearTransformation, interfaces: Mapping[str, Interface]
 ) -> None:
     """Raise CommandError if a temperature drives a difference of temperatures, or vice versa, unless lenient.
 
-    An offset of the connection, such as that of an ambient temperature, makes one of the other.
+    An offset of the connection, such as an ambient temperature, converts one into the other.
     """
     source, target = (interfaces[component].unit(name) for component, name in connection.ends)
     if source is None or target is None or source.is_difference == target.is_difference:
@@ -144,7 +144,7 @@ def _accept_quantities(
 def _explain_loss(source: SignalType, target: SignalType) -> str | None:
     """Return why values of one type cannot become values of another; None if they can.
 
-    SSP 2.0 leaves conversions to implementations. These keep every value: Integer, Boolean (0 or 1) and
+    SSP 2.0 leaves conversions to implementations. These conversions keep every value: Integer, Boolean (0 or 1) and
     Enumeration (the number of the value) to Real, Boolean and Enumeration to Integer.
     """
     if source.kind == target.kind == "Enumeration":
@@ -188,7 +188,9 @@ def find_transformation(connection: Connection, interfaces: Mapping[str, Interfa
         ) from error
 
 
-def _type(component: Component, interfaces: Mapping[str, Interface], name: str, causality: str) -> SignalType:
+def _find_type(
+    component: Component, interfaces: Mapping[str, Interface], name: str, causality: str
+) -> SignalType:
     """Return the type of a connected variable; raise CommandError if it cannot be connected."""
     interface = interfaces[component.name]
     if name in interface.clocks and name not in interface.variables:

@@ -32,57 +32,63 @@ def add_fault_components(system: System, faults: Sequence[Fault]) -> tuple[Syste
     Raises:
         CommandError: If a component does not exist.
     """
-    taken, placed = {c.name for c in system.components}, dict[str, Fault]()
+    used_names, faults_by_component = {c.name for c in system.components}, dict[str, Fault]()
     for fault in faults:
         component, variable = system.split(fault.signal)
         first = f"{component.name}_{variable.replace('.', '_')}_fault"  # not inside of the component
-        name = find_free_name(first, taken)
-        taken.add(name)
-        placed[name] = fault
-    made = (Component(name, MODEL, _start_values(fault)) for name, fault in placed.items())
-    return replace(system, components=(*system.components, *made)), placed
+        name = find_free_name(first, used_names)
+        used_names.add(name)
+        faults_by_component[name] = fault
+    components = (
+        Component(name, MODEL, _list_start_values(fault)) for name, fault in faults_by_component.items()
+    )
+    return replace(system, components=(*system.components, *components)), faults_by_component
 
 
-def wire_faults(system: System, placed: FaultComponents, interfaces: Mapping[str, Interface]) -> System:
+def wire_faults(
+    system: System, faults_by_component: FaultComponents, interfaces: Mapping[str, Interface]
+) -> System:
     """Connect the components of `add_fault_components`; several faults of a signal apply in their order.
 
     Args:
         system: The system with these components.
-        placed: The faults by component.
+        faults_by_component: The faults by component.
         interfaces: The model descriptions by component.
 
     Raises:
         CommandError: If a signal does not exist, is not connected, or is not continuous, or if a unit does
             not fit.
     """
-    signals = {name: _find_signal(Names(system, interfaces), fault) for name, fault in placed.items()}
+    signals = {
+        name: _find_signal(Names(system, interfaces), fault) for name, fault in faults_by_component.items()
+    }
     for name, signal in signals.items():
-        fault = placed[name]
+        fault = faults_by_component[name]
         if isinstance(fault.value, str):
             unit = signal.unit
             if unit is not None and fault.kind == "offset":
                 unit = replace(unit, is_difference=True)
             value = read_quantity(fault.value, f"the value of the fault of {signal.full_name}", unit)
-            values = _start_values(replace(fault, value=value))
+            values = _list_start_values(replace(fault, value=value))
             system = system.with_component(replace(system.component(name), parameters=values))
     outputs = [name for name, signal in signals.items() if signal.variable.causality == "output"]
     for name in reversed(outputs):  # each is connected directly to the output
         end = signals[name].end
         if not any(x.ends[0] == end for x in system.connections):
             raise CommandError(f"{'.'.join(end)} is not connected, so a fault of it would have no effect.")
-        system = _insert(system, Connection(*end, name, "u"), interfaces, source=name, output="y")
+        system = _insert_fault(system, Connection(*end, name, "u"), interfaces, source=name, output="y")
     for name, signal in signals.items():
         if name in outputs:
             continue
         if any(x.ends[1] == signal.end for x in system.connections):
             added = Connection(name, "y", *signal.end)
-            system = _insert(system, added, interfaces, target=name, input="u")
+            system = _insert_fault(system, added, interfaces, target=name, input="u")
         else:
-            system = _at_free_input(system, name, signal)
+            system = _connect_free_input(system, name, signal)
     return system
 
 
-def _start_values(fault: Fault) -> dict[str, Value]:
+def _list_start_values(fault: Fault) -> dict[str, Value]:
     values: dict[str, Value] = {"start": fault.start}
     if isinstance(fault.value, str):
         return values  # `wire_faults` sets them, once the unit of the signal is known
@@ -112,7 +118,9 @@ def _find_signal(names: Names, fault: Fault) -> NamedVariable:
     return signal
 
 
-def _insert(system: System, added: Connection, interfaces: Mapping[str, Interface], **ends: str) -> System:
+def _insert_fault(
+    system: System, added: Connection, interfaces: Mapping[str, Interface], **ends: str
+) -> System:
     """Insert a fault, which has the other `ends`, into the connections of an output or an input.
 
     At an output it is before the conversion of units, at an input behind it.
@@ -125,7 +133,7 @@ def _insert(system: System, added: Connection, interfaces: Mapping[str, Interfac
     return replace(system, connections=(*connections, added))
 
 
-def _at_free_input(system: System, name: str, signal: NamedVariable) -> System:
+def _connect_free_input(system: System, name: str, signal: NamedVariable) -> System:
     """Connect a fault to an unconnected input; the input's value becomes the fault's input value."""
     component = system.component(signal.component.name)
     values = dict(component.parameters)
@@ -143,6 +151,6 @@ def _convert_connection(
 ) -> Connection:
     """Return a connection with another end, which has no unit: the unit conversion is made explicit."""
     transformation = connection.transformation
-    if transformation is None and (between := find_transformation(connection, interfaces)) != IDENTITY:
-        transformation = between
+    if transformation is None and (conversion := find_transformation(connection, interfaces)) != IDENTITY:
+        transformation = conversion
     return replace(connection, transformation=transformation, **ends)

@@ -22,27 +22,29 @@ def connect_elements(system: System, names: Mapping[str, Collection[str]]) -> Sy
     """
     if not any(x.from_text for x in system.connections):
         return system
-    connections = [y for x in system.connections for y in (_elements(x, names) if x.from_text else [x])]
+    connections = [
+        y for x in system.connections for y in (_expand_elements(x, names) if x.from_text else [x])
+    ]
     return replace(system, connections=tuple(connections))
 
 
-def _elements(connection: Connection, names: Mapping[str, Collection[str]]) -> Iterator[Connection]:
+def _expand_elements(connection: Connection, names: Mapping[str, Collection[str]]) -> Iterator[Connection]:
     """Yield the connections of the elements, or the connection itself if it is not of vectors."""
-    found = [find_indices(name, names[component]) for component, name in connection.ends]
-    if not (found[0] and found[1]):
-        yield connection  # not of vectors, or an error that is raised when the connection is resolved
+    indices = [find_indices(name, names[component]) for component, name in connection.ends]
+    if not (indices[0] and indices[1]):
+        yield connection  # not of vectors, or an error that resolving the connection raises
         return
-    if found[0] != found[1]:
+    if indices[0] != indices[1]:
         ends = [
             f"{c}.{n} has {format_count(len(i), 'element')}"
-            for (c, n), i in zip(connection.ends, found, strict=True)
+            for (c, n), i in zip(connection.ends, indices, strict=True)
         ]
-        differ = "" if len(found[0]) != len(found[1]) else " with other indices"
+        differ = "" if len(indices[0]) != len(indices[1]) else " with other indices"
         raise CommandError(
             f"the connection {connection} joins different shapes: {ends[0]}, {ends[1]}{differ}.",
             connection=str(connection),
         )
-    for index in found[0]:
+    for index in indices[0]:
         yield replace(
             connection,
             output=f"{connection.output}{index}",
@@ -51,18 +53,18 @@ def _elements(connection: Connection, names: Mapping[str, Collection[str]]) -> I
         )
 
 
-def find_indices(name: str, known: Collection[str]) -> list[str]:
+def find_indices(name: str, names: Collection[str]) -> list[str]:
     """Return the indices of a vector, such as `[1]` or `[1,2]`; empty for a scalar.
 
     Args:
         name: The name of the vector.
-        known: The names of all variables.
+        names: The names of all variables.
     """
-    if name in known:
+    if name in names:
         return []
     return [
         n[len(name) :]
-        for n in known
+        for n in names
         if n.startswith(f"{name}[") and n.endswith("]") and "." not in n[len(name) :]
     ]
 
@@ -74,7 +76,7 @@ def sort_indices(indices: Collection[str]) -> list[str]:
     """Return indices such as `[1,2]` in row-major order; unchanged if one is not made of numbers."""
     if not all(_INDEX.fullmatch(index) for index in indices):
         return list(indices)
-    return sorted(indices, key=_numbers)
+    return sorted(indices, key=_parse_index)
 
 
 def find_sizes(indices: Sequence[str]) -> tuple[int, ...]:
@@ -85,10 +87,10 @@ def find_sizes(indices: Sequence[str]) -> tuple[int, ...]:
     """
     if not indices or not all(_INDEX.fullmatch(index) for index in indices):
         return ()
-    axes = [sorted(set(axis)) for axis in itertools.zip_longest(*map(_numbers, indices), fillvalue=-1)]
-    is_full = list(itertools.product(*axes)) == [_numbers(index) for index in indices]
+    axes = [sorted(set(axis)) for axis in itertools.zip_longest(*map(_parse_index, indices), fillvalue=-1)]
+    is_full = list(itertools.product(*axes)) == [_parse_index(index) for index in indices]
     return tuple(map(len, axes)) if is_full else ()
 
 
-def _numbers(index: str) -> tuple[int, ...]:
+def _parse_index(index: str) -> tuple[int, ...]:
     return tuple(map(int, re.findall(r"\d+", index)))

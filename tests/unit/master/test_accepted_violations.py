@@ -40,9 +40,9 @@ def test_early_returns_are_reported_wherever_the_fmu_runs(events: Path, isolate:
         second = simulation.run()
         assert first.remarks == second.remarks == [remark("a")]
         assert simulation.run(set={"a.fault": 0}).remarks == []
-        both = simulation.run(set={"b.fault": UNEXPECTED_RETURN})
-        assert both.remarks == [remark("a"), remark("b")]
-    assert np.array_equal(first["a.x"], both["a.x"])
+        second_run = simulation.run(set={"b.fault": UNEXPECTED_RETURN})
+        assert second_run.remarks == [remark("a"), remark("b")]
+    assert np.array_equal(first["a.x"], second_run["a.x"])
 
 
 @pytest.mark.parametrize("isolate", mostly_slow([True, False], [False]))
@@ -65,6 +65,6 @@ def test_step_that_is_not_completed_reports_its_early_return(events: Path, isola
     with ec.load(System.of({"a": events}, [], values), step_size=2.0, stop_time=2.0).prepare(
         isolate=isolate
     ) as simulation:
-        ended, early = simulation.run().remarks
+        ended, early_return = simulation.run().remarks
         assert "a asked to end the simulation during updateDiscreteStates at t = 0.3 s" in ended
-        assert early == remark("a")
+        assert early_return == remark("a")

@@ -35,18 +35,18 @@ def sums(times: Any, ticks: Any, values: Any) -> Any:
 @pytest.mark.parametrize("clock", TICKS)
 def test_clocks_tick_at_their_times(build: Any, clock: str, start: float, options: dict[str, Any]) -> None:
     system = System.of({"a": build(clock=clock)}, [], {"a.threshold": THRESHOLD, "a.w": 2.0})
-    found = run(system, start_time=start, stop=start + STOP, **options)
+    result = run(system, start_time=start, stop=start + STOP, **options)
     ticks = start + TICKS[clock]
-    assert np.array_equal(found["a.sum"], sums(found["time"], ticks, np.full(len(ticks), 2.0)))
-    assert found["a.sum"][-1] == 2.0 * len(ticks)
+    assert np.array_equal(result["a.sum"], sums(result["time"], ticks, np.full(len(ticks), 2.0)))
+    assert result["a.sum"][-1] == 2.0 * len(ticks)
 
 
 def test_tick_samples_the_inputs_of_its_step(build: Any) -> None:
     system = System.of({"a": build(), "b": build(clock="periodic")}, ["a.x -> b.w"])
-    found = run(system, algorithm="jacobi")
+    result = run(system, algorithm="jacobi")
     ticks = TICKS["periodic"]
     starts = STEP * (np.ceil(ticks / STEP - 1e-9) - 1.0)  # of the steps with the ticks; a.x is the time
-    assert np.allclose(found["b.sum"], sums(found["time"], ticks, starts), rtol=0.0, atol=1e-12)
+    assert np.allclose(result["b.sum"], sums(result["time"], ticks, starts), rtol=0.0, atol=1e-12)
 
 
 def test_input_that_is_set_by_hand_waits_for_the_tick(build: Any) -> None:
@@ -55,17 +55,17 @@ def test_input_that_is_set_by_hand_waits_for_the_tick(build: Any) -> None:
     ).prepare() as simulation:
         simulation.start()
         simulation["a.w"] = 5.0
-        seen = []
+        values_at_ticks = []
         for time in (0.125, 0.25, 0.5):
             simulation.advance(time)
-            seen.append(simulation["a.sum"])
-    assert seen == [0.0, 5.0, 15.0]
+            values_at_ticks.append(simulation["a.sum"])
+    assert values_at_ticks == [0.0, 5.0, 15.0]
 
 
 def test_fmu_that_cannot_vary_its_step_needs_ticks_at_its_points(build: Any) -> None:
     path = build(clock="periodic", varies=False, early=False)
-    found = run(System.of({"a": path}, [], {"a.w": 1.0}), step=0.05)
-    assert found["a.sum"][-1] == len(TICKS["periodic"])
+    result = run(System.of({"a": path}, [], {"a.w": 1.0}), step=0.05)
+    assert result["a.sum"][-1] == len(TICKS["periodic"])
     with pytest.raises(
         RunError, match=r"a clock of a ticks at t = 0\.35 s, within a step, and the FMU cannot vary"
     ):

@@ -21,7 +21,7 @@ ENDLESS_UPDATES, ENDLESS_RETURNS, UNEXPECTED_EVENT, UNEXPECTED_RETURN, NO_TIME, 
 VALUES = {"a.period": PERIOD, "a.threshold": THRESHOLD}
 
 
-def whole(times: Any, length: float) -> Any:
+def step_as_whole(times: Any, length: float) -> Any:
     """Return how many whole lengths fit into each time."""
     return np.floor(np.asarray(times) / length + 1e-9)
 
@@ -43,26 +43,26 @@ def whole(times: Any, length: float) -> Any:
 )
 def test_events_happen_at_their_times(build: Any, flags: dict[str, bool], options: dict[str, Any]) -> None:
     """Compare with the closed form. Without early return, a state event is at the end of a step."""
-    found = run(System.of({"a": build(**flags)}, [], VALUES), **options)
-    times = np.asarray(found["time"]) - options.get("start_time", 0.0)
+    result = run(System.of({"a": build(**flags)}, [], VALUES), **options)
+    times = np.asarray(result["time"]) - options.get("start_time", 0.0)
     assert len(times) == 17
-    bounces = whole(times, THRESHOLD)
-    assert np.array_equal(found["a.count"], whole(times, PERIOD))
-    assert np.array_equal(found["a.bounces"], bounces)
-    assert np.allclose(found["a.x"], times - bounces * THRESHOLD, rtol=0.0, atol=1e-12)
+    bounces = step_as_whole(times, THRESHOLD)
+    assert np.array_equal(result["a.count"], step_as_whole(times, PERIOD))
+    assert np.array_equal(result["a.bounces"], bounces)
+    assert np.allclose(result["a.x"], times - bounces * THRESHOLD, rtol=0.0, atol=1e-12)
 
 
 def test_one_step_can_have_several_events(build: Any) -> None:
-    found = run(System.of({"a": build()}, [], VALUES), step=2.0)
-    assert [found[f"a.{name}"][-1] for name in ("count", "bounces")] == [6, 5]
-    assert found["a.x"][-1] == pytest.approx(2.0 - 5 * THRESHOLD, abs=1e-12)
-    assert found["a.updates"][-1] == 2 * (1 + 6 + 5)  # at the start, and for each event
+    result = run(System.of({"a": build()}, [], VALUES), step=2.0)
+    assert [result[f"a.{name}"][-1] for name in ("count", "bounces")] == [6, 5]
+    assert result["a.x"][-1] == pytest.approx(2.0 - 5 * THRESHOLD, abs=1e-12)
+    assert result["a.updates"][-1] == 2 * (1 + 6 + 5)  # at the start, and for each event
 
 
 def test_fmpy_has_the_same_results(build: Any) -> None:
     path, outputs = build(), ["x", "bounces"]
-    found = run(System.of({"a": path}, [], {"a.threshold": THRESHOLD}))
-    other = fmpy.simulate_fmu(
+    result = run(System.of({"a": path}, [], {"a.threshold": THRESHOLD}))
+    fmpy_result = fmpy.simulate_fmu(
         str(path),
         stop_time=STOP,
         output_interval=0.125,
@@ -71,19 +71,19 @@ def test_fmpy_has_the_same_results(build: Any) -> None:
         use_event_mode=True,
         early_return_allowed=True,
     )
-    last = {round(row["time"], 9): row for row in other}  # the value after the event
+    last = {round(row["time"], 9): row for row in fmpy_result}  # the value after the event
     for name in outputs:
-        expected = [last[round(t, 9)][name] for t in found["time"]]
-        assert np.array_equal(found[f"a.{name}"], expected), name
+        expected = [last[round(t, 9)][name] for t in result["time"]]
+        assert np.array_equal(result[f"a.{name}"], expected), name
 
 
 def test_discrete_inputs_change_in_event_mode(build: Any) -> None:
     """The FMU refuses them otherwise, and latches them at events: here they are its only events."""
     fmus = {"a": build(), "b": build()}
-    found = run(System.of(fmus, ["a.count -> b.n"], VALUES), algorithm="jacobi")
-    assert np.array_equal(found["b.latched"][1:], found["a.count"][:-1])
-    changes = np.cumsum(np.diff(found["a.count"]) != 0)
-    assert np.array_equal(found["b.updates"][2:], 2 * (1 + changes[:-1]))
+    result = run(System.of(fmus, ["a.count -> b.n"], VALUES), algorithm="jacobi")
+    assert np.array_equal(result["b.latched"][1:], result["a.count"][:-1])
+    changes = np.cumsum(np.diff(result["a.count"]) != 0)
+    assert np.array_equal(result["b.updates"][2:], 2 * (1 + changes[:-1]))
 
 
 def test_input_that_is_set_by_hand_is_latched(build: Any) -> None:
@@ -152,7 +152,7 @@ def test_events_are_handled_in_c(build: Any, monkeypatch: pytest.MonkeyPatch) ->
 
 def test_discrete_input_out_of_range_ends_the_run(build: Any) -> None:
     system = System.of({"a": build(), "b": build()}, ["a.count -> b.n"], VALUES)
-    words = "b got a value that it cannot take: its input n is Int32 and cannot be 3000000000"
+    words = "b got a value that it cannot accept: its input n is Int32 and cannot be 3000000000"
     with open_system(system) as assembly:
         assembly.network.factors[1][:] = 1.5e9
         with pytest.raises(RunError, match=words):

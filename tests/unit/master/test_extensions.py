@@ -14,7 +14,7 @@ import emla_cosim as ec
 from tests.support.commands import Emla, sentence
 
 Array = np.ndarray
-SHORT = ("--stop-time", "0.01", "--no-plots")
+SHORT_RUN = ("--stop-time", "0.01", "--no-plots")
 
 
 @dataclass(eq=False)
@@ -103,8 +103,10 @@ class Energy(ec.Metrics):
 
 
 def energy(outline: ec.Outline) -> Energy | None:
-    found = {n.removesuffix(".P_el"): i + 1 for i, n in enumerate(outline.names) if n.endswith(".P_el")}
-    return Energy(found) if found else None
+    power_columns = {
+        n.removesuffix(".P_el"): i + 1 for i, n in enumerate(outline.names) if n.endswith(".P_el")
+    }
+    return Energy(power_columns) if power_columns else None
 
 
 @pytest.fixture(autouse=True)
@@ -136,7 +138,7 @@ def test_help_shows_additions(emla: Emla, monkeypatch: pytest.MonkeyPatch) -> No
 
 def test_additions_run_from_the_command_and_from_a_file(emla: Emla) -> None:
     more = ("--algorithm", "backwards", "--settings", "2", "--extreme-of", "lift.plant.tau_m")
-    result = emla("run", "lift", *SHORT, *more, "--output", "command", "--output-format", "jsonl")
+    result = emla("run", "lift", *SHORT_RUN, *more, "--output", "command", "--output-format", "jsonl")
     assert result.exit_code == 0, result.output
     assert "work" in result.output
     by_command = Path("extreme.txt").read_text()
@@ -148,38 +150,38 @@ def test_additions_run_from_the_command_and_from_a_file(emla: Emla) -> None:
     assert Path("extreme.txt").read_text() == by_command
     assert Path("file/results.jsonl").read_bytes() == Path("command/results.jsonl").read_bytes()
     for folder in ("command", "file"):
-        found = record(folder)
-        settings = found["settings"]
+        record_of_run = record(folder)
+        settings = record_of_run["settings"]
         assert (settings["algorithm"], settings["settings"]) == ("backwards", 2)
         assert (settings["extreme"], settings["output_format"]) == ("lift.plant.tau_m", "jsonl")
-        assert found["stepping"]["set"] == 2
+        assert record_of_run["stepping"]["set"] == 2
         metrics = json.loads(Path(folder, "metrics.json").read_text())
         assert metrics["energy"]["lift.plant"]["work_J"] > 0.0
 
 
 def test_added_format_is_read_like_csv(emla: Emla) -> None:
     def run(form: str, *more: str) -> Any:
-        return emla("run", "lift", *SHORT, "--output", form, "--output-format", form, *more)
+        return emla("run", "lift", *SHORT_RUN, "--output", form, "--output-format", form, *more)
 
     assert run("jsonl").exit_code == run("csv").exit_code == 0
     rows = {form: Path(form, f"results.{form}") for form in ("csv", "jsonl")}
-    assert emla("run", "lift", *SHORT, "--reference", str(rows["jsonl"])).exit_code == 0
+    assert emla("run", "lift", *SHORT_RUN, "--reference", str(rows["jsonl"])).exit_code == 0
     assert emla("plot", "csv", "jsonl", "--signals", "lift.plant.x_L", "--overwrite").exit_code == 0
     driven = []
     for form, table in rows.items():
         more = ("--input", f"{table}:lift.plant.F_L=lift.disturbance.F_L", "--output", f"driven-{form}")
-        assert emla("run", "lift", *SHORT, *more).exit_code == 0
+        assert emla("run", "lift", *SHORT_RUN, *more).exit_code == 0
         driven.append(Path(f"driven-{form}", "results.csv").read_bytes())
     assert driven[0] == driven[1]
     with rows["jsonl"].open("a") as stream:
         stream.write("no row\n")
-    text = sentence(emla("run", "lift", *SHORT, "--reference", "jsonl"), 2)
+    text = sentence(emla("run", "lift", *SHORT_RUN, "--reference", "jsonl"), 2)
     assert f"the run to compare with '{rows['jsonl']}' cannot be read: " in text
 
 
 def test_format_without_a_reader_is_refused(emla: Emla, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(JsonLines, "open", ec.Table.open)
-    assert emla("run", "lift", *SHORT, "--output", "o", "--output-format", "jsonl").exit_code == 0
+    assert emla("run", "lift", *SHORT_RUN, "--output", "o", "--output-format", "jsonl").exit_code == 0
     text = sentence(emla("plot", "o"), 2)
     assert "cannot be read: JsonLines has no method 'open'" in text
 
@@ -214,9 +216,9 @@ def test_step_size_control_is_chosen_by_name_or_options(fmu_folder: Path) -> Non
             simulation.run(step_size_control="error")
         with pytest.raises(ec.CommandError, match="error tolerance 2 must be between 0 and 1"):
             simulation.run(step_size_control=error_control(error_tolerance=2.0))
-    for found, name, tolerance in ((results, "error", 0.1), (fixed, "fixed", None)):
-        for result in found:
-            assert np.array_equal(result["lift.plant.i_q"], found[0]["lift.plant.i_q"])
+    for folder, name, tolerance in ((results, "error", 0.1), (fixed, "fixed", None)):
+        for result in folder:
+            assert np.array_equal(result["lift.plant.i_q"], folder[0]["lift.plant.i_q"])
             settings = result.record["settings"]
             assert (settings["step_size_control"], settings["error_tolerance"]) == (name, tolerance)
     assert len(results[0].time) != len(fixed[0].time)
@@ -233,5 +235,5 @@ def test_checkpoints_contain_additions(emla: Emla) -> None:
     assert run("2", "--stop-time", "0.02", "--resume", "c").exit_code == 0
     parts = json.loads(Path("results/lift/metrics.json").read_text())["energy"]
     assert run("2", "--stop-time", "0.02").exit_code == 0
-    whole = json.loads(Path("results/lift/metrics.json").read_text())["energy"]
-    assert parts["lift.plant"]["work_J"] == pytest.approx(whole["lift.plant"]["work_J"], rel=1e-12)
+    expected = json.loads(Path("results/lift/metrics.json").read_text())["energy"]
+    assert parts["lift.plant"]["work_J"] == pytest.approx(expected["lift.plant"]["work_J"], rel=1e-12)

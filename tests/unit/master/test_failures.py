@@ -107,10 +107,10 @@ def check_freed(counts: list[Counts], *, died: bool = False) -> None:
 
 # ---- steps of one length -----------------------------------------------------------------------
 
-_others = list(STEPPED)[1:]
+_OTHER_OPTIONS = list(STEPPED)[1:]
 PAIRS = [
     *((fault, "jacobi") for fault in ENDINGS),
-    *((fault, _others[i % len(_others)]) for i, fault in enumerate(ENDINGS)),
+    *((fault, _OTHER_OPTIONS[i % len(_OTHER_OPTIONS)]) for i, fault in enumerate(ENDINGS)),
 ]
 
 
@@ -328,18 +328,18 @@ def test_checkpoints_free_their_states(
 ) -> None:
     monkeypatch.setattr(emla_cosim.recorders.checkpoints, "INTERVAL", 0.0)
     monkeypatch.setattr(emla_cosim.run.execution, "FLUSH_INTERVAL", 0.0)
-    left: list[int] = []
+    freed_states: list[int] = []
 
     def save(*arguments: Any) -> None:
         save_checkpoint(*arguments)
-        left.append(counts[0].states)
+        freed_states.append(counts[0].states)
 
     monkeypatch.setattr(emla_cosim.recorders.checkpoints, "save_checkpoint", save)
     system, out = line_with_a_fault(faulty_fmu, Fault.NONE, 0.0), tmp_path / "out"
     run_system(system, out, checkpoint=tmp_path / "c")
     resumed = run_system(system, out, stop_time=2.0, resume=tmp_path / "c", checkpoint=tmp_path / "d")
     assert resumed.problem is None
-    assert len(left) >= 4 and set(left) <= {0, 3}  # the run keeps one state of each FMU
+    assert len(freed_states) >= 4 and set(freed_states) <= {0, 3}  # the run keeps one state of each FMU
     check_freed(counts)
 
 

@@ -15,7 +15,7 @@ from tests.support.hand_written_fmus import build_all_types_3_fmu, build_all_typ
 from tests.support.tiers import mostly_slow
 from tests.unit.master.conftest import run as run_for
 
-DISCARD, TERMINATE, EARLY, EVENT = 1, 2, 3, 4
+DISCARD, TERMINATE, EARLY_RETURN, EVENT = 1, 2, 3, 4
 STEP, STOP = 0.125, 1.0
 VALUES: dict[str, Any] = {
     "Float32": 0.1,
@@ -49,22 +49,22 @@ def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_all_types_and_arrays_pass_through_connections(path: Path) -> None:
     connections = ["a.y -> b.u", *(f"a.{t}_out -> b.{t}_in" for t in VALUES)]
     values = {f"a.{t}_in": value for t, value in VALUES.items()}
-    found = run(System.of({"a": path, "b": path}, connections, {**values, "a.u[1,1]": 3.0}))
+    result = run(System.of({"a": path, "b": path}, connections, {**values, "a.u[1,1]": 3.0}))
     for kind, number in NUMBERS.items():
-        assert found[f"a.{kind}_out"][-1] == number, kind
-        assert found[f"b.{kind}_out"][-1] == number, kind
+        assert result[f"a.{kind}_out"][-1] == number, kind
+        assert result[f"b.{kind}_out"][-1] == number, kind
     # b.y = gain * gain * a.u, elementwise, with the gains 1 to 4
-    for place, element in enumerate(("1,1", "1,2", "2,1", "2,2")):
-        u = 3.0 if place == 0 else 0.5
-        assert found[f"b.y[{element}]"][-1] == (place + 1) ** 2 * u
-    assert found["a.x"][-1] == 3.0 * STOP  # the integral of u[1,1]
+    for index, element in enumerate(("1,1", "1,2", "2,1", "2,2")):
+        u = 3.0 if index == 0 else 0.5
+        assert result[f"b.y[{element}]"][-1] == (index + 1) ** 2 * u
+    assert result["a.x"][-1] == 3.0 * STOP  # the integral of u[1,1]
 
 
 def test_one_element_leaves_the_others(path: Path) -> None:
     system = System.of({"a": path, "b": path}, ["a.x -> b.u[1,2]"], {"b.gain[2,1]": 7.0, "b.u[2,2]": 2.0})
-    found = run(system)
-    assert found["b.y[1,2]"][-1] == 2.0 * found["a.x"][-1] == 1.0
-    assert [found[f"b.y[{e}]"][-1] for e in ("1,1", "2,1", "2,2")] == [0.5, 3.5, 8.0]
+    result = run(system)
+    assert result["b.y[1,2]"][-1] == 2.0 * result["a.x"][-1] == 1.0
+    assert [result[f"b.y[{e}]"][-1] for e in ("1,1", "2,1", "2,2")] == [0.5, 3.5, 8.0]
 
 
 @pytest.mark.parametrize("options", mostly_slow(OPTIONS, OPTIONS[::2]), ids=str)
@@ -74,12 +74,12 @@ def test_strings_pass_through_connections(path: Path, options: dict[str, Any], t
     system = System.of(fmus, ["a.text -> b.String_in", "b.String_out -> c.String_in", "a.x -> b.u[1,1]"])
     signals = ["a.text", "b.String_out", "c.String_out", "b.y[1,1]", "a.x"]
     with ec.load(system, step_size=STEP, stop_time=STOP, **options).prepare() as simulation:
-        found = [simulation.run(signals=signals) for _ in range(2)]
-    texts, passed, last = (list(found[0][name]) for name in signals[:3])
+        results = [simulation.run(signals=signals) for _ in range(2)]
+    texts, passed, last = (list(results[0][name]) for name in signals[:3])
     assert len(set(texts)) > 2, "the text changes"
     assert passed == [texts[0], *texts[:-1]], "the String of the beginning is held during a step"
     assert last == [texts[0], *passed[:-1]]
-    assert [list(found[1][name]) for name in signals[:3]] == [texts, passed, last]
+    assert [list(results[1][name]) for name in signals[:3]] == [texts, passed, last]
 
 
 def test_resumed_run_has_its_strings_and_binary_values(path: Path, tmp_path: Path) -> None:
@@ -91,13 +91,13 @@ def test_resumed_run_has_its_strings_and_binary_values(path: Path, tmp_path: Pat
         system = System.of(fmus, ["a.text -> b.String_in", "b.Binary_source -> c.Binary_in"])
         options = {"step_size": STEP, "stop_time": stop, "output_interval": STEP, "signals": names, **options}
         with ec.load(system, **options).prepare() as simulation:
-            found = simulation.run()
-        return [list(found[name]) for name in names]
+            result = simulation.run()
+        return [list(result[name]) for name in names]
 
-    whole = part(STOP)
+    expected = part(STOP)
     part(0.5, checkpoint=tmp_path / "c")
     rest = part(STOP, resume=tmp_path / "c")
-    assert rest == [texts[-len(rest[0]) :] for texts in whole]
+    assert rest == [texts[-len(rest[0]) :] for texts in expected]
 
 
 def checksum(time: float) -> int:
@@ -112,10 +112,10 @@ def test_binary_values_pass_through_connections(path: Path, options: dict[str, A
     connections = ["a.Binary_source -> b.Binary_in", "b.Binary_out -> c.Binary_in", "a.x -> b.u[1,1]"]
     system, names = System.of(dict.fromkeys("abc", path), connections), ["b.checksum", "c.checksum"]
     with ec.load(system, step_size=STEP, stop_time=0.625, **options).prepare() as simulation:
-        found = [simulation.run(signals=names) for _ in range(2)]
-    sent = [checksum(time) for time in found[0]["time"]]
+        results = [simulation.run(signals=names) for _ in range(2)]
+    sent = [checksum(time) for time in results[0]["time"]]
     assert len(set(sent)) > 3 and 0 in sent[1:], "there are values of several sizes, also without bytes"
-    for result in found:
+    for result in results:
         assert list(result["b.checksum"]) == [sent[0], *sent[:-1]], "a value is held during a step"
         assert list(result["c.checksum"]) == [sent[0], sent[0], *sent[:-2]]
 
@@ -150,8 +150,8 @@ def test_wrong_uses_of_strings_and_binary_values_are_refused(
 
 
 def test_mime_types_must_match(path: Path, tmp_path: Path) -> None:
-    other = edit_description(path, tmp_path / "Other.fmu", "application/test", "application/other")
-    system = System.of({"a": path, "b": other}, ["a.Binary_source -> b.Binary_in"])
+    changed_fmu = edit_description(path, tmp_path / "Other.fmu", "application/test", "application/other")
+    system = System.of({"a": path, "b": changed_fmu}, ["a.Binary_source -> b.Binary_in"])
     with pytest.raises(CommandError, match="the mimeType application/test and application/other, which must"):
         run(system)
     assert run(system, lenient=True)["b.checksum"][0] == 0

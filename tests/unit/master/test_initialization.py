@@ -50,12 +50,12 @@ def test_values_pass_through_any_graph_without_loops(data: st.DataObject) -> Non
     reads = [data.draw(st.sets(st.integers(0, i - 1))) if i else set() for i in range(count)]
     order = data.draw(st.permutations(range(count)), label="order")
     gates = [gate(f"g{i}", len(r), lambda u, i=i: i + 1.0 + float(u.sum())) for i, r in enumerate(reads)]
-    place = [order.index(i) for i in range(count)]
-    links = [link(place[s], place[i], k) for i, r in enumerate(reads) for k, s in enumerate(sorted(r))]
+    position = [order.index(i) for i in range(count)]
+    links = [link(position[s], position[i], k) for i, r in enumerate(reads) for k, s in enumerate(sorted(r))]
     expected: list[float] = []
     for i, sources in enumerate(reads):
         expected.append(i + 1.0 + sum(expected[s] for s in sources))
-    assert initial(Network([gates[i] for i in order], links))[place].tolist() == expected
+    assert initial(Network([gates[i] for i in order], links))[position].tolist() == expected
 
 
 def test_a_graph_without_loops_needs_no_second_round() -> None:
@@ -72,14 +72,14 @@ def test_a_graph_without_loops_needs_no_second_round() -> None:
 
 def test_start_values_are_used_until_sources_have_values() -> None:
     """Nothing but its own start value is set before the source has given a value."""
-    seen: list[float] = []
-    a = gate("a", 1, lambda u: [seen.append(u[0]), 5.0][1], [])
+    inputs_seen: list[float] = []
+    a = gate("a", 1, lambda u: [inputs_seen.append(u[0]), 5.0][1], [])
     a.inputs[:] = 7.0
     b = gate("b", 1, lambda u: 2.0 * u[0], [])
     links = [Link(0, 0, 1, 0, True, initial=True), Link(1, 0, 0, 0, False, initial=False)]
     initial(Network([a, b], links))
-    del seen[: seen.index(7.0)]
-    assert set(seen) == {7.0, 10.0}
+    del inputs_seen[: inputs_seen.index(7.0)]
+    assert set(inputs_seen) == {7.0, 10.0}
 
 
 def without_initial_unknowns(fmu: Path, path: Path, outputs: bytes | None = None) -> Path:
@@ -112,8 +112,8 @@ def test_dependencies_that_are_not_declared_are_followed(faulty_fmu: Path, tmp_p
         "j.d.z -> j.d.u",
     )
     with open_system(system) as assembly:
-        found = dict(zip(assembly.network.names, initial(assembly.network), strict=True))
-    assert {name: found[f"j.{name}.y"] for name in "abcd"} == {"a": 2.0, "b": 6.0, "c": 30.0, "d": 0.0}
+        values = dict(zip(assembly.network.names, initial(assembly.network), strict=True))
+    assert {name: values[f"j.{name}.y"] for name in "abcd"} == {"a": 2.0, "b": 6.0, "c": 30.0, "d": 0.0}
 
 
 @pytest.mark.parametrize(
@@ -131,9 +131,9 @@ def test_loops_that_are_not_declared_are_solved(
     )
     with open_system(system, [(1.0, 1.0), (1.0, 0.0)]) as assembly:
         assert any(x.direct for x in assembly.network.links) == (outputs is None)
-        found = dict(zip(assembly.network.names, initial(assembly.network), strict=True))
+        values = dict(zip(assembly.network.names, initial(assembly.network), strict=True))
     # y_a = 0.5 y_b and y_b = 3 (y_a + 1)
-    assert (found["j.a.y"], found["j.b.y"]) == pytest.approx((-3.0, -6.0))
+    assert (values["j.a.y"], values["j.b.y"]) == pytest.approx((-3.0, -6.0))
 
 
 # ---- loops -------------------------------------------------------------------------------------
@@ -169,8 +169,8 @@ def test_small_linear_systems_of_mixed_scales_are_solved(size: int, seed: int) -
     A *= 10.0 ** random.uniform(-2.0, 2.0)
     b = random.normal(size=size) * scale
     gates = [gate(f"g{i}", size, lambda u, i=i: float(A[i] @ u + b[i])) for i in range(size)]
-    found = initial(Network(gates, [link(s, t, s) for t in range(size) for s in range(size)]))
-    assert found / scale == pytest.approx(np.linalg.solve(np.eye(size) - A, b) / scale, rel=1e-8)
+    solution = initial(Network(gates, [link(s, t, s) for t in range(size) for s in range(size)]))
+    assert solution / scale == pytest.approx(np.linalg.solve(np.eye(size) - A, b) / scale, rel=1e-8)
 
 
 def test_gain_of_one_keeps_the_start_value() -> None:
@@ -214,8 +214,8 @@ def test_loop_after_a_loop_uses_its_solution() -> None:
     a, b = gate("a", 1, lambda u: u[0] - 1.0), gate("b", 1, lambda u: 2.0 * u[0])
     c, d = gate("c", 2, lambda u: u[0] + u[1]), gate("d", 1, lambda u: 3.0 * u[0])
     links = [link(0, 2, 1), link(1, 0), link(3, 2), link(2, 3), link(0, 1)]
-    found = initial(Network([a, b, c, d], links))
-    assert found == pytest.approx([1.0, 2.0, -0.5, -1.5], rel=1e-10)
+    solution = initial(Network([a, b, c, d], links))
+    assert solution == pytest.approx([1.0, 2.0, -0.5, -1.5], rel=1e-10)
 
 
 @pytest.mark.parametrize("change", [1.0, -1.0])

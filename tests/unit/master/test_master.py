@@ -30,8 +30,8 @@ def test_jacobi_uses_old_values_and_gauss_seidel_new_ones() -> None:
         next(steps)
         # position moves with the old speed in both; then speed sees the old or the new position
         assert system.signals[0] == 0.99
-        seen = 1.0 if isinstance(algorithm, Jacobi) else 0.99
-        assert system.signals[1] == pytest.approx(-0.1 - 0.1 * seen)
+        expected_input = 1.0 if isinstance(algorithm, Jacobi) else 0.99
+        assert system.signals[1] == pytest.approx(-0.1 - 0.1 * expected_input)
 
 
 @pytest.mark.parametrize(

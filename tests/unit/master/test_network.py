@@ -20,12 +20,12 @@ def plain_stepping_order(count: int, links: Sequence[Link]) -> list[int]:
 
         def cost(i: int, open_links: set[tuple[int, int, bool]] = open_links) -> tuple[int, int, int]:
             direct = sum(1 for _, target, is_direct in open_links if target == i and is_direct)
-            every = len({source for source, target, _ in open_links if target == i})
-            return direct, every, i
+            source_count = len({source for source, target, _ in open_links if target == i})
+            return direct, source_count, i
 
-        chosen = min(waiting, key=cost)
-        waiting.remove(chosen)
-        order.append(chosen)
+        next_instance = min(waiting, key=cost)
+        waiting.remove(next_instance)
+        order.append(next_instance)
     return order
 
 
@@ -91,13 +91,13 @@ def test_groups_and_cuts_in_any_order(drawn: tuple[int, list[Link]], data: st.Da
     system = network(count, links)
     if data.draw(st.booleans(), label="reordered"):
         system.reorder(data.draw(st.permutations([s.name for s in system.instances]), label="order"))
-    place = system.order.index
-    assert system.find_feedback_links() == [x for x in links if place(x.source) >= place(x.target)]
+    rank = system.order.index
+    assert system.find_feedback_links() == [x for x in links if rank(x.source) >= rank(x.target)]
     assert system.groups() == plain_groups(system.order, links)
     initial = [x for x in links if x.initial]
     groups = system.groups(is_initial)
     assert groups == plain_groups(system.order, initial)
     for group in groups:
         inside = [x for x in initial if {x.source, x.target} <= set(group)]
-        against = {system.signal(x) for x in inside if place(x.source) >= place(x.target)}
+        against = {system.signal(x) for x in inside if rank(x.source) >= rank(x.target)}
         assert system.find_coupling_variables(group, is_initial).tolist() == sorted(against)

@@ -61,25 +61,30 @@ def test_profiled_run_has_the_same_bits_and_complete_shares(way: str, lift: ec.S
     assert result.table is not None and plain.table is not None
     assert result.table.rows.tobytes() == plain.table.rows.tobytes()
     assert str(result.metrics) == str(plain.metrics)
-    found = result.profile
-    assert found is not None and result.record["profile"] == found
+    profile = result.profile
+    assert profile is not None and result.record["profile"] == profile
     assert plain.profile is None and "profile" not in plain.record
-    steps = {n: row["calls"]["steps"]["count"] for n, row in found["fmus"].items()}
+    steps = {n: row["calls"]["steps"]["count"] for n, row in profile["fmus"].items()}
     if "error_tolerance" in options:
-        tried = result.steps + result.stepping["rejected_steps"]
-        assert set(steps.values()) == {3 * tried}  # a step, and two halves
+        tried_steps = result.steps + result.stepping["rejected_steps"]
+        assert set(steps.values()) == {3 * tried_steps}  # a step, and two halves
     elif options.get("algorithm") == "strong":
         loops = result.stepping["sweeps_over_loops"]
         assert steps["lift.plant"] == steps["lift.controller"] == loops
         assert steps["lift.reference"] == result.steps
     else:
         assert set(steps.values()) == {result.steps}
-        inputs = {n: row["calls"].get("inputs", {"count": 0})["count"] for n, row in found["fmus"].items()}
+        inputs = {n: row["calls"].get("inputs", {"count": 0})["count"] for n, row in profile["fmus"].items()}
         assert inputs["lift.reference"] == 0 and inputs["lift.plant"] == result.steps
-    parts = [*found["fmus"].values(), found["master"], found["profiler"], *found["recorders"].values()]
+    parts = [
+        *profile["fmus"].values(),
+        profile["master"],
+        profile["profiler"],
+        *profile["recorders"].values(),
+    ]
     assert sum(part["share"] for part in parts) == pytest.approx(1.0, abs=1e-6)
-    assert found["total_s"] >= result.wall_s > 0.0
-    assert {"metrics", "table"} <= set(found["recorders"])
+    assert profile["total_s"] >= result.wall_s > 0.0
+    assert {"metrics", "table"} <= set(profile["recorders"])
     assert lift.run(**options).profile is None
 
 
@@ -88,15 +93,15 @@ def test_fmu_in_its_own_process_is_measured_there() -> None:
     options = {**SAME, "stop_time": 0.01}
     with ec.load("lift").prepare(isolate=["lift.plant"]) as simulation:
         plain, result = simulation.run(**options), simulation.run(profile=True, **options)
-        again = simulation.run(profile=True, **options)
+        second_run = simulation.run(profile=True, **options)
     assert result.table.rows.tobytes() == plain.table.rows.tobytes()  # type: ignore[union-attr]
-    for found in (result.profile, again.profile):
-        assert found is not None
-        plant, observer = found["fmus"]["lift.plant"], found["fmus"]["lift.observer"]
+    for profile in (result.profile, second_run.profile):
+        assert profile is not None
+        plant, observer = profile["fmus"]["lift.plant"], profile["fmus"]["lift.observer"]
         assert plant["separate_process"] and not observer["separate_process"]
         assert plant["calls"]["steps"]["count"] == result.steps
-        assert 0.0 < plant["seconds"] < plant["waited_s"] == found["separate_processes"]["seconds"]
-        assert found["separate_processes"]["seconds"] < found["total_s"]
+        assert 0.0 < plant["seconds"] < plant["waited_s"] == profile["separate_processes"]["seconds"]
+        assert profile["separate_processes"]["seconds"] < profile["total_s"]
 
 
 class Slow(ec.Recorder):

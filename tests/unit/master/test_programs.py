@@ -58,9 +58,9 @@ def calls(instances: Sequence[int], store: str = "signals", every: int = 0) -> l
 
 def relaxed(weight: float) -> Written:
     def write(network: Any) -> list[Any]:
-        every = range(len(network.instances))
+        positions = range(len(network.instances))
         terms = {"used": 1.0 - weight, "signals": weight}
-        return [*calls(every, "used"), *(ec.Combine(i, "used", terms) for i in every)]
+        return [*calls(positions, "used"), *(ec.Combine(i, "used", terms) for i in positions)]
 
     return Written(write=write)
 
@@ -95,11 +95,11 @@ def test_relaxation_follows_its_formula(ring: ec.Simulation, weight: float, way:
 
 
 def test_checkpoints_have_the_vectors_of_a_program(ring: ec.Simulation, tmp_path: Path) -> None:
-    whole, place = ring.run(algorithm=relaxed(0.3)), tmp_path / "half.checkpoint"
-    ring.run(algorithm=relaxed(0.3), stop_time=0.2, checkpoint=place)
-    rest = ring.run(algorithm=relaxed(0.3), resume=place)
+    expected, checkpoint = ring.run(algorithm=relaxed(0.3)), tmp_path / "half.checkpoint"
+    ring.run(algorithm=relaxed(0.3), stop_time=0.2, checkpoint=checkpoint)
+    rest = ring.run(algorithm=relaxed(0.3), resume=checkpoint)
     for name in ("a.y", "b.y"):
-        assert rest[name].tobytes() == whole[name][-len(rest[name]) :].tobytes()
+        assert rest[name].tobytes() == expected[name][-len(rest[name]) :].tobytes()
 
 
 @WAYS
@@ -116,9 +116,9 @@ def test_a_group_in_a_program_agrees_as_strong_does(ring: ec.Simulation, way: di
 def test_instances_of_a_program_can_be_sampled(ring: ec.Simulation, way: dict[str, Any]) -> None:
     sampled = Written(write=lambda network: [*calls([0]), *calls([1], every=4)])
     usual = Written(write=lambda network: [*calls([0]), *calls([1])], step_multiples={"b": 4})
-    found, expected = (ring.run(algorithm=x, **way) for x in (sampled, usual))
-    assert found["b.y"].tobytes() == expected["b.y"].tobytes()
-    assert len(set(found["b.y"].tolist())) == STEPS // 4 + 1
+    result, expected = (ring.run(algorithm=x, **way) for x in (sampled, usual))
+    assert result["b.y"].tobytes() == expected["b.y"].tobytes()
+    assert len(set(result["b.y"].tolist())) == STEPS // 4 + 1
 
 
 @WAYS
@@ -173,7 +173,7 @@ def test_a_program_is_exported_as_it_is(ring: ec.Simulation, fmu_folder: Path, t
     """With vectors of its own, and components that it samples."""
 
     def write(network: Any) -> list[Any]:
-        first, second = (calls([i], "used", every) for i, every in ((0, 1), (1, 2)))
+        first, second = (calls([i], "used", steps_at_once) for i, steps_at_once in ((0, 1), (1, 2)))
         terms = {"used": 0.3, "signals": 0.7}
         return [*first, *second, *(ec.Combine(i, "used", terms) for i in (0, 1))]
 

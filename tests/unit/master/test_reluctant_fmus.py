@@ -41,7 +41,7 @@ def _not_taken(result: ec.Result) -> dict[str, Any]:
 
 @pytest.mark.parametrize("isolate", mostly_slow([False, True], [False]))
 def test_start_values_survive_the_setup_of_the_experiment(reluctant: Path, isolate: bool) -> None:
-    theirs = fmpy.simulate_fmu(
+    fmpy_result = fmpy.simulate_fmu(
         str(reluctant),
         start_time=0.5,
         stop_time=1.5,
@@ -52,18 +52,18 @@ def test_start_values_survive_the_setup_of_the_experiment(reluctant: Path, isola
     with ec.load(str(reluctant), **_options(VALUES, isolate=isolate)).prepare() as simulation:
         for _ in range(3):  # the second run after fmi2Reset, which keeps x
             ours = simulation.run()
-            assert np.abs(ours["Reluctant.x"] - theirs["x"]).max() <= 1e-12
+            assert np.abs(ours["Reluctant.x"] - fmpy_result["x"]).max() <= 1e-12
             assert ours["Reluctant.x"][[0, -1]].tolist() == [1.5, 7.5]
             assert _not_taken(ours) == {}
             assert ours.remarks == []
-        other = simulation.run(set={"Reluctant.x": 0.0, "Reluctant.gain": 0.0})
-        assert other["Reluctant.x"][-1] == 0.0  # values that are 0 are set, too
+        second_run = simulation.run(set={"Reluctant.x": 0.0, "Reluctant.gain": 0.0})
+        assert second_run["Reluctant.x"][-1] == 0.0  # values that are 0 are set, too
 
 
 @pytest.mark.parametrize("isolate", mostly_slow([False, True], [False]))
 def test_ignored_start_values_are_reported(reluctant: Path, isolate: bool) -> None:
-    chosen = _options({**VALUES, "stubborn": True}, isolate=isolate)
-    with ec.load(str(reluctant), **chosen).prepare() as simulation:
+    options = _options({**VALUES, "stubborn": True}, isolate=isolate)
+    with ec.load(str(reluctant), **options).prepare() as simulation:
         result = simulation.run()
         assert _not_taken(result) == {
             "u": {"set": 3.0, "read": 1.0, "unit": None},
@@ -91,39 +91,39 @@ def test_limited_value_is_reported_in_units_of_the_system(reluctant: Path) -> No
     )
     system = System(parts, (Connection("a", "x", "b", "u"),))
     result = ec.load(system, stop_time=0.5, step_size=0.1).prepare().run()
-    lost = {name: c["not_taken"] for name, c in result.record["components"].items()}
-    assert lost == {"a": {"level": {"set": 150.0, "read": 100.0, "unit": None}}, "b": {}}
+    changed_values = {name: c["not_taken"] for name, c in result.record["components"].items()}
+    assert changed_values == {"a": {"level": {"set": 150.0, "read": 100.0, "unit": None}}, "b": {}}
 
 
 def test_resumed_run_reports_and_continues(reluctant: Path, tmp_path: Path) -> None:
-    chosen = _options({**VALUES, "share": 3.0})
-    with ec.load(str(reluctant), **chosen).prepare() as simulation:
-        whole = simulation.run()
+    options = _options({**VALUES, "share": 3.0})
+    with ec.load(str(reluctant), **options).prepare() as simulation:
+        expected = simulation.run()
         half = simulation.run(stop_time=1.0, checkpoint=tmp_path / "kept")
         rest = simulation.run(resume=tmp_path / "kept")
-        assert rest["Reluctant.x"][-1] == whole["Reluctant.x"][-1]
-        for result in (whole, half, rest):
+        assert rest["Reluctant.x"][-1] == expected["Reluctant.x"][-1]
+        for result in (expected, half, rest):
             assert _not_taken(result) == {"share": {"set": 3.0, "read": 1.0, "unit": None}}
         with pytest.raises(CommandError, match="FMI tolerance"):
             simulation.run(resume=tmp_path / "kept", fmi_tolerance=1e-3)
 
 
 def test_terminal_and_record_show_lost_values(reluctant: Path, emla: Emla) -> None:
-    done = emla("run", str(reluctant), "--set", "Reluctant.share=-1", "--no-plots", "--output", "o")
-    assert done.exit_code == 0, done.output
+    process = emla("run", str(reluctant), "--set", "Reluctant.share=-1", "--no-plots", "--output", "o")
+    assert process.exit_code == 0, process.output
     sentence = "The FMU of Reluctant did not take 1 start value: share is 0.0 instead of -1.0."
-    assert sentence in " ".join(done.output.split())
+    assert sentence in " ".join(process.output.split())
     record = json.loads(Path("o", "run.json").read_text())
     assert record["components"]["Reluctant"]["not_taken"]["share"]["read"] == 0.0
 
 
 def test_the_tolerance_of_the_experiment_is_passed(reluctant: Path) -> None:
     with ec.load(str(reluctant), **_options({})).prepare() as simulation:
-        for chosen, right in ((None, 1e-5), (1e-8, 1e-8), (None, 1e-5)):
-            result = simulation.run(fmi_tolerance=chosen)
+        for tolerance, right in ((None, 1e-5), (1e-8, 1e-8), (None, 1e-5)):
+            result = simulation.run(fmi_tolerance=tolerance)
             assert result["Reluctant.tolerance"].tolist() == [right] * 9
             assert result.record["components"]["Reluctant"]["tolerance"] == right
-            assert result.record["settings"]["fmi_tolerance"] == chosen
+            assert result.record["settings"]["fmi_tolerance"] == tolerance
         for wrong in (0.0, -1.0, float("nan"), float("inf")):
             with pytest.raises(CommandError, match="the fmi tolerance"):
                 simulation.run(fmi_tolerance=wrong)
@@ -146,8 +146,8 @@ def test_first_rejected_value_is_named(reluctant: Path, isolate: bool) -> None:
 
 
 def test_fmu_is_not_called_after_fatal(reluctant: Path) -> None:
-    chosen = _options({**VALUES, "guess": 1e250}, isolate=True)  # an abort would end the test, too
-    with ec.load(str(reluctant), **chosen).prepare() as run, pytest.raises(RunError, match="with fmi2Fatal"):
+    options = _options({**VALUES, "guess": 1e250}, isolate=True)  # an abort would end the test, too
+    with ec.load(str(reluctant), **options).prepare() as run, pytest.raises(RunError, match="with fmi2Fatal"):
         run.run()
 
 

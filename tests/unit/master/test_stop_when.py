@@ -36,19 +36,22 @@ def run(scenario: ec.Scenario) -> ec.Result:
 def test_a_run_ends_at_the_first_point_that_meets_the_condition(
     fmu_folder: Path, options: dict[str, Any]
 ) -> None:
-    whole = run(lift(fmu_folder, **{**options, "output_interval": 1e-4, "isolate": []}))
-    row = int(np.argmax(whole[SIGNAL] > LIMIT))
-    assert 0 < row < len(whole.time) - 1
+    full_run = run(lift(fmu_folder, **{**options, "output_interval": 1e-4, "isolate": []}))
+    row = int(np.argmax(full_run[SIGNAL] > LIMIT))
+    assert 0 < row < len(full_run.time) - 1
     ended = run(lift(fmu_folder, stop_when=[CONDITION], **options))
     assert ended.problem is None and not ended.interrupted
     assert ended.stopped_when == "lift.plant.tau_m > 150"
-    assert ended.end_s == ended.time[-1] == whole.time[row] and ended.steps == row
-    every = round(options.get("output_interval", 1e-4) / 1e-4)
-    rows = [*range(0, row, every), row]
+    assert ended.end_s == ended.time[-1] == full_run.time[row] and ended.steps == row
+    steps_per_row = round(options.get("output_interval", 1e-4) / 1e-4)
+    rows = [*range(0, row, steps_per_row), row]
     for name in ("time", SIGNAL, "lift.observer.x_hat"):
-        np.testing.assert_array_equal(ended[name], whole[name][rows])
+        np.testing.assert_array_equal(ended[name], full_run[name][rows])
     assert ended.record["status"] == "completed"
-    assert ended.record["stopped_when"] == {"condition": "lift.plant.tau_m > 150", "time_s": whole.time[row]}
+    assert ended.record["stopped_when"] == {
+        "condition": "lift.plant.tau_m > 150",
+        "time_s": full_run.time[row],
+    }
     assert any("because lift.plant.tau_m > 150 (--stop-when)" in remark for remark in ended.remarks)
     assert not ended.metrics["joints"]["lift"]["held"]
 
@@ -62,14 +65,14 @@ def test_error_control_ends_at_the_condition(fmu_folder: Path) -> None:
 
 def test_the_first_of_several_conditions_counts_and_others_change_nothing(fmu_folder: Path) -> None:
     with lift(fmu_folder).prepare() as simulation:
-        whole = simulation.run()
+        full_run = simulation.run()
         never = simulation.run(stop_when=["lift.plant.x_L > 99"])
         first = simulation.run(stop_when=["lift.plant.x_L > 99", "lift.plant.x_L < 99", CONDITION])
         after = simulation.run()
     assert never.stopped_when is None and "stopped_when" not in never.record
-    np.testing.assert_array_equal(whole["lift.plant.x_L"], never["lift.plant.x_L"])
+    np.testing.assert_array_equal(full_run["lift.plant.x_L"], never["lift.plant.x_L"])
     assert (first.steps, first.end_s, first.stopped_when) == (0, 0.0, "lift.plant.x_L < 99")
-    np.testing.assert_array_equal(whole["lift.plant.x_L"], after["lift.plant.x_L"])
+    np.testing.assert_array_equal(full_run["lift.plant.x_L"], after["lift.plant.x_L"])
 
 
 def test_run_in_single_steps_stays_at_its_end(fmu_folder: Path) -> None:
@@ -102,15 +105,15 @@ def test_wrong_conditions_are_refused(text: str, sentence: str, fmu_folder: Path
 
 
 def test_the_command_and_its_record(emla: Emla) -> None:
-    done = emla(
+    process = emla(
         "run", "lift", "--no-plots", "--stop-time", "0.02", "--stop-when", CONDITION, "--output", "out"
     )
-    assert done.exit_code == 0 and "because lift.plant.tau_m > 150" in done.output
+    assert process.exit_code == 0 and "because lift.plant.tau_m > 150" in process.output
     record = json.loads(Path("out/run.json").read_text())
     assert record["stopped_when"]["condition"] == "lift.plant.tau_m > 150"
     assert record["settings"]["stop_when"] == [CONDITION]
-    again = emla("rerun", "out", "--no-plots")
-    assert "to the last bit" in again.output
+    rerun = emla("rerun", "out", "--no-plots")
+    assert "to the last bit" in rerun.output
 
 
 def test_variants_of_a_sweep_end_each_at_its_own_time(
@@ -120,9 +123,9 @@ def test_variants_of_a_sweep_end_each_at_its_own_time(
     options = {"stop_time": STOP, "stop_when": [condition], "fmus": fmu_folder}
     swept = ec.sweep("lift", {"lift.plant.start.x_L": starts}, **options, output=tmp_path / "sweep")
     for start, end, problem in zip(starts, swept.variants["end_s"], swept.variants["problem"], strict=True):
-        alone = run(lift(fmu_folder, stop_when=[condition], set={"lift.plant.start.x_L": start}))
-        assert end == alone.end_s
-        assert (f"because {condition}" in problem) == (alone.stopped_when is not None)
+        single_run = run(lift(fmu_folder, stop_when=[condition], set={"lift.plant.start.x_L": start}))
+        assert end == single_run.end_s
+        assert (f"because {condition}" in problem) == (single_run.stopped_when is not None)
     assert len(set(swept.variants["end_s"])) == 2
 
 

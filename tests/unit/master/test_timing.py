@@ -103,31 +103,31 @@ class Watch(FakeSlave):
     interpolates = True
 
     def __init__(self, name: str, longest: float = np.inf) -> None:
-        super().__init__(name, 1, [1.0], self._moved)
+        super().__init__(name, 1, [1.0], self._advance_state)
         self.longest = longest
-        self.told: list[tuple[float, float]] = []
+        self.steps_taken: list[tuple[float, float]] = []
 
     def set_input_derivatives(self, derivatives: np.ndarray) -> None:
         pass
 
-    def _moved(self, u: np.ndarray, x: np.ndarray, time: float, step: float) -> np.ndarray:
+    def _advance_state(self, u: np.ndarray, x: np.ndarray, time: float, step: float) -> np.ndarray:
         if step > self.longest:
             raise DiscardedStepError(self.name, "doStep", "fmi2Discard", [])
-        self.told.append((time, step))
+        self.steps_taken.append((time, step))
         return x + step * (u - 2.0 * x)
 
     def save(self, state: object = None) -> object:
-        return *super().save(), len(self.told)
+        return *super().save(), len(self.steps_taken)
 
     def restore(self, state: tuple) -> None:
         *rest, count = state
         super().restore(rest)
-        del self.told[count:]
+        del self.steps_taken[count:]
 
     def added_up(self, start: float) -> list[float]:
         """The times at which its own steps begin, and the last one's end."""
         times = [start]
-        for _, step in self.told:
+        for _, step in self.steps_taken:
             times.append(times[-1] + step)
         return times
 
@@ -151,7 +151,7 @@ def test_steps_of_instances_join(
     for slave in slaves:
         multiple = multiples.get(slave.name, 1)
         expected = rows[::multiple, 0].tolist()
-        assert [time for time, _ in slave.told] == expected[:-1]
+        assert [time for time, _ in slave.steps_taken] == expected[:-1]
         assert slave.added_up(start) == expected
 
 
@@ -160,8 +160,8 @@ def test_halves_of_discarded_steps_join() -> None:
     slaves, network = watches(a=3e-5)
     rows = recorded(FixedSteps(begun(network, Strong(), times), times))
     for slave in slaves:
-        assert len(slave.told) == 4 * 200
-        assert [time for time, _ in slave.told] == slave.added_up(0.0)[:-1]
+        assert len(slave.steps_taken) == 4 * 200
+        assert [time for time, _ in slave.steps_taken] == slave.added_up(0.0)[:-1]
         assert slave.added_up(0.0)[::4] == rows[:, 0].tolist()
 
 
@@ -175,7 +175,7 @@ def test_steps_chosen_by_their_error_join(interval: float | None) -> None:
     assert rows[-1, 0] == 0.06
     for slave in slaves:
         times_added = slave.added_up(0.0)
-        assert [time for time, _ in slave.told] == times_added[:-1]
+        assert [time for time, _ in slave.steps_taken] == times_added[:-1]
         assert set(rows[:, 0]) <= set(times_added[::2])
 
 

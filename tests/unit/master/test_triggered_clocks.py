@@ -52,47 +52,51 @@ def delayed(values: Any) -> Any:
 @pytest.mark.parametrize("algorithm", ALGORITHMS)
 def test_triggered_clock_ticks_in_the_step_that_reads_its_source(fmu: Path, algorithm: str) -> None:
     is_late = algorithm == "jacobi"
-    found = run(pair(fmu), algorithm=algorithm)
-    levels = alarms(found["time"])
-    seen = delayed(levels) if is_late else levels
+    result = run(pair(fmu), algorithm=algorithm)
+    levels = alarms(result["time"])
+    expected_levels = delayed(levels) if is_late else levels
     assert levels[-1] == 6
-    assert np.array_equal(found["a.alarm"], levels) and np.array_equal(found["a.level"][4:], levels[4:])
-    assert np.array_equal(found["b.echo"], seen) and np.array_equal(found["b.ticks"], seen)
-    assert np.array_equal(found["b.sum"], sums(seen))
-    assert found["b.last"][-1] == found["time"][np.flatnonzero(np.diff(seen))[-1] + 1]
-    assert found["a.alarm"].dtype == np.int32
-    assert found.stepping["late_connections"] == (WIRES if is_late else [])
+    assert np.array_equal(result["a.alarm"], levels) and np.array_equal(result["a.level"][4:], levels[4:])
+    assert np.array_equal(result["b.echo"], expected_levels) and np.array_equal(
+        result["b.ticks"], expected_levels
+    )
+    assert np.array_equal(result["b.sum"], sums(expected_levels))
+    assert result["b.last"][-1] == result["time"][np.flatnonzero(np.diff(expected_levels))[-1] + 1]
+    assert result["a.alarm"].dtype == np.int32
+    assert result.stepping["late_connections"] == (WIRES if is_late else [])
 
 
 @pytest.mark.parametrize("algorithm", ALGORITHMS)
 @pytest.mark.parametrize(("period", "burst"), [(0.3, 3), (0.04, 2)])
 def test_no_tick_within_a_step_is_lost(fmu: Path, algorithm: str, period: float, burst: int) -> None:
-    found = run(pair(fmu, period=period, burst=burst), algorithm=algorithm)
-    levels = alarms(found["time"], period, burst)
-    seen = delayed(levels) if algorithm == "jacobi" else levels
-    assert np.array_equal(found["a.alarm"], levels)
-    assert np.array_equal(found["b.ticks"], seen) and np.array_equal(found["b.sum"], sums(seen))
+    result = run(pair(fmu, period=period, burst=burst), algorithm=algorithm)
+    levels = alarms(result["time"], period, burst)
+    expected_levels = delayed(levels) if algorithm == "jacobi" else levels
+    assert np.array_equal(result["a.alarm"], levels)
+    assert np.array_equal(result["b.ticks"], expected_levels) and np.array_equal(
+        result["b.sum"], sums(expected_levels)
+    )
 
 
 @pytest.mark.parametrize("algorithm", ALGORITHMS)
 def test_tick_at_the_start_comes_at_the_end_of_the_first_step(fmu: Path, algorithm: str) -> None:
-    found = run(pair(fmu, rings=1), algorithm=algorithm)
-    levels = 1 + alarms(found["time"])
-    assert np.array_equal(found["a.alarm"], levels)
-    seen = delayed(levels) if algorithm == "jacobi" else np.concatenate([[0], levels[1:]])
-    assert np.array_equal(found["b.ticks"], seen) and found["b.last"][1] == STEP
+    result = run(pair(fmu, rings=1), algorithm=algorithm)
+    levels = 1 + alarms(result["time"])
+    assert np.array_equal(result["a.alarm"], levels)
+    expected_levels = delayed(levels) if algorithm == "jacobi" else np.concatenate([[0], levels[1:]])
+    assert np.array_equal(result["b.ticks"], expected_levels) and result["b.last"][1] == STEP
 
 
 def test_large_step_ticks_as_often_as_the_small_ones(fmu: Path) -> None:
-    found = run(pair(fmu), algorithm="strong", step_multiples={"b": 4})
-    levels = alarms(found["time"])
+    result = run(pair(fmu), algorithm="strong", step_multiples={"b": 4})
+    levels = alarms(result["time"])
     sampled = levels[np.arange(len(levels)) // 4 * 4]
-    assert np.array_equal(found["b.ticks"], sampled)
+    assert np.array_equal(result["b.ticks"], sampled)
 
 
 def test_clock_that_the_fmu_sets_in_its_update_counts_once(fmu: Path) -> None:
-    found = run(pair(fmu, manner=CLEAR_IN_GET, burst=2), algorithm="gauss-seidel")
-    assert np.array_equal(found["b.ticks"], alarms(found["time"], burst=2))
+    result = run(pair(fmu, manner=CLEAR_IN_GET, burst=2), algorithm="gauss-seidel")
+    assert np.array_equal(result["b.ticks"], alarms(result["time"], burst=2))
 
 
 def test_clock_that_never_stops_is_an_error(fmu: Path) -> None:
@@ -105,42 +109,44 @@ def test_clock_that_never_stops_is_an_error(fmu: Path) -> None:
 @pytest.mark.parametrize("algorithm", ALGORITHMS)
 def test_clocks_in_a_chain_and_within_one_fmu(fmu: Path, algorithm: str) -> None:
     wires = ["a.alarm -> a.go", "a.echo -> b.go", "b.echo -> c.go", "a.x -> a.w", "a.x -> b.w"]
-    found = run(pair(fmu, wires, "abc"), algorithm=algorithm)
-    levels = alarms(found["time"])
-    own = levels if algorithm == "strong" else delayed(levels)  # a reads its own outputs before its step
+    result = run(pair(fmu, wires, "abc"), algorithm=algorithm)
+    levels = alarms(result["time"])
+    levels_in_a = (
+        levels if algorithm == "strong" else delayed(levels)
+    )  # a reads its own outputs before its step
     later = delayed if algorithm == "jacobi" else np.asarray
-    assert np.array_equal(found["a.ticks"], own)
-    assert np.array_equal(found["b.ticks"], later(own))
-    assert np.array_equal(found["c.ticks"], later(later(own)))
+    assert np.array_equal(result["a.ticks"], levels_in_a)
+    assert np.array_equal(result["b.ticks"], later(levels_in_a))
+    assert np.array_equal(result["c.ticks"], later(later(levels_in_a)))
 
 
 @pytest.mark.parametrize("algorithm", ["gauss-seidel", "strong"])
 def test_clocks_in_a_loop(fmu: Path, algorithm: str) -> None:
-    found = run(pair(fmu, ["a.alarm -> b.go", "b.echo -> a.go"]), algorithm=algorithm)
-    levels = alarms(found["time"])
-    assert np.array_equal(found["b.ticks"], levels)
-    assert np.array_equal(found["a.ticks"], levels if algorithm == "strong" else delayed(levels))
+    result = run(pair(fmu, ["a.alarm -> b.go", "b.echo -> a.go"]), algorithm=algorithm)
+    levels = alarms(result["time"])
+    assert np.array_equal(result["b.ticks"], levels)
+    assert np.array_equal(result["a.ticks"], levels if algorithm == "strong" else delayed(levels))
 
 
 def test_package_keeps_connections_of_clocks(fmu: Path, tmp_path: Path) -> None:
     path = ec.load(pair(fmu), step_size=STEP, stop_time=STOP).export(tmp_path / "x.ssp")
     with ec.load(path, algorithm="gauss-seidel").prepare() as simulation:
-        found = simulation.run()
-    assert np.array_equal(found["b.ticks"], alarms(found["time"]))
+        result = simulation.run()
+    assert np.array_equal(result["b.ticks"], alarms(result["time"]))
 
 
 def test_clock_without_a_connection_never_ticks_with_a_remark(fmu: Path) -> None:
-    found = run(pair(fmu, []))
-    assert not found["b.ticks"].any() and not found["b.echo"].any()
+    result = run(pair(fmu, []))
+    assert not result["b.ticks"].any() and not result["b.echo"].any()
     words = "No output clock is connected to the triggered clocks a.go and b.go: they never tick."
-    assert words in found.remarks and words in found.record["remarks"]
-    (one,) = [x for x in run(pair(fmu)).remarks if "clock" in x]
-    assert one == "No output clock is connected to the triggered clock a.go: it never ticks."
+    assert words in result.remarks and words in result.record["remarks"]
+    (remark,) = [x for x in run(pair(fmu)).remarks if "clock" in x]
+    assert remark == "No output clock is connected to the triggered clock a.go: it never ticks."
 
 
 def test_clocks_can_be_read_and_recorded_but_not_set(fmu: Path) -> None:
-    found = run(pair(fmu), signals=["b.go", "a.alarm"], algorithm="gauss-seidel")
-    assert np.array_equal(found["b.go"], alarms(found["time"]))
+    result = run(pair(fmu), signals=["b.go", "a.alarm"], algorithm="gauss-seidel")
+    assert np.array_equal(result["b.go"], alarms(result["time"]))
     with ec.load(pair(fmu), step_size=STEP, stop_time=STOP).prepare() as simulation:
         simulation.start()
         assert simulation["a.alarm"] == 0
@@ -174,19 +180,19 @@ def test_too_many_ticks_in_a_step_are_an_error(fmu: Path) -> None:
 
 
 def test_dependent_clock_ticks_with_its_clock(dependent: Path) -> None:
-    found = run(System.of({"a": dependent}), step=0.25, signals=["a.beat", "a.sub", "a.beats", "a.subs"])
-    assert np.array_equal(found["a.beats"], np.floor(found["time"] / 0.1 + 1e-9) + 1)
-    assert np.array_equal(found["a.subs"], np.floor(found["time"] / 0.2 + 1e-9) + 1)
-    assert np.array_equal(found["a.beat"], found["a.beats"]) and np.array_equal(
-        found["a.sub"], found["a.subs"]
+    result = run(System.of({"a": dependent}), step=0.25, signals=["a.beat", "a.sub", "a.beats", "a.subs"])
+    assert np.array_equal(result["a.beats"], np.floor(result["time"] / 0.1 + 1e-9) + 1)
+    assert np.array_equal(result["a.subs"], np.floor(result["time"] / 0.2 + 1e-9) + 1)
+    assert np.array_equal(result["a.beat"], result["a.beats"]) and np.array_equal(
+        result["a.sub"], result["a.subs"]
     )
 
 
 def test_triggered_clock_can_depend_on_another(dependent: Path, tmp_path: Path) -> None:
     old = '<Clock name="go" valueReference="20" causality="input"'
     path = edit_description(dependent, tmp_path / dependent.name, old, f'{old} clocks="31"')
-    found = run(pair(path), step=0.1, algorithm="gauss-seidel")
-    assert np.array_equal(found["b.ticks"], alarms(found["time"]))
+    result = run(pair(path), step=0.1, algorithm="gauss-seidel")
+    assert np.array_equal(result["b.ticks"], alarms(result["time"]))
     with pytest.raises(RunError, match=r"the clock go of b ticks at t = 0\.375 s without beat, on which it"):
         run(pair(path), algorithm="gauss-seidel")
 

@@ -23,13 +23,13 @@ def load(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Load:
     return library.load_stepper.__wrapped__
 
 
-def works(found: StepperLibrary) -> bool:
+def works(stepper: StepperLibrary) -> bool:
     """Return whether its pass over rows has the smallest value of each column."""
     rows, (low, high, squares) = (
         np.array([[2.0, -1.0], [1.0, 5.0]]),
         np.array([[np.inf] * 2, [-np.inf] * 2, [0.0] * 2]),
     )
-    found.reduce_rows(rows.ctypes.data, 2, 2, low.ctypes.data, high.ctypes.data, squares.ctypes.data)
+    stepper.reduce_rows(rows.ctypes.data, 2, 2, low.ctypes.data, high.ctypes.data, squares.ctypes.data)
     return low.tolist() == [1.0, -1.0]
 
 
@@ -45,9 +45,9 @@ def test_it_is_built_once_and_a_damaged_file_again(
     damaged = tmp_path / "another" / "code" / path.name
     damaged.parent.mkdir(parents=True)
     damaged.write_bytes(b"no library")
-    found = load()
-    assert works(found) and len(builds) == 2
-    assert found.why_not_kept == ""
+    stepper = load()
+    assert works(stepper) and len(builds) == 2
+    assert stepper.why_not_kept == ""
 
 
 @pytest.mark.slow
@@ -70,9 +70,9 @@ def test_a_wheel_brings_it(load: Load, tmp_path: Path, monkeypatch: pytest.Monke
 @pytest.mark.skipif(os.name == "nt", reason="a link to a file of the system")
 def test_a_cache_that_cannot_be_used_is_reported(load: Load, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("EMLA_COSIM_CACHE", "/dev/null/cache")
-    found = load()
-    assert works(found)
-    assert "/dev/null/cache" in found.why_not_kept
+    stepper = load()
+    assert works(stepper)
+    assert "/dev/null/cache" in stepper.why_not_kept
 
 
 EMPTY = {"library.c": b"", "halves.c": b"int y;", "system.c": b"int z;"}

@@ -24,8 +24,8 @@ def plain_split(components: list[Component], path: str) -> tuple[Component, str]
 @example(["lift", "lift."], "lift..x")
 @example(["a", "a"], "a.b")
 @given(st.lists(names, max_size=6), names)
-def test_path_belongs_to_the_component_with_the_longest_name(found: list[str], path: str) -> None:
-    components = [Component(name, parameters={"number": i}) for i, name in enumerate(found)]
+def test_path_belongs_to_the_component_with_the_longest_name(component_names: list[str], path: str) -> None:
+    components = [Component(name, parameters={"number": i}) for i, name in enumerate(component_names)]
     expected = plain_split(components, path)
     try:
         split = System(tuple(components), ()).split(path)
@@ -38,14 +38,14 @@ def test_path_belongs_to_the_component_with_the_longest_name(found: list[str], p
 
 
 @given(st.lists(names, max_size=6), names)
-def test_first_component_of_a_name_is_returned(found: list[str], name: str) -> None:
-    components = [Component(n, parameters={"number": i}) for i, n in enumerate(found)]
+def test_first_component_of_a_name_is_returned(component_names: list[str], name: str) -> None:
+    components = [Component(n, parameters={"number": i}) for i, n in enumerate(component_names)]
     try:
         component = System(tuple(components), ()).component(name)
     except CommandError:
-        assert name not in found
+        assert name not in component_names
     else:
-        assert component is components[found.index(name)]
+        assert component is components[component_names.index(name)]
 
 
 @given(st.lists(st.tuples(st.sampled_from("abc"), st.sampled_from("abc")), max_size=8))

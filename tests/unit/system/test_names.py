@@ -107,10 +107,12 @@ def test_scenario_files_and_the_terminal(name: str, emla: Emla, fmu_folder: Path
     key = json.dumps(f"{name}.plant.motor.R_s", ensure_ascii=False)  # as TOML quotes it too
     text = f'system = "x.ssp"\nstop_time = 0.01\nplots = false\n[set]\n{key} = 0.15\n'
     (tmp_path / "my.toml").write_text(text, encoding="utf-8")
-    done = emla("run", "my.toml", "--output", "[red]", "--signals", f"{name}.plant.x_L")
-    assert done.exit_code == 0, done.output
-    assert any(name in line for line in done.stdout.splitlines() if line[:1] in "┃│|")  # heads of the table
-    assert "Wrote [red]/: results.csv" in done.stdout
+    process = emla("run", "my.toml", "--output", "[red]", "--signals", f"{name}.plant.x_L")
+    assert process.exit_code == 0, process.output
+    assert any(
+        name in line for line in process.stdout.splitlines() if line[:1] in "┃│|"
+    )  # heads of the table
+    assert "Wrote [red]/: results.csv" in process.stdout
     record = json.loads((tmp_path / "[red]/run.json").read_text())
     assert record["settings"]["set"] == {f"{name}.plant.motor.R_s": 0.15}
     refused = emla("run", "my.toml", "--signals", f"{name}.gone")
@@ -138,5 +140,8 @@ def test_header_of_several_lines_is_read(tmp_path: Path) -> None:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(names)
         writer.writerows([k, 2.5, 3.0 * k, float("nan")] for k in range(9))
-    found = open_stored_run(tmp_path / "results.csv").read([names[2], "gone", "time"], 3)
-    assert {n: v.tolist() for n, v in found.items()} == {names[2]: [0.0, 9.0, 18.0], "time": [0.0, 3.0, 6.0]}
+    columns = open_stored_run(tmp_path / "results.csv").read([names[2], "gone", "time"], 3)
+    assert {n: v.tolist() for n, v in columns.items()} == {
+        names[2]: [0.0, 9.0, 18.0],
+        "time": [0.0, 3.0, 6.0],
+    }

@@ -66,18 +66,18 @@ def test_table_gives_the_values_to_all_that_use_them(fmu_folder: Path, table: Pa
 
 
 def test_run_records_the_table_and_rerun_notes_its_changes(emla: Emla, fmu_folder: Path, table: Path) -> None:
-    short = ("--stop-time", "0.006", "--no-plots", "--output", "table")
-    assert emla("run", "lift", *short, "--parameters", "levels.csv").exit_code == 0
-    settings_, found = recorded("table")
-    assert found.items() >= SAME.items()
+    options = ("--stop-time", "0.006", "--no-plots", "--output", "table")
+    assert emla("run", "lift", *options, "--parameters", "levels.csv").exit_code == 0
+    settings_, parameters = recorded("table")
+    assert parameters.items() >= SAME.items()
     digest = hashlib.sha256(table.read_bytes()).hexdigest()
     assert settings_["parameters"] == [{"file": "levels.csv", "sha256": digest}]
-    again = emla("rerun", "table", "--fmus", str(fmu_folder), "--no-plots")
-    assert again.exit_code == 0 and "to the last bit" in again.stdout
-    assert "Differences from" not in again.stdout
+    rerun = emla("rerun", "table", "--fmus", str(fmu_folder), "--no-plots")
+    assert rerun.exit_code == 0 and "to the last bit" in rerun.stdout
+    assert "Differences from" not in rerun.stdout
     table.write_text(TABLE.replace("42,7", "42,8"))
-    again = emla("rerun", "table", "--fmus", str(fmu_folder), "--no-plots", "--output", "other")
-    assert "the content of" in again.output and "levels.csv" in again.output
+    rerun = emla("rerun", "table", "--fmus", str(fmu_folder), "--no-plots", "--output", "other")
+    assert "the content of" in rerun.output and "levels.csv" in rerun.output
     assert recorded("other")[1][f"{LEVEL}[2]"] == 42.8e3
 
 
@@ -103,9 +103,9 @@ def test_elements_whole_numbers_units_and_later_files(fmu_folder: Path, tmp_path
         f"{LEVEL}[2] in kN,lift.disturbance.d_2.seed,lift.disturbance.supply.depth [%]\n7,5,30\n"
     )
     second.write_text(f"{LEVEL}\n1\n2\n")
-    found = values(fmu_folder, first)
-    assert (found[f"{LEVEL}[2]"], found["lift.disturbance.d_2.seed"]) == (7e3, 5)
-    assert found["lift.disturbance.supply.depth"] == pytest.approx(0.3)
+    parameters = values(fmu_folder, first)
+    assert (parameters[f"{LEVEL}[2]"], parameters["lift.disturbance.d_2.seed"]) == (7e3, 5)
+    assert parameters["lift.disturbance.supply.depth"] == pytest.approx(0.3)
     assert values(fmu_folder, first, second)[f"{LEVEL}[2]"] == 2.0
     assert values(fmu_folder, second, first)[f"{LEVEL}[2]"] == 7e3
     assert values(fmu_folder, second, set={f"{LEVEL}[*]": 9.0})[f"{LEVEL}[2]"] == 9.0
@@ -161,12 +161,12 @@ def test_list_sets_the_elements_of_an_array(fmu_folder: Path, tmp_path: Path) ->
     (tmp_path / "mine.toml").write_text(
         f'system = "lift"\nstop_time = 0.001\n[set]\n"{LEVEL}" = ["30 kN", 4e4]\n"{START}" = [0, "2 ms"]\n'
     )
-    found = values(fmu_folder, system=tmp_path / "mine.toml", set={f"{LEVEL}[2]": "50 kN"})
-    assert [found[f"{LEVEL}[{i}]"] for i in (1, 2)] == [30e3, 50e3]
-    assert [found[f"{START}[{i}]"] for i in (1, 2)] == [0, 0.002]
+    parameters = values(fmu_folder, system=tmp_path / "mine.toml", set={f"{LEVEL}[2]": "50 kN"})
+    assert [parameters[f"{LEVEL}[{i}]"] for i in (1, 2)] == [30e3, 50e3]
+    assert [parameters[f"{START}[{i}]"] for i in (1, 2)] == [0, 0.002]
     for name, many in ((LEVEL, (30e3, 40e3)), ("*.load.level", np.array([30e3, 40e3]))):
-        found = values(fmu_folder, set={name: many})
-        assert [found[f"{LEVEL}[{i}]"] for i in (1, 2)] == [30e3, 40e3]
+        parameters = values(fmu_folder, set={name: many})
+        assert [parameters[f"{LEVEL}[{i}]"] for i in (1, 2)] == [30e3, 40e3]
 
 
 @pytest.mark.parametrize(

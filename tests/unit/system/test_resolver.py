@@ -45,19 +45,19 @@ def run(tank: Path, **options: object) -> ec.Result:
 
 
 def test_one_fmu_needs_no_component_name(tank: Path, emla: Emla, tmp_path: Path) -> None:
-    wanted = {
+    expected = {
         "set": {"a*": 2.0},
         "signals": ["lev*"],
         "require": ["level.final > 0.35"],
         "stop_when": ["level > 0.35"],
     }
-    result = run(tank, **wanted)
+    result = run(tank, **expected)
     assert result.stopped_when == "Tank.level > 0.35"
     np.testing.assert_array_equal(result["level"], result["Tank.level"])
     assert result["level"][-1] == pytest.approx(0.4, rel=1e-9)
     result.save(tmp_path / "kept", plots=False)
-    done = emla("plot", "kept", "--signals", "level", "--output", "level.png")
-    assert done.exit_code == 0, done.output
+    process = emla("plot", "kept", "--signals", "level", "--output", "level.png")
+    assert process.exit_code == 0, process.output
     assert result.plot("level").axes
 
 
@@ -154,9 +154,9 @@ names = st.lists(st.text("ab.", min_size=1, max_size=4), max_size=6, unique=True
 @given(st.text("ab.*?", min_size=1, max_size=4), names)
 def test_short_names_count_only_without_a_full_match(text: str, known: list[str]) -> None:
     full = [name for name in known if matches_pattern(name, text)]
-    short = [name for name in known if matches_pattern(name, f"a.{text}")]
+    short_matches = [name for name in known if matches_pattern(name, f"a.{text}")]
     assert find_names(text, known) == full
-    assert find_names(text, known, "a") == (full or short)
+    assert find_names(text, known, "a") == (full or short_matches)
 
 
 def test_a_name_is_never_suggested_for_itself() -> None:

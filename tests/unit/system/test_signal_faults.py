@@ -40,9 +40,9 @@ def signals(fmus: Path, *faults: Any, stop_time: float = 0.02, **options: Any) -
         return {name: np.array(result[name]) for name in ["time", *simulation.names]}
 
 
-def differing(found: Mapping[str, np.ndarray], expected: Mapping[str, np.ndarray]) -> set[str]:
+def differing(signals_1: Mapping[str, np.ndarray], expected: Mapping[str, np.ndarray]) -> set[str]:
     """Names of the expected signals that have other bits."""
-    return {n for n in expected if found[n].tobytes() != expected[n].tobytes()}
+    return {n for n in expected if signals_1[n].tobytes() != expected[n].tobytes()}
 
 
 @pytest.fixture(scope="module")
@@ -86,16 +86,16 @@ def block(**values: float) -> Any:
 )
 def test_effects_on_a_signal(effect: Mapping[str, float], during: Sequence[float]) -> None:
     step = block(**effect, start=0.3, duration=0.2, u=U[0])
-    found = [step(), *(step(u, (k + 1) / 10) for k, u in enumerate(U[1:]))]
-    y, active = np.array(found).T
+    outputs = [step(), *(step(u, (k + 1) / 10) for k, u in enumerate(U[1:]))]
+    y, active = np.array(outputs).T
     assert y.tobytes() == np.array([*U[:3], *during, *U[5:]]).tobytes()  # minus zero included
     assert active.tolist() == [0.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0]
 
 
 def test_freeze_from_the_start_keeps_the_first_step() -> None:
     step = block(freeze=1.0, start=0.0, u=1.0)
-    found = [step(), *(step(u, 0.1 * (k + 1)) for k, u in enumerate((2.0, 3.0, 4.0)))]
-    assert [y for y, _ in found] == [1.0, 2.0, 2.0, 2.0]
+    outputs = [step(), *(step(u, 0.1 * (k + 1)) for k, u in enumerate((2.0, 3.0, 4.0)))]
+    assert [y for y, _ in outputs] == [1.0, 2.0, 2.0, 2.0]
 
 
 @pytest.mark.parametrize("signal", [math.inf, -math.inf, math.nan])
@@ -124,9 +124,9 @@ def test_fault_that_does_not_begin_changes_no_bit(
     names: Sequence[str], options: dict[str, Any], fmu_folder: Path, sound: dict[str, np.ndarray]
 ) -> None:
     """Of no signal, in gauss-seidel: the order of the others is what it was."""
-    found = signals(fmu_folder, *(Fault(name, "freeze", 1.0) for name in names), **options)
-    assert differing(found, sound) == set()
-    assert len(found) == len(sound) + 2 * len(names)
+    with_fault = signals(fmu_folder, *(Fault(name, "freeze", 1.0) for name in names), **options)
+    assert differing(with_fault, sound) == set()
+    assert len(with_fault) == len(sound) + 2 * len(names)
 
 
 @pytest.mark.parametrize("flavour", mostly_slow(FLAVOURS, ["native"]))
@@ -134,21 +134,21 @@ def test_encoder_that_freezes_keeps_its_last_value_for_all_receivers(
     flavour: str, request: pytest.FixtureRequest
 ) -> None:
     folder = request.getfixturevalue("fmu_folder" if flavour == "native" else "python_fmu_folder")
-    whole = signals(folder, flavour=flavour)
-    found = signals(folder, Fault(ENCODER, "freeze", 0.01, 0.002), flavour=flavour)
-    given, measured = found[f"{FAULT}.y"], found[ENCODER]
-    assert (given[100:120] == measured[99]).all() and len(set(measured[99:120])) > 10
-    assert (given[:100] == measured[:100]).all() and (given[120:] == measured[120:]).all()
+    healthy = signals(folder, flavour=flavour)
+    with_fault = signals(folder, Fault(ENCODER, "freeze", 0.01, 0.002), flavour=flavour)
+    encoder_input, measured = with_fault[f"{FAULT}.y"], with_fault[ENCODER]
+    assert (encoder_input[100:120] == measured[99]).all() and len(set(measured[99:120])) > 10
+    assert (encoder_input[:100] == measured[:100]).all() and (encoder_input[120:] == measured[120:]).all()
     # the observer reacts in the same step, and no signal before
-    differ = found["lift.observer.x_hat"] != whole["lift.observer.x_hat"]
+    differ = with_fault["lift.observer.x_hat"] != healthy["lift.observer.x_hat"]
     assert np.flatnonzero(differ)[0] == 100
 
 
 def test_fault_of_an_input_leaves_its_source_alone(fmu_folder: Path, sound: dict[str, np.ndarray]) -> None:
-    found = signals(fmu_folder, Fault("lift.observer.i_q_ref", "constant", 0.01, value=7.0))
-    assert (found["lift.observer_i_q_ref_fault.y"][100:] == 7.0).all()
+    with_fault = signals(fmu_folder, Fault("lift.observer.i_q_ref", "constant", 0.01, value=7.0))
+    assert (with_fault["lift.observer_i_q_ref_fault.y"][100:] == 7.0).all()
     # robust: the observer does not use it
-    assert found["lift.plant.x_L"].tobytes() == sound["lift.plant.x_L"].tobytes()
+    assert with_fault["lift.plant.x_L"].tobytes() == sound["lift.plant.x_L"].tobytes()
 
 
 def test_unconnected_input_fails_from_its_start_value(faulty_fmu: Path) -> None:
@@ -169,24 +169,28 @@ def test_unconnected_input_fails_from_its_start_value(faulty_fmu: Path) -> None:
 def test_faults_in_sequence_on_one_signal(algorithm: str, late: int, fmu_folder: Path) -> None:
     """The second one gets the output of the first one; with jacobi each is late by a step."""
     faults = [Fault(ENCODER, "offset", 0.005, 0.008, 1e-6), Fault(ENCODER, "gain", 0.012, None, 2.0)]
-    found = signals(fmu_folder, *faults, algorithm=algorithm)
-    first, second = found[f"{FAULT}.y"], found[f"{FAULT}_2.y"]
+    with_fault = signals(fmu_folder, *faults, algorithm=algorithm)
+    first, second = with_fault[f"{FAULT}.y"], with_fault[f"{FAULT}_2.y"]
     k = np.arange(late, len(first))
-    assert first[k] == pytest.approx(found[ENCODER][k - late] + 1e-6 * ((k >= 50) & (k < 130)), abs=1e-15)
+    assert first[k] == pytest.approx(
+        with_fault[ENCODER][k - late] + 1e-6 * ((k >= 50) & (k < 130)), abs=1e-15
+    )
     assert second[k] == pytest.approx(first[k - late] * np.where(k >= 120, 2.0, 1.0), abs=1e-15)
-    assert found["lift.observer.y_bar"][120 + late] > 0.05  # of the 0.24 m by which the position jumps
+    assert with_fault["lift.observer.y_bar"][120 + late] > 0.05  # of the 0.24 m by which the position jumps
 
 
 @pytest.mark.parametrize(("signal", "factors"), [("a.x", [1.0, 1e-3]), ("b.u", [1e-3, 1.0])])
 def test_value_is_in_the_unit_of_its_signal(signal: str, factors: Sequence[float], tmp_path: Path) -> None:
     """The source is in mm, its receiver in m: a fault has the unit of its signal."""
     system = ec.System.of({"a": "Reference", "b": "EmlaObserver"}, ["a.x -> b.u"])
-    made, placed = add_fault_components(system, [Fault(signal, "offset", 0.5, value=1.0)])
-    (fault,) = placed
+    with_components, fault_components = add_fault_components(
+        system, [Fault(signal, "offset", 0.5, value=1.0)]
+    )
+    (fault,) = fault_components
     variables = {"a": ["x:output:mm"], "b": ["u:input:m"], fault: ["u:input", "y:output"]}
     interfaces = {n: read_interface(fake_fmu(tmp_path / f"{n}.fmu", *v)) for n, v in variables.items()}
-    found = wire_faults(made, placed, interfaces)
-    after = {x.source: find_transformation(x, interfaces).factor for x in found.connections}
+    connected = wire_faults(with_components, fault_components, interfaces)
+    after = {x.source: find_transformation(x, interfaces).factor for x in connected.connections}
     assert [after["a"], after[fault]] == pytest.approx(factors)
 
 
@@ -220,8 +224,8 @@ def ran(emla: Emla, *arguments: str, folder: str) -> bytes:
 def test_file_command_python_and_package_give_the_same(emla: Emla, fmu_folder: Path) -> None:
     Path("my.toml").write_text(FILE)
     lift = ("lift", "--stop-time", "0.02")
-    found = ran(emla, "my.toml", folder="file")
-    assert found == ran(emla, *lift, "--fault", LINE, folder="line") != ran(emla, *lift, folder="none")
+    rows_of_file = ran(emla, "my.toml", folder="file")
+    assert rows_of_file == ran(emla, *lift, "--fault", LINE, folder="line") != ran(emla, *lift, folder="none")
     by_text, by_table = signals(fmu_folder, LINE), signals(fmu_folder, ENTRIES)
     assert differing(by_text, by_table) == set()
     record = json.loads(Path("file/run.json").read_text())
@@ -229,16 +233,20 @@ def test_file_command_python_and_package_give_the_same(emla: Emla, fmu_folder: P
     assert record["components"][f"{FAULT}"]["parameters"]["start"] == 0.005
     assert json.loads(Path("file/metrics.json").read_text())["joints"].keys() == {"lift"}
     later = ran(emla, "my.toml", "--set", f"{FAULT}.start=0.01", folder="later")
-    assert later == ran(emla, *lift, "--fault", LINE.replace("0.005", "0.01"), folder="line later") != found
+    assert (
+        later
+        == ran(emla, *lift, "--fault", LINE.replace("0.005", "0.01"), folder="line later")
+        != rows_of_file
+    )
     assert emla("export", "my.toml", "my.ssp").exit_code == 0
-    assert ran(emla, "my.ssp", folder="package") == found
+    assert ran(emla, "my.ssp", folder="package") == rows_of_file
 
 
 def test_checkpoint_within_a_freeze_is_continued(emla: Emla) -> None:
     fault = ["lift", "--fault", f"{ENCODER}=freeze@0.004+0.001", "--output-interval", "1ms"]
-    whole = ran(emla, *fault, "--stop-time", "0.01", folder="whole")
+    expected = ran(emla, *fault, "--stop-time", "0.01", folder="whole")
     ran(emla, *fault, "--stop-time", "0.0045", "--checkpoint", "c", folder="parts")
-    assert ran(emla, *fault, "--stop-time", "0.01", "--resume", "c", folder="parts") == whole
+    assert ran(emla, *fault, "--stop-time", "0.01", "--resume", "c", folder="parts") == expected
 
 
 def test_faults_are_arguments_of_the_command() -> None:

@@ -32,7 +32,7 @@ def lift(fmu_folder: Path) -> Iterator[ec.Simulation]:
 def parameters(result: ec.Result) -> dict[str, Any]:
     """All start values of a run, by full name."""
     components = result.record["components"].items()
-    return {f"{c}.{n}": v for c, one in components for n, v in one["parameters"].items()}
+    return {f"{c}.{n}": v for c, record in components for n, v in record["parameters"].items()}
 
 
 @pytest.fixture(scope="module")
@@ -120,8 +120,8 @@ def test_invalid_start_values(lift: ec.Simulation, values: dict[str, Any], messa
 
 def test_replaced_component_keeps_its_names(fmu_folder: Path) -> None:
     mapping = {"lift.plant": ec.Replacement(fmu_path("EmlaPlant", "native", fmu_folder))}
-    given = {"*.plant.motor.R_s": "200 mOhm"}
-    with ec.load("lift", replace=mapping, set=given).prepare(fmus=fmu_folder) as simulation:
+    overrides = {"*.plant.motor.R_s": "200 mOhm"}
+    with ec.load("lift", replace=mapping, set=overrides).prepare(fmus=fmu_folder) as simulation:
         assert parameters(simulation.run(stop_time=0.001))["lift.plant.motor.R_s"] == 0.2
 
 
@@ -135,8 +135,8 @@ def test_power_of_ten_costs_no_digit(digits: int, power: int) -> None:
     """The double nearest to the decimal number, as if it was written in the other unit."""
     second = parse_unit_name("s", "it")
     for unit, factor in (("ms", -3), ("us", -6), ("ns", -9), ("s", 0)):
-        found = parse_quantity(f"{digits}e{power} {unit}", "it").in_unit(second, "it")
-        assert found == float(f"{digits}e{power + factor}")
+        quantity = parse_quantity(f"{digits}e{power} {unit}", "it").in_unit(second, "it")
+        assert quantity == float(f"{digits}e{power + factor}")
     assert math.isclose(parse_quantity("2 min", "it").in_unit(second, "it"), 120.0, rel_tol=0)
 
 

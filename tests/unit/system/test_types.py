@@ -92,10 +92,10 @@ def rows(system: System, fmu: Path, steps: int) -> dict[str, np.ndarray]:
     with Assembly(system, {"a": fmu, "b": fmu}) as assembly:
         network, times = assembly.network, make_communication_points(0.1 * steps, 0.1)
         master = begun(network, Jacobi(), times)
-        found = [network.signals.copy()]
+        signals = [network.signals.copy()]
         for _ in step_by_step(master, times):
-            found.append(network.signals.copy())
-        return dict(zip(network.names, np.array(found).T, strict=True))
+            signals.append(network.signals.copy())
+        return dict(zip(network.names, np.array(signals).T, strict=True))
 
 
 def refused(system: System, fmus: dict[str, Path], message: str) -> None:
@@ -105,22 +105,22 @@ def refused(system: System, fmus: dict[str, Path], message: str) -> None:
 
 def test_values_arrive_unchanged(fmu: Path) -> None:
     wires = [("a.count", "b.by"), ("a.wants", "b.on"), ("a.shifted", "b.gear"), ("a.count", "b.level")]
-    found = rows(pair(*wires, ("b.count", "a.level")), fmu, 6)
+    values = rows(pair(*wires, ("b.count", "a.level")), fmu, 6)
     # a counts from 0 and wants until 4; b adds what a had counted, while a wanted, one step later
-    assert found["a.count"].tolist() == [0, 1, 2, 3, 4, 5, 6]
-    assert found["a.wants"].tolist() == [1, 1, 1, 1, 0, 0, 0]
-    assert found["a.shifted"].tolist() == [3] * 7
-    assert found["b.count"].tolist() == [0, 0, 1, 3, 6, 6, 6]
-    assert found["b.half"].tolist() == [0.0, 0.0, 0.5, 1.0, 1.5, 2.0, 2.5]
+    assert values["a.count"].tolist() == [0, 1, 2, 3, 4, 5, 6]
+    assert values["a.wants"].tolist() == [1, 1, 1, 1, 0, 0, 0]
+    assert values["a.shifted"].tolist() == [3] * 7
+    assert values["b.count"].tolist() == [0, 0, 1, 3, 6, 6, 6]
+    assert values["b.half"].tolist() == [0.0, 0.0, 0.5, 1.0, 1.5, 2.0, 2.5]
 
 
 def test_conversions_that_keep_every_value(fmu: Path) -> None:
-    found = rows(pair(("a.shifted", "b.by"), ("b.count", "a.level"), ("a.shifted", "b.level")), fmu, 3)
-    assert found["b.count"].tolist() == [0, 3, 6, 9]  # an enumeration is the number of its value
-    assert found["b.half"].tolist() == [1.5] * 4
-    found = rows(pair(("a.wants", "b.by"), ("b.count", "a.level"), ("a.wants", "b.level")), fmu, 6)
-    assert found["b.count"].tolist() == [0, 1, 2, 3, 4, 4, 4]  # a Boolean is 0 or 1
-    assert found["b.half"].tolist() == [0.5, 0.5, 0.5, 0.5, 0.5, 0.0, 0.0]
+    values = rows(pair(("a.shifted", "b.by"), ("b.count", "a.level"), ("a.shifted", "b.level")), fmu, 3)
+    assert values["b.count"].tolist() == [0, 3, 6, 9]  # an enumeration is the number of its value
+    assert values["b.half"].tolist() == [1.5] * 4
+    values = rows(pair(("a.wants", "b.by"), ("b.count", "a.level"), ("a.wants", "b.level")), fmu, 6)
+    assert values["b.count"].tolist() == [0, 1, 2, 3, 4, 4, 4]  # a Boolean is 0 or 1
+    assert values["b.half"].tolist() == [0.5, 0.5, 0.5, 0.5, 0.5, 0.0, 0.0]
 
 
 @pytest.mark.parametrize(
@@ -156,13 +156,13 @@ def test_enumeration_without_the_value_of_the_source(fmu: Path, lever: Path) -> 
 
 
 def test_only_reals_are_transformed_and_integers_are_whole_numbers(fmu: Path) -> None:
-    both = {"a": fmu, "b": fmu}
+    fmus = {"a": fmu, "b": fmu}
     system = pair(("a.count", "b.by"), transformation=LinearTransformation(2.0))
-    refused(system, both, "transforms values of the type Integer")
-    for given, reason in ((2.5, "2.5 is not a whole number"), ("two", "two is not a")):
-        refused(pair().with_parameters({"a.first": given}), both, reason)
-    whole = pair(("a.count", "b.by")).with_parameters({"a.first": 3.0})
-    assert rows(whole, fmu, 1)["a.count"].tolist() == [3, 4]
+    refused(system, fmus, "transforms values of the type Integer")
+    for value, reason in ((2.5, "2.5 is not a whole number"), ("two", "two is not a")):
+        refused(pair().with_parameters({"a.first": value}), fmus, reason)
+    integer_pair = pair(("a.count", "b.by")).with_parameters({"a.first": 3.0})
+    assert rows(integer_pair, fmu, 1)["a.count"].tolist() == [3, 4]
 
 
 NOMINALS = [("0", 1.0), ("nan", 1.0), ("inf", 1.0), ("-3", 3.0), ("2.5", 2.5), (None, 1.0)]

@@ -61,19 +61,19 @@ def fmus(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     return {"plant": folder / "Linear.fmu", "lqr": folder / "Lqr.fmu"}
 
 
-def run(made: System, **options: Any) -> ec.Result:
-    with ec.load(made, **{"step_size": STEP, "stop_time": STOP, **options}).prepare() as simulation:
+def run(system: System, **options: Any) -> ec.Result:
+    with ec.load(system, **{"step_size": STEP, "stop_time": STOP, **options}).prepare() as simulation:
         return simulation.run()
 
 
 def test_matrix_controller_against_scipy(fmus: dict[str, Path]) -> None:
-    whole = run(System.of(fmus, VECTORS, MATRICES))
+    result = run(System.of(fmus, VECTORS, MATRICES))
     single = run(System.of(fmus, ELEMENTS), set=MATRICES)
-    found = np.column_stack([whole[f"plant.x[{i}]"] for i in (1, 2)])
-    np.testing.assert_array_equal(found, np.column_stack([single[f"plant.x[{i}]"] for i in (1, 2)]))
-    expected = np.array([scipy.linalg.expm((A - B @ K) * t) @ START for t in whole["time"]])
-    assert np.abs(found[-1]).max() < 0.1 * np.abs(START).max()
-    np.testing.assert_allclose(found, expected, atol=2.0 * STEP * np.abs(expected[:, 1]).max() * 10)
+    states = np.column_stack([result[f"plant.x[{i}]"] for i in (1, 2)])
+    np.testing.assert_array_equal(states, np.column_stack([single[f"plant.x[{i}]"] for i in (1, 2)]))
+    expected = np.array([scipy.linalg.expm((A - B @ K) * t) @ START for t in result["time"]])
+    assert np.abs(states[-1]).max() < 0.1 * np.abs(START).max()
+    np.testing.assert_allclose(states, expected, atol=2.0 * STEP * np.abs(expected[:, 1]).max() * 10)
 
 
 @pytest.mark.parametrize(
@@ -85,11 +85,11 @@ def test_matrix_controller_against_scipy(fmus: dict[str, Path]) -> None:
 )
 def test_command_takes_matrices(text: str, message: str, fmus: dict[str, Path], emla: Emla) -> None:
     command = ["run", str(fmus["plant"]), "--stop-time", "0.002", "--step-size", "0.001", "--no-plots"]
-    done = emla(*command, "--output", "out", "--set", f"A={A.tolist()}")
-    assert done.exit_code == 0, done.output
+    process = emla(*command, "--output", "out", "--set", f"A={A.tolist()}")
+    assert process.exit_code == 0, process.output
     (record,) = json.loads(Path("out/run.json").read_text())["components"].values()
-    found = {name: float(value) for name, value in record["parameters"].items() if name[0] == "A"}
-    assert found == {f"A[{i + 1},{j + 1}]": A[i, j] for i in (0, 1) for j in (0, 1)}
+    parameters = {name: float(value) for name, value in record["parameters"].items() if name[0] == "A"}
+    assert parameters == {f"A[{i + 1},{j + 1}]": A[i, j] for i in (0, 1) for j in (0, 1)}
     assert message in sentence(emla(*command, "--set", text), 2)
 
 
@@ -114,9 +114,9 @@ def test_ssd_connects_whole_vectors(fmus: dict[str, Path], tmp_path: Path) -> No
     scenario.export(tmp_path / "again.ssp")
     for loaded in (scenario, ec.load(tmp_path / "again.ssp")):
         with loaded.prepare() as simulation:
-            found = simulation.run()
+            result = simulation.run()
         for i in (1, 2):
-            np.testing.assert_array_equal(found[f"plant.x[{i}]"], expected[f"plant.x[{i}]"])
+            np.testing.assert_array_equal(result[f"plant.x[{i}]"], expected[f"plant.x[{i}]"])
     plant = component("plant", "Linear.fmu", "u:input:Real")
     wrong = rooted(tmp_path, plant, CONTROL, connection("plant.u -> control.state"), files=files)
     with pytest.raises(CommandError, match=r"plant\.u -> control\.state joins 1 element and 2 elements"):
@@ -131,15 +131,15 @@ def test_ssd_connects_whole_vectors(fmus: dict[str, Path], tmp_path: Path) -> No
     ],
 )
 def test_shapes_that_differ_are_refused(names: dict[str, list[str]], message: str) -> None:
-    made = System.of({"a": "a.fmu", "b": "b.fmu"}, ["a.x -> b.u"])
+    system = System.of({"a": "a.fmu", "b": "b.fmu"}, ["a.x -> b.u"])
     with pytest.raises(CommandError, match=f"joins different shapes: .*{message}"):
-        connect_elements(made, names)
+        connect_elements(system, names)
 
 
 def test_scalars_keep_their_connections() -> None:
-    made = System.of({"a": "a.fmu", "b": "b.fmu"}, ["a.x -> b.u", "a.y[1] -> b.v", "a.z -> b.w"])
+    system = System.of({"a": "a.fmu", "b": "b.fmu"}, ["a.x -> b.u", "a.y[1] -> b.v", "a.z -> b.w"])
     names = {"a": ["x", "x[1]", "y[1]", "z[1]"], "b": ["u", "u[1]", "v", "w"]}
-    assert connect_elements(made, names) == made
+    assert connect_elements(system, names) == system
 
 
 def test_lists_are_read_as_texts() -> None:
