@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from emla_cosim.master.algorithms.algorithm import Algorithm
-from emla_cosim.master.algorithms.extrapolation import Known, Mode
+from emla_cosim.master.algorithms.extrapolation import Mode, Reading
 from emla_cosim.master.algorithms.group import HALVINGS, SWEEPS, CoupledGroup
 from emla_cosim.master.algorithms.program import PREVIOUS, SIGNALS, Call, Combine, Operation, Solve
 from emla_cosim.master.algorithms.quasi_newton import FILTER, NOISE, RELAXATION
@@ -120,24 +120,27 @@ class PlainStepper:
     def set_inputs(self, i: int, time: float, length: float) -> None:
         """Set the inputs of an instance: held, at the middle of a line, or along it."""
         network, history, exchange, mode = self.network, self.history, self.exchange, self.exchange.modes[i]
-        if mode == Mode.HOLD and not exchange.has_known(i):
+        if mode == Mode.HOLD and not exchange.reads_known_signal(i):
             network.pass_inputs(i)
             return
         instance, part = network.instances[i], network.input_parts[i]
         for j, signal in enumerate(network.sources[i]):
             owner, place = exchange.owners[signal], part.start + j
-            if exchange.known[i][j] or mode == Mode.HOLD:
+            if exchange.readings[i][j] or mode == Mode.HOLD:
                 value, slope = float(network.signals[signal]), 0.0
-                if exchange.known[i][j]:
-                    value, slope = self.read_known(int(exchange.known[i][j]), signal, time, length)
+                if exchange.readings[i][j]:
+                    value, slope = self.read_known(int(exchange.readings[i][j]), signal, time, length)
                 instance.inputs[j] = network.factors[i][j] * value + network.offsets[i][j]
                 exchange.derivatives[place] = network.factors[i][j] * slope
                 continue
             earlier, then = history.previous[signal], history.before[owner]
             if exchange.rare[i]:
-                if history.taken_at[place] < then:
-                    earlier, then = history.taken[place], history.taken_at[place]
-                history.taken[place], history.taken_at[place] = network.signals[signal], history.at[owner]
+                if history.last_read_at[place] < then:
+                    earlier, then = history.last_read[place], history.last_read_at[place]
+                history.last_read[place], history.last_read_at[place] = (
+                    network.signals[signal],
+                    history.at[owner],
+                )
             moves = exchange.smooth[signal] and instance.continuous_inputs[j] and history.at[owner] > then
             slope = (network.signals[signal] - earlier) / (history.at[owner] - then) if moves else 0.0
             ahead = time - history.at[owner] + (0.5 * length if mode == Mode.MIDDLE else 0.0)
@@ -153,12 +156,12 @@ class PlainStepper:
         owner, history = self.exchange.owners[signal], self.history
         then, span = history.before[owner], history.at[owner] - history.before[owner]
         begin, end, mean = (self.algorithm.stores[f"{x} of step"][signal] for x in ("begin", "end", "mean"))
-        if known == Known.SAMPLE or not span > 0.0:
+        if known == Reading.SAMPLE or not span > 0.0:
             return float(self.network.signals[signal]), 0.0
-        if known == Known.BEGIN:
+        if known == Reading.START:
             return float(history.previous[signal]), 0.0
         slope = (end - begin) / span
-        if known == Known.MEAN:
+        if known == Reading.MEAN:
             return (begin + (time - then + 0.5 * length) * slope if length < 0.75 * span else mean), 0.0
         return begin + (time - then) * slope, slope
 
@@ -166,14 +169,14 @@ class PlainStepper:
         """Get outputs of an instance; those that follow known inputs, after these are set to the end."""
         instance, part = self.network.instances[i], self.network.parts[i]
         instance.get_outputs()
-        if i in self.algorithm.known and instance.span_references:
+        if i in self.algorithm.known_sources and instance.span_references:
             for span in SPANS:
                 names = [f"step.{span}.{v.name}" for v in instance.written]
                 values = [instance.value(instance.file.variables[name]) for name in names]
                 self.algorithm.stores[f"{span} of step"][part] = values
         if self.exchange.follows[i]:
             for j, signal in enumerate(self.network.sources[i]):
-                if self.exchange.known[i][j] == Known.MEAN:
+                if self.exchange.readings[i][j] == Reading.MEAN:
                     factor, offset = self.network.factors[i][j], self.network.offsets[i][j]
                     instance.inputs[j] = factor * self.network.signals[signal] + offset
             instance.set_inputs()

@@ -133,7 +133,7 @@ class CodePlan:
         network.signals[:] = 0.0
         for i, part in enumerate(self.system.parts):
             network.instances[i].inputs[:] = part.instance.input_starts
-            network.assume_inputs(i)
+            network.infer_signals(i)
         return network.signals.tolist()
 
 

@@ -194,7 +194,7 @@ class SystemTables:
                 *(int(bool(options.get(name))) for name in ("eventModeUsed", "earlyReturnAllowed")),
                 *(
                     part_image.events,
-                    *part_image.memory,
+                    *part_image.event_state,
                     f"clocks_{part_image.events}" if part_image.events >= 0 else "NULL",
                 ),
                 c_number(part.instance.file.interface.tolerance or 0.0),
@@ -256,7 +256,7 @@ class SystemTables:
     def _find_array(self, variable: ContainerVariable) -> int:
         """Return where its array is kept, or a value that waits or may cause an event; -1 without."""
         part_variable, part = variable.part_variable, self._plan.parts[variable.part]
-        pending_inputs = self._plan.image.parts[variable.part].held
+        pending_inputs = self._plan.image.parts[variable.part].pending_inputs
         if part_variable.type == "String" or not variable.is_settable:
             return -1
         if str(part_variable.name) in pending_inputs:

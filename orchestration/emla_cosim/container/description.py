@@ -54,7 +54,7 @@ def describe_container(
             _fit_into_integer(kind, variable)
     if fmi == 3:
         _add_time(model_variables, choose_time_name(variables), units)
-    root.extend(place for place in (units.element(), types) if len(place))
+    root.extend(section for section in (units.element(), types) if len(section))
     add_log_categories(root, fmi)
     times = plan.times
     SubElement(

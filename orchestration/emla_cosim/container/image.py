@@ -84,14 +84,14 @@ class _Region:
         address: where it begins.
         values: the array; None for a record of ctypes, or a function.
         name: the expression in C of its first element; empty until it is known.
-        place: position in its pool in C.
+        position: position in its pool in C.
     """
 
     address: int
     size: int
     values: NDArray[Any] | None
     name: str = ""
-    place: int = 0
+    position: int = 0
 
 
 class Image:
@@ -141,25 +141,25 @@ class Image:
         """Keep memory that steps change, with these first values; return its position in `saved`."""
         region = self._add_array(values)
         if region.name:
-            return region.place
-        region.name, region.place = "memory.saved", self.saved
+            return region.position
+        region.name, region.position = "memory.saved", self.saved
         self.saved += -(-values.nbytes // _WORD)
         if first is not None and first.any():
             name = self._add_constant(first)
-            self._starts.append(f"memcpy(&saved[{region.place}], {name}, sizeof {name});")
-        return region.place
+            self._starts.append(f"memcpy(&saved[{region.position}], {name}, sizeof {name});")
+        return region.position
 
-    def place(self, address: int) -> int:
+    def find_position(self, address: int) -> int:
         """Return the position of memory in its pool, such as `calls`."""
         region, offset = self._find(address)
         assert region.values is not None
         self._enter_pool(region)
-        return region.place + offset // region.values.itemsize
+        return region.position + offset // region.values.itemsize
 
-    def place_in_saved(self, address: int) -> int:
+    def find_position_in_saved(self, address: int) -> int:
         """Return the position of a number in `saved`."""
         region, offset = self._find(address)
-        return region.place + offset // _WORD
+        return region.position + offset // _WORD
 
     def wire(self, target: str, record: Any, kind: str) -> None:
         """Let each instance fill in a record of ctypes, such as `m->stepper`."""
@@ -200,12 +200,12 @@ class Image:
             return region.name
         if region.name == "memory.saved" or region.name == "room" or field in _SCRATCH_FIELDS:
             if not region.name:
-                region.name, region.place = "room", self.room
+                region.name, region.position = "room", self.room
                 self.room += -(-region.size // _WORD)
-            return f"AT({region.name}, {region.place + offset // _WORD})"
+            return f"AT({region.name}, {region.position + offset // _WORD})"
         if region.values.dtype in _POOLS:
             self._enter_pool(region)
-            return f"&m->{region.name}[{region.place + offset // region.values.itemsize}]"
+            return f"&m->{region.name}[{region.position + offset // region.values.itemsize}]"
         if not region.name:
             region.name = self._add_constant(region.values)
         return region.name if offset == 0 else f"{region.name} + {offset // region.values.itemsize}"
@@ -215,9 +215,9 @@ class Image:
         if region.name or region.values is None:
             return
         name, kind = _POOLS[region.values.dtype]
-        region.name, region.place = name, self.pools[name]
+        region.name, region.position = name, self.pools[name]
         self.pools[name] += len(region.values)
-        for position, record in enumerate(region.values, region.place):
+        for position, record in enumerate(region.values, region.position):
             self._wires.append(f"m->{name}[{position}] = {self._format_record(_as_dict(record), kind)};")
 
     def _format_record(self, values: Mapping[str, Any], kind: str) -> str:

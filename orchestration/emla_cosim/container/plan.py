@@ -17,7 +17,7 @@ from ..fmu.interface import CO_SIMULATION
 from ..fmu.variables import TypedValue
 from ..master.algorithms.algorithm import Algorithm
 from ..master.algorithms.group import CoupledGroup
-from ..master.algorithms.initialization import find_initial_loops, settle_initial_values
+from ..master.algorithms.initialization import find_initial_loops, solve_initial_values
 from ..master.algorithms.program import Operation
 from ..master.algorithms.scale import Scale
 from ..master.assembly import Assembly
@@ -188,8 +188,8 @@ def _solve_initial_loops(network: Network, times: CommunicationPoints) -> list[V
     for instance in network.instances:
         instance.enter_initialization(times.start, times.stop)
     for i in range(len(network.instances)):
-        network.assume_inputs(i)
-    settle_initial_values(network, Scale(network))
+        network.infer_signals(i)
+    solve_initial_values(network, Scale(network))
     return [network.signals[coupling_variables].copy() for _, coupling_variables in loops]
 
 

@@ -25,19 +25,20 @@ class PartImage:
         setters: first call that sets inputs, and number of these calls.
         getters: the same for the calls that get signals.
         events: number of its events; -1 without.
-        memory: where the memory of its events begins in `saved`, its size, and in it the counts of ticks.
+        event_state: start of the state of its events in `saved`, its size, and the start of the counts of
+            ticks in it.
         clocks: names of its clocks.
         ticks: position in `saved` of each variable that has the value of its last tick, by name.
-        held: the value that an input gets at its next tick, by name.
+        pending_inputs: the value that an input gets at its next tick, by name.
     """
 
     setters: tuple[int, int]
     getters: tuple[int, int]
     events: int = -1
-    memory: tuple[int, int, int] = (0, 0, 0)
+    event_state: tuple[int, int, int] = (0, 0, 0)
     clocks: Sequence[str] = ()
     ticks: Mapping[str, int] = field(default_factory=dict)
-    held: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    pending_inputs: Mapping[str, NDArray[Any]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -156,18 +157,18 @@ def _make_part_image(
     with_events: Sequence[InProcessInstance],
     pending_inputs: Mapping[str, NDArray[Any]],
 ) -> PartImage:
-    setters, getters = ((image.place(address) if count else 0, count) for address, count in initial)
+    setters, getters = ((image.find_position(address) if count else 0, count) for address, count in initial)
     if not isinstance(instance, EventModeInstance):
         return PartImage(setters, getters)
     tables, variables = instance.tables, list(instance.file.variables.values())
-    start = image.place_in_saved(tables.memory.ctypes.data)
+    start = image.find_position_in_saved(tables.memory.ctypes.data)
     positions = tables.find_places(variables)
     return PartImage(
         setters=setters,
         getters=getters,
         events=with_events.index(instance),
-        memory=(start, len(tables.memory), tables.first_count),
+        event_state=(start, len(tables.memory), tables.first_count),
         clocks=[tables.name_clock(clock) for clock in range(tables.record.clock_count)],
         ticks={str(v.name): start + int(p) for v, p in zip(variables, positions, strict=True) if p >= 0},
-        held=pending_inputs,
+        pending_inputs=pending_inputs,
     )

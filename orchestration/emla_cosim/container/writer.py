@@ -74,8 +74,8 @@ def write_container(
         times: Start, stop and step size.
         inputs: Names or patterns of the inputs, among those that nothing drives. Default: all of these.
         outputs: Names or patterns of the outputs. Default: `list_default_outputs`.
-        list_default_outputs: Returns the outputs if `outputs` is empty, from the names of all signals; an empty
-            list means all outputs.
+        list_default_outputs: Returns the outputs if `outputs` is empty, from the names of all signals. An
+            empty list means all outputs.
         platforms: FMI platforms. Default: that of this machine.
         fmi: Version of FMI, 2 or 3. Its FMUs keep theirs.
         overwrite: Whether to replace a file that emla did not write.

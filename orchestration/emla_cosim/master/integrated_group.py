@@ -11,7 +11,7 @@ from ..base.arrays import Indices, Vector
 from ..base.errors import join_names
 from ..fmu.elements import place_in_array
 from ..fmu.integrator import MOST_ITERATIONS
-from .algorithms.initialization import settle_initial_values
+from .algorithms.initialization import solve_initial_values
 from .algorithms.newton import Newton, NoSolutionError
 from .algorithms.scale import Scale
 from .instances.fmu_instance import FmuInstance
@@ -181,7 +181,7 @@ class IntegratedGroup(IntegratedInstance):
         self._network.signals[:] = 0.0
         self.inputs[:] = [self.members[i].inputs[k] for i, k in self.free]
         for i in range(len(self._network.instances)):
-            self._network.assume_inputs(i)
+            self._network.infer_signals(i)
 
     def exit_initialization(self) -> None:
         """Leave initialization mode, and handle its events."""
@@ -193,7 +193,7 @@ class IntegratedGroup(IntegratedInstance):
     def get_outputs(self) -> None:
         """Read the outputs into `outputs`."""
         if not self._is_integrating:
-            settle_initial_values(self._network, self._scale)
+            solve_initial_values(self._network, self._scale)
         for member in self.members:
             member.get_outputs()
         self.outputs[:] = self._network.signals[len(self.inputs) :]

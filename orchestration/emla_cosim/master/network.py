@@ -175,7 +175,7 @@ class Network:
         inputs *= self.factors[i]
         inputs += self.offsets[i]
 
-    def assume_inputs(self, i: int) -> None:
+    def infer_signals(self, i: int) -> None:
         """Set the signals that instance i reads so that they agree with its present inputs.
 
         A signal whose factor is 0 keeps its value.
@@ -227,7 +227,7 @@ class Network:
                 instance_names.append(instance)
         return instance_names
 
-    def hold_back(self, last: Collection[int], keep_order: bool) -> None:
+    def move_to_end(self, last: Collection[int], keep_order: bool) -> None:
         """Move instances to the end of the order. The others only read their outputs from before the step.
 
         Args:

@@ -52,7 +52,7 @@ class ClockKind(IntEnum):
     """Kinds of clocks that tick at times; the FMU declares the interval of a periodic one, or tells it."""
 
     DECLARED = 0
-    TOLD = 1
+    REPORTED = 1
     CHANGING = 2
     COUNTDOWN = 3
 

@@ -5,7 +5,7 @@ from enum import IntEnum
 
 import numpy as np
 
-_ADDRESS, _WHOLE, _CODE, _REAL = "intp", "int32", "int64", "float64"
+_ADDRESS, _INT32, _CODE, _REAL = "intp", "int32", "int64", "float64"
 
 TYPES = (
     *("float64", "float32", "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64"),
@@ -65,14 +65,14 @@ CALL = _record(
     references=_ADDRESS,
     values=_ADDRESS,
     code=_CODE,
-    reference_count=_WHOLE,
-    value_count=_WHOLE,
-    is_version_3=_WHOLE,
-    item_count=_WHOLE,
+    reference_count=_INT32,
+    value_count=_INT32,
+    is_version_3=_INT32,
+    item_count=_INT32,
     items=_ADDRESS,
     places=_ADDRESS,
-    type=_WHOLE,
-    instance=_WHOLE,
+    type=_INT32,
+    instance=_INT32,
 )
 
 INSTANCE = _record(
@@ -81,23 +81,23 @@ INSTANCE = _record(
     setters=_ADDRESS,
     getters=_ADDRESS,
     code=_CODE,
-    code_step=_WHOLE,
-    setter_count=_WHOLE,
-    getter_count=_WHOLE,
-    first_input=_WHOLE,
-    input_count=_WHOLE,
-    first_output=_WHOLE,
-    output_count=_WHOLE,
-    mode=_WHOLE,
-    is_version_3=_WHOLE,
-    has_no_way_back=_WHOLE,
-    is_rare=_WHOLE,
-    is_held=_WHOLE,
-    has_slopes=_WHOLE,
-    code_derivatives=_WHOLE,
-    code_save=_WHOLE,
-    code_restore=_WHOLE,
-    code_status=_WHOLE,
+    code_step=_INT32,
+    setter_count=_INT32,
+    getter_count=_INT32,
+    first_input=_INT32,
+    input_count=_INT32,
+    first_output=_INT32,
+    output_count=_INT32,
+    mode=_INT32,
+    is_version_3=_INT32,
+    has_no_way_back=_INT32,
+    is_rare=_INT32,
+    is_held=_INT32,
+    has_slopes=_INT32,
+    code_derivatives=_INT32,
+    code_save=_INT32,
+    code_restore=_INT32,
+    code_status=_INT32,
     set_derivatives=_ADDRESS,
     get_state=_ADDRESS,
     set_state=_ADDRESS,
@@ -113,15 +113,15 @@ INSTANCE = _record(
 
 SAVED_STATE = _record(state=_ADDRESS, events=_ADDRESS)
 
-INPUT = _record(factor=_REAL, offset=_REAL, signal=_WHOLE, moves=_WHOLE, known=_WHOLE, unused=_WHOLE)
+INPUT = _record(factor=_REAL, offset=_REAL, signal=_INT32, moves=_INT32, known=_INT32, unused=_INT32)
 
-SIGNAL = _record(floor=_REAL, instance=_WHOLE, is_smooth=_WHOLE)
+SIGNAL = _record(floor=_REAL, instance=_INT32, is_smooth=_INT32)
 
-OPERATION = _record(every=_CODE, call=_WHOLE, target=_WHOLE, store=_WHOLE, unused=_WHOLE)
+OPERATION = _record(every=_CODE, call=_INT32, target=_INT32, store=_INT32, unused=_INT32)
 
-COMBINATION = _record(instance=_WHOLE, into=_WHOLE, first_term=_WHOLE, term_count=_WHOLE)
+COMBINATION = _record(instance=_INT32, into=_INT32, first_term=_INT32, term_count=_INT32)
 
-TERM = _record(factor=_REAL, store=_WHOLE, unused=_WHOLE)
+TERM = _record(factor=_REAL, store=_INT32, unused=_INT32)
 
 GROUP = _record(
     members=_ADDRESS,
@@ -136,20 +136,20 @@ GROUP = _record(
     residuals=_ADDRESS,
     answers=_ADDRESS,
     kept=_ADDRESS,
-    member_count=_WHOLE,
-    coupling_count=_WHOLE,
-    operation_count=_WHOLE,
-    is_saved=_WHOLE,
-    is_halved=_WHOLE,
+    member_count=_INT32,
+    coupling_count=_INT32,
+    operation_count=_INT32,
+    is_saved=_INT32,
+    is_halved=_INT32,
 )
 
 EFFORT = np.dtype([("now", _ADDRESS), *((n, _CODE, 5) for n in ("counts", "nanoseconds", "unused"))])
 
 DIVISION = _record(steps=_CODE, shortest=_REAL)
 
-WAIT = _record(lane=_WHOLE, tasks=_WHOLE)
+WAIT = _record(lane=_INT32, tasks=_INT32)
 
-TASK = _record(waits=_ADDRESS, wait_count=_WHOLE, operation=_WHOLE)
+TASK = _record(waits=_ADDRESS, wait_count=_INT32, operation=_INT32)
 
 LANE = _record(tasks=_ADDRESS, activity=_ADDRESS, task_count=_CODE)
 
@@ -207,7 +207,7 @@ class Stepper(ctypes.Structure):
     )
 
 
-CONTROLLED = _record(signal=_WHOLE, is_unread=_WHOLE, is_instant=_WHOLE)
+CONTROLLED = _record(signal=_INT32, is_unread=_INT32, is_instant=_INT32)
 
 
 class Control(ctypes.Structure):

@@ -144,7 +144,7 @@ def _check_quantities(
 def _explain_loss(source: SignalType, target: SignalType) -> str | None:
     """Return why values of one type cannot become values of another; None if they can.
 
-    SSP 2.0 leaves conversions to implementations. These conversions keep every value: Integer, Boolean (0 or 1) and
+    SSP 2.0 leaves conversions to implementations. These keep every value: Integer, Boolean (0 or 1) and
     Enumeration (the number of the value) to Real, Boolean and Enumeration to Integer.
     """
     if source.kind == target.kind == "Enumeration":

@@ -76,9 +76,9 @@ def test_tables_records_and_packages(fmu_folder: Path, tmp_path: Path) -> None:
     assert [c.name for c in back.system.components] == [c.name for c in original.system.components]
     assert set(map(str, back.system.connections)) == set(map(str, original.system.connections))
     assert [back.system.component(f"{n}.plant").parameters["motor.R_s"] for n in NAMES] == [0.15] * len(NAMES)
-    found = back.prepare().run()
+    result_of_package = back.prepare().run()
     for position in POSITIONS:
-        assert np.array_equal(found[position], result[position]), position
+        assert np.array_equal(result_of_package[position], result[position]), position
 
 
 @pytest.mark.parametrize("name", mostly_slow(MATHS, MATHS[:1]))

@@ -24,8 +24,8 @@ from .program import (
     Operation,
     Solve,
     check_instruction,
-    name_own_vectors,
-    step_first,
+    list_vectors,
+    move_first,
 )
 from .quasi_newton import estimate_jacobian
 from .scale import Scale
@@ -77,7 +77,7 @@ class Algorithm(ABC):
     """Difference at which values in a `Solve` count as agreed, relative to the size of each signal."""
 
     program: list[Instruction] = field(init=False, repr=False)
-    known: frozenset[int] = field(init=False, repr=False)
+    known_sources: frozenset[int] = field(init=False, repr=False)
     """Instances whose signals are known in advance; they step first."""
     operations: list[Operation] = field(init=False, repr=False)
     """The calls of the program outside of groups."""
@@ -139,14 +139,14 @@ class Algorithm(ABC):
         operations = [x for x in program if isinstance(x, Operation)]
         for instruction in operations:
             self._apply_step_multiple(instruction, operations)
-        names, count = name_own_vectors(program), len(self.network.signals)
-        self.known = self._find_known_sources(program)
-        self.program = step_first(program, self.known)
+        names, count = list_vectors(program), len(self.network.signals)
+        self.known_sources = self._find_known_sources(program)
+        self.program = move_first(program, self.known_sources)
         self.operations = [x for x in self.program if isinstance(x, Operation)]
         self.stores = {name: np.zeros(count) for name in names}
-        if self.known:
+        if self.known_sources:
             self.stores |= {f"{span} of step": np.zeros(count) for span in SPANS}
-            self.exchange.use_known(self.known, np.flatnonzero(self.multiples > 1).tolist())
+            self.exchange.use_known_sources(self.known_sources, np.flatnonzero(self.multiples > 1).tolist())
         self.groups = [self.make_group(list(x.members)) for x in self.program if isinstance(x, Solve)]
         self._gather_changing_values()
 
@@ -248,7 +248,7 @@ class Algorithm(ABC):
             stop_time: in s; None for a run without a fixed end.
         """
         initialize(self.network, start_time, stop_time)
-        self.exchange.find_whose_outputs_follow()
+        self.exchange.find_following_instances()
         self.exchange.begin(start_time)
         for store in self.stores.values():
             store[:] = self.network.signals
@@ -262,13 +262,13 @@ class Algorithm(ABC):
 
     def late_links(self) -> list[Link]:
         """Return the links of `late` without those whose signals are known in advance."""
-        return [link for link in self.late() if link.source not in self.known]
+        return [link for link in self.late() if link.source not in self.known_sources]
 
     def remarks(self) -> list[str]:
         """Return notes on the exchange of values that a reader of the results needs."""
         lagging = [
             self.network.instances[i].name
-            for i in sorted(self.exchange.find_followed())
+            for i in sorted(self.exchange.find_instances_of_means())
             if not self.exchange.follows[i]
         ]
         if not lagging:
@@ -288,7 +288,9 @@ class Algorithm(ABC):
         instances = self.network.instances
         merged_components = [list(s.components) for s in instances if len(s.components) > 1]
         report: dict[str, Any] = {"late_connections": [link.name for link in self.late_links()]}
-        report |= {"known_inputs": known_inputs} if (known_inputs := self.exchange.describe_known()) else {}
+        report |= (
+            {"known_inputs": known_inputs} if (known_inputs := self.exchange.describe_known_inputs()) else {}
+        )
         report |= {"integrated_together": merged_components} if merged_components else {}
         if not self.groups:
             return report

@@ -28,8 +28,8 @@ def initialize(network: Network, start_time: float, stop_time: float | None) -> 
     for instance in network.instances:
         instance.enter_initialization(start_time, stop_time)
     for i in range(len(network.instances)):
-        network.assume_inputs(i)  # start values replace signals that are not known yet
-    settle_initial_values(network, Scale(network))
+        network.infer_signals(i)  # start values replace signals that are not known yet
+    solve_initial_values(network, Scale(network))
     _exchange_opaque_values(network)
     for i in range(len(network.instances)):  # inputs that no initial value depends on
         network.pass_inputs(i)
@@ -43,7 +43,7 @@ def initialize(network: Network, start_time: float, stop_time: float | None) -> 
     network.check_finite(start_time)
 
 
-def settle_initial_values(network: Network, scale: Scale) -> None:
+def solve_initial_values(network: Network, scale: Scale) -> None:
     """Exchange values between instances in initialization mode until all are consistent.
 
     Raises:
@@ -63,7 +63,7 @@ def _exchange_opaque_values(network: Network) -> None:
     for _ in range(len(network.instances) + 1 if network.opaque_links else 0):
         if not network.pass_opaque_values():
             return
-        settle_initial_values(network, Scale(network))
+        solve_initial_values(network, Scale(network))
     if network.opaque_links and network.pass_opaque_values():
         names = join_names([f"{x.target.name}.{x.input.name}" for x in network.opaque_links])
         raise RunError(

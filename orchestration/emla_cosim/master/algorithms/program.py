@@ -93,7 +93,7 @@ def check_instruction(instruction: Instruction, count: int) -> None:
         raise CommandError(f"{instruction.call!r} is not a Call.")
 
 
-def name_own_vectors(program: Sequence[Instruction]) -> list[str]:
+def list_vectors(program: Sequence[Instruction]) -> list[str]:
     """Return the names of the vectors that a program writes, besides the signals.
 
     Raises:
@@ -119,7 +119,7 @@ def name_own_vectors(program: Sequence[Instruction]) -> list[str]:
     return [name for name in written if name != SIGNALS]
 
 
-def step_first(program: Sequence[Instruction], instances: Collection[int]) -> list[Instruction]:
+def move_first(program: Sequence[Instruction], instances: Collection[int]) -> list[Instruction]:
     """Return the program in which these instances, which read no signals, step before all others."""
     if not instances:
         return list(program)

@@ -55,7 +55,7 @@ class Strong(InOrder):
         super().setup(network)
         self._sampled = self._sampled_instances()
         if self._sampled:
-            network.hold_back(self._sampled, bool(self.order))
+            network.move_to_end(self._sampled, bool(self.order))
         self.exchange.sample(self._sampled)
         groups = network.groups(lambda link: link.source not in self._sampled)
         loops = [Solve(group) for group in groups if group[0] not in self._sampled]

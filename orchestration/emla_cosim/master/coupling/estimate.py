@@ -32,7 +32,7 @@ from ..instances.fmu_instance import InstanceError
 from ..stepping.native_loop import NativeLoop
 from ..stepping.timing import CommunicationPoints, make_clock
 from .halved_program import HalvedProgram
-from .kept_rows import GROWTH, KeptRows, measure_path
+from .row_store import GROWTH, RowStore, measure_path
 
 SHARE, ALLOWANCE = 0.015, 0.02
 """Largest wall time of an estimate: a share of the run's, plus an allowance in s for a first run, which takes
@@ -165,7 +165,7 @@ class CouplingEstimate:
         self._signals, self._sampling = np.array(signals, dtype=np.intp), sampling
         self._snapshots = dict[int, Snapshot]()
         self._window_starts = list[int]()
-        self._rows: KeptRows | None = None
+        self._rows: RowStore | None = None
         self._repeated, self._pace, self._is_coarse = 0, 0.0, False
         self._program: HalvedProgram | None = None
         self._has_changed = False
@@ -190,8 +190,8 @@ class CouplingEstimate:
             end = self._times.steps
             self._window_starts = sorted({first + (end - first) * n // WINDOWS for n in range(WINDOWS)})
             columns, is_coarse = self._signals, not self._sampling
-            self._rows = KeptRows(first, end, self._window_starts, columns, is_coarse)
-            self._rows.take(first, self._algorithm.network.signals[None])
+            self._rows = RowStore(first, end, self._window_starts, columns, is_coarse)
+            self._rows.add_rows(first, self._algorithm.network.signals[None])
         if self._can_restore and first in self._window_starts and first not in self._snapshots:
             save_start = self._clock()
             self._snapshots[first] = Snapshot(self._algorithm, learned=True)
@@ -200,10 +200,10 @@ class CouplingEstimate:
                 self._window_starts = self._window_starts[:1]
         return next((b for b in self._window_starts if first < b < last), last)
 
-    def take(self, first: int, rows: Vector) -> None:
-        """Take the rows of successive steps, of which `first` is the first: time in s, then all signals."""
+    def record_rows(self, first: int, rows: Vector) -> None:
+        """Record the rows of successive steps, of which `first` is the first: time in s, then all signals."""
         if self._rows is not None:
-            self._rows.take(first, rows[:, 1:])
+            self._rows.add_rows(first, rows[:, 1:])
 
     def estimate(self, allowed: float, pace: float) -> CouplingError:
         """Return the estimate; the instances cannot continue afterwards.
@@ -264,7 +264,7 @@ class CouplingEstimate:
         errors_by_signal = dict(zip(self._signals.tolist(), errors.tolist(), strict=True))
         return CouplingError(errors_by_signal, repeated, self._repeated)
 
-    def _measure_differences(self, row_store: KeptRows) -> Vector:
+    def _measure_differences(self, row_store: RowStore) -> Vector:
         """Return the rms of what inputs miss during a step, from differences of successive rows.
 
         A held input misses half of the change in a step, an extrapolated one half of the second difference.

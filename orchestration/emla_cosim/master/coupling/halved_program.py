@@ -21,7 +21,7 @@ from ..algorithms.group import CoupledGroup
 class Part(IntEnum):
     """What an operation does in a step, as in halves.c."""
 
-    WHOLE = 0
+    FULL_STEP = 0
     FIRST_HALF = 1
     SECOND_HALF = 2
     SAVE = 3
@@ -85,7 +85,7 @@ class _Halving:
         """Yield the operations with their parts."""
         nothing = np.zeros((), OPERATION)
         yield nothing, Part.SAVE
-        yield from ((x, Part.WHOLE) for x in self._operations)
+        yield from ((x, Part.FULL_STEP) for x in self._operations)
         yield nothing, Part.RESTORE
         reduced = [self._exclude_samplers(operation) for operation in self._operations]
         halves = [(n, operation) for n, operation in enumerate(reduced) if operation is not None]

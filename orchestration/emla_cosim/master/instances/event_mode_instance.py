@@ -35,7 +35,7 @@ _CALLS = {"setReal": _SETTING, "getReal": _GETTING}
 class SavedState(ctypes.c_void_p):
     """A saved state of the FMU, with a copy of the state of the instance's events."""
 
-    memory: Vector
+    event_state: Vector
 
 
 def handles_events(file: FmuFile) -> bool:
@@ -210,13 +210,13 @@ class EventModeInstance(InProcessInstance):
         """Return a copy of the FMU's state, in the memory of the earlier copy `state`."""
         self._no_way_back = 0
         saved = self._copy_state(SavedState() if state is None else state)
-        saved.memory = self.tables.memory.copy()
+        saved.event_state = self.tables.memory.copy()
         return saved
 
     def restore(self, state: Any) -> None:
         """Restore a saved state."""
         super().restore(state)
-        self.tables.memory[:] = state.memory
+        self.tables.memory[:] = state.event_state
 
     def serialize(self) -> bytes:
         """Return the state as bytes."""

@@ -307,5 +307,5 @@ def _keeps_value(variable: ModelVariable) -> bool:
 
 def _find_kind(clock: InputClock) -> ClockKind:
     if clock.kind in PERIODIC:
-        return ClockKind.TOLD if clock.interval is None else ClockKind.DECLARED
+        return ClockKind.REPORTED if clock.interval is None else ClockKind.DECLARED
     return ClockKind.COUNTDOWN if clock.kind == COUNTDOWN else ClockKind.CHANGING

@@ -89,7 +89,6 @@ class ObservedGroup:
         boolean: whether these are Booleans, of which any other value than 0 is true.
         targets: positions in the vector of the instance's observed values.
         group: the call, if it is one of FMI 3.0.
-        kept: owner of memory.
     """
 
     call: str
@@ -100,7 +99,6 @@ class ObservedGroup:
     boolean: bool
     targets: NDArray[np.intp]
     group: "GroupCall | None" = None
-    kept: Any = None
 
 
 class GroupCall(NamedTuple):
@@ -143,7 +141,6 @@ class EntryPoints:
         end_step: waits for the end of a step that `do_step` only begins; 0 without it.
         events: tables of event mode, clocks and early returns, for the stepper in C; 0 without these.
         calls: what makes the calls in Python; None if the functions are those of an FMU.
-        kept: owner of memory.
     """
 
     component: int
@@ -164,7 +161,6 @@ class EntryPoints:
     end_step: int = 0
     events: int = 0
     calls: "PythonCalls | None" = None
-    kept: Any = None
 
 
 class FmuInstance(ABC):

@@ -144,7 +144,7 @@ class FixedSteps(Stepping):
             observer.read()
             block[recorded - 1, -len(observer.values) :] = observer.values
         if self.estimate is not None:
-            self.estimate.take(first + 1, block[:recorded])
+            self.estimate.record_rows(first + 1, block[:recorded])
         if recorded:
             rows.commit(recorded)
         if isinstance(failure, DiscardedStepError):

@@ -41,9 +41,9 @@ class LaneThreads:
         if not self._address:
             raise RunError(f"the system cannot start {len(lanes)} threads for FMUs. Set fewer threads.")
 
-    def run(self, first: int, count: int, every: int, rows: int) -> int:
+    def run(self, first: int, count: int, steps_per_row: int, rows: int) -> int:
         """Do steps in all lanes, as `StepperLibrary.run` does."""
-        return self._library.run_lanes(self._address, first, count, every, rows)
+        return self._library.run_lanes(self._address, first, count, steps_per_row, rows)
 
     def close(self) -> None:
         """End the threads."""

@@ -84,7 +84,7 @@ class NativeLoop:
         return self._library.why_not_kept
 
     def run(
-        self, first: int, count: int, clock: Clock, every: int, rows: Vector
+        self, first: int, count: int, clock: Clock, steps_per_row: int, rows: Vector
     ) -> tuple[int, RunError | None]:
         """Do steps, and record rows. They end after a second of wall time, or with a signal such as Ctrl-C.
 
@@ -92,7 +92,7 @@ class NativeLoop:
             first: Number of the first step. Step k begins at point k of the clock.
             count: Number of steps.
             clock: The communication points.
-            every: Every `every`-th point is recorded.
+            steps_per_row: Every `steps_per_row`-th point is recorded.
             rows: Output: time, all signals and all observed variables, shape (rows, values).
 
         Returns:
@@ -102,13 +102,13 @@ class NativeLoop:
             PythonExceptionError: An FMU left an exception of Python. The rows of this call are lost, because
                 nothing shows after which of its steps that happened.
         """
-        check_room(self._algorithm.network, rows, (first + count) // every - first // every)
+        check_room(self._algorithm.network, rows, (first + count) // steps_per_row - first // steps_per_row)
         stepper, algorithm = self._stepper, self._algorithm
         stepper.clock[:] = clock
         run_in_one_thread, start = partial(self._library.run, ctypes.addressof(stepper)), time.perf_counter()
         run = self._lanes.run if self._lanes is not None and self.is_shared else run_in_one_thread
         try:
-            failure = self._call(run, first, count, every, rows.ctypes.data)
+            failure = self._call(run, first, count, steps_per_row, rows.ctypes.data)
         except SystemError as error:
             end = min(stepper.reached + 1, first + count)
             raise self._python_error(error, clock.point(first), clock.point(end)) from error

@@ -105,10 +105,12 @@ class StepperTables:
         self.stores = np.array([v.ctypes.data for v in vectors], dtype=np.intp)
         stepper.stores = self._keep(self.stores)
         stepper.at, stepper.before = history.at.ctypes.data, history.before.ctypes.data
-        stepper.taken, stepper.taken_at = history.taken.ctypes.data, history.taken_at.ctypes.data
+        stepper.taken, stepper.taken_at = history.last_read.ctypes.data, history.last_read_at.ctypes.data
         stepper.input_values = self._keep(network.inputs)
         stepper.derivatives = self._keep(algorithm.exchange.derivatives)
-        stepper.first_span = FIRST_STORE + len(algorithm.stores) - (len(SPANS) if algorithm.known else 0)
+        stepper.first_span = (
+            FIRST_STORE + len(algorithm.stores) - (len(SPANS) if algorithm.known_sources else 0)
+        )
         stepper.largest = algorithm.scale.largest.ctypes.data
         stepper.activity = ctypes.addressof(crash_page.current_activity())
 
@@ -156,7 +158,7 @@ class StepperTables:
         records["offset"] = np.concatenate([np.empty(0), *network.offsets])
         movable = np.concatenate([np.empty(0, dtype=bool), *(s.continuous_inputs for s in network.instances)])
         records["moves"] = exchange.smooth[signals] & movable
-        records["known"] = np.concatenate([np.empty(0, dtype=np.intp), *exchange.known])
+        records["known"] = np.concatenate([np.empty(0, dtype=np.intp), *exchange.readings])
         return records
 
     def _make_signals(self) -> Any:
@@ -191,7 +193,7 @@ class StepperTables:
             records[f"{kind}_count"] = [part.stop - part.start for part in parts]
         records["mode"], records["is_rare"] = exchange.modes, exchange.rare
         records["is_held"] = [
-            m == Mode.HOLD and not exchange.has_known(i) for i, m in enumerate(exchange.modes)
+            m == Mode.HOLD and not exchange.reads_known_signal(i) for i, m in enumerate(exchange.modes)
         ]
         records["has_slopes"] = [exchange.has_slopes(i) for i in positions]
         records["has_no_way_back"] = [i not in saved for i in positions]
@@ -234,7 +236,7 @@ class StepperTables:
         references = points.input_references if sets else points.output_references
         count = len(network.inputs[network.input_parts[i]] if sets else network.signals[network.parts[i]])
         calls = [self._make_real_call(i, points, access, references, vector[first : first + count])]
-        if not sets and i in self._algorithm.known:
+        if not sets and i in self._algorithm.known_sources:
             for span, span_references in zip(SPANS, network.instances[i].span_references, strict=False):
                 values = self._algorithm.stores[f"{span} of step"][first : first + count]
                 self._owners.append(span_references)

@@ -26,8 +26,8 @@ class _Series:
     rows: Vector
     count: int = 0
 
-    def take(self, first: int, block: Vector, columns: Indices) -> None:
-        """Take what belongs here from a block, whose first row is that of step `first`."""
+    def add_rows(self, first: int, block: Vector, columns: Indices) -> None:
+        """Add rows of the series from a block, whose first row is that of step `first`."""
         begin = self.first + self.count * self.stride - first
         if begin < len(block) and self.count < len(self.rows):
             selected = block[begin :: self.stride][: len(self.rows) - self.count, columns]
@@ -35,7 +35,7 @@ class _Series:
             self.count += len(selected)
 
 
-class KeptRows:
+class RowStore:
     """Rows of some signals: some from the whole run, and more of them in windows.
 
     Args:
@@ -64,10 +64,10 @@ class KeptRows:
                 stride, most = stride * GROWTH, longest // GROWTH
         self._incomplete = list(self._series)
 
-    def take(self, first: int, block: Vector) -> None:
-        """Take signals, shape (steps, signals), of successive steps from `first` on."""
+    def add_rows(self, first: int, block: Vector) -> None:
+        """Add signals, shape (steps, signals), of successive steps from `first` on."""
         for series in self._incomplete:
-            series.take(first, block, self.columns)
+            series.add_rows(first, block, self.columns)
         self._incomplete = [series for series in self._incomplete if series.count < len(series.rows)]
 
     def get(self, first: int, stride: int, most: int) -> Vector:
