@@ -49,8 +49,8 @@ from .inspection.system_info import Info as Info
 from .inspection.system_info import VariableInfo as VariableInfo
 from .master.algorithms.algorithm import Algorithm as Algorithm
 from .master.algorithms.explicit import Explicit as Explicit
-from .master.algorithms.gauss_seidel import GaussSeidel as GaussSeidel
-from .master.algorithms.jacobi import Jacobi as Jacobi
+from .master.algorithms.explicit import GaussSeidel as GaussSeidel
+from .master.algorithms.explicit import Jacobi as Jacobi
 from .master.algorithms.program import Call as Call
 from .master.algorithms.program import Combine as Combine
 from .master.algorithms.program import Operation as Operation

@@ -26,8 +26,7 @@ from hypothesis import given
 import emla_cosim as ec
 from emla_cosim.cli.commands.crash_rescue import _cause
 from emla_cosim.master.algorithms.algorithm import Algorithm
-from emla_cosim.master.algorithms.gauss_seidel import GaussSeidel
-from emla_cosim.master.algorithms.jacobi import Jacobi
+from emla_cosim.master.algorithms.explicit import GaussSeidel, Jacobi
 from emla_cosim.master.algorithms.strong import Strong
 from emla_cosim.master.algorithms.tasks import StepTask
 from emla_cosim.master.instances.fmu_instance import InstanceError

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from emla_cosim.master.algorithms.explicit import Jacobi
 from emla_cosim.master.algorithms.extrapolation import EXTRAPOLATIONS
-from emla_cosim.master.algorithms.jacobi import Jacobi
 from emla_cosim.master.algorithms.registry import ALGORITHMS
 from emla_cosim.master.network import Link, Network
 from emla_cosim.master.stepping.error_control import ErrorControl

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from emla_cosim.base.errors import RunError
-from emla_cosim.master.algorithms.snapshot import Snapshot
 from emla_cosim.master.instances.fmu_instance import DiscardedStepError
+from emla_cosim.master.stepping.checkpoint import Snapshot
 from emla_cosim.master.stepping.control_tables import JUST_BEFORE, SHORT
 from emla_cosim.master.stepping.error_control import ErrorControl
 from emla_cosim.master.stepping.step_size_control import ErrorControlledStepSize, StepRequest

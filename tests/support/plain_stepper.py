@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from emla_cosim.master.algorithms.algorithm import Algorithm
-from emla_cosim.master.algorithms.extrapolation import Mode, Reading
+from emla_cosim.master.algorithms.extrapolation import Known, Mode
 from emla_cosim.master.algorithms.group import HALVINGS, SWEEPS, CoupledGroup
 from emla_cosim.master.algorithms.program import PREVIOUS, SIGNALS, Call, Combine, Operation, Solve
 from emla_cosim.master.algorithms.quasi_newton import FILTER, NOISE, RELAXATION
@@ -156,12 +156,12 @@ class PlainStepper:
         owner, history = self.exchange.owners[signal], self.history
         then, span = history.before[owner], history.at[owner] - history.before[owner]
         begin, end, mean = (self.algorithm.stores[f"{x} of step"][signal] for x in ("begin", "end", "mean"))
-        if known == Reading.SAMPLE or not span > 0.0:
+        if known == Known.SAMPLE or not span > 0.0:
             return float(self.network.signals[signal]), 0.0
-        if known == Reading.START:
+        if known == Known.BEGIN:
             return float(history.previous[signal]), 0.0
         slope = (end - begin) / span
-        if known == Reading.MEAN:
+        if known == Known.MEAN:
             return (begin + (time - then + 0.5 * length) * slope if length < 0.75 * span else mean), 0.0
         return begin + (time - then) * slope, slope
 
@@ -176,7 +176,7 @@ class PlainStepper:
                 self.algorithm.stores[f"{span} of step"][part] = values
         if self.exchange.follows[i]:
             for j, signal in enumerate(self.network.sources[i]):
-                if self.exchange.readings[i][j] == Reading.MEAN:
+                if self.exchange.readings[i][j] == Known.MEAN:
                     factor, offset = self.network.factors[i][j], self.network.offsets[i][j]
                     instance.inputs[j] = factor * self.network.signals[signal] + offset
             instance.set_inputs()

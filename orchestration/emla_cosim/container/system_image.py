@@ -12,8 +12,7 @@ from ..master.algorithms.algorithm import Algorithm
 from ..master.instances.event_mode_instance import EventModeInstance
 from ..master.instances.in_process_instance import InProcessInstance
 from ..master.instances.typed_values import start_memory
-from ..master.stepping.compilation import list_entry_points
-from ..master.stepping.stepper_tables import StepperTables
+from ..master.stepping.stepper_tables import StepperTables, list_entry_points
 from .image import Image
 
 

@@ -26,8 +26,7 @@ from ..system.names import NamedVariable, Names
 from ..system.resolution import convert_to_fmu_terms, refuse_driven, resolve_system
 from ..system.signal_faults import MODEL
 from ..system.structure import structure_of
-from .coupling.sampling import Sampling, find_sampling
-from .grouping import arrange, connect, find_groups
+from .grouping import Sampling, arrange, connect, find_groups, find_sampling
 from .instances.described_instance import DescribedInstance
 from .instances.instance_kinds import make_instance
 from .instances.isolated_instance import IsolatedInstance

@@ -1,11 +1,71 @@
-"""Run the steps of a whole simulation in stretches, with pauses for checkpoints and progress."""
+"""Run the steps of a whole simulation in stretches, with pauses for checkpoints, progress and real time."""
 
 import math
 import time
 from collections.abc import Callable
 
-from .stepping.pacing import Pacing
+from ..base.errors import CommandError
 from .stepping.stepping_base import RowSink, Stepping
+
+SHORTEST_WAIT = 1e-3
+"""Wall time in s between two comparisons with the clock, unless steps are longer."""
+
+_MOST_STEPS = 2**31
+"""Largest number of steps between two comparisons."""
+
+_NAP = 0.1
+
+
+class Pacing:
+    """Wait until real time has reached the simulated time.
+
+    A point that is reached too late is an overrun. No steps are skipped; later points catch up.
+
+    Args:
+        factor: Simulated seconds per second of real time.
+    """
+
+    def __init__(self, factor: float) -> None:
+        if not 0.0 < factor < float("inf"):
+            raise CommandError(f"the real-time factor {factor:g} must be a positive number.")
+        self.factor = factor
+        self.points = 0
+        """Points compared so far."""
+        self.overruns = 0
+        """Points that were reached too late."""
+        self.worst = 0.0
+        """The longest delay of a point behind its time on the clock, in s."""
+        self._start = (0.0, 0.0)
+
+    def begin(self, simulated: float) -> None:
+        """Start the clock now, at this simulated time in s."""
+        self._start = (simulated, time.perf_counter())
+
+    def report(self) -> dict[str, float]:
+        """Return how well the run kept the pace, for metrics.json."""
+        return {
+            "factor": self.factor,
+            "points": self.points,
+            "overruns": self.overruns,
+            "worst_delay_s": self.worst,
+        }
+
+    def steps(self, step: float) -> int:
+        """Return the number of steps of this length in s between two comparisons with the clock."""
+        return max(1, round(min(SHORTEST_WAIT * self.factor / step, _MOST_STEPS)))
+
+    def wait(self, simulated: float, interrupted: Callable[[], bool]) -> None:
+        """Wait until the clock reaches this simulated time in s, or until `interrupted` returns true."""
+        start, start_time = self._start
+        due = start_time + (simulated - start) / self.factor
+        delay = time.perf_counter() - due
+        self.points += 1
+        if delay > 0.0:
+            self.overruns += 1
+            self.worst = max(self.worst, delay)
+        while (rest := due - time.perf_counter()) > 0.0 and not interrupted():
+            time.sleep(min(rest, _NAP))
+
 
 STRETCH = 0.05
 """Target wall time of a stretch, in s; sets the number of steps in each. `LONGEST` is the limit."""

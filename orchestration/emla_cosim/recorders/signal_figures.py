@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from ..base.arrays import Vector, read_stored_array
-from ..stepper.rows import reduce_rows
+from ..stepper.library import reduce_rows
 from .recorder import Outline
 
 MINIMUM, MAXIMUM, RMS, FINAL = NAMES = ("minimum", "maximum", "rms", "final")

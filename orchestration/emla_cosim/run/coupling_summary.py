@@ -10,7 +10,7 @@ from ..master.algorithms.algorithm import Algorithm
 from ..master.algorithms.continuous_connections import ContinuousConnection, list_continuous_connections
 from ..master.algorithms.extrapolation import Mode
 from ..master.coupling.estimate import DIFFERENCES, CouplingError, CouplingEstimate
-from ..master.coupling.sampling import Sampling
+from ..master.grouping import Sampling
 from ..master.stepping.fixed_steps import FixedSteps
 from ..master.stepping.stepping_base import Stepping
 

@@ -8,7 +8,7 @@ from ..base.errors import CommandError
 from ..base.patterns import find_names, select_names
 from ..inputs.stored_runs import StoredRun, open_stored_run
 from ..master.algorithms.algorithm import Algorithm
-from ..master.stepping.pacing import Pacing
+from ..master.run_loop import Pacing
 from ..master.stepping.step_size_control import StepSizeControl
 from ..master.stepping.timing import MAXIMUM_STEPS, CommunicationPoints, make_communication_points
 from ..system.model import System

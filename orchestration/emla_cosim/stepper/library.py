@@ -9,9 +9,12 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from fmublock.cache import find_prebuilt
 from fmublock.platforms import TARGETS, host_platform, zig_target
 
+from ..base.arrays import Vector
 from ..base.errors import RunError
 from ..base.extras import explain_missing
 from ..base.files import CacheError, cache_folder, temporary_folder, write_atomically
@@ -74,7 +77,7 @@ class StepperLibrary:
         enter_events: Enters event mode.
         leave_events: Updates the discrete states and enters step mode.
         step_events: Does a step with its events.
-        reduce_rows: See `rows.py`.
+        reduce_rows: See the function `reduce_rows`.
         why_not_kept: Why it was not kept in the cache; empty if it was.
     """
 
@@ -216,3 +219,21 @@ def _bind(path: Path) -> StepperLibrary:
     for function, (arguments, result) in zip(functions, _FUNCTIONS.values(), strict=True):
         function.argtypes, function.restype = arguments, result
     return StepperLibrary(*functions)
+
+
+def reduce_rows(rows: Vector) -> tuple[Vector, Vector, Vector]:
+    """Return minimum, maximum and sum of squares of every column.
+
+    Args:
+        rows: Contiguous rows of doubles, shape (rows, columns). A column with NaN has NaN for all three.
+
+    Raises:
+        RunError: The C code cannot be built or loaded on this machine.
+    """
+    count, width = rows.shape
+    low, high, squares = np.full(width, np.inf), np.full(width, -np.inf), np.zeros(width)
+    results = (low.ctypes.data, high.ctypes.data, squares.ctypes.data)
+    require_stepper().reduce_rows(rows.ctypes.data, count, width, *results)
+    missing = np.isnan(squares)
+    low[missing] = high[missing] = np.nan
+    return low, high, squares

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from emla_cosim.base.errors import CommandError
+from emla_cosim.master.run_loop import Pacing
 from emla_cosim.master.stepping import pacing
-from emla_cosim.master.stepping.pacing import Pacing
 from tests.support.faulty_systems import line_with_a_fault, run_system
 from tests.support.hand_written_fmus import Fault
 

@@ -9,9 +9,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from emla_cosim.base.errors import CommandError
-from emla_cosim.master.algorithms.explicit import Explicit
-from emla_cosim.master.algorithms.gauss_seidel import GaussSeidel
-from emla_cosim.master.algorithms.jacobi import Jacobi
+from emla_cosim.master.algorithms.explicit import Explicit, GaussSeidel, Jacobi
 from emla_cosim.master.algorithms.strong import Strong
 from emla_cosim.master.instances.fmu_instance import DiscardedStepError
 from emla_cosim.master.network import Link, Network

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...base.arrays import Vector
 from ...base.errors import CommandError, RunError
-from ...master.algorithms.snapshot import Snapshot
+from ...master.stepping.checkpoint import Snapshot
 from ...master.stepping.fixed_steps import FixedSteps
 from ...master.stepping.stepping_base import ROUNDING
 from ...run.simulation import Simulation

@@ -16,7 +16,6 @@ from ..network import Link, Network
 from .extrapolation import EXTRAPOLATIONS, Exchange
 from .group import CoupledGroup, loop_derivatives
 from .initialization import initialize
-from .overlap import find_split_steps
 from .program import (
     SIGNALS,
     Combine,
@@ -29,7 +28,7 @@ from .program import (
 )
 from .quasi_newton import estimate_jacobian
 from .scale import Scale
-from .tasks import StepTask, plan_tasks
+from .tasks import StepTask, find_split_steps, plan_tasks
 
 MOST = 2**31
 """The largest step multiple."""
@@ -327,3 +326,30 @@ def require(instances: Sequence[FmuInstance], ability: str, flag: str, purpose: 
     lacking = [instance.name for instance in instances if not getattr(instance, ability)]
     if lacking:
         raise CommandError(f"{purpose} needs FMUs with {flag}; {', '.join(lacking)} cannot do it.")
+
+
+def _split_names(text: str) -> list[str]:
+    return [name.strip() for name in text.split(",")]
+
+
+@dataclass(eq=False)
+class InOrder(Algorithm):
+    """Step instances in the user's order, or in one that the network derives from the connections."""
+
+    order: Sequence[str] = option(
+        [],
+        help="Order in which components step, with commas between. Default: derived from the connections.",
+        parse=_split_names,
+        identity="order",
+        commands=STEPPED,
+    )
+
+    def setup(self, network: Network) -> None:
+        """Prepare for a run; CommandError if the order does not name every instance once."""
+        if self.order:
+            network.reorder(self.order)
+        super().setup(network)
+
+    def report(self) -> dict[str, Any]:
+        """Add the order to the report."""
+        return {**super().report(), "order": [self.network.instances[i].name for i in self.network.order]}

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ...base.errors import join_names
-from ..network import Network
-from .algorithm import Algorithm
-from .program import Instruction
+from ..network import Link, Network
+from .algorithm import Algorithm, InOrder
+from .program import Call, Instruction, Operation
 
 
 @dataclass(eq=False)
@@ -49,3 +49,40 @@ class Explicit(Algorithm):
             "more mass than its drive), the run diverges at any step size. Use the algorithm strong, which "
             "iterates the loop."
         )
+
+
+@dataclass(eq=False)
+class Jacobi(Explicit):
+    """Algorithm in which all FMUs get their inputs, then all step, then all outputs are read.
+
+    The order of the FMUs does not matter. Each connection is late by one step.
+    """
+
+    def table(self, network: Network) -> list[Operation]:
+        """Return all inputs, all steps, then all outputs."""
+        return [Operation(call, i) for call in Call for i in range(len(network.instances))]
+
+    def late(self) -> list[Link]:
+        """Return all links."""
+        return self.network.links
+
+
+@dataclass(eq=False)
+class GaussSeidel(InOrder, Explicit):
+    """Algorithm in which FMUs step one after the other and read what earlier ones just computed.
+
+    Only connections against the order are late by one step.
+
+    Args:
+        extrapolation: as for `Algorithm`.
+        step_multiples: number of communication steps that a component does at once, by name.
+        order: names of all components in the order of their steps. Default: derived from the connections.
+    """
+
+    def table(self, network: Network) -> list[Operation]:
+        """Return inputs, step and outputs of one FMU, then of the next."""
+        return [Operation(call, i) for i in network.order for call in Call]
+
+    def late(self) -> list[Link]:
+        """Return the links against the order."""
+        return self.network.find_feedback_links()

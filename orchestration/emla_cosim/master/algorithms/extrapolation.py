@@ -1,6 +1,6 @@
 """Set inputs during a step: known, held, or extrapolated along a straight line through their sources.
 
-Data from files are known in advance, so nothing is held: see `Reading`. All other signals are not.
+Data from files are known in advance, so nothing is held: see `Known`. All other signals are not.
 
 Let y and y' be the two newest values of a source, from the times t_y and t_y'. A step from t of
 length h then reads
@@ -47,7 +47,7 @@ class Mode(IntEnum):
     LINE = 2
 
 
-class Reading(IntEnum):
+class Known(IntEnum):
     """What an input reads of a signal that is known in advance, in a step of length h from t.
 
     A jump inside the step has the effect of its time: the line is the mean then.
@@ -56,7 +56,7 @@ class Reading(IntEnum):
     NOT_KNOWN = 0
     SAMPLE = 1
     """The value at t + h: a digital controller samples then, and so does a variable with a clock."""
-    START = 2
+    BEGIN = 2
     """The value at t: a discrete variable keeps it during the step."""
     LINE = 3
     """The straight line from t to t + h."""
@@ -64,11 +64,11 @@ class Reading(IntEnum):
     """The mean of the step: the FMU does not interpolate."""
 
 
-READING_TEXTS = {
-    Reading.SAMPLE: "sampled",
-    Reading.START: "value at the start of the step",
-    Reading.LINE: "line",
-    Reading.MEAN: "mean of the step",
+KNOWN_TEXTS = {
+    Known.SAMPLE: "sampled",
+    Known.BEGIN: "value at the start of the step",
+    Known.LINE: "line",
+    Known.MEAN: "mean of the step",
 }
 """What a known input reads, in the record of a run."""
 
@@ -112,7 +112,7 @@ class Exchange:
         input_count = len(network.inputs)
         self.history = History(*(np.zeros(n) for n in (size, count, count, input_count, input_count)))
         self.readings: list[Indices] = [np.zeros(len(x.inputs), dtype=np.intp) for x in network.instances]
-        """Per instance, what its inputs read, as numbers of `Reading`."""
+        """Per instance, what its inputs read, as numbers of `Known`."""
         self.follows = np.zeros(count, dtype=np.int32)
         """Per instance, whether its outputs follow known inputs that are set after a step."""
         self.rare = [False] * count
@@ -121,7 +121,7 @@ class Exchange:
     @property
     def accuracy(self) -> int:
         """Order of accuracy of the exchange with respect to the step size, in smooth motion."""
-        has_known_inputs = any((kinds != Reading.NOT_KNOWN).any() for kinds in self.readings)
+        has_known_inputs = any((kinds != Known.NOT_KNOWN).any() for kinds in self.readings)
         if not has_known_inputs and Mode.HOLD in self.modes:
             return 1
         return 1 if any(map(self._is_first_order, self.network.links)) else 2
@@ -133,19 +133,19 @@ class Exchange:
         return any(
             self.modes[x.target] == Mode.HOLD and self.smooth[network.signal(x)]
             for x in network.links
-            if self.readings[x.target][x.input] == Reading.NOT_KNOWN
+            if self.readings[x.target][x.input] == Known.NOT_KNOWN
             and network.instances[x.target].continuous_inputs[x.input]
         )
 
     def is_of_middle(self, link: Link) -> bool:
         """Return whether an input has one value throughout a step that is that of the middle of the step."""
         reading = self.readings[link.target][link.input]
-        return reading == Reading.MEAN or (
-            reading == Reading.NOT_KNOWN and self.modes[link.target] == Mode.MIDDLE
+        return reading == Known.MEAN or (
+            reading == Known.NOT_KNOWN and self.modes[link.target] == Mode.MIDDLE
         )
 
     def _is_first_order(self, link: Link) -> bool:
-        is_known = self.readings[link.target][link.input] != Reading.NOT_KNOWN
+        is_known = self.readings[link.target][link.input] != Known.NOT_KNOWN
         is_held = not is_known and self.modes[link.target] == Mode.HOLD
         return is_held or (link.direct and self.is_of_middle(link))
 
@@ -159,28 +159,28 @@ class Exchange:
         samplers = {*self.network.samplers, *rare, *(i for i, is_rare in enumerate(self.rare) if is_rare)}
         for link in self.network.links:
             if link.source in tables:
-                reading = Reading.SAMPLE if link.target in samplers else self._choose_reading(link)
+                reading = Known.SAMPLE if link.target in samplers else self._choose_reading(link)
                 self.readings[link.target][link.input] = reading
 
-    def _choose_reading(self, link: Link) -> Reading:
+    def _choose_reading(self, link: Link) -> Known:
         source, target = self.network.instances[link.source], self.network.instances[link.target]
         if target.clocked_inputs[link.input]:
-            return Reading.SAMPLE
+            return Known.SAMPLE
         if not target.continuous_inputs[link.input] or not len(source.span_references):
-            return Reading.START
-        return Reading.LINE if target.interpolates else Reading.MEAN
+            return Known.BEGIN
+        return Known.LINE if target.interpolates else Known.MEAN
 
     def reads_known_signal(self, i: int) -> bool:
         """Return whether instance i reads a signal that is known in advance."""
-        return bool((self.readings[i] != Reading.NOT_KNOWN).any())
+        return bool((self.readings[i] != Known.NOT_KNOWN).any())
 
     def has_slopes(self, i: int) -> bool:
         """Return whether instance i gets derivatives of its inputs."""
-        return self.modes[i] == Mode.LINE or bool((self.readings[i] == Reading.LINE).any())
+        return self.modes[i] == Mode.LINE or bool((self.readings[i] == Known.LINE).any())
 
     def find_instances_of_means(self) -> set[int]:
         """Return the instances with outputs that depend directly on the mean of a known signal."""
-        means = [x for x in self.network.links if self.readings[x.target][x.input] == Reading.MEAN]
+        means = [x for x in self.network.links if self.readings[x.target][x.input] == Known.MEAN]
         return {x.target for x in means if x.direct or x.shows}
 
     def find_following_instances(self) -> None:
@@ -192,15 +192,15 @@ class Exchange:
         for i in self.find_instances_of_means():
             instance = self.network.instances[i]
             self.follows[i] = instance.rolls_back and _outputs_follow(
-                instance, self.readings[i] == Reading.MEAN
+                instance, self.readings[i] == Known.MEAN
             )
 
     def describe_known_inputs(self) -> dict[str, str]:
         """Return what each input with a known signal reads, by the name of its connection."""
         return {
-            link.name: READING_TEXTS[Reading(reading)]
+            link.name: KNOWN_TEXTS[Known(reading)]
             for link in self.network.links
-            if (reading := self.readings[link.target][link.input]) != Reading.NOT_KNOWN
+            if (reading := self.readings[link.target][link.input]) != Known.NOT_KNOWN
         }
 
     def sample(self, instances: Collection[int]) -> None:

@@ -22,7 +22,7 @@ import numpy as np
 from ...base.arrays import Vector
 
 RELAXATION = 0.1
-"""Relaxation factor while nothing is known of the Jacobian."""
+"""Relaxation factor before the first secant."""
 
 NOISE = 1e-10
 """Changes of the residual below this fraction of it count as rounding errors."""

@@ -1,8 +1,7 @@
 """The registry of co-simulation algorithms."""
 
 from .algorithm import Algorithm
-from .gauss_seidel import GaussSeidel
-from .jacobi import Jacobi
+from .explicit import GaussSeidel, Jacobi
 from .strong import Strong
 
 ALGORITHMS: dict[str, type[Algorithm]] = {"jacobi": Jacobi, "gauss-seidel": GaussSeidel, "strong": Strong}

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from ...base.option import STEPPED, option
 from ..network import Link, Network
-from .in_order import InOrder
+from .algorithm import InOrder
 from .program import Call, Operation, Solve
 
 

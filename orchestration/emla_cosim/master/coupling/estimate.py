@@ -27,8 +27,8 @@ import numpy as np
 from ...base.arrays import Vector
 from ...base.errors import RunError
 from ..algorithms.algorithm import Algorithm
-from ..algorithms.snapshot import Snapshot
 from ..instances.fmu_instance import InstanceError
+from ..stepping.checkpoint import Snapshot
 from ..stepping.native_loop import NativeLoop
 from ..stepping.timing import CommunicationPoints, make_clock
 from .halved_program import HalvedProgram

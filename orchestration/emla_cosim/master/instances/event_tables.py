@@ -25,8 +25,7 @@ from ...stepper.event_layout import (
     Events,
 )
 from ...stepper.layout import CALL
-from .call_records import fill_typed_call
-from .typed_values import TypedValues, TypeGroup, start_memory
+from .typed_values import TypedValues, TypeGroup, fill_typed_call, start_memory
 
 _FMI_FUNCTION = ctypes.CFUNCTYPE(
     ctypes.c_int, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_size_t, ctypes.c_void_p, ctypes.c_size_t

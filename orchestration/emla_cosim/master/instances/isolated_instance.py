@@ -20,8 +20,8 @@ from ...fmu.variables import TypedValue
 from .call_codes import code_of, decode_call
 from .described_instance import DescribedInstance
 from .fmu_instance import InstanceError
+from .isolated_process import Request
 from .measured_calls import Effort
-from .request import Request
 
 _TIMEOUT = 10.0
 """Seconds that an FMU has to terminate and to free its memory."""

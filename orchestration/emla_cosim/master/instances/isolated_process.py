@@ -1,7 +1,7 @@
 """The process of one isolated FMU. It answers requests until its parent ends."""
 
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -13,8 +13,16 @@ from ...fmu.log import FmuLog
 from .in_process_instance import InProcessInstance
 from .instance_kinds import make_instance, make_stepped
 from .measured_calls import Effort, MeasuredCalls
-from .request import Request
 from .start_values import RejectedValue
+
+
+class Request(NamedTuple):
+    """A call by name; inputs and their slopes are set before it."""
+
+    call: str
+    arguments: tuple[Any, ...]
+    inputs: bytes | None = None
+    slopes: bytes | None = None
 
 
 class IsolatedProcess:

@@ -13,8 +13,8 @@ import numpy as np
 from ...base.arrays import Vector
 from ...base.errors import RunError, join_names
 from ..algorithms.algorithm import Algorithm
-from ..algorithms.snapshot import Snapshot
 from ..instances.fmu_instance import DiscardedStepError
+from .checkpoint import Snapshot
 from .timing import CommunicationPoints
 
 if TYPE_CHECKING:

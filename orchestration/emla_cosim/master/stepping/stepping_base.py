@@ -3,12 +3,14 @@
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from ...base.arrays import Vector
 from ..algorithms.algorithm import Algorithm
-from .compilation import make_loop
 from .timing import CommunicationPoints
+
+if TYPE_CHECKING:  # commands that only list options do not load fmpy
+    from .native_loop import NativeLoop
 
 ROUNDING = 1e-6
 """Times that differ by less than this fraction of a step are equal."""
@@ -49,7 +51,7 @@ class Stepping(ABC):
     """
 
     def __init__(self, algorithm: Algorithm, times: CommunicationPoints) -> None:
-        self.algorithm, self.loop = algorithm, make_loop(algorithm)
+        self.algorithm, self.loop = algorithm, _make_loop(algorithm)
         self.times = times
 
     @property
@@ -122,3 +124,17 @@ class Stepping(ABC):
         block[0, 1 : 1 + len(network.signals)] = network.signals
         block[0, 1 + len(network.signals) :] = network.observer.values
         rows.commit(1)
+
+
+def _make_loop(algorithm: Algorithm) -> "NativeLoop":
+    """Return the loop in C for an algorithm after its `setup`.
+
+    Raises:
+        RunError: The C code cannot be built on this machine.
+    """
+    from ...stepper.library import require_stepper
+    from .native_loop import NativeLoop
+    from .stepper_tables import list_entry_points
+
+    library = require_stepper()
+    return NativeLoop(algorithm, list_entry_points(algorithm), library)
