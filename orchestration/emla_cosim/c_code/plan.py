@@ -254,12 +254,8 @@ def _check_plan(plan: ContainerPlan, algorithm: Algorithm) -> int:
     if len(multiples) > 1:
         steps = ", ".join(f"{part.name} {part.multiple}" for part in plan.parts)
         raise CommandError(f"the components have different step multiples: {steps}; export each rate alone.")
-    if other_libraries := [
-        library.file.path for library in plan.libraries if library.source != "fmi2_block.c"
-    ]:
-        raise CommandError(
-            f"the FMU '{other_libraries[0]}' has data or other code; only equations can be plain C."
-        )
+    if foreign := [x.file.path for x in plan.libraries if x.source != "fmi2_block.c"]:
+        raise CommandError(f"the FMU '{foreign[0]}' has data or other code; only equations can be plain C.")
     return multiples.pop()
 
 

@@ -62,11 +62,7 @@ class SystemTables:
         rows = [self._format_variable(v, fmi) for v in variables]
         if fmi == 3:
             rows.append(f"{{{c_text(choose_time_name(variables))}, 'R', 0, 0, 0, -1, 0, 0, 1, -1, -1, -1}}")
-        starts = [
-            _format_start(position, x)
-            for position, x in enumerate(variables)
-            if x.is_overridden and x.is_settable
-        ]
+        starts = [_format_start(i, x) for i, x in enumerate(variables) if x.is_overridden and x.is_settable]
         tables = [
             *self._list_libraries(),
             *self._list_parts(),
@@ -97,8 +93,8 @@ class SystemTables:
         parts = {
             "STEPPER_EVENTS": any(part.events >= 0 for part in plan.image.parts),
             "STEPPER_GROUPS": bool(plan.groups),
-            "STEPPER_DIVISIONS": False,
-            "STEPPER_WATCHED": False,
+            "STEPPER_DIVISIONS": False,  # only loops divide steps in an exported FMU
+            "STEPPER_WATCHED": False,  # a host has no reader of the present call and its time
         }
         lines = [f"#define {name} {int(value)}" for name, value in parts.items()]
         return [*lines, *(f"#define {name}" for name, value in flags.items() if value)]
@@ -183,19 +179,19 @@ class SystemTables:
         parts, rows = self._plan.image.parts, list[str]()
         names = [
             line
-            for part_image in parts
-            if part_image.events >= 0
-            for line in table("char *const", f"clocks_{part_image.events}", map(c_text, part_image.clocks))
+            for image in parts
+            if image.events >= 0
+            for line in table("char *const", f"clocks_{image.events}", map(c_text, image.clocks))
         ]
-        for part, part_image in zip(self._plan.parts, parts, strict=True):
+        for part, image in zip(self._plan.parts, parts, strict=True):
             options = part.instance.instantiation
             cells = [
-                *(c_text(part.name), part.library, *part_image.setters, *part_image.getters),
+                *(c_text(part.name), part.library, *image.setters, *image.getters),
                 *(int(bool(options.get(name))) for name in ("eventModeUsed", "earlyReturnAllowed")),
                 *(
-                    part_image.events,
-                    *part_image.event_state,
-                    f"clocks_{part_image.events}" if part_image.events >= 0 else "NULL",
+                    image.events,
+                    *image.event_state,
+                    f"clocks_{image.events}" if image.events >= 0 else "NULL",
                 ),
                 c_number(part.instance.file.interface.tolerance or 0.0),
             ]
@@ -239,38 +235,38 @@ class SystemTables:
         return table("TextLink", "text_links", rows)
 
     def _format_variable(self, variable: ContainerVariable, fmi: int) -> str:
-        part_variable = variable.part_variable
+        origin = variable.origin
         cells = [
             *(
                 c_text(variable.name),
                 f"'{variable.letter(fmi)}'",
-                _find_type(part_variable),
+                _find_type(origin),
                 _choose_setting_time(variable),
             ),
-            *(self._choose_way(variable), variable.part, part_variable.valueReference),
-            *(place_in_array(part_variable), variable.size, self._find_array(variable), variable.signal),
-            self._plan.image.parts[variable.part].ticks.get(str(part_variable.name), -1),
+            *(self._choose_way(variable), variable.part, origin.valueReference),
+            *(place_in_array(origin), variable.size, self._find_array(variable), variable.signal),
+            self._plan.image.parts[variable.part].ticks.get(str(origin.name), -1),
         ]
         return f"{{{', '.join(map(str, cells))}}}"
 
     def _find_array(self, variable: ContainerVariable) -> int:
         """Return where its array is kept, or a value that waits or may cause an event; -1 without."""
-        part_variable, part = variable.part_variable, self._plan.parts[variable.part]
+        origin, part = variable.origin, self._plan.parts[variable.part]
         pending_inputs = self._plan.image.parts[variable.part].pending_inputs
-        if part_variable.type == "String" or not variable.is_settable:
+        if origin.type == "String" or not variable.is_settable:
             return -1
-        if str(part_variable.name) in pending_inputs:
-            return self._image.save(pending_inputs[str(part_variable.name)])
-        if not isinstance(part_variable, ElementVariable):
+        if str(origin.name) in pending_inputs:
+            return self._image.save(pending_inputs[str(origin.name)])
+        if not isinstance(origin, ElementVariable):
             return -1
         if variable.size == 1:
-            start = start_memory(part_variable)
+            start = start_memory(origin)
             return self._image.save(start, start) if self._choose_way(variable) == "IN_EVENT_MODE" else -1
-        key = variable.part, int(part_variable.valueReference)
+        key = variable.part, int(origin.valueReference)
         if key not in self._arrays:
-            start = start_memory(part_variable)
+            start = start_memory(origin)
             for x in start.tolist():
-                _convert_exactly(f"{part.name}.{part_variable.name}", x)
+                _convert_exactly(f"{part.name}.{origin.name}", x)
             values = part.instance.arrays.setdefault(key[1], start)
             self._arrays[key] = self._image.save(values, start)
         return self._arrays[key]
@@ -279,7 +275,7 @@ class SystemTables:
         """Return how a part takes the value of a variable between its steps; see `shim/tables.h`."""
         if _choose_setting_time(variable) != "ALWAYS_SET":
             return "AT_ONCE"
-        return _choose_part_way(self._plan.parts[variable.part].instance, variable.part_variable)
+        return _choose_part_way(self._plan.parts[variable.part].instance, variable.origin)
 
 
 def _find_type(variable: ModelVariable) -> int:
@@ -307,7 +303,7 @@ def _choose_setting_time(variable: ContainerVariable) -> str:
 
 
 def _format_start(position: int, variable: ContainerVariable) -> str:
-    if variable.part_variable.type == "String":
+    if variable.origin.type == "String":
         return f"{{{position}, 0.0, {c_text(str(variable.start))}}}"
     value = variable.start
     number = {"true": 1, "false": 0}.get(value, value) if isinstance(value, str) else value

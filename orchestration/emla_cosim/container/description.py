@@ -43,14 +43,14 @@ def describe_container(
         library = plan.libraries[plan.parts[variable.part].library]
         attributes = _list_attributes(reference, variable)
         if fmi == 3:
-            declared = declared_type(variable.part_variable)
+            declared = declared_type(variable.origin)
             kind = SubElement(model_variables, FMI3_TYPES.get(declared, declared), attributes)
         else:
             element = SubElement(model_variables, "ScalarVariable", attributes)
-            kind = SubElement(element, str(variable.part_variable.type))
+            kind = SubElement(element, str(variable.origin.type))
         _set_type_attributes(kind, variable, library, units, enumerations)
         _set_start(kind, variable, fmi)
-        if fmi == 2 and variable.part_variable.type == "Integer":
+        if fmi == 2 and variable.origin.type == "Integer":
             _fit_into_integer(kind, variable)
     if fmi == 3:
         _add_time(model_variables, choose_time_name(variables), units)
@@ -75,14 +75,14 @@ def describe_container(
 def _add_interface(root: Element, plan: ContainerPlan, identifier: str, source_files: Iterable[str]) -> None:
     flags = {
         "needsExecutionTool": plan.any_has("needsExecutionTool"),
-        "canHandleVariableCommunicationStepSize": False,
+        "canHandleVariableCommunicationStepSize": False,  # a step is a whole number of the system's steps
         "canInterpolateInputs": False,
         "canRunAsynchronuously": False,
         "canBeInstantiatedOnlyOncePerProcess": plan.any_has("canBeInstantiatedOnlyOncePerProcess"),
         "canNotUseMemoryManagementFunctions": True,
         "canGetAndSetFMUstate": plan.all_can("canGetAndSetFMUstate"),
         "canSerializeFMUstate": plan.all_can("canGetAndSetFMUstate") and plan.all_can("canSerializeFMUstate"),
-        "providesDirectionalDerivative": False,
+        "providesDirectionalDerivative": False,  # they are zero: an input acts from the next step on
     }
     texts = {flag: "true" for flag, value in flags.items() if value}
     attributes = {"modelIdentifier": identifier, "maxOutputDerivativeOrder": "0"}
@@ -171,10 +171,10 @@ class _Enumerations:
 
 def _list_attributes(reference: int, variable: ContainerVariable) -> dict[str, str]:
     """Return the attributes of a variable that do not depend on its type."""
-    part_variable = variable.part_variable
+    origin = variable.origin
     attributes = {"name": variable.name, "valueReference": str(reference)}
-    if part_variable.description:
-        attributes["description"] = part_variable.description
+    if origin.description:
+        attributes["description"] = origin.description
     attributes |= {"causality": variable.causality, "variability": variable.variability}
     if variable.initial is not None:
         attributes["initial"] = variable.initial
@@ -189,22 +189,18 @@ def _set_type_attributes(
     enumerations: _Enumerations,
 ) -> None:
     """Set unit, range and other attributes of the type of a variable."""
-    part_variable, declared = variable.part_variable, variable.part_variable.declaredType
+    origin, declared = variable.origin, variable.origin.declaredType
 
     def attribute(name: str) -> Any:
-        value_of_variable = getattr(part_variable, name, None)
-        return (
-            getattr(declared, name, None)
-            if value_of_variable is None and declared is not None
-            else value_of_variable
-        )
+        value = getattr(origin, name, None)
+        return getattr(declared, name, None) if value is None and declared is not None else value
 
-    if part_variable.type == "Enumeration":
-        kind.set("declaredType", enumerations.name(part_variable, library.folder))
+    if origin.type == "Enumeration":
+        kind.set("declaredType", enumerations.name(origin, library.folder))
     for name in ("quantity", "min", "max", "nominal"):
-        if (value := attribute(name)) is not None and part_variable.type not in ("Boolean", "String"):
+        if (value := attribute(name)) is not None and origin.type not in ("Boolean", "String"):
             kind.set(name, str(value))
-    if part_variable.type == "Real":
+    if origin.type == "Real":
         if (unit := attribute("unit")) is not None:
             kind.set("unit", units.name(str(unit), library))
             if (display := attribute("displayUnit")) is not None:
@@ -219,7 +215,7 @@ def _set_start(kind: Element, variable: ContainerVariable, fmi: int) -> None:
     starts = variable.causality == "input" or variable.initial in ("exact", "approx")
     if not starts and variable.variability != "constant":
         return
-    if fmi == 3 and variable.part_variable.type == "String":
+    if fmi == 3 and variable.origin.type == "String":
         SubElement(kind, "Start", value=_format_start(variable))
     else:
         kind.set("start", _format_start(variable))
@@ -251,7 +247,7 @@ def _add_time(parent: Element, name: str, units: _Units) -> None:
 
 
 def _format_start(variable: ContainerVariable) -> str:
-    value, type_ = variable.start, variable.part_variable.type
+    value, type_ = variable.start, variable.origin.type
     if value is not None and not variable.is_overridden:
         return str(value)  # as its FMU writes it
     if type_ == "String":

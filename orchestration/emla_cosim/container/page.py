@@ -63,8 +63,8 @@ def _format_row(*cells: str) -> str:
 
 
 def _format_variable_row(variable: ContainerVariable) -> str:
-    declared = variable.part_variable.declaredType
-    unit = variable.part_variable.unit or (declared.unit if declared is not None else None) or ""
+    declared = variable.origin.declaredType
+    unit = variable.origin.unit or (declared.unit if declared is not None else None) or ""
     start = "" if variable.start is None or variable.causality == "output" else str(variable.start)
-    texts = (str(unit), start, str(variable.part_variable.description or ""))
+    texts = (str(unit), start, str(variable.origin.description or ""))
     return _format_row(_format_code(variable.name), *map(_escape_text, texts))

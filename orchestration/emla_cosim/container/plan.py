@@ -166,11 +166,7 @@ def _check_support(assembly: Assembly) -> None:
             f"an FMU of a system cannot pass on Strings or Binary values of clocks; {join_names(clocked)} "
             "has a connection."
         )
-    sizes = [
-        f"{name}.{parameter}"
-        for name, file in assembly.files.items()
-        for parameter in file.interface.structure
-    ]
+    sizes = [f"{n}.{p}" for n, file in assembly.files.items() for p in file.interface.structure]
     if sizes:
         raise CommandError(f"an FMU of a system cannot change structural parameters such as {sizes[0]}.")
     python = [n for n, f in assembly.files.items() if (f.folder / "resources/slavemodule.txt").exists()]

@@ -23,7 +23,7 @@ def write_terminals(plan: ContainerPlan, variables: Sequence[ContainerVariable])
     members_by_terminal: dict[str, dict[str, str]] = {}
     for variable in variables:
         part = plan.parts[variable.part]
-        terminal_member = members[part.library].get(variable.part_variable.name)
+        terminal_member = members[part.library].get(variable.origin.name)
         if terminal_member is not None and variable.causality in ("input", "output"):
             terminal, member = terminal_member
             members_by_terminal.setdefault(f"{part.name}.{terminal}", {}).setdefault(member, variable.name)

@@ -60,7 +60,7 @@ class ContainerVariable:
 
     name: str
     part: int
-    part_variable: ModelVariable
+    origin: ModelVariable
     causality: str
     start: Any
     is_overridden: bool
@@ -69,27 +69,27 @@ class ContainerVariable:
     def letter(self, fmi: int) -> str:
         """Return its type in C for a host of this version of FMI."""
         if fmi == 2:
-            return LETTERS[str(self.part_variable.type)]
-        return "E" if self.part_variable.type == "Enumeration" else find_letter(self.part_variable)
+            return LETTERS[str(self.origin.type)]
+        return "E" if self.origin.type == "Enumeration" else find_letter(self.origin)
 
     @property
     def size(self) -> int:
         """Return the number of elements of its array; 1 for a scalar."""
-        return self.part_variable.size if isinstance(self.part_variable, ElementVariable) else 1
+        return self.origin.size if isinstance(self.origin, ElementVariable) else 1
 
     @property
     def variability(self) -> str:
         """Return its variability; that of an input that became a parameter is `tunable`."""
-        if self.causality == "parameter" and self.part_variable.causality == "input":
+        if self.causality == "parameter" and self.origin.causality == "input":
             return "tunable"
-        return str(self.part_variable.variability)
+        return str(self.origin.variability)
 
     @property
     def initial(self) -> str | None:
         """Return how it is initialized."""
         if self.causality == "input":
             return None
-        return "exact" if self.causality == "parameter" else self.part_variable.initial or "calculated"
+        return "exact" if self.causality == "parameter" else self.origin.initial or "calculated"
 
     @property
     def is_settable(self) -> bool:
@@ -100,7 +100,7 @@ class ContainerVariable:
 
 
 def list_variables(
-    plan: ContainerPlan, inputs: Collection[str], outputs: Collection[str], default_outputs: Sequence[str]
+    plan: ContainerPlan, inputs: Collection[str], outputs: Collection[str], defaults: Sequence[str]
 ) -> list[ContainerVariable]:
     """Return all variables, in the order of the components.
 
@@ -108,7 +108,7 @@ def list_variables(
         plan: The system.
         inputs: Names or patterns of the inputs, among those that nothing drives. Default: all of these.
         outputs: Names or patterns of the outputs, among those of the components.
-        default_outputs: The outputs without `outputs`. Default: all.
+        defaults: The outputs without `outputs`. Default: all.
 
     Raises:
         CommandError: A name or pattern matches nothing, or two variables have one name.
@@ -120,26 +120,16 @@ def list_variables(
         first = plan.network.parts[p].start
         signal_of = {v.name: first + k for k, v in enumerate(part.instance.written)}
         values = {v.name: value for v, value in part.starts}
-        for part_variable in part.instance.file.variables.values():
-            if (
-                part_variable.name in driven
-                or part_variable.causality in _HIDDEN
-                or part_variable.type not in LETTERS
-            ):
+        for origin in part.instance.file.variables.values():
+            if origin.name in driven or origin.causality in _HIDDEN or origin.type not in LETTERS:
                 continue
-            signal = signal_of.get(part_variable.name, -1)
-            system_name = plan.system_names[part.name].get(part_variable.name, part_variable.name)
+            signal = signal_of.get(origin.name, -1)
+            system_name = plan.system_names[part.name].get(origin.name, origin.name)
             name = names[signal] if signal >= 0 else _make_full_name(part.name, system_name)
-            start = values.get(part_variable.name, part_variable.start)
+            start = values.get(origin.name, origin.start)
             variables.append(
                 ContainerVariable(
-                    name,
-                    p,
-                    part_variable,
-                    str(part_variable.causality),
-                    start,
-                    part_variable.name in values,
-                    signal,
+                    name, p, origin, str(origin.causality), start, origin.name in values, signal
                 )
             )
     duplicates = [name for name, count in Counter(v.name for v in variables).items() if count > 1]
@@ -149,10 +139,7 @@ def list_variables(
         )
     open_inputs = [v.name for v in variables if v.causality == "input"]
     all_outputs = [v.name for v in variables if v.causality == "output"]
-    selected = {
-        *_select("input", inputs, open_inputs),
-        *_select("output", outputs or default_outputs, all_outputs),
-    }
+    selected = {*_select("input", inputs, open_inputs), *_select("output", outputs or defaults, all_outputs)}
     return [_hide_if_unselected(v, selected) for v in variables]
 
 

@@ -103,6 +103,7 @@ def write_container(
     source_files = mains if all(x.source for x in plan.libraries) else []
     arguments = (plan, name, identifier, description)
     try:
+        # the GUID is a hash of the content, in which it cannot be itself
         anonymous = describe_container(*arguments, "", variables, source_files, fmi)
     except BuildError as error:
         raise CommandError(str(error)) from error

@@ -90,12 +90,10 @@ class Assembly:
     def _instantiate(self) -> None:
         """Instantiate all components and connect them."""
         components = self._resolved.components
-        opaque_connections = [
-            x for x in self._resolved.connections if self._find_ends(x)[0].type in ("String", BINARY)
-        ]
+        opaque = [x for x in self._resolved.connections if self._find_ends(x)[0].type in ("String", BINARY)]
         numeric_system = replace(
             self._resolved,
-            connections=tuple(x for x in self._resolved.connections if x not in opaque_connections),
+            connections=tuple(x for x in self._resolved.connections if x not in opaque),
         )
         inputs = {c.name: [x.input for x in numeric_system.into(c.name)] for c in components}
         outputs = {c.name: _select_outputs(self.files[c.name], numeric_system, c.name) for c in components}
@@ -122,15 +120,13 @@ class Assembly:
             i for i, f in enumerate(self.files[n] for n in self.instances) if f.description.modelName == MODEL
         ]
         self.network = connect(self.instances, arranged, self._groups, links, names, faults)
-        for x in opaque_connections:
+        for x in opaque:
             output, input_ = self._find_ends(x)
             self.network.opaque_links.append(
                 OpaqueLink(self.instances[x.source], output, self.instances[x.target], input_)
             )
-        self.network.tables = self._find_positions(
-            n for n, x in self.instances.items() if _has_known_outputs(x)
-        )
-        self.network.samplers = self._find_positions(c.name for c in components if c.samples)
+        self.network.tables = self._locate(n for n, x in self.instances.items() if _has_known_outputs(x))
+        self.network.samplers = self._locate(c.name for c in components if c.samples)
         for stepped in self.network.instances:
             if stepped not in self.instances.values():
                 self._instance_stack.callback(stepped.close)
@@ -139,7 +135,7 @@ class Assembly:
         self._parameters: dict[str, tuple[Component, dict[str, float]]] = {}
         self._overrides: dict[str, tuple[Component, dict[str, dict[str, Any]]]] = {}
 
-    def _find_positions(self, components: Iterable[str]) -> frozenset[int]:
+    def _locate(self, components: Iterable[str]) -> frozenset[int]:
         """Return the positions in the network of instances with these components."""
         names = set(components)
         return frozenset(i for i, x in enumerate(self.network.instances) if names.intersection(x.components))
@@ -285,19 +281,15 @@ class Assembly:
         cannot be read), and the unit.
         """
         aliases, interface = component.by_fmu_name, self.files[component.name].interface
-        rejected_values = {}
+        entries = {}
         for rejected in self.instances[component.name].lost_values:
             name, alias = aliases.get(rejected.variable, (rejected.variable, Alias(rejected.variable)))
             values = [format_value(interface.variables[rejected.variable], x) for x in rejected[1:]]
             if alias.transformation != IDENTITY:
                 values = [x if x is None else alias.transformation.inverse()(x) for x in values]
             unit = alias.unit or interface.unit(rejected.variable)
-            rejected_values[name] = {
-                "set": values[0],
-                "read": values[1],
-                "unit": None if unit is None else str(unit),
-            }
-        return rejected_values
+            entries[name] = {"set": values[0], "read": values[1], "unit": None if unit is None else str(unit)}
+        return entries
 
     def _list_parameters(self, component: Component, start_values: Sequence[TypedValue]) -> dict[str, float]:
         parameters: dict[str, float] = {}

@@ -71,13 +71,13 @@ def connect(
         followers: Positions of components that only pass on the values of one source.
     """
     position = {name: i for i, name in enumerate(instances)}
-    group_positions = {position[n]: (u, i) for u, names_ in enumerate(arranged) for i, n in enumerate(names_)}
+    positions = {position[n]: (u, i) for u, names_ in enumerate(arranged) for i, n in enumerate(names_)}
     all_instances = list(instances.values())
     joined = {u for u, members in enumerate(arranged) if members in groups}
     inside: dict[int, list[Link]] = {u: [] for u in joined}
     outside = []
     for x in links:
-        (u, i), (v, k) = group_positions[x.source], group_positions[x.target]
+        (u, i), (v, k) = positions[x.source], positions[x.target]
         source, target = (all_instances[end] for end in (x.source, x.target))
         sampled = source.continuous_outputs[x.output] and not target.continuous_inputs[x.input]
         if u == v and u in joined and not sampled:
@@ -86,22 +86,16 @@ def connect(
             outside.append(x)
     stepped: list[FmuInstance] = []
     for u, members in enumerate(arranged):
-        member_instances = [instances[n] for n in members]
-        models = [s for s in member_instances if isinstance(s, ModelExchangeInstance)]
-        stepped.append(
-            IntegratedGroup(models, inside[u]) if u in joined else make_stepped(member_instances[0])
-        )
-    condensed = [_condense(x, group_positions, stepped) for x in outside]
-    return Network(
-        stepped, _mark_direct(condensed, stepped), names, [group_positions[i][0] for i in followers]
-    )
+        steppers = [instances[n] for n in members]
+        models = [s for s in steppers if isinstance(s, ModelExchangeInstance)]
+        stepped.append(IntegratedGroup(models, inside[u]) if u in joined else make_stepped(steppers[0]))
+    condensed = [_condense(x, positions, stepped) for x in outside]
+    return Network(stepped, _mark_direct(condensed, stepped), names, [positions[i][0] for i in followers])
 
 
-def _condense(
-    link: Link, group_positions: Mapping[int, tuple[int, int]], stepped: Sequence[FmuInstance]
-) -> Link:
+def _condense(link: Link, positions: Mapping[int, tuple[int, int]], stepped: Sequence[FmuInstance]) -> Link:
     """Return a link between components as one between the instances of the network."""
-    (u, i), (v, k) = group_positions[link.source], group_positions[link.target]
+    (u, i), (v, k) = positions[link.source], positions[link.target]
     source, target = stepped[u], stepped[v]
     if isinstance(source, IntegratedGroup):
         link = replace(link, output=source.position(i, link.output))

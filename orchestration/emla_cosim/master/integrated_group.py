@@ -19,7 +19,7 @@ from .instances.integrated_instance import IntegratedInstance
 from .instances.model_exchange_instance import ModelExchangeInstance
 from .network import Link, Network
 
-_EVENT_TOLERANCE = 1e-9
+_TOLERANCE = 1e-9
 """In an event, continuous inputs are unchanged if they differ by less, relative to their sizes."""
 
 
@@ -225,7 +225,7 @@ class IntegratedGroup(IntegratedInstance):
         for transfer in self._external:
             transfer.write(self._network.signals)
 
-    def _list_state_arrays(self) -> list[Vector]:
+    def _list_arrays(self) -> list[Vector]:
         return [self._passed_inputs, self._network.signals, self._network.inputs]
 
     def _connect(self) -> None:
@@ -277,9 +277,7 @@ class IntegratedGroup(IntegratedInstance):
             raise self._integration_error(
                 f"the discrete values between its components do not settle in {MOST_ITERATIONS} iterations"
             )
-        margin = np.where(
-            self._is_continuous_input, _EVENT_TOLERANCE * (np.abs(network.inputs) + _EVENT_TOLERANCE), 0.0
-        )
+        margin = np.where(self._is_continuous_input, _TOLERANCE * (np.abs(network.inputs) + _TOLERANCE), 0.0)
         changed = np.abs(network.inputs - inputs_before) > margin
         return [
             m for m, part in zip(self.members, network.input_parts[1:], strict=True) if changed[part].any()

@@ -297,9 +297,8 @@ class Network:
         nonfinite = self.read[~np.isfinite(self.signals[self.read])]
         if not len(nonfinite):
             return None
-        return RunError(
-            f"{self.names[nonfinite[0]]} became {self.signals[nonfinite[0]]} at t = {time:.9g} s."
-        )
+        first = nonfinite[0]
+        return RunError(f"{self.names[first]} became {self.signals[first]} at t = {time:.9g} s.")
 
     def check_finite(self, time: float) -> None:
         """Raise RunError if a signal that an instance reads is infinite or not a number; `time` in s."""

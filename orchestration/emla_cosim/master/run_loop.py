@@ -10,10 +10,10 @@ from .stepping.stepping_base import RowSink, Stepping
 SHORTEST_WAIT = 1e-3
 """Wall time in s between two comparisons with the clock, unless steps are longer."""
 
-_MOST_STEPS = 2**31
+_LARGEST_STRIDE = 2**31
 """Largest number of steps between two comparisons."""
 
-_NAP = 0.1
+_LONGEST_SLEEP = 0.1
 
 
 class Pacing:
@@ -52,7 +52,7 @@ class Pacing:
 
     def steps(self, step: float) -> int:
         """Return the number of steps of this length in s between two comparisons with the clock."""
-        return max(1, round(min(SHORTEST_WAIT * self.factor / step, _MOST_STEPS)))
+        return max(1, round(min(SHORTEST_WAIT * self.factor / step, _LARGEST_STRIDE)))
 
     def wait(self, simulated: float, interrupted: Callable[[], bool]) -> None:
         """Wait until the clock reaches this simulated time in s, or until `interrupted` returns true."""
@@ -64,7 +64,7 @@ class Pacing:
             self.overruns += 1
             self.worst = max(self.worst, delay)
         while (rest := due - time.perf_counter()) > 0.0 and not interrupted():
-            time.sleep(min(rest, _NAP))
+            time.sleep(min(rest, _LONGEST_SLEEP))
 
 
 STRETCH = 0.05

@@ -182,10 +182,8 @@ class System:
             >>> ec.load(system, step_size=1e-3, stop_time=0.01).prepare().run().steps
             10
         """
-        unconnected = cls(tuple(_make_component(name, content) for name, content in components.items()), ())
-        connected = replace(
-            unconnected, connections=tuple(unconnected._read_connection(text) for text in connections)
-        )
+        system = cls(tuple(_make_component(name, content) for name, content in components.items()), ())
+        connected = replace(system, connections=tuple(map(system._read_connection, connections)))
         return connected.with_parameters(list_elements(set or {}))
 
     @property

@@ -32,38 +32,32 @@ def add_fault_components(system: System, faults: Sequence[Fault]) -> tuple[Syste
     Raises:
         CommandError: If a component does not exist.
     """
-    used_names, faults_by_component = {c.name for c in system.components}, dict[str, Fault]()
+    used_names, by_name = {c.name for c in system.components}, dict[str, Fault]()
     for fault in faults:
         component, variable = system.split(fault.signal)
         first = f"{component.name}_{variable.replace('.', '_')}_fault"  # not inside of the component
         name = find_free_name(first, used_names)
         used_names.add(name)
-        faults_by_component[name] = fault
-    components = (
-        Component(name, MODEL, _list_start_values(fault)) for name, fault in faults_by_component.items()
-    )
-    return replace(system, components=(*system.components, *components)), faults_by_component
+        by_name[name] = fault
+    components = (Component(name, MODEL, _list_start_values(fault)) for name, fault in by_name.items())
+    return replace(system, components=(*system.components, *components)), by_name
 
 
-def wire_faults(
-    system: System, faults_by_component: FaultComponents, interfaces: Mapping[str, Interface]
-) -> System:
+def wire_faults(system: System, faults: FaultComponents, interfaces: Mapping[str, Interface]) -> System:
     """Connect the components of `add_fault_components`; several faults of a signal apply in their order.
 
     Args:
         system: The system with these components.
-        faults_by_component: The faults by component.
+        faults: The faults by component.
         interfaces: The model descriptions by component.
 
     Raises:
         CommandError: If a signal does not exist, is not connected, or is not continuous, or if a unit does
             not fit.
     """
-    signals = {
-        name: _find_signal(Names(system, interfaces), fault) for name, fault in faults_by_component.items()
-    }
+    signals = {name: _find_signal(Names(system, interfaces), fault) for name, fault in faults.items()}
     for name, signal in signals.items():
-        fault = faults_by_component[name]
+        fault = faults[name]
         if isinstance(fault.value, str):
             unit = signal.unit
             if unit is not None and fault.kind == "offset":

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from emla_cosim.base.errors import CommandError
+from emla_cosim.master import run_loop
 from emla_cosim.master.run_loop import Pacing
-from emla_cosim.master.stepping import pacing
 from tests.support.faulty_systems import line_with_a_fault, run_system
 from tests.support.hand_written_fmus import Fault
 
@@ -31,7 +31,7 @@ class Clock:
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
     clock = Clock()
-    monkeypatch.setattr(pacing, "time", clock)
+    monkeypatch.setattr(run_loop, "time", clock)
     return clock
 
 

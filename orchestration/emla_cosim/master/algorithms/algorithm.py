@@ -140,6 +140,7 @@ class Algorithm(ABC):
             self._apply_step_multiple(instruction, operations)
         names, count = list_vectors(program), len(self.network.signals)
         self.known_sources = self._find_known_sources(program)
+        # known signals must be there when others read them
         self.program = move_first(program, self.known_sources)
         self.operations = [x for x in self.program if isinstance(x, Operation)]
         self.stores = {name: np.zeros(count) for name in names}
@@ -162,6 +163,7 @@ class Algorithm(ABC):
         history = vars(self.exchange.history)
         parts = [self.network.signals, *history.values(), self.scale.largest, *self.stores.values()]
         count, offset = sum(part.size for part in parts), 0
+        # in one block, a snapshot is one copy, also in C
         self.block = np.zeros(count + sum(group.jacobian.size for group in self.groups))
         self.restored = self.block[:count]
 
@@ -287,9 +289,8 @@ class Algorithm(ABC):
         instances = self.network.instances
         merged_components = [list(s.components) for s in instances if len(s.components) > 1]
         report: dict[str, Any] = {"late_connections": [link.name for link in self.late_links()]}
-        report |= (
-            {"known_inputs": known_inputs} if (known_inputs := self.exchange.describe_known_inputs()) else {}
-        )
+        known_inputs = self.exchange.describe_known_inputs()
+        report |= {"known_inputs": known_inputs} if known_inputs else {}
         report |= {"integrated_together": merged_components} if merged_components else {}
         if not self.groups:
             return report

@@ -63,10 +63,8 @@ def list_continuous_connections(
         for last, is_late in _list_readers(network, first, late)
         if _is_continuous(network, first, last, sampling)
     ]
-    loops, coupling_positions = (
-        _number_loops([(first.source, last.target) for first, last, _ in paths]),
-        _locate_coupling_variables(algorithm),
-    )
+    loops = _number_loops([(first.source, last.target) for first, last, _ in paths])
+    coupling_positions = _locate_coupling_variables(algorithm)
     connections = []
     for first, last, is_late in paths:
         signal, is_in_loop = network.signal(first), loops.get(first.source, -1) == loops.get(last.target, -2)

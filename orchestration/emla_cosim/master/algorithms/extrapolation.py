@@ -140,9 +140,8 @@ class Exchange:
     def is_of_middle(self, link: Link) -> bool:
         """Return whether an input has one value throughout a step that is that of the middle of the step."""
         reading = self.readings[link.target][link.input]
-        return reading == Known.MEAN or (
-            reading == Known.NOT_KNOWN and self.modes[link.target] == Mode.MIDDLE
-        )
+        is_in_middle = self.modes[link.target] == Mode.MIDDLE
+        return reading == Known.MEAN or (reading == Known.NOT_KNOWN and is_in_middle)
 
     def _is_first_order(self, link: Link) -> bool:
         is_known = self.readings[link.target][link.input] != Known.NOT_KNOWN

@@ -81,7 +81,7 @@ def _is_initial(link: Link) -> bool:
     return link.initial
 
 
-def _solve_group(network: Network, group: list[int], coupling_variables: Indices, scale: Scale) -> None:
+def _solve_group(network: Network, group: list[int], coupled: Indices, scale: Scale) -> None:
     """Exchange values within a group until they are consistent."""
 
     def sweep() -> None:
@@ -89,43 +89,40 @@ def _solve_group(network: Network, group: list[int], coupling_variables: Indices
             network.pass_inputs(i)
             network.instances[i].get_outputs()
 
-    if not len(coupling_variables):
+    if not len(coupled):
         sweep()
         return
 
     def evaluate(guess: Vector) -> Vector:
-        network.signals[coupling_variables] = guess
+        network.signals[coupled] = guess
         sweep()
-        return network.signals[coupling_variables]
+        return network.signals[coupled]
 
     def list_sizes(values: Vector) -> Vector:
-        return (
-            np.abs(values) + scale.floor[coupling_variables]
-        )  # not the largest so far: earlier guesses can be huge
+        return np.abs(values) + scale.floor[coupled]  # not the largest so far: earlier guesses can be huge
 
     try:
-        solution = Newton(evaluate, list_sizes).solve(network.signals[coupling_variables])
-        network.signals[coupling_variables] = (
-            solution  # more accurate than the answer, whose rounding errors the loop amplifies
-        )
+        solution = Newton(evaluate, list_sizes).solve(network.signals[coupled])
+        # more accurate than the answer, whose rounding errors the loop amplifies
+        network.signals[coupled] = solution
     except NoSolutionError as failure:
-        raise RunError(_explain_no_solution(network, group, coupling_variables, failure)) from failure
+        raise RunError(_explain_no_solution(network, group, coupled, failure)) from failure
 
 
 def _explain_no_solution(
-    network: Network, group: list[int], coupling_variables: np.ndarray, failure: NoSolutionError
+    network: Network, group: list[int], coupled: np.ndarray, failure: NoSolutionError
 ) -> str:
     loop = network.loop_name(group)
     if failure.singular.any():
-        names = join_names([network.names[s] for s in coupling_variables[failure.singular]])
+        names = join_names([network.names[s] for s in coupled[failure.singular]])
         gap = failure.gap[failure.singular]
         return (
             f"the initial values of the loop {loop} have no solution: the gain around the loop is 1 "
             f"for {names}, so a difference of {np.abs(gap).max():.3g} always remains. "
             "Change a parameter of the loop, or remove a connection."
         )
-    nonfinite = [network.names[s] for s in coupling_variables[~np.isfinite(failure.gap)]]
-    changing = [network.names[s] for s in coupling_variables[failure.gap != 0.0]]
+    nonfinite = [network.names[s] for s in coupled[~np.isfinite(failure.gap)]]
+    changing = [network.names[s] for s in coupled[failure.gap != 0.0]]
     problem = (
         f"{join_names(nonfinite)} became infinite or NaN"
         if nonfinite

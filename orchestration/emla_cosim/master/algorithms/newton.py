@@ -165,11 +165,9 @@ class Newton:
         self._slopes = slopes
         rows = (np.abs(slopes) + noise) @ sizes + np.finfo(float).tiny  # size of each equation
         scaled, rounding = slopes * sizes / rows[:, None], noise * sizes / rows[:, None]
-        left_vectors, singular_values, right_vectors = np.linalg.svd(scaled)
-        is_visible = singular_values > max(
-            float(np.linalg.norm(rounding)), _ROUNDING * float(singular_values[0])
+        left_vectors, sigma, right_vectors = np.linalg.svd(scaled)
+        visible = sigma > max(float(np.linalg.norm(rounding)), _ROUNDING * float(sigma[0]))
+        matrix = (sizes[:, None] * right_vectors[visible].T / sigma[visible]) @ (
+            left_vectors[:, visible].T / rows
         )
-        matrix = (sizes[:, None] * right_vectors[is_visible].T / singular_values[is_visible]) @ (
-            left_vectors[:, is_visible].T / rows
-        )
-        return _Inverse(matrix, right_vectors[~is_visible].T)
+        return _Inverse(matrix, right_vectors[~visible].T)

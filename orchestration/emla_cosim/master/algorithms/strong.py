@@ -55,6 +55,7 @@ class Strong(InOrder):
         super().setup(network)
         self._sampled = self._sampled_instances()
         if self._sampled:
+            # they sample after all loops have agreed on the values of a point
             network.move_to_end(self._sampled, bool(self.order))
         self.exchange.sample(self._sampled)
         groups = network.groups(lambda link: link.source not in self._sampled)
@@ -66,13 +67,11 @@ class Strong(InOrder):
     def _sampled_instances(self) -> set[int]:
         """Return the positions of instances with a step multiple, and of the followers of their outputs."""
         network = self.network
-        sampled_instances = {
-            i for i, instance in enumerate(network.instances) if instance.name in self.step_multiples
-        }
+        sampled = {i for i, instance in enumerate(network.instances) if instance.name in self.step_multiples}
         for _ in network.followers:  # one may follow another
             links = [link for link in network.links if link.target in network.followers]
-            sampled_instances |= {link.target for link in links if link.source in sampled_instances}
-        return sampled_instances
+            sampled |= {link.target for link in links if link.source in sampled}
+        return sampled
 
     def late(self) -> list[Link]:
         """Return the links from sampled components to others, and against the order of the sampled."""

@@ -126,19 +126,14 @@ class _Window:
         value sometimes, without growing. One that shrinks counts, too: an error that follows its signal and
         does not add up grows in some windows and shrinks in others.
         """
-        error_at_three_quarters, error_at_half = (
-            _largest(errors[: max(len(errors) * n // 4, 1)]) for n in (3, 2)
-        )
+        by_third, by_second = (_largest(errors[: max(len(errors) * n // 4, 1)]) for n in (3, 2))
         reached = _largest(errors)
         with np.errstate(invalid="ignore"):
-            is_growing = (
-                np.minimum(reached - error_at_three_quarters, error_at_three_quarters - error_at_half)
-                > LEAST_GROWTH * reached
-            )
-            error_before, error_after = (
+            is_growing = np.minimum(reached - by_third, by_third - by_second) > LEAST_GROWTH * reached
+            in_second, in_fourth = (
                 _largest(errors[len(errors) * n // 4 : len(errors) * (n + 1) // 4]) for n in (1, 3)
             )
-            growth = np.where(is_growing | (error_after < error_before), error_after - error_before, 0.0)
+            growth = np.where(is_growing | (in_fourth < in_second), in_fourth - in_second, 0.0)
         return cls(reached, growth, measure_path(rows[max(len(errors) // 2 - 1, 0) : len(errors)], ranges))
 
 
@@ -254,7 +249,7 @@ class CouplingEstimate:
         values = (last - first) * len(self._algorithm.network.signals)
         if self._pace * (last - first) <= allowed and values <= MOST_VALUES:
             return self._make_result(
-                _largest(self._estimate_by_halves(first, last - first, self._rows.stride)), "the whole run"
+                _largest(self._halve_steps(first, last - first, self._rows.stride)), "the whole run"
             )
         return self._make_result(self._combine_windows(first, last, allowed), "windows")
 
@@ -264,20 +259,18 @@ class CouplingEstimate:
         errors_by_signal = dict(zip(self._signals.tolist(), errors.tolist(), strict=True))
         return CouplingError(errors_by_signal, repeated, self._repeated)
 
-    def _measure_differences(self, row_store: RowStore) -> Vector:
+    def _measure_differences(self, store: RowStore) -> Vector:
         """Return the rms of what inputs miss during a step, from differences of successive rows.
 
         A held input misses half of the change in a step, an extrapolated one half of the second difference.
         """
         order = self._algorithm.accuracy
-        begins = self._window_starts if row_store.stride > 1 else self._window_starts[:1]
-        rows = [row_store.get(begin - 1, 1, MOST_VALUES) for begin in begins]
+        begins = self._window_starts if store.stride > 1 else self._window_starts[:1]
+        rows = [store.get(begin - 1, 1, MOST_VALUES) for begin in begins]
         changes = np.concatenate([np.diff(r, n=order, axis=0) for r in rows])
         with np.errstate(all="ignore"):
-            missed = 0.5 * np.sqrt(np.mean(changes**2, axis=0)) / row_store.ranges
-        return (
-            np.where(row_store.ranges > 0.0, missed, 0.0) if len(changes) else np.zeros(len(row_store.ranges))
-        )
+            missed = 0.5 * np.sqrt(np.mean(changes**2, axis=0)) / store.ranges
+        return np.where(store.ranges > 0.0, missed, 0.0) if len(changes) else np.zeros(len(store.ranges))
 
     def _measure_cost(self, first: int, last: int, allowed: float) -> None:
         """Measure what a step in halves costs, and whether longer steps cost less than those they replace."""
@@ -312,7 +305,7 @@ class CouplingEstimate:
         share = 0.4 if self._is_coarse else 1.0
         count = min(_round_down(max(share * allowed / self._pace, SHORTEST_WINDOW)), available)
         start_time, stride = self._clock(), 1
-        errors = self._estimate_by_halves(begin, count, 1)
+        errors = self._halve_steps(begin, count, 1)
         per_step = (self._clock() - start_time) / count
         order, ranges = self._algorithm.accuracy, self._rows.ranges
         while self._is_coarse and stride * len(errors) < last - begin:
@@ -333,7 +326,7 @@ class CouplingEstimate:
         rows = self._rows.get(begin, stride, len(errors))
         return _Window.of(errors, rows, ranges)
 
-    def _estimate_by_halves(self, begin: int, count: int, stride: int) -> Vector:
+    def _halve_steps(self, begin: int, count: int, stride: int) -> Vector:
         """Return the error at every `stride`-th of `count` steps that are done in halves."""
         assert self._rows is not None
         halved = self._repeat(begin, count, None, self._program, stride)
@@ -376,12 +369,11 @@ class CouplingEstimate:
 
 def _errors_agree(coarse: Vector, fine: Vector, ratio: int, change: Vector) -> bool:
     """Return whether the error of coarse steps can be trusted; `ratio` is that of the distances of rows."""
-    coarse_error = _largest(coarse[: max(len(fine) // ratio, 1)]).max()
-    fine_error = _largest(fine).max()
-    is_small = max(coarse_error, fine_error) < NEGLIGIBLE
+    coarse_max = _largest(coarse[: max(len(fine) // ratio, 1)]).max()
+    fine_max = _largest(fine).max()
+    is_small = max(coarse_max, fine_max) < NEGLIGIBLE
     return bool(
-        change.max() <= ASYMPTOTIC
-        and (is_small or fine_error / AGREES <= coarse_error <= AGREES * fine_error)
+        change.max() <= ASYMPTOTIC and (is_small or fine_max / AGREES <= coarse_max <= AGREES * fine_max)
     )
 
 

@@ -293,11 +293,9 @@ class _Getter:
         self, tables: EventTables, variables: Sequence[ModelVariable], functions: Mapping[str, Any]
     ) -> None:
         positions = tables.find_places(variables)
-        fmu_elements, self._event_elements = np.flatnonzero(positions < 0), np.flatnonzero(positions >= 0)
+        in_fmu, self._event_elements = np.flatnonzero(positions < 0), np.flatnonzero(positions >= 0)
         self._state, self._positions = tables.memory, positions
-        self._typed = TypedValues(
-            "get", [variables[i] for i in fmu_elements.tolist()], functions, elements=fmu_elements
-        )
+        self._typed = TypedValues("get", [variables[i] for i in in_fmu.tolist()], functions, elements=in_fmu)
         self._clocks = np.array([i for i, v in enumerate(variables) if v.type == CLOCK], dtype=np.intp)
         self.groups = [*self._typed.groups]
         if len(self._event_elements):

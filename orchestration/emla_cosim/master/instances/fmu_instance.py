@@ -35,9 +35,8 @@ class InstanceError(RunError):
 
     def __init__(self, instance: str, call: str, status: str, log: list[str]) -> None:
         action = self.action_format.format(call=call, status=status)
-        log_text = (
-            f" FMU log: {' '.join(dict.fromkeys(log))}" if log else ""
-        )  # a repeated step repeats messages
+        # without duplicates: a repeated step repeats messages
+        log_text = f" FMU log: {' '.join(dict.fromkeys(log))}" if log else ""
         super().__init__(
             f"{instance} {action}.{log_text}", component=instance, call=call, status=status, log=log
         )

@@ -137,14 +137,14 @@ class IntegratedInstance(Integrator[ModelExchangeInstance], FmuInstance):
         """Return a copy of the state, in the memory of the earlier copy `state`."""
         self._is_discontinuous = self._is_interrupted = True  # a repeated step starts as this one
         earlier = [None] * len(self.members) if state is None else state[0]
-        member_states = [m.save(s) for m, s in zip(self.members, earlier, strict=True)]
-        return member_states, self._pack_numbers()
+        states = [m.save(s) for m, s in zip(self.members, earlier, strict=True)]
+        return states, self._pack_numbers()
 
     def restore(self, state: Any) -> None:
         """Restore a saved state."""
-        member_states, numbers = state
+        states, numbers = state
         self._unpack_numbers(numbers)
-        for member, member_state in zip(self.members, member_states, strict=True):
+        for member, member_state in zip(self.members, states, strict=True):
             member.restore(member_state)
 
     def forget(self, state: Any) -> None:
@@ -158,10 +158,8 @@ class IntegratedInstance(Integrator[ModelExchangeInstance], FmuInstance):
 
     def serialize(self) -> bytes:
         """Return the state as bytes."""
-        member_states = [m.serialize() for m in self.members]
-        return self._pack_numbers().tobytes() + b"".join(
-            _LENGTH.pack(len(member_state)) + member_state for member_state in member_states
-        )
+        states = [m.serialize() for m in self.members]
+        return self._pack_numbers().tobytes() + b"".join(_LENGTH.pack(len(x)) + x for x in states)
 
     def deserialize(self, content: bytes) -> None:
         """Restore a state from the bytes of `serialize`."""
@@ -218,22 +216,20 @@ class IntegratedInstance(Integrator[ModelExchangeInstance], FmuInstance):
     def _connect(self) -> None:
         """Pass continuous values between the FMUs until they agree."""
 
-    def _list_state_arrays(self) -> list[Vector]:
+    def _list_arrays(self) -> list[Vector]:
         """Return arrays that are part of the state."""
         return [self._passed_inputs]
 
     def _pack_numbers(self) -> Vector:
         """Return what belongs to the state besides the FMUs' own."""
-        return np.concatenate(
-            [[self._time], [m.next_event for m in self.members], *self._list_state_arrays()]
-        )
+        return np.concatenate([[self._time], [m.next_event for m in self.members], *self._list_arrays()])
 
     def _unpack_numbers(self, numbers: Vector) -> None:
         count = 1 + len(self.members)
         self._time, events, rest = float(numbers[0]), numbers[1:count], numbers[count:]
         for member, time in zip(self.members, events, strict=True):
             member.next_event, member.has_new_nominals = float(time), True
-        for array in self._list_state_arrays():
+        for array in self._list_arrays():
             array[:], rest = rest[: len(array)], rest[len(array) :]
         self._next_event, self._slopes = float(events.min()), None
         self._is_discontinuous = self._is_interrupted = True

@@ -144,12 +144,10 @@ def measure_own_cost(calls: int = 2000, rounds: int = 5) -> OwnCost:
             call(0.0, 0.0)
         return (time.perf_counter() - start) / calls
 
-    inner_times, measured_times, plain_times = [], [], []
+    inner, totals, plain = [], [], []
     for _ in range(rounds):
         counted = Calls()
-        measured_times.append(repeat(_measure(do_nothing, counted, 1)))
-        plain_times.append(repeat(do_nothing))
-        inner_times.append(counted.seconds / calls - plain_times[-1])
-    return OwnCost(
-        max(min(inner_times), 0.0), max(min(measured_times) - min(plain_times) - min(inner_times), 0.0)
-    )
+        totals.append(repeat(_measure(do_nothing, counted, 1)))
+        plain.append(repeat(do_nothing))
+        inner.append(counted.seconds / calls - plain[-1])
+    return OwnCost(max(min(inner), 0.0), max(min(totals) - min(plain) - min(inner), 0.0))

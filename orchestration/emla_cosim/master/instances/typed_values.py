@@ -43,6 +43,7 @@ class TypeGroup:
     def limits(self) -> tuple[float, float]:
         """Return the smallest value that fits into the type, and the one after the largest."""
         limits = np.iinfo(self.values.dtype)
+        # the largest 64-bit integer is not a double, but the number after it is
         return float(limits.min), float(limits.max) + 1.0
 
     def check(self, values: Vector) -> None:
@@ -52,11 +53,9 @@ class TypeGroup:
             is_out_of_range = ~((values >= low) & (values < limit))
             if is_out_of_range.any():
                 i = int(np.argmax(is_out_of_range))
-                name, kind = (
-                    self.integers[i].name,
-                    getattr(self.integers[i], "data_type", self.integers[i].type),
-                )
-                raise ValueRangeError(f"{name} is {kind} and cannot be {values[i]:.17g}")
+                variable = self.integers[i]
+                kind = getattr(variable, "data_type", variable.type)
+                raise ValueRangeError(f"{variable.name} is {kind} and cannot be {values[i]:.17g}")
 
 
 class TypedValues:

@@ -136,13 +136,11 @@ def load_checkpoint(path: Path, folder: Path = HERE) -> Checkpoint:
         raise CommandError(f"there is no checkpoint '{path}'.")
     try:
         header, arrays = _read(file_path)
-        file_format, notes, names = header["format"], header["notes"], sorted(header["arrays"])
+        version, notes, names = header["format"], header["notes"], sorted(header["arrays"])
     except Exception as error:  # zip, JSON and array readers raise errors of many types
         raise CommandError(f"'{path}' is not a checkpoint, or is damaged: {error}.") from error
-    if file_format != FORMAT:
-        raise CommandError(
-            f"the checkpoint '{path}' has the format {file_format}; this version reads {FORMAT}."
-        )
+    if version != FORMAT:
+        raise CommandError(f"the checkpoint '{path}' has the format {version}; this version reads {FORMAT}.")
     if names != sorted(arrays):
         raise CommandError(f"'{path}' is not a checkpoint, or is damaged: parts of it are missing.")
     states = {n.removeprefix(_STATE): arrays[n].tobytes() for n in arrays if n.startswith(_STATE)}
@@ -164,6 +162,6 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, Vector]]:
     with zipfile.ZipFile(path) as archive:
         if (damaged := archive.testzip()) is not None:
             raise ValueError(f"{damaged} has changed")
-    with np.load(path, allow_pickle=False) as content:
+    with np.load(path, allow_pickle=False) as content:  # pickles of somebody else could run any code
         header = json.loads(content["header"].tobytes())
         return header, {n: content[n] for n in content if n != "header"}

@@ -126,11 +126,11 @@ class ErrorControl(Stepping):
         control.point, output, is_event = self._next_point(until)
         control.is_event = is_event
         control.enough = min(self._end, until - ROUNDING * self.times.step)
-        records_every_step = self._output is None
-        is_single_step = records_every_step and bool(observer.strings)  # C cannot read texts
-        block = rows.room(most) if records_every_step and not is_single_step else None
+        records_all = self._output is None
+        is_single = records_all and bool(observer.strings)  # C cannot read texts
+        block = rows.room(most) if records_all and not is_single else None
         accepted = control.accepted
-        end_reason, failure = self.loop.control(control, 1 if is_single_step else most, block)
+        end_reason, failure = self.loop.control(control, 1 if is_single else most, block)
         if block is not None and (recorded := self.loop.recorded):
             rows.commit(recorded)
         if end_reason == Failure.TOO_SHORT:
@@ -142,9 +142,7 @@ class ErrorControl(Stepping):
             if is_event:
                 self.algorithm.exchange.begin(self.time)  # do not extrapolate across a jump
                 control.coarse_time = math.nan
-        if (control.is_met and output and not records_every_step) or (
-            is_single_step and control.accepted > accepted
-        ):
+        if (control.is_met and output and not records_all) or (is_single and control.accepted > accepted):
             self.record(rows)
         return int(control.tried)
 

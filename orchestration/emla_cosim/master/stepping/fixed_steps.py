@@ -130,16 +130,17 @@ class FixedSteps(Stepping):
         return min(self.times.steps, math.floor(ahead + ROUNDING))
 
     def _advance(self, rows: RowSink, last: int) -> None:
-        first, steps_per_row, observer = self.algorithm.steps, rows.every, self.algorithm.network.observer
+        first, stride, observer = self.algorithm.steps, rows.every, self.algorithm.network.observer
         self._division.save()
         if observer.strings:  # C cannot read texts
             last = min(last, observer.next_due(first))
         if self.estimate is not None:
             last = self.estimate.count_steps(first, last)
-        block = rows.room(max(last // steps_per_row - first // steps_per_row, 1))
-        last_fitting_step = (first // steps_per_row + len(block) + 1) * steps_per_row - 1
+        block = rows.room(max(last // stride - first // stride, 1))
+        # up to the step before the first row without room
+        last_fitting_step = (first // stride + len(block) + 1) * stride - 1
         count = min(last, last_fitting_step) - first
-        recorded, failure = self.loop.run(first, count, self.times.clock, steps_per_row, block)
+        recorded, failure = self.loop.run(first, count, self.times.clock, stride, block)
         if recorded and failure is None and observer.is_due(self.algorithm.steps):
             observer.read()
             block[recorded - 1, -len(observer.values) :] = observer.values
@@ -148,12 +149,8 @@ class FixedSteps(Stepping):
         if recorded:
             rows.commit(recorded)
         if isinstance(failure, DiscardedStepError):
-            row = (
-                (self.algorithm.steps // steps_per_row * steps_per_row, block[recorded - 1])
-                if recorded
-                else None
-            )
-            self._division.divide(failure, row)
+            row = (self.algorithm.steps // stride * stride, block[recorded - 1]) if recorded else None
+            self._division.divide(failure, row)  # the row shows whether repeated steps have the same results
         elif failure is not None:
             raise failure
 

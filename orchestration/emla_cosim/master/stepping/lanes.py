@@ -107,18 +107,14 @@ class LaneChoice:
 
     def _measure_costs(self) -> Generator[tuple[float, int], tuple[int, float], list[float]]:
         """Do some steps in one thread, and return the shortest time per step of each instance in s."""
-        loop, measured_before, costs = (
-            self._loop,
-            self._loop.measured,
-            np.full(len(self._loop.efforts), np.inf),
-        )
+        loop, measured, costs = self._loop, self._loop.measured, np.full(len(self._loop.efforts), np.inf)
         loop.is_shared, count = False, min(int(self._algorithm.multiples.max()), _MOST)
         loop.measure(range(len(loop.efforts)))
         for _ in range(_ROUNDS):  # the minimum: other programs interrupt some rounds
             start = loop.efforts["nanoseconds"].sum(axis=1)
             steps, _ = yield 0.0, count
             costs = np.minimum(costs, (loop.efforts["nanoseconds"].sum(axis=1) - start) * (1e-9 / steps))
-        loop.measure(measured_before)
+        loop.measure(measured)
         return costs.tolist()
 
     def _find_schedule(self, costs: Sequence[float]) -> ThreadSchedule | None:
@@ -152,10 +148,7 @@ class LaneChoice:
             self._loop.is_shared = is_shared
             steps, seconds = yield _PROBE, 1
             measured[is_shared].append(seconds / steps)
-        shared_time, single_time = min(measured[True]), min(measured[False])
-        for name, seconds in {
-            "step_in_threads_us": shared_time,
-            "step_in_one_thread_us": single_time,
-        }.items():
+        shared, single = min(measured[True]), min(measured[False])
+        for name, seconds in {"step_in_threads_us": shared, "step_in_one_thread_us": single}.items():
             self._report[name] = round(1e6 * seconds, 3)
-        self._loop.is_shared = shared_time < BETTER * single_time
+        self._loop.is_shared = shared < BETTER * single

@@ -46,21 +46,17 @@ def make_python_exception_error(
         status: What that call returned.
         thread: The thread that made it.
     """
-    exception_text, instances = describe_left_exception(error), network.instances
+    text, instances = describe_left_exception(error), network.instances
     if status not in FINE:
         instance, (_, call) = instances[failed], decode_call(crash_page.current_activity(thread))
         message = str(instance.error(call, status))
-        return RunError(
-            f"{message} A Python exception was left: {exception_text}. {REMEDY}", component=instance.name
-        )
-    python_instances = [
-        x for x in instances if isinstance(x, DescribedInstance) and uses_python(x.file.library)
-    ]
-    names = [x.name for x in python_instances or instances]
+        return RunError(f"{message} A Python exception was left: {text}. {REMEDY}", component=instance.name)
+    suspects = [x for x in instances if isinstance(x, DescribedInstance) and uses_python(x.file.library)]
+    names = [x.name for x in suspects or instances]
     return PythonExceptionError(
         " or ".join(names) if len(names) <= _MOST_NAMES else f"one of {len(names)} FMUs",
         f"a call between t = {begin:.9g} s and t = {end:.9g} s",
-        exception_text,
+        text,
         [],
         "To find the call, run with `--isolate`.",
     )

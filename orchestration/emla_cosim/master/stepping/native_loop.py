@@ -141,9 +141,8 @@ class NativeLoop:
         saved_stepper, efforts = Stepper.from_buffer_copy(self._stepper), self.measured
         stepper, recorded, failure = self._stepper, 0, Failure.LATE
         stepper.observer_count = stepper.observed_count = 0
-        activity = crash_page.current_activity(
-            crash_page.THREADS - 1
-        )  # names calls, and counts no rows of the run
+        # the last slot: it names calls in a crash, without counting rows of the run
+        activity = crash_page.current_activity(crash_page.THREADS - 1)
         stepper.activity = ctypes.addressof(activity)
         stepper.clock[:] = clock
         halves, states = Halves(), None
@@ -220,7 +219,7 @@ class NativeLoop:
         """Call a function of the stepper, which ends with a signal such as Ctrl-C."""
         self._stop.value = 0
         is_main = threading.current_thread() is threading.main_thread()
-        if is_main:
+        if is_main:  # handlers of Python run in the main thread only
             self._library.catch_interrupts(ctypes.addressof(self._stop))
         try:
             return Failure(function(*arguments))

@@ -110,11 +110,9 @@ class Profiler:
         rows = dict[str, Any]()
         for instance, effort in zip(self._instances, spent, strict=True):
             if isinstance(instance, IsolatedInstance):
-                inner_effort = (
-                    self._inner_efforts[instance.name] if self._inner_efforts else instance.effort()
-                )
+                inner = self._inner_efforts[instance.name] if self._inner_efforts else instance.effort()
                 process_entries = {"separate_process": True, "waited_s": effort.seconds}
-                effort = effort if inner_effort is None else inner_effort
+                effort = effort if inner is None else inner
             else:
                 process_entries = {"separate_process": False}
             calls = {name: {"count": c.count, "seconds": c.seconds} for name, c in effort.calls.items()}

@@ -109,6 +109,7 @@ class StepDivision:
         if row is not None and row[0] > self._algorithm.steps:
             self._run_to(row[0])
             signals = row[1][1 : 1 + len(network.signals)]
+            # outputs that nothing reads may be NaN
             if not np.array_equal(network.signals, signals, equal_nan=True):
                 return "The step cannot be repeated in parts: restored states lead to other results."
         self._run_to(steps)

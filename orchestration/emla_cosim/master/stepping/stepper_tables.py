@@ -209,7 +209,7 @@ class StepperTables:
     def _make_instances(self) -> Any:
         network, exchange, points = self._algorithm.network, self._algorithm.exchange, self._points
         saved = {i for group in self._algorithm.groups if group.is_saved for i in group.members}
-        records, positions = np.zeros(len(points), INSTANCE), range(len(points))
+        records, indices = np.zeros(len(points), INSTANCE), range(len(points))
         for name in ("component", "do_step", "get_state", "set_state", "get_status", "end_step", "events"):
             records[name] = [getattr(p, name) for p in points]
         records["set_derivatives"] = [p.set_real_input_derivatives for p in points]
@@ -217,12 +217,10 @@ class StepperTables:
         records["orders"] = [p.derivative_orders.ctypes.data for p in points]
         records["end"] = [0 if p.step_end is None else p.step_end.address for p in points]
         records["is_version_3"] = [p.step_end is not None for p in points]
-        state_records = self.states.records
-        records["state"] = state_records.ctypes.data + state_records.itemsize * np.arange(len(points))
-        records["code"], numbers = (
-            [code_of(i, "") for i in positions],
-            {name: n for n, name in enumerate(CALLS)},
-        )
+        states = self.states.records
+        records["state"] = states.ctypes.data + states.itemsize * np.arange(len(points))
+        records["code"] = [code_of(i, "") for i in indices]
+        numbers = {name: n for n, name in enumerate(CALLS)}
         records["code_derivatives"] = numbers["setRealInputDerivatives"]
         records["code_step"], records["code_status"] = numbers["doStep"], numbers["getBooleanStatus"]
         records["code_save"] = [numbers[p.names.save] for p in points]
@@ -234,8 +232,8 @@ class StepperTables:
         records["is_held"] = [
             m == Mode.HOLD and not exchange.reads_known_signal(i) for i, m in enumerate(exchange.modes)
         ]
-        records["has_slopes"] = [exchange.has_slopes(i) for i in positions]
-        records["has_no_way_back"] = [i not in saved for i in positions]
+        records["has_slopes"] = [exchange.has_slopes(i) for i in indices]
+        records["has_no_way_back"] = [i not in saved for i in indices]
         self._fill_calls(records)
         if self.passing is None:
             return records
