@@ -34,7 +34,7 @@ class PlainErrorControl(ErrorControl):
 
     def _try_steps(self, rows: RowSink, most: int, until: float) -> int:
         control, step_size = self.control, self.times.step
-        point, output, is_event = self._next_point(until)
+        point, output, is_event = self._find_next_point(until)
         step = self.sizes().propose(point - self.time)
         is_met = step == point - self.time
         end = point if is_met else self.time + step
@@ -94,7 +94,7 @@ class PlainErrorControl(ErrorControl):
             is_accepted = self.use(sizes, sizes.judge, step, usual, float(brief.max(initial=0.0)))
         except RunError:
             control.worst, control.end = int(signals["signal"][brief.argmax()]), end
-            raise self._too_short_error() from None
+            raise self._make_too_short_error() from None
         if not is_accepted:
             self.first = self.first or (step, errors)
             self.start.restore()

@@ -169,7 +169,7 @@ class PlainStepper:
         """Get outputs of an instance; those that follow known inputs, after these are set to the end."""
         instance, part = self.network.instances[i], self.network.parts[i]
         instance.get_outputs()
-        if i in self.algorithm.known_sources and instance.span_references:
+        if i in self.algorithm.known and instance.span_references:
             for span in SPANS:
                 names = [f"step.{span}.{v.name}" for v in instance.written]
                 values = [instance.value(instance.file.variables[name]) for name in names]
@@ -209,7 +209,7 @@ class PlainStepper:
         except (DiscardedStepError, NoAgreementError) as failure:
             if not group.is_saved or not group.is_halved or not halvings:
                 if isinstance(failure, NoAgreementError):
-                    raise group.disagreement_error(time, length, *failure.args) from failure
+                    raise group.make_disagreement_error(time, length, *failure.args) from failure
                 raise
             self.restore(group)
             middle, end = time + 0.5 * length, time + length

@@ -133,7 +133,7 @@ class CodePlan:
         network.signals[:] = 0.0
         for i, part in enumerate(self.system.parts):
             network.instances[i].inputs[:] = part.instance.input_starts
-            network.infer_signals(i)
+            network.assume_inputs(i)
         return network.signals.tolist()
 
 
@@ -289,7 +289,7 @@ def _list_variables(
 ) -> list[CodeVariable]:
     """Return the inputs, outputs or parameters of all components that have one of these names."""
     variables = [
-        CodeVariable(f"{part.field}_{as_identifier(part.block.layout.scalars[r].name)}", part, r)
+        CodeVariable(f"{part.field}_{make_identifier(part.block.layout.scalars[r].name)}", part, r)
         for part in parts
         for r in part.block.layout.references(getattr(part.block.layout, kind))
     ]
@@ -301,10 +301,10 @@ def _list_variables(
 def _name_parts(names: Sequence[str]) -> list[str]:
     """Return names of components in C: without their joint if they all have the same one."""
     is_shared = all("." in name for name in names) and len({name.partition(".")[0] for name in names}) == 1
-    return _make_unique([as_identifier(name.partition(".")[2] if is_shared else name) for name in names])
+    return _make_unique([make_identifier(name.partition(".")[2] if is_shared else name) for name in names])
 
 
-def as_identifier(name: str) -> str:
+def make_identifier(name: str) -> str:
     """Return a name in C: `x[1]` is `x_1`."""
     plain = re.sub(r"\W+", "_", name.rstrip("]"), flags=re.ASCII).strip("_")
     plain = plain if re.match(r"[A-Za-z_]", plain) else f"_{plain}"

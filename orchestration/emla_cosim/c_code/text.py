@@ -76,7 +76,7 @@ def _render(template: str, plan: CodePlan, precision: str, **context: Any) -> st
         keep_trailing_newline=True,
     )
     environment.filters |= {
-        "comment": _as_comment,
+        "comment": _format_comment,
         "number": c_number,
         "quote": c_text,
         "room": partial(max, 1),  # C has no empty arrays
@@ -123,7 +123,7 @@ def _replace_types(text: str, name: str, precision: str) -> str:
     return _TOKEN.sub(replace, text)
 
 
-def _as_comment(text: str) -> str:
+def _format_comment(text: str) -> str:
     """Return a text that does not end a comment, in ASCII."""
     plain = text.replace("*/", "* /").replace("/*", "/ *").replace("\n", " ")
     return plain.encode("ascii", "backslashreplace").decode()

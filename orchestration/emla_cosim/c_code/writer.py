@@ -9,7 +9,7 @@ from ..base.output_files import OutputFile
 from ..master.algorithms.algorithm import Algorithm
 from ..master.stepping.timing import CommunicationPoints
 from ..system.model import System
-from .plan import as_identifier, plan_code
+from .plan import make_identifier, plan_code
 from .text import MARK, render_header, render_source
 
 
@@ -19,7 +19,7 @@ def list_files(path: Path) -> tuple[Path, Path]:
     Raises:
         CommandError: The file's name is not a name in C.
     """
-    if as_identifier(path.stem) != path.stem or not re.fullmatch(r"[A-Za-z]\w*", path.stem, re.ASCII):
+    if make_identifier(path.stem) != path.stem or not re.fullmatch(r"[A-Za-z]\w*", path.stem, re.ASCII):
         raise CommandError(
             f"'{path.name}' begins all names in C, so it needs letters, digits and _, such as control.c."
         )

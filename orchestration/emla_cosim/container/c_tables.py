@@ -15,7 +15,7 @@ from ..master.instances.event_mode_instance import EventModeInstance
 from ..master.instances.typed_values import start_memory
 from ..master.stepping.timing import MAXIMUM_STEPS
 from ..stepper.layout import TRUTH_OF_FMI_2, TYPES
-from .image import table
+from .image import format_table
 from .plan import ContainerPlan
 from .variables import ContainerVariable, choose_time_name
 
@@ -68,8 +68,8 @@ class SystemTables:
             *self._list_parts(),
             *self._list_network(),
             *self._list_initial_groups(),
-            *table("Variable", "variables", rows),
-            *table("Start", "starts", starts),
+            *format_table("Variable", "variables", rows),
+            *format_table("Start", "starts", starts),
             *self._list_text_links(),
         ]
         sizes = [1, *(v.size for v in variables)]
@@ -173,7 +173,7 @@ class SystemTables:
                 f"{{{guid}, {c_text(library.folder)}, {file}, {functions}, {library.fmi}, {reasons}}}"
             )
         compiled = [f"COMPILED_IN({library.folder})" for library in plan.libraries if library.source]
-        return [*compiled, "", *table("Library", "libraries", rows)]
+        return [*compiled, "", *format_table("Library", "libraries", rows)]
 
     def _list_parts(self) -> list[str]:
         parts, rows = self._plan.image.parts, list[str]()
@@ -181,7 +181,7 @@ class SystemTables:
             line
             for image in parts
             if image.events >= 0
-            for line in table("char *const", f"clocks_{image.events}", map(c_text, image.clocks))
+            for line in format_table("char *const", f"clocks_{image.events}", map(c_text, image.clocks))
         ]
         for part, image in zip(self._plan.parts, parts, strict=True):
             options = part.instance.instantiation
@@ -196,16 +196,16 @@ class SystemTables:
                 c_number(part.instance.file.interface.tolerance or 0.0),
             ]
             rows.append(f"{{{', '.join(map(str, cells))}}}")
-        return [*names, *table("Part", "parts", rows)]
+        return [*names, *format_table("Part", "parts", rows)]
 
     def _list_network(self) -> list[str]:
         network, parts = self._plan.network, self._plan.parts
         starts = [c_number(float(x)) for part in parts for x in part.instance.input_starts]
         return [
-            *table("double", "input_starts", starts),
-            *table("char *const", "signal_names", map(c_text, network.names)),
-            *table("int", "order", map(str, network.order)),
-            *table("double", "first_jacobians", map(c_number, self._plan.image.jacobians)),
+            *format_table("double", "input_starts", starts),
+            *format_table("char *const", "signal_names", map(c_text, network.names)),
+            *format_table("int", "order", map(str, network.order)),
+            *format_table("double", "first_jacobians", map(c_number, self._plan.image.jacobians)),
         ]
 
     def _list_initial_groups(self) -> list[str]:
@@ -214,10 +214,10 @@ class SystemTables:
             rows.append(f"{{{members}, {len(loop.members)}, {coupling}, {len(loop.coupling)}}}")
             members, coupling = members + len(loop.members), coupling + len(loop.coupling)
         return [
-            *table("int", "initial_members", [str(i) for loop in loops for i in loop.members]),
-            *table("int", "initial_coupling", [str(c) for loop in loops for c in loop.coupling]),
-            *table("double", "initial_guesses", [c_number(x) for loop in loops for x in loop.guess]),
-            *table("Loop", "loops", rows),
+            *format_table("int", "initial_members", [str(i) for loop in loops for i in loop.members]),
+            *format_table("int", "initial_coupling", [str(c) for loop in loops for c in loop.coupling]),
+            *format_table("double", "initial_guesses", [c_number(x) for loop in loops for x in loop.guess]),
+            *format_table("Loop", "loops", rows),
         ]
 
     def _list_text_links(self) -> list[str]:
@@ -232,7 +232,7 @@ class SystemTables:
                 *(getattr(link.input, "most_bytes", None) or 0, *map(c_text, names)),
             ]
             rows.append(f"{{{', '.join(map(str, cells))}}}")
-        return table("TextLink", "text_links", rows)
+        return format_table("TextLink", "text_links", rows)
 
     def _format_variable(self, variable: ContainerVariable, fmi: int) -> str:
         origin = variable.origin

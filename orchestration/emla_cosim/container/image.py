@@ -218,7 +218,7 @@ class Image:
         region.name, region.position = name, self.pools[name]
         self.pools[name] += len(region.values)
         for position, record in enumerate(region.values, region.position):
-            self._wires.append(f"m->{name}[{position}] = {self._format_record(_as_dict(record), kind)};")
+            self._wires.append(f"m->{name}[{position}] = {self._format_record(_make_dict(record), kind)};")
 
     def _format_record(self, values: Mapping[str, Any], kind: str) -> str:
         """Return a record in C."""
@@ -241,7 +241,7 @@ class Image:
         if isinstance(value, ctypes.Array):
             return f"{{{', '.join(map(_format_number, value))}}}"
         if isinstance(value, np.void):
-            members = _as_dict(value)
+            members = _make_dict(value)
             return self._format_record(members, "Call" if "function" in members else "ClockSet")
         if name in _ADDRESSES:
             is_room = name == "references" and kind == "Events"  # elsewhere, they are constants
@@ -260,17 +260,17 @@ class Image:
         """Add a constant array, and return its name."""
         name = f"table_{self._tables}"
         self._tables += 1
-        self.constants += table(_TYPES[values.dtype], name, map(_format_row, values.reshape(-1)))
+        self.constants += format_table(_TYPES[values.dtype], name, map(_format_row, values.reshape(-1)))
         return name
 
 
-def _as_dict(record: Any) -> dict[str, Any]:
+def _make_dict(record: Any) -> dict[str, Any]:
     return {name: record[name] for name in record.dtype.names}
 
 
 def _format_row(value: Any) -> str:
     if isinstance(value, np.void):
-        return f"{{{', '.join(map(_format_number, _as_dict(value).values()))}}}"
+        return f"{{{', '.join(map(_format_number, _make_dict(value).values()))}}}"
     return _format_number(value)
 
 
@@ -280,7 +280,7 @@ def _format_number(value: Any) -> str:
     return str(int(value))
 
 
-def table(kind: str, name: str, rows: Iterable[str]) -> list[str]:
+def format_table(kind: str, name: str, rows: Iterable[str]) -> list[str]:
     """Return a constant array, with one empty element if it has none: C has no empty arrays."""
     listed = list(rows)
     return [f"static const {kind} {name}[] = {{", *(f"    {row}," for row in listed or ["0"]), "};", ""]

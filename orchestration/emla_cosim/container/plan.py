@@ -58,7 +58,7 @@ class Library:
         """Return its version of FMI, 2 or 3."""
         return 3 if is_version_3(self.file.description) else 2
 
-    def files_in(self, folder: str) -> dict[str, bytes]:
+    def list_files(self, folder: str) -> dict[str, bytes]:
         """Return the files in one of its folders, by their path there."""
         start = f"{folder}/"
         return {p.removeprefix(start): c for p, c in self.content.items() if p.startswith(start)}
@@ -184,7 +184,7 @@ def _solve_initial_loops(network: Network, times: CommunicationPoints) -> list[V
     for instance in network.instances:
         instance.enter_initialization(times.start, times.stop)
     for i in range(len(network.instances)):
-        network.infer_signals(i)
+        network.assume_inputs(i)
     solve_initial_values(network, Scale(network))
     return [network.signals[coupling_variables].copy() for _, coupling_variables in loops]
 

@@ -132,7 +132,7 @@ def write_container(
 def _check_platforms(library: Library, platforms: Sequence[str]) -> None:
     if library.source is not None:
         return
-    have = sorted({platform_of(p.split("/")[0]) for p in library.files_in("binaries")})
+    have = sorted({platform_of(p.split("/")[0]) for p in library.list_files("binaries")})
     missing = [p for p in platforms if p not in have]
     if missing:
         raise CommandError(
@@ -152,7 +152,7 @@ def _collect_content(
     shim = files("emla_cosim.container").joinpath("shim")
     shim_files = (f for f in shim.iterdir() if f.name.endswith((".c", ".h")))
     content = {f"sources/{f.name}": f.read_bytes() for f in shim_files if is_for(f.name, fmi)}
-    content |= {f"sources/stepper/{name}": text for name, text in _stepper_files().items()}
+    content |= {f"sources/stepper/{name}": text for name, text in _read_stepper_files().items()}
     blocks = sources("shim", fmi)
     content |= {f"sources/{name}": blocks[f"sources/{name}"] for name in _SHARED if is_for(name, fmi)}
     tables = SystemTables(plan, identifier, variables, fmi)
@@ -177,7 +177,7 @@ def _collect_content(
     return content, mains
 
 
-def _stepper_files() -> dict[str, bytes]:
+def _read_stepper_files() -> dict[str, bytes]:
     """Return the C files of the stepper that steps need."""
     available, required = native_sources(), ["step.h", "event_calls.h"]
     for name in required:
@@ -188,4 +188,4 @@ def _stepper_files() -> dict[str, bytes]:
 
 def _relocate(library: Library, folder: str, inside: str) -> dict[str, bytes]:
     """Return the files in a folder of an FMU by their path in the container."""
-    return {f"{inside}/{path}": content for path, content in library.files_in(folder).items()}
+    return {f"{inside}/{path}": content for path, content in library.list_files(folder).items()}

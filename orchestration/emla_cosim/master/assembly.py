@@ -271,7 +271,7 @@ class Assembly:
         """
         if self._overrides.get(component.name, (None,))[0] is not component:
             interface = self.files[component.name].interface
-            self._overrides[component.name] = component, _non_default_values(component, interface)
+            self._overrides[component.name] = component, _find_non_default_values(component, interface)
         return self._overrides[component.name][1]
 
     def list_lost_values(self, component: Component) -> dict[str, dict[str, Any]]:
@@ -299,7 +299,7 @@ class Assembly:
             is_number = variable.causality == "parameter" and variable.type in ("Real", "Integer", "Boolean")
             if is_number and value is not None:
                 name, alias = aliases.get(variable.name, (variable.name, Alias(variable.name)))
-                parameters[f"{component.name}.{name}"] = alias.transformation.inverse()(_to_number(value))
+                parameters[f"{component.name}.{name}"] = alias.transformation.inverse()(_make_number(value))
         return parameters
 
     def _type_start_values(self, component: Component) -> list[TypedValue]:
@@ -324,12 +324,12 @@ class Assembly:
         return complete_start_values(name, interface, values, [x.input for x in self._resolved.into(name)])
 
 
-def _to_number(value: float | str) -> float:
+def _make_number(value: float | str) -> float:
     """Return a value as a number: a Boolean, also one written as text, is 0 or 1."""
     return float(value == "true") if value in ("true", "false") else float(value)
 
 
-def _non_default_values(component: Component, interface: Interface) -> dict[str, dict[str, Any]]:
+def _find_non_default_values(component: Component, interface: Interface) -> dict[str, dict[str, Any]]:
     entries = {}
     for name, value in component.parameters.items():
         alias = component.alias(name)

@@ -181,7 +181,7 @@ class IntegratedGroup(IntegratedInstance):
         self._network.signals[:] = 0.0
         self.inputs[:] = [self.members[i].inputs[k] for i, k in self.free]
         for i in range(len(self._network.instances)):
-            self._network.infer_signals(i)
+            self._network.assume_inputs(i)
 
     def exit_initialization(self) -> None:
         """Leave initialization mode, and handle its events."""

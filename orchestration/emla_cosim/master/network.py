@@ -175,7 +175,7 @@ class Network:
         inputs *= self.factors[i]
         inputs += self.offsets[i]
 
-    def infer_signals(self, i: int) -> None:
+    def assume_inputs(self, i: int) -> None:
         """Set the signals that instance i reads so that they agree with its present inputs.
 
         A signal whose factor is 0 keeps its value.
@@ -227,7 +227,7 @@ class Network:
                 instance_names.append(instance)
         return instance_names
 
-    def move_to_end(self, last: Collection[int], keep_order: bool) -> None:
+    def hold_back(self, last: Collection[int], keep_order: bool) -> None:
         """Move instances to the end of the order. The others only read their outputs from before the step.
 
         Args:
@@ -317,7 +317,7 @@ def order_with_followers(count: int, links: Sequence[Link], followers: Collectio
     Each follower comes after its source, or first if it has none.
     """
     if not followers:
-        return stepping_order(count, links)
+        return find_stepping_order(count, links)
     source_of = {link.target: link.source for link in links if link.target in followers}
 
     def origin(i: int) -> int | None:
@@ -333,7 +333,7 @@ def order_with_followers(count: int, links: Sequence[Link], followers: Collectio
         for link in links
         if link.target not in followers and (first := origin(link.source)) is not None
     ]
-    leaders = [i for i in stepping_order(count, direct) if i not in followers]
+    leaders = [i for i in find_stepping_order(count, direct) if i not in followers]
     return _insert_followers(leaders, links, followers)
 
 
@@ -351,7 +351,7 @@ def _insert_followers(order: Sequence[int], links: Sequence[Link], followers: Co
     return [k for i in (None, *order) for k in list_chain(i)]
 
 
-def stepping_order(count: int, links: Sequence[Link]) -> list[int]:
+def find_stepping_order(count: int, links: Sequence[Link]) -> list[int]:
     """Return the positions of the instances in an order in which most of them follow what they depend on.
 
     An instance whose connected outputs depend directly on an input comes after the input's source.

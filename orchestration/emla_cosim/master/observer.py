@@ -62,7 +62,7 @@ class Observer:
         """Return whether the row after this number of steps is due for texts."""
         return bool(self.strings) and steps % self.steps_per_row == 0
 
-    def next_due(self, steps: int) -> int:
+    def find_next_due(self, steps: int) -> int:
         """Return the number of steps at the next row that is due for texts."""
         return (steps // self.steps_per_row + 1) * self.steps_per_row
 

@@ -127,7 +127,7 @@ def load_stepper() -> StepperLibrary:
     sources, platform = native_sources(), host_platform()
     if platform not in TARGETS:
         raise StepperBuildError(f"there is no compiler for the platform '{platform}'.")
-    name = _library_name(sources, platform)
+    name = _name_library(sources, platform)
     if (prebuilt := find_prebuilt(_CODE, name)) is not None:
         with suppress(StepperBuildError):  # of a machine that differs from all others of its platform
             return _bind(prebuilt)
@@ -153,7 +153,7 @@ def prebuild_stepper(platform: str) -> Path:
         StepperBuildError: They cannot be built.
     """
     sources = native_sources()
-    path = cache_folder() / _CODE / _library_name(sources, platform)
+    path = cache_folder() / _CODE / _name_library(sources, platform)
     if not path.is_file():
         _write_library(path, _build(sources, platform))
     return path
@@ -184,7 +184,7 @@ def _build_elsewhere(name: str, sources: dict[str, bytes], platform: str) -> Ste
     return _bind(path)
 
 
-def _library_name(sources: dict[str, bytes], platform: str) -> str:
+def _name_library(sources: dict[str, bytes], platform: str) -> str:
     """Return a file name that distinguishes builds: with a hash of the sources, and of what compiles them."""
     compiler = files("fmublock").joinpath("compiling.py").read_bytes()
     content = repr((sorted(sources.items()), compiler, zig_target(platform))).encode()

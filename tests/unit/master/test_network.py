@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import hypothesis.strategies as st
 from hypothesis import given
 
-from emla_cosim.master.network import Link, Network, stepping_order
+from emla_cosim.master.network import Link, Network, find_stepping_order
 from tests.support.slaves import FakeSlave
 
 
@@ -55,14 +55,14 @@ def is_initial(link: Link) -> bool:
 @given(links_of(most=12))
 def test_the_stepping_order_is_the_plain_one(drawn: tuple[int, list[Link]]) -> None:
     count, links = drawn
-    assert stepping_order(count, links) == plain_stepping_order(count, links)
+    assert find_stepping_order(count, links) == plain_stepping_order(count, links)
 
 
 def test_a_large_network_is_ordered_at_once() -> None:
     """A chain declared against its direction, where every step of the order changes what follows."""
     count = 20_000
     links = [Link(i + 1, 0, i, 0, True) for i in range(count - 1)]
-    assert stepping_order(count, links) == list(reversed(range(count)))
+    assert find_stepping_order(count, links) == list(reversed(range(count)))
 
 
 def plain_groups(order: Sequence[int], links: Sequence[Link]) -> list[list[int]]:
@@ -86,7 +86,7 @@ def plain_groups(order: Sequence[int], links: Sequence[Link]) -> list[list[int]]
 
 
 @given(links_of(), st.data())
-def test_groups_and_cuts_in_any_order(drawn: tuple[int, list[Link]], data: st.DataObject) -> None:
+def test_groups_and_coupled_signals_in_any_order(drawn: tuple[int, list[Link]], data: st.DataObject) -> None:
     count, links = drawn
     system = network(count, links)
     if data.draw(st.booleans(), label="reordered"):

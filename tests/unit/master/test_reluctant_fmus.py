@@ -108,7 +108,7 @@ def test_resumed_run_reports_and_continues(reluctant: Path, tmp_path: Path) -> N
             simulation.run(resume=tmp_path / "kept", fmi_tolerance=1e-3)
 
 
-def test_terminal_and_record_show_lost_values(reluctant: Path, emla: Emla) -> None:
+def test_terminal_and_record_show_changed_values(reluctant: Path, emla: Emla) -> None:
     process = emla("run", str(reluctant), "--set", "Reluctant.share=-1", "--no-plots", "--output", "o")
     assert process.exit_code == 0, process.output
     sentence = "The FMU of Reluctant did not take 1 start value: share is 0.0 instead of -1.0."

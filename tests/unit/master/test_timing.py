@@ -52,9 +52,7 @@ def test_points_of_any_short_decimal_numbers_are_nearest(p: int, s: int, digits:
 
 @given(st.sampled_from([0.0, 0.1, 1.0 / 3.0]), st.sampled_from(OTHER_STEPS), counts)
 @example(1.0 / 3.0, 1e-4, 12345)
-def test_numbers_without_a_short_decimal_form_are_taken_as_they_are(
-    start: float, step: float, k: int
-) -> None:
+def test_numbers_without_a_short_decimal_form_represent_themselves(start: float, step: float, k: int) -> None:
     assert make_clock(start, step).point(k) == start + k * step
 
 

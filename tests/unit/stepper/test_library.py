@@ -33,7 +33,7 @@ def works(stepper: StepperLibrary) -> bool:
     return low.tolist() == [1.0, -1.0]
 
 
-def test_it_is_built_once_and_a_damaged_file_again(
+def test_library_is_built_once_and_again_if_corrupt(
     load: Load, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     builds, build = list[int](), library._build
@@ -51,7 +51,7 @@ def test_it_is_built_once_and_a_damaged_file_again(
 
 
 @pytest.mark.slow
-def test_a_wheel_brings_it(load: Load, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_library_of_a_wheel_is_used(load: Load, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     prebuilt = library.prebuild_stepper(host_platform())
     (tmp_path / "cache").rename(tmp_path / "prebuilt")
     monkeypatch.setattr(library, "_build", lambda *arguments: pytest.fail("it is built"))
@@ -87,7 +87,7 @@ EMPTY = {"library.c": b"", "halves.c": b"int y;", "system.c": b"int z;"}
         ("native_sources", lambda: {**EMPTY, "library.c": b"int x;"}, "cannot be loaded"),
     ],
 )
-def test_what_cannot_be_built_or_loaded(
+def test_build_and_load_errors(
     attribute: str, value: object, problem: str, load: Load, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(library, attribute, value)

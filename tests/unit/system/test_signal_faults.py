@@ -17,7 +17,7 @@ from emla_cosim.analyses.variants.targets import format_arguments
 from emla_cosim.base.errors import CommandError
 from emla_cosim.fmu.interface import read_interface
 from emla_cosim.fmu.models import FLAVOURS, build
-from emla_cosim.master.network import Link, order_with_followers, stepping_order
+from emla_cosim.master.network import Link, find_stepping_order, order_with_followers
 from emla_cosim.study.loading import load
 from emla_cosim.system.fault import Fault, read_faults
 from emla_cosim.system.resolution import find_transformation
@@ -318,7 +318,7 @@ def test_followers_do_not_change_the_order_of_the_others(data: st.DataObject) ->
         followed.append(Link(link.source, link.output, follower, 0, True))
     order = order_with_followers(count + len(followers), followed, followers)
     assert sorted(order) == list(range(count + len(followers)))
-    assert [i for i in order if i not in followers] == stepping_order(count, links)
+    assert [i for i in order if i not in followers] == find_stepping_order(count, links)
     for link in followed:
         if link.target in followers:
             assert order.index(link.source) < order.index(link.target)

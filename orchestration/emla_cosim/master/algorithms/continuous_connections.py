@@ -58,8 +58,7 @@ def list_continuous_connections(
     paths = [
         (first, last, is_late)
         for first in network.links
-        if first.source not in network.followers | algorithm.known_sources
-        and exchange.smooth[network.signal(first)]
+        if first.source not in network.followers | algorithm.known and exchange.smooth[network.signal(first)]
         for last, is_late in _list_readers(network, first, late)
         if _is_continuous(network, first, last, sampling)
     ]
@@ -125,16 +124,16 @@ def _number_loops(paths: Collection[tuple[int, int]]) -> dict[int, int]:
         readers.setdefault(source, []).append(target)
         sources.setdefault(target, []).append(source)
     visited: set[int] = set()
-    order = [instance for start in readers for instance in _finishing_order(start, readers, visited)]
+    order = [instance for start in readers for instance in _list_in_post_order(start, readers, visited)]
     loops, visited = {}, set()
     for number, start in enumerate(reversed(order)):
-        members = _finishing_order(start, sources, visited)
+        members = _list_in_post_order(start, sources, visited)
         if len(members) > 1 or start in readers.get(start, ()):
             loops |= dict.fromkeys(members, number)
     return loops
 
 
-def _finishing_order(start: int, neighbours: Mapping[int, Sequence[int]], visited: set[int]) -> list[int]:
+def _list_in_post_order(start: int, neighbours: Mapping[int, Sequence[int]], visited: set[int]) -> list[int]:
     """Return the instances that are reachable outside of `visited`, in post-order; add them to `visited`."""
     if start in visited:
         return []

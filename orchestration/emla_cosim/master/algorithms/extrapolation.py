@@ -107,7 +107,9 @@ class Exchange:
         self.smooth = np.zeros(size, dtype=bool)
         for i, (instance, part) in enumerate(zip(network.instances, network.parts, strict=True)):
             self.owners[part], self.smooth[part] = i, instance.continuous_outputs
-        self.modes = [int(_mode(extrapolation, instance.interpolates)) for instance in network.instances]
+        self.modes = [
+            int(_choose_mode(extrapolation, instance.interpolates)) for instance in network.instances
+        ]
         self.derivatives: Vector = np.zeros(len(network.inputs))
         input_count = len(network.inputs)
         self.history = History(*(np.zeros(n) for n in (size, count, count, input_count, input_count)))
@@ -190,7 +192,7 @@ class Exchange:
         """
         for i in self.find_instances_of_means():
             instance = self.network.instances[i]
-            self.follows[i] = instance.rolls_back and _outputs_follow(
+            self.follows[i] = instance.rolls_back and _has_following_outputs(
                 instance, self.readings[i] == Known.MEAN
             )
 
@@ -214,7 +216,7 @@ class Exchange:
         for part, sources in zip(self.network.input_parts, self.network.sources, strict=True):
             self.history.last_read[part] = self.network.signals[sources]
 
-    def shares(self, i: int) -> Vector:
+    def compute_shares(self, i: int) -> Vector:
         """Return how much instance i's inputs change per change of the signals at the end of a step."""
         follows = self.network.factors[i].copy()
         if self.modes[i] == Mode.MIDDLE:
@@ -223,7 +225,7 @@ class Exchange:
         return follows
 
 
-def _outputs_follow(instance: FmuInstance, is_known_input: NDArray[np.bool_]) -> bool:
+def _has_following_outputs(instance: FmuInstance, is_known_input: NDArray[np.bool_]) -> bool:
     """Return whether outputs change with these inputs although no step is done; all is then as before."""
     state, inputs, outputs = instance.save(), instance.inputs.copy(), instance.outputs.copy()
     try:
@@ -243,7 +245,7 @@ def _outputs_follow(instance: FmuInstance, is_known_input: NDArray[np.bool_]) ->
         instance.forget(state)
 
 
-def _mode(extrapolation: str, can_interpolate: bool) -> Mode:
+def _choose_mode(extrapolation: str, can_interpolate: bool) -> Mode:
     match extrapolation:
         case "none":
             return Mode.HOLD

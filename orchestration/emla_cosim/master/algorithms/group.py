@@ -44,7 +44,7 @@ class CoupledGroup:
         """The calls of a sweep, in order."""
         return [Operation(call, i) for i in self.members for call in Call]
 
-    def disagreement_error(self, time: float, step: float, gap: Vector, sweeps: int) -> RunError:
+    def make_disagreement_error(self, time: float, step: float, gap: Vector, sweeps: int) -> RunError:
         """Return the error of a step whose values do not agree.
 
         Args:
@@ -81,7 +81,7 @@ def loop_derivatives(exchange: Exchange, group: CoupledGroup) -> Vector | None:
         change = np.zeros(len(network.signals))
         change[signal] = 1.0
         for i in group.members:
-            direction = exchange.shares(i) * change[network.sources[i]]
+            direction = exchange.compute_shares(i) * change[network.sources[i]]
             output_change = network.instances[i].directional_derivative(direction)
             if output_change is None:
                 return None

@@ -28,7 +28,7 @@ def initialize(network: Network, start_time: float, stop_time: float | None) -> 
     for instance in network.instances:
         instance.enter_initialization(start_time, stop_time)
     for i in range(len(network.instances)):
-        network.infer_signals(i)  # start values replace signals that are not known yet
+        network.assume_inputs(i)  # start values replace signals that are not known yet
     solve_initial_values(network, Scale(network))
     _exchange_opaque_values(network)
     for i in range(len(network.instances)):  # inputs that no initial value depends on

@@ -92,7 +92,7 @@ class Newton:
             inverse = inverse or self._invert(x, value)
             correction = inverse.matrix @ gap
             size = self._weigh(x, correction)
-            if self._agree(x, gap, size, last):
+            if self._is_solved(x, gap, size, last):
                 x = x + correction  # so that values which the loop amplifies agree, too
                 self._evaluate(x)
                 return x
@@ -111,7 +111,7 @@ class Newton:
             largest = float((np.abs(difference) / self._sizes(x)).max())
         return largest if np.isfinite(largest) else np.inf
 
-    def _agree(self, x: Vector, gap: Vector, correction: float, last: float) -> bool:
+    def _is_solved(self, x: Vector, gap: Vector, correction: float, last: float) -> bool:
         if correction <= TOLERANCE and self._weigh(x, gap) <= TOLERANCE:
             return True
         return correction <= ROUGH and correction >= 0.5 * last
@@ -136,21 +136,21 @@ class Newton:
     def _invert(self, x: Vector, value: Vector) -> _Inverse:
         """Return the inverse at a point, from large differences if rounding errors hide small ones."""
         sizes, gap = self._sizes(x), value - x
-        inverse = self._differences(x, value, DIFFERENCE * sizes)
+        inverse = self._invert_differences(x, value, DIFFERENCE * sizes)
         if inverse.hidden.size:
-            inverse = self._differences(x, value, np.maximum(sizes, np.abs(gap)))
+            inverse = self._invert_differences(x, value, np.maximum(sizes, np.abs(gap)))
         if inverse.hidden.size:
-            uncorrectable = gap - self._correctable_part(inverse, gap)
+            uncorrectable = gap - self._find_correctable_part(inverse, gap)
             if self._weigh(x, uncorrectable) > TOLERANCE:
                 main = np.abs(inverse.hidden).max(axis=1)
                 raise NoSolutionError(gap, self._calls, main > 0.1 * main.max())
         return inverse
 
-    def _correctable_part(self, inverse: _Inverse, gap: Vector) -> Vector:
+    def _find_correctable_part(self, inverse: _Inverse, gap: Vector) -> Vector:
         """Return the part of a gap that a correction removes."""
         return self._slopes @ (inverse.matrix @ gap)
 
-    def _differences(self, x: Vector, value: Vector, steps: Vector) -> _Inverse:
+    def _invert_differences(self, x: Vector, value: Vector, steps: Vector) -> _Inverse:
         count, sizes = len(x), self._sizes(x)
         slopes, noise = np.eye(count), np.zeros((count, count))
         for j in range(count):

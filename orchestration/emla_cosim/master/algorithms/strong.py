@@ -53,10 +53,10 @@ class Strong(InOrder):
             CommandError: an FMU of a loop cannot restore its state, or step multiples do not fit.
         """
         super().setup(network)
-        self._sampled = self._sampled_instances()
+        self._sampled = self._find_sampled_instances()
         if self._sampled:
             # they sample after all loops have agreed on the values of a point
-            network.move_to_end(self._sampled, bool(self.order))
+            network.hold_back(self._sampled, bool(self.order))
         self.exchange.sample(self._sampled)
         groups = network.groups(lambda link: link.source not in self._sampled)
         loops = [Solve(group) for group in groups if group[0] not in self._sampled]
@@ -64,7 +64,7 @@ class Strong(InOrder):
             [*loops, *(Operation(call, i) for i in network.order if i in self._sampled for call in Call)]
         )
 
-    def _sampled_instances(self) -> set[int]:
+    def _find_sampled_instances(self) -> set[int]:
         """Return the positions of instances with a step multiple, and of the followers of their outputs."""
         network = self.network
         sampled = {i for i, instance in enumerate(network.instances) if instance.name in self.step_multiples}

@@ -126,12 +126,12 @@ class _Window:
         value sometimes, without growing. One that shrinks counts, too: an error that follows its signal and
         does not add up grows in some windows and shrinks in others.
         """
-        by_third, by_second = (_largest(errors[: max(len(errors) * n // 4, 1)]) for n in (3, 2))
-        reached = _largest(errors)
+        by_third, by_second = (_find_largest(errors[: max(len(errors) * n // 4, 1)]) for n in (3, 2))
+        reached = _find_largest(errors)
         with np.errstate(invalid="ignore"):
             is_growing = np.minimum(reached - by_third, by_third - by_second) > LEAST_GROWTH * reached
             in_second, in_fourth = (
-                _largest(errors[len(errors) * n // 4 : len(errors) * (n + 1) // 4]) for n in (1, 3)
+                _find_largest(errors[len(errors) * n // 4 : len(errors) * (n + 1) // 4]) for n in (1, 3)
             )
             growth = np.where(is_growing | (in_fourth < in_second), in_fourth - in_second, 0.0)
         return cls(reached, growth, measure_path(rows[max(len(errors) // 2 - 1, 0) : len(errors)], ranges))
@@ -249,7 +249,7 @@ class CouplingEstimate:
         values = (last - first) * len(self._algorithm.network.signals)
         if self._pace * (last - first) <= allowed and values <= MOST_VALUES:
             return self._make_result(
-                _largest(self._halve_steps(first, last - first, self._rows.stride)), "the whole run"
+                _find_largest(self._halve_steps(first, last - first, self._rows.stride)), "the whole run"
             )
         return self._make_result(self._combine_windows(first, last, allowed), "windows")
 
@@ -315,7 +315,7 @@ class CouplingEstimate:
             if multiple * len(expected) < 2 * stride * len(errors):
                 break
             start_time = self._clock()
-            change = _relative(
+            change = _compare_signals(
                 self._repeat(begin, len(expected), multiple)[: len(expected)], expected, ranges
             )
             per_step = (self._clock() - start_time) / len(expected)
@@ -332,7 +332,7 @@ class CouplingEstimate:
         halved = self._repeat(begin, count, None, self._program, stride)
         expected = self._rows.get(begin, stride, len(halved))
         share = 1.0 - 0.5**self._algorithm.accuracy
-        errors = _relative(halved, expected, self._rows.ranges) / share
+        errors = _compare_signals(halved, expected, self._rows.ranges) / share
         if len(halved) < count // stride:  # the halves failed: they end far from the run
             errors = np.full((1, len(self._signals)), np.inf)
         return errors
@@ -369,22 +369,22 @@ class CouplingEstimate:
 
 def _errors_agree(coarse: Vector, fine: Vector, ratio: int, change: Vector) -> bool:
     """Return whether the error of coarse steps can be trusted; `ratio` is that of the distances of rows."""
-    coarse_max = _largest(coarse[: max(len(fine) // ratio, 1)]).max()
-    fine_max = _largest(fine).max()
+    coarse_max = _find_largest(coarse[: max(len(fine) // ratio, 1)]).max()
+    fine_max = _find_largest(fine).max()
     is_small = max(coarse_max, fine_max) < NEGLIGIBLE
     return bool(
         change.max() <= ASYMPTOTIC and (is_small or fine_max / AGREES <= coarse_max <= AGREES * fine_max)
     )
 
 
-def _relative(signals: Vector, expected: Vector, ranges: Vector) -> Vector:
+def _compare_signals(signals: Vector, expected: Vector, ranges: Vector) -> Vector:
     """Return the differences of signals relative to their ranges, shape (rows, signals)."""
     with np.errstate(all="ignore"):
         difference = np.abs(signals - expected[: len(signals)]) / ranges
     return np.where(ranges > 0.0, np.nan_to_num(difference, nan=np.inf), 0.0)
 
 
-def _largest(errors: Vector) -> Vector:
+def _find_largest(errors: Vector) -> Vector:
     """Return the largest error of each signal.
 
     An error in one row alone does not count in longer series: a jump that comes a step late ends with it.

@@ -28,9 +28,9 @@ def explain_problem(instance: InProcessInstance, tables: EventTables) -> RunErro
     record.problem = Problem.NONE
     if problem == Problem.CALL:
         call = EVENT_CALLS[record.call]
-        return instance.error(_at(call, record.time) if call in _TIMED else call, record.status)
+        return instance.error(_add_time(call, record.time) if call in _TIMED else call, record.status)
     if problem == Problem.END:
-        call = _at(EVENT_CALLS[record.call], record.value)
+        call = _add_time(EVENT_CALLS[record.call], record.value)
         return EndRequestedError(name, call, "terminateSimulation", instance.messages())
     if problem == Problem.TICK_WITHIN_STEP:
         return RunError(
@@ -54,7 +54,7 @@ def explain_problem(instance: InProcessInstance, tables: EventTables) -> RunErro
 
 def describe_answer(problem: Problem, record: Events, tables: EventTables) -> tuple[str, str]:
     """Return the call that gave a wrong answer, with its time, and the answer."""
-    step, update = _at(DO_STEP, record.time), _at(UPDATE, record.time)
+    step, update = _add_time(DO_STEP, record.time), _add_time(UPDATE, record.time)
     if problem in _REFUSED:
         return step, f"{_REFUSED[problem]}, which is not allowed here"
     if problem == Problem.WRONG_TIME:
@@ -67,10 +67,10 @@ def describe_answer(problem: Problem, record: Events, tables: EventTables) -> tu
         return update, "nextEventTime = NaN"
     clock = tables.name_clock(record.clock)
     if problem == Problem.ENDLESS_TICKS:
-        return _at(GET_CLOCK, record.time), f"a tick of {clock} after each of {record.count} updates"
+        return _add_time(GET_CLOCK, record.time), f"a tick of {clock} after each of {record.count} updates"
     quantity = "interval" if problem == Problem.WRONG_INTERVAL else "shift"
     return "getIntervalDecimal", f"its clock {clock} has the {quantity} {record.value:g} s"
 
 
-def _at(call: str, time: float) -> str:
+def _add_time(call: str, time: float) -> str:
     return f"{call} at t = {time:.9g} s"

@@ -42,10 +42,10 @@ def handles_events(file: FmuFile) -> bool:
     """Return whether an FMU runs as an `EventModeInstance`."""
     if file.kind != CO_SIMULATION or not is_version_3(file.description):
         return False
-    return file.has_capability("hasEventMode") or _returns_early(file)
+    return file.has_capability("hasEventMode") or _can_return_early(file)
 
 
-def _returns_early(file: FmuFile) -> bool:
+def _can_return_early(file: FmuFile) -> bool:
     """Return whether a step may end early: the rest of it is a step of another size."""
     return file.has_capability("mightReturnEarlyFromDoStep") and file.has_capability(
         "canHandleVariableCommunicationStepSize"
@@ -74,7 +74,7 @@ class EventModeInstance(InProcessInstance):
         self._uses_event_mode = file.has_capability("hasEventMode")
         self.instantiation = {
             "eventModeUsed": self._uses_event_mode,
-            "earlyReturnAllowed": _returns_early(file),
+            "earlyReturnAllowed": _can_return_early(file),
         }
         super().__init__(name, file, inputs, outputs, log, number)
         clocks = read_input_clocks(file.folder, file.path) if self._uses_event_mode else []

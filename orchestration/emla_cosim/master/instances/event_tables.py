@@ -79,7 +79,7 @@ class EventTables:
         self.record, self._access = Events(), access
         self._owners, self._records = list[Any](), list[Any]()
         self._ticking = [v for v in variables.values() if v.type == CLOCK]
-        self._clocked = [v for v in variables.values() if _keeps_value(v)]
+        self._clocked = [v for v in variables.values() if _has_value_between_ticks(v)]
         outputs = [int(v.valueReference) for v in self._ticking if v.causality != "input"]
         self._references = list(dict.fromkeys([*outputs, *(int(v.valueReference) for v in self._ticking)]))
         self._positions = {reference: i for i, reference in enumerate(self._references)}
@@ -297,7 +297,7 @@ class EventTables:
         call["is_version_3"], call["code"] = True, self._access.codes[group.call]
 
 
-def _keeps_value(variable: ModelVariable) -> bool:
+def _has_value_between_ticks(variable: ModelVariable) -> bool:
     """Return whether a variable is a number that has the value of its last tick between ticks."""
     if not is_clocked(variable) or variable.causality not in ("output", "local"):
         return False

@@ -78,7 +78,7 @@ class ModelExchangeInstance(InProcessInstance, ContinuousModel):
     def reader(self, variables: Sequence[ModelVariable], values: Vector) -> Callable[[], None]:
         """Return a function that reads Real variables into `values`, in their order."""
         if is_plain(variables):
-            return self._plain_call("getReal", variables, values)
+            return self._make_plain_call("getReal", variables, values)
         typed = TypedValues("get", variables, self._functions)
 
         def read() -> None:
@@ -92,7 +92,7 @@ class ModelExchangeInstance(InProcessInstance, ContinuousModel):
         The other elements of their arrays keep the values of the FMU.
         """
         if is_plain(variables):
-            return self._plain_call("setReal", variables, values)
+            return self._make_plain_call("setReal", variables, values)
         typed = TypedValues("set", variables, self._functions)
         getters = [self._functions[f"get{group.call.removeprefix('set')}"] for group in typed.groups]
 
@@ -103,7 +103,7 @@ class ModelExchangeInstance(InProcessInstance, ContinuousModel):
 
         return write
 
-    def _plain_call(
+    def _make_plain_call(
         self, name: str, variables: Sequence[ModelVariable], values: Vector
     ) -> Callable[[], None]:
         """Return a function that gets or sets variables whose values are the memory of one FMI call."""

@@ -123,7 +123,7 @@ class ErrorControl(Stepping):
     def _try_steps(self, rows: RowSink, most: int, until: float) -> int:
         """Try steps to the next point, at most `most`, and return how many were tried."""
         control, observer = self.control, self.algorithm.network.observer
-        control.point, output, is_event = self._next_point(until)
+        control.point, output, is_event = self._find_next_point(until)
         control.is_event = is_event
         control.enough = min(self._end, until - ROUNDING * self.times.step)
         records_all = self._output is None
@@ -134,7 +134,7 @@ class ErrorControl(Stepping):
         if block is not None and (recorded := self.loop.recorded):
             rows.commit(recorded)
         if end_reason == Failure.TOO_SHORT:
-            raise self._too_short_error()
+            raise self._make_too_short_error()
         if failure is not None:
             raise failure
         if control.is_met:
@@ -216,7 +216,7 @@ class ErrorControl(Stepping):
         self._states.free(self.algorithm.network.instances)
         super().close()
 
-    def _next_point(self, until: float) -> tuple[float, bool, bool]:
+    def _find_next_point(self, until: float) -> tuple[float, bool, bool]:
         """Return the next time in s to reach exactly, whether to record it, and whether it is an event."""
         next_output = math.inf if self._output is None else self._output.point(self._output_points + 1)
         next_row = min(next_output, self._end)
@@ -229,7 +229,7 @@ class ErrorControl(Stepping):
             return event, False, True
         return next_row, True, event == next_row
 
-    def _too_short_error(self) -> RunError:
+    def _make_too_short_error(self) -> RunError:
         control = self.control
         failure = self.algorithm.network.find_nonfinite_signal(control.end)
         text = (

@@ -133,7 +133,7 @@ class FixedSteps(Stepping):
         first, stride, observer = self.algorithm.steps, rows.every, self.algorithm.network.observer
         self._division.save()
         if observer.strings:  # C cannot read texts
-            last = min(last, observer.next_due(first))
+            last = min(last, observer.find_next_due(first))
         if self.estimate is not None:
             last = self.estimate.count_steps(first, last)
         block = rows.room(max(last // stride - first // stride, 1))

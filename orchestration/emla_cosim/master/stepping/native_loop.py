@@ -113,7 +113,7 @@ class NativeLoop:
             raise self._python_error(error, clock.point(first), clock.point(end)) from error
         self.extra_thread_seconds += (self.threads - 1) * (time.perf_counter() - start)
         algorithm.steps += stepper.reached - first
-        return int(stepper.recorded), self._error(failure, clock.point(stepper.reached + 1))
+        return int(stepper.recorded), self._make_error(failure, clock.point(stepper.reached + 1))
 
     def tighten(self, tolerance: float) -> None:
         """Let values that loops exchange agree to at least this fraction of each signal's size."""
@@ -161,7 +161,7 @@ class NativeLoop:
                 next_step, recorded = int(stepper.reached), recorded + int(stepper.recorded)
             if failure == Failure.INTERRUPTED:
                 raise RunError("the estimate was interrupted.")
-            return rows[:recorded, 1:], self._error(failure, clock.point(next_step + 1))
+            return rows[:recorded, 1:], self._make_error(failure, clock.point(next_step + 1))
         finally:
             activity.code = 0
             if states is not None:
@@ -213,7 +213,7 @@ class NativeLoop:
         except SystemError as error:
             raise self._python_error(error, start_time, control.end) from error
         self._algorithm.steps += 2 * (control.accepted - accepted)
-        return failure, None if failure == Failure.TOO_SHORT else self._error(failure, control.end)
+        return failure, None if failure == Failure.TOO_SHORT else self._make_error(failure, control.end)
 
     def _call(self, function: Any, *arguments: Any) -> Failure:
         """Call a function of the stepper, which ends with a signal such as Ctrl-C."""
@@ -360,7 +360,7 @@ class NativeLoop:
         """Return further places for states that C saves; the caller frees the states."""
         return SavedStates(self._entry_points)
 
-    def _error(self, failure: Failure, end: float) -> RunError | None:
+    def _make_error(self, failure: Failure, end: float) -> RunError | None:
         """Return the error of a run whose last step ends at `end` s, or raise any other exception."""
         if failure in _NORMAL_ENDS:
             return None
@@ -397,7 +397,7 @@ class NativeLoop:
         if failure == Failure.NO_AGREEMENT:
             group, n = self._groups[stepper.group], stepper.group_sweeps
             gap = self._tables.residuals[stepper.group].reshape(-1, len(group.coupling_variables))[n - 1]
-            return group.disagreement_error(stepper.time, stepper.length, gap, n)
+            return group.make_disagreement_error(stepper.time, stepper.length, gap, n)
         step = f"doStep at t = {stepper.time:.9g} s"
         call = step if failure == Failure.STEP else _CALL_NAMES[failure]
         return network.instances[stepper.instance].error(call, stepper.status)

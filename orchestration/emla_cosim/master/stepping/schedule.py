@@ -62,11 +62,11 @@ def _simulate_step(
         for before in task.after:
             followers[before].append(task_number)
 
-    def end(place: int) -> list[int]:
+    def finish(task_number: int) -> list[int]:
         """Return the tasks that waited only for this one."""
-        for follower in followers[place]:
+        for follower in followers[task_number]:
             waits[follower] -= 1
-        return [follower for follower in followers[place] if not waits[follower]]
+        return [follower for follower in followers[task_number] if not waits[follower]]
 
     lane_of, start_times, now = dict[int, int](), [0.0] * len(tasks), 0.0
     free, running = list(range(count)), list[tuple[float, int, int]]()
@@ -80,7 +80,7 @@ def _simulate_step(
                 queue = urgent_tasks[not set(first_only).isdisjoint(tasks[task_number].instances)]
                 heappush(queue, (-priorities[task_number], task_number))
             else:  # it takes no time
-                ready += end(task_number)
+                ready += finish(task_number)
         for lane in sorted(free):
             if queues := [q for q in (urgent_tasks if lane == 0 else urgent_tasks[:1]) if q]:
                 _, task_number = heappop(min(queues, key=lambda q: q[0]))
@@ -92,7 +92,7 @@ def _simulate_step(
         while running and running[0][0] == now:
             _, task_number, lane = heappop(running)
             free.append(lane)
-            ready += end(task_number)
+            ready += finish(task_number)
     lanes = [list[int]() for _ in range(count)]
     # tasks without cost come first, so that others do not wait for more than these
     for task_number in sorted(range(len(tasks)), key=lambda p: (start_times[p], cost[p] > 0.0, p)):
