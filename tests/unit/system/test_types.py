@@ -168,6 +168,6 @@ def test_only_reals_are_transformed_and_integers_are_whole_numbers(fmu: Path) ->
 NOMINALS = [("0", 1.0), ("nan", 1.0), ("inf", 1.0), ("-3", 3.0), ("2.5", 2.5), (None, 1.0)]
 
 
-@pytest.mark.parametrize(("declared", "taken"), NOMINALS)
-def test_invalid_nominal_is_ignored(declared: str | None, taken: float) -> None:
-    assert _nominal(SimpleNamespace(nominal=declared)) == taken  # type: ignore[arg-type]
+@pytest.mark.parametrize(("declared", "nominal"), NOMINALS)
+def test_invalid_nominal_is_ignored(declared: str | None, nominal: float) -> None:
+    assert _nominal(SimpleNamespace(nominal=declared)) == nominal  # type: ignore[arg-type]

@@ -112,8 +112,8 @@ def test_ssd_connects_whole_vectors(fmus: dict[str, Path], tmp_path: Path) -> No
     expected = run(System.of(fmus, ELEMENTS), set=MATRICES, stop_time=0.1)
     scenario = ec.load(rooted(tmp_path, *parts, *wires, files=files), **options)
     scenario.export(tmp_path / "again.ssp")
-    for loaded in (scenario, ec.load(tmp_path / "again.ssp")):
-        with loaded.prepare() as simulation:
+    for each_scenario in (scenario, ec.load(tmp_path / "again.ssp")):
+        with each_scenario.prepare() as simulation:
             result = simulation.run()
         for i in (1, 2):
             np.testing.assert_array_equal(result[f"plant.x[{i}]"], expected[f"plant.x[{i}]"])

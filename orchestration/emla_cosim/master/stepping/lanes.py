@@ -137,7 +137,7 @@ class LaneChoice:
         tasks, instances = self._loop.tasks, self._algorithm.network.instances
         self._loop.share_out(schedule.lanes)
         members = [
-            dict.fromkeys(i for place in lane for i in tasks[place].instances) for lane in schedule.lanes
+            dict.fromkeys(i for number in lane for i in tasks[number].instances) for lane in schedule.lanes
         ]
         self._report["lanes"] = [[instances[i].name for i in lane] for lane in members]
 

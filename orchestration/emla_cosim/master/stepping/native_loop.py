@@ -69,7 +69,7 @@ class NativeLoop:
         self._entry_points, self._calls = points, [p.calls for p in points]
         in_groups = [o for group in algorithm.groups for o in group.operations]
         order = [*in_groups, *algorithm.operations]
-        self._call_order = {(o.call, o.instance): place for place, o in enumerate(order)}
+        self._call_order = {(o.call, o.instance): position for position, o in enumerate(order)}
         self._stepper, self._stop = self._tables.stepper, ctypes.c_int32()
         self._stepper.stop = ctypes.addressof(self._stop)
         self.divisions = np.zeros(len(points), DIVISION)
