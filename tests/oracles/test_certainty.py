@@ -112,7 +112,7 @@ def test_uncertain_derivatives_and_uneven_responses_widen_intervals() -> None:
     found, residuals = fitted(LINE @ [4.0, 6.0] + NOISE)
     slopes = 10.0 * LINE
     sure, unsure, uneven, lost = (
-        judge(BOTH, found / 10.0, residuals, slopes, [len(TIME)], part * slopes, unevenness=x).estimates
+        judge(BOTH, found / 10.0, residuals, slopes, [len(TIME)], part * slopes, cost_tolerance=x).estimates
         for part, x in ((0.0, 0.0), (0.2, 0.0), (0.0, 1.5), (0.6, 0.0))
     )
     for one, wider, widest in zip(sure, unsure, uneven, strict=True):
@@ -145,7 +145,7 @@ def test_places_are_the_inverse_of_values(low: float, ratio: float, place: float
     one = Parameter("p", low, low * ratio, low, "")
     assert one.is_logarithmic == (low * ratio >= 10.0 * low)
     assert low <= one.value(place) <= one.high
-    assert one.place(one.value(place)) == pytest.approx(place, abs=1e-9)
+    assert one.to_fraction(one.value(place)) == pytest.approx(place, abs=1e-9)
 
 
 def test_profile_of_a_linear_model_equals_its_interval() -> None:
@@ -160,7 +160,7 @@ def test_profile_of_a_linear_model_equals_its_interval() -> None:
         """Ends of the interval of b, whose range begins at `low`."""
         space = [parameter("a", 0.0, 10.0), parameter("b", low, 10.0)]
         solved = problem(space, [[measured(TIME, values)]], model)  # type: ignore[arg-type]
-        point = np.array([one.place(x) for one, x in zip(space, found, strict=True)])
+        point = np.array([one.to_fraction(x) for one, x in zip(space, found, strict=True)])
         return profile(solved, point, 1, None, lambda n: None)
 
     variance = residuals @ residuals / (len(TIME) - 2)

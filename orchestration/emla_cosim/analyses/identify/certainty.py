@@ -1,4 +1,4 @@
-"""How certain estimates are: covariance, intervals, correlations, and what the data do not tell.
+"""How certain estimates are: covariance, intervals, correlations, and parameters that are not identified.
 
 Source: covariance of least squares with serially correlated residuals, W. K. Newey and K. D. West, "A Simple,
 Positive Semi-definite, Heteroskedasticity and Autocorrelation Consistent Covariance Matrix", Econometrica 55
@@ -30,28 +30,28 @@ from .residuals import (
 LEVEL = 0.95
 """Probability of the intervals."""
 
-_AT_END = 1e-6
+_END_FRACTION = 1e-6
 """Distance from the end of a range, as a part of it, within which an estimate is at its end."""
 
-_WIDEST = 0.5
+_MAX_HALF_WIDTH = 0.5
 """Half width of an interval, as a part of the range, from which a parameter is not identified."""
 
-_SURE = 0.5
+_MAX_DOUBT = 0.5
 """Part of the influence of a direction that another step of the differences may change."""
 
-_PART = 0.01
+_MIN_COMPONENT = 0.01
 """Component of a direction without influence from which a parameter is part of it."""
 
-_CONDITION = 1e6
+_MAX_CONDITION = 1e6
 """Condition number from which directions cannot be separated, however certain the derivatives are."""
 
-_SEVERAL = 1.5
+_SHARED_INFLUENCE = 1.5
 """Factor by which other parameters widen an interval before they are named."""
 
 _EVALUATIONS = 20
 """Most iterations of the other parameters for each value."""
 
-_LOST_COST = 1e6
+_FAILED_RUN_COST = 1e6
 """Cost, relative to the smallest, of values whose run fails."""
 
 _FIRST_DISTANCE = 0.01
@@ -118,28 +118,29 @@ def judge(
     change: NDArray[np.float64] | None = None,
     loss: str = LINEAR,
     blocked: Collection[int] = (),
-    unevenness: float = 0.0,
+    cost_tolerance: float = 0.0,
     moves: Vector | None = None,
 ) -> Certainty:
     """Return the certainty of estimates.
 
     Args:
         parameters: the parameters.
-        point: places of the estimates, shape (p,).
+        point: the estimates as fractions of their ranges, shape (p,).
         residuals: residuals in standard deviations, shape (n,).
-        jacobian: their derivatives by the places, shape (n, p).
+        jacobian: their derivatives by the fractions, shape (n, p).
         lengths: number of samples of each signal of each experiment, whose residuals may be correlated.
         change: what another step of the differences changes in the derivatives, shape (n, p). A direction
             whose influence it changes by half or more has none.
         loss: the loss function, a name of `LOSSES`.
         blocked: positions of parameters whose derivatives are not known, because other runs fail.
-        unevenness: by how much the cost at nearby points exceeds that of the tangent, in variances of the
+        cost_tolerance: by how much the cost at nearby points exceeds that of the tangent, in variances of the
             residuals. The search may have ended wherever the cost is larger by less than this.
-        moves: by how much the places would move without a shift in time, shape (p,); see `find_time_shifts`.
+        moves: by how much the estimates, as fractions, would move without a shift in time, shape (p,); see
+            `find_time_shifts`.
     """
     count, total = len(point), len(residuals)
-    pulls, factors = scale_for_loss(loss, residuals)
-    scores, jacobian = jacobian * pulls[:, None], jacobian * factors[:, None]
+    score_weights, factors = scale_for_loss(loss, residuals)
+    scores, jacobian = jacobian * score_weights[:, None], jacobian * factors[:, None]
     change = None if change is None else change * factors[:, None]
     rms = float(np.sqrt(residuals @ residuals / max(total - count, 1)))
     deviation = rms if loss == LINEAR else find_robust_deviation(residuals)
@@ -151,8 +152,8 @@ def judge(
             problems[i] = "runs with other values of it fail"
         elif sizes[i] <= np.finfo(float).eps * max(sizes.max(), 1e-300) or noise / sizes[i] > 1.0:
             problems[i] = "it has no influence on the measured signals"
-        elif point[i] < _AT_END or point[i] > 1.0 - _AT_END:
-            end = "lower" if point[i] < _AT_END else "upper"
+        elif point[i] < _END_FRACTION or point[i] > 1.0 - _END_FRACTION:
+            end = "lower" if point[i] < _END_FRACTION else "upper"
             problems[i] = f"it is at the {end} end of its range"
     free = [i for i in range(count) if i not in problems]
     covariance, condition, freedom = np.full((count, count), np.nan), 1.0, 1.0
@@ -160,67 +161,69 @@ def judge(
         scaled = jacobian[:, free] / sizes[free]
         _, singular, directions = np.linalg.svd(scaled, full_matrices=False)
         condition = float(singular[0] / max(singular[-1], 1e-300))
-        limit = np.full(len(free), singular[0] / _CONDITION)
+        limit = np.full(len(free), singular[0] / _MAX_CONDITION)
         if change is not None:
             changed = np.linalg.norm(change[:, free] / sizes[free] @ directions.T, axis=0)
-            limit = np.maximum(limit, changed / _SURE)
+            limit = np.maximum(limit, changed / _MAX_DOUBT)
         for direction, size in zip(directions[singular < limit], singular[singular < limit], strict=True):
-            why = "" if size < singular[0] / _CONDITION else "; runs with almost equal values differ too much"
-            names = [parameters.items[free[k]].name for k in np.flatnonzero(np.abs(direction) > _PART)]
-            for k in np.flatnonzero(np.abs(direction) > _PART):
-                others = ", ".join(n for n in names if n != parameters.items[free[k]].name)
-                problems[free[k]] = f"the data do not tell it from a combination of {others}{why}"
+            is_singular = size < singular[0] / _MAX_CONDITION
+            why = "" if is_singular else "; runs with almost equal values differ too much"
+            involved = [free[k] for k in np.flatnonzero(np.abs(direction) > _MIN_COMPONENT)]
+            for i in involved:
+                rest = ", ".join(parameters.items[k].name for k in involved if k != i)
+                problems[i] = f"the data do not tell it from a combination of {rest}{why}"
         free = [i for i in free if i not in problems]
     if free:
-        certain = find_covariance(jacobian[:, free], scores[:, free], pulls, lengths)
+        certain = find_covariance(jacobian[:, free], scores[:, free], score_weights, lengths)
         if change is not None:
             wider = _widen(jacobian[:, free] / sizes[free], change[:, free] / sizes[free])
             wider = wider * sizes[free] / sizes[free][:, None]
             certain = wider @ certain @ wider.T
         covariance[np.ix_(free, free)] = certain
-        independent = max(_count_independent(pulls, lengths), len(free) + 1.0)
-        covariance *= (1.0 + 2.0 * unevenness) * independent / (independent - len(free))
+        independent = max(_count_independent(score_weights, lengths), len(free) + 1.0)
+        covariance *= (1.0 + 2.0 * cost_tolerance) * independent / (independent - len(free))
         freedom = independent - len(free)
         if moves is not None:
             covariance[np.ix_(free, free)] += np.outer(moves[free], moves[free])
     errors = np.sqrt(np.diag(covariance))
     width = float(student.ppf(0.5 + LEVEL / 2.0, freedom))
     estimates = list[Estimate]()
-    for i, one in enumerate(parameters.items):
-        place = float(point[i])
-        if i not in problems and width * errors[i] > _WIDEST:
+    for i, parameter in enumerate(parameters.items):
+        fraction = float(point[i])
+        if i not in problems and width * errors[i] > _MAX_HALF_WIDTH:
             problems[i] = "its interval is wider than its range"
-            if errors[i] > _SEVERAL * noise / sizes[i] and len(free) > 1:
-                others = [k for k in free if k != i]
-                nearest = max(others, key=lambda k: abs(jacobian[:, i] @ jacobian[:, k]) / sizes[k])
+            if errors[i] > _SHARED_INFLUENCE * noise / sizes[i] and len(free) > 1:
+                nearest = max(
+                    (k for k in free if k != i), key=lambda k: abs(jacobian[:, i] @ jacobian[:, k]) / sizes[k]
+                )
                 problems[i] += f": its influence resembles that of {parameters.items[nearest].name}"
         if i in problems:
-            estimates.append(make_estimate(one, place, problem=problems[i]))
+            estimates.append(make_estimate(parameter, fraction, problem=problems[i]))
             continue
         half = width * float(errors[i])
-        ends = one.extrapolate(place - half), one.extrapolate(place + half)
-        error = float(abs(one.slope(place)) * errors[i])
-        estimates.append(make_estimate(one, place, error=error, interval=ends))
+        ends = parameter.extrapolate(fraction - half), parameter.extrapolate(fraction + half)
+        error = float(abs(parameter.slope(fraction)) * errors[i])
+        estimates.append(make_estimate(parameter, fraction, error=error, interval=ends))
     with np.errstate(invalid="ignore"):
         correlations = covariance / np.outer(errors, errors)
     return Certainty(estimates, correlations, condition, deviation)
 
 
-def make_estimate(parameter: Parameter, place: float, **fields: Any) -> Estimate:
-    """Return the estimate of a parameter at a place, with further fields."""
-    one, value = parameter, parameter.value(float(place))
-    return Estimate(one.name, value, one.unit, one.start, one.low, one.high, **fields)
+def make_estimate(parameter: Parameter, fraction: float, **fields: Any) -> Estimate:
+    """Return the estimate of a parameter at a fraction of its range, with further fields."""
+    p = parameter
+    return Estimate(p.name, p.value(fraction), p.unit, p.start, p.low, p.high, **fields)
 
 
 def find_covariance(
-    jacobian: NDArray[np.float64], scores: NDArray[np.float64], pulls: Vector, lengths: Sequence[int]
+    jacobian: NDArray[np.float64], scores: NDArray[np.float64], score_weights: Vector, lengths: Sequence[int]
 ) -> NDArray[np.float64]:
-    """Return the covariance of the places, shape (p, p), with residuals correlated within each signal.
+    """Return the covariance of the fractions, shape (p, p), with residuals correlated within each signal.
 
     Args:
         jacobian: derivatives of the residuals, shape (n, p).
         scores: derivatives of the loss of each residual, shape (n, p).
-        pulls: the same by the residual, shape (n,).
+        score_weights: the same by the residual, shape (n,).
         lengths: number of samples of each signal of each experiment.
     """
     count = jacobian.shape[1]
@@ -228,9 +231,9 @@ def find_covariance(
     inverse = np.linalg.inv(triangle)
     bread = inverse @ inverse.T
     meat, ends = np.zeros((count, count)), np.cumsum(lengths)[:-1]
-    for part, of in zip(np.split(scores, ends), np.split(pulls, ends), strict=True):
+    for part, weights in zip(np.split(scores, ends), np.split(score_weights, ends), strict=True):
         meat += part.T @ part
-        lags = count_correlated_lags(of)
+        lags = count_correlated_lags(weights)
         for lag in range(1, lags + 1):
             cross = part[lag:].T @ part[:-lag]
             meat += (1.0 - lag / (lags + 1.0)) * (cross + cross.T)
@@ -244,18 +247,18 @@ def _widen(scaled: NDArray[np.float64], change: NDArray[np.float64]) -> NDArray[
     """
     _, singular, directions = np.linalg.svd(scaled, full_matrices=False)
     doubt = np.linalg.norm(change @ directions.T, axis=0) / singular
-    return directions.T @ np.diag(1.0 / (1.0 - np.minimum(doubt, _SURE))) @ directions
+    return directions.T @ np.diag(1.0 / (1.0 - np.minimum(doubt, _MAX_DOUBT))) @ directions
 
 
 def _count_independent(residuals: Vector, lengths: Sequence[int]) -> float:
-    """Return how many independent residuals would tell as much as these, which may be correlated."""
-    found = 0.0
-    for of in np.split(residuals, np.cumsum(lengths)[:-1]):
-        lags = count_correlated_lags(of)
+    """Return the number of independent residuals with the information of these, which may be correlated."""
+    count = 0.0
+    for part in np.split(residuals, np.cumsum(lengths)[:-1]):
+        lags = count_correlated_lags(part)
         weights = 1.0 - np.arange(1, lags + 1) / (lags + 1.0)
-        excess = 2.0 * float(np.sum(weights * autocorrelation(of)[1 : lags + 1]))
-        found += len(of) / max(1.0 + excess, 1.0)
-    return found
+        excess = 2.0 * float(np.sum(weights * autocorrelation(part)[1 : lags + 1]))
+        count += len(part) / max(1.0 + excess, 1.0)
+    return count
 
 
 def profile(
@@ -264,30 +267,30 @@ def profile(
     i: int,
     error: float | None,
     report: Callable[[int], None],
-    unevenness: float = 0.0,
+    cost_tolerance: float = 0.0,
 ) -> tuple[float | None, float | None]:
-    """Return the places of the ends of the interval of 95 % of parameter i.
+    """Return the ends of the interval of 95 % of parameter i, as fractions of its range.
 
     An end is None where the range ends before.
 
     Args:
         problem: the problem.
-        point: places of the estimates, shape (p,).
+        point: the estimates as fractions of their ranges, shape (p,).
         i: position of the parameter.
-        error: standard error of its place, if it is known.
+        error: its standard error, as a fraction of its range, if it is known.
         report: called with the number of evaluations.
-        unevenness: as for `judge`.
+        cost_tolerance: as for `judge`.
     """
     (best,) = problem.residuals([point])
     assert best is not None
     total, count = len(best), len(point)
     smallest = float(best @ best)
     freedom = max(total - count, 1)
-    limit = smallest * (1.0 + (1.0 + 2.0 * unevenness) * fisher.ppf(LEVEL, 1, freedom) / freedom)
-    others = np.array([k for k in range(count) if k != i], dtype=int)
+    limit = smallest * (1.0 + (1.0 + 2.0 * cost_tolerance) * fisher.ppf(LEVEL, 1, freedom) / freedom)
+    free = np.array([k for k in range(count) if k != i], dtype=int)
 
     def find_end(sign: float) -> float | None:
-        near = point[others].copy()
+        near = point[free].copy()
         # searches that begin elsewhere end in other dents: run each once
         excesses = {0.0: float(smallest - limit)}
 
@@ -296,49 +299,49 @@ def profile(
             if distance not in excesses:
                 fixed = point.copy()
                 fixed[i] = point[i] + sign * distance
-                cost, near = _minimize_others(problem, fixed, others, near, report)
-                excesses[distance] = float((_LOST_COST * smallest if cost is None else cost) - limit)
+                cost, near = _minimize_others(problem, fixed, free, near, report)
+                excesses[distance] = float((_FAILED_RUN_COST * smallest if cost is None else cost) - limit)
             return excesses[distance]
 
-        room = 1.0 - point[i] if sign > 0 else point[i]
-        inner, outer = 0.0, min(2.0 * error if error else _FIRST_DISTANCE, room)
+        distance_to_end = 1.0 - point[i] if sign > 0 else point[i]
+        inner, outer = 0.0, min(2.0 * error if error else _FIRST_DISTANCE, distance_to_end)
         while excess(outer) < 0.0:
-            if outer >= room:
+            if outer >= distance_to_end:
                 return None
-            inner, outer = outer, min(2.0 * outer, room)
+            inner, outer = outer, min(2.0 * outer, distance_to_end)
         return float(point[i] + sign * cast(float, brentq(excess, inner, outer, xtol=_PRECISION * outer)))
 
     return find_end(-1.0), find_end(1.0)
 
 
 def _minimize_others(
-    problem: Problem, fixed: Vector, others: np.ndarray, near: Vector, report: Callable[[int], None]
+    problem: Problem, fixed: Vector, free: np.ndarray, near: Vector, report: Callable[[int], None]
 ) -> tuple[float | None, Vector]:
-    """Return the smallest sum of squares with one parameter fixed, and the places of the others."""
+    """Return the smallest sum of squares with one parameter fixed, and the other ones."""
 
-    def place(part: Vector) -> Vector:
-        whole = fixed.copy()
-        whole[others] = part
-        return whole
+    def insert(part: Vector) -> Vector:
+        point = fixed.copy()
+        point[free] = part
+        return point
 
-    (first,) = problem.residuals([place(near)])
+    (first,) = problem.residuals([insert(near)])
     if first is None:
         return None, near
-    if not len(others):
+    if not len(free):
         return float(first @ first), near
 
     def residuals(part: Vector) -> Vector:
         report(1)
-        (found,) = problem.residuals([place(part)])
-        return 1e3 * (np.abs(first) + 1.0) if found is None else found
+        (values,) = problem.residuals([insert(part)])
+        return 1e3 * (np.abs(first) + 1.0) if values is None else values
 
-    found = least_squares(
+    minimum = least_squares(
         residuals,
         np.clip(near, 1e-9, 1.0 - 1e-9),
-        lambda part: problem.jacobian(place(part))[:, others],  # type: ignore[arg-type]
+        lambda part: problem.jacobian(insert(part))[:, free],  # type: ignore[arg-type]
         bounds=(0.0, 1.0),
         x_scale="jac",
         max_nfev=_EVALUATIONS,
         ftol=1e-6,
     )
-    return 2.0 * float(found.cost), found.x
+    return 2.0 * float(minimum.cost), minimum.x

@@ -1,4 +1,4 @@
-"""Which experiment tells most about the parameters: Fisher information of planned experiments."""
+"""Rank experiments by their information on the parameters: Fisher information of planned experiments."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -17,12 +17,12 @@ from .preparation import IdentificationTask
 _STEP = 1e-3
 """Step of the differences, as a part of the range of a parameter."""
 
-_HALF = float(norm.ppf(0.5 + LEVEL / 2.0))
+_WIDTH = float(norm.ppf(0.5 + LEVEL / 2.0))
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """What a planned experiment would tell.
+    """The expected information of a planned experiment.
 
     Attributes:
         experiment: its name.
@@ -39,7 +39,7 @@ class Candidate:
 
 
 def rank_experiments(task: IdentificationTask, predictor: Predictor) -> list[Candidate]:
-    """Return what the experiments would tell at the values of the scenario, the most informative first.
+    """Return the experiments with their information at the scenario's values, the most informative first.
 
     Raises:
         CommandError: The standard deviation of a signal is not known.
@@ -59,26 +59,26 @@ def rank_experiments(task: IdentificationTask, predictor: Predictor) -> list[Can
     except InterruptedRunsError as error:
         raise RunError("interrupted before any experiment was ranked.") from error
     candidates = list[Candidate]()
-    for i, one in enumerate(plan.experiments):
+    for i, experiment in enumerate(plan.experiments):
         samples = list[Vector]()
         for prediction in predictions:
             if isinstance(run := prediction[i], str):
-                raise RunError(f"the experiment '{one.name}' fails: {run}.")
+                raise RunError(f"the experiment '{experiment.name}' fails: {run}.")
             samples.append(np.concatenate([run[s] / task.sigma[s] for s in predictor.signals]))
         above, below = samples[1 : 1 + len(point)], samples[1 + len(point) :]
         columns = [(a - b) / (2.0 * _STEP) for a, b in zip(above, below, strict=True)]
-        candidates.append(_judge(parameters, point, one.name, np.column_stack(columns)))
-    return sorted(candidates, key=lambda one: (-one.information, one.experiment))
+        candidates.append(_assess(parameters, point, experiment.name, np.column_stack(columns)))
+    return sorted(candidates, key=lambda candidate: (-candidate.information, candidate.experiment))
 
 
-def _judge(parameters: Parameters, point: Vector, name: str, jacobian: NDArray[np.float64]) -> Candidate:
+def _assess(parameters: Parameters, point: Vector, name: str, jacobian: NDArray[np.float64]) -> Candidate:
     information = jacobian.T @ jacobian
     sign, logarithm = np.linalg.slogdet(information)
     if sign <= 0 or np.linalg.cond(information) >= 1e14:
         return Candidate(name, dict.fromkeys(parameters.names), -np.inf, len(jacobian))
     variances = np.diag(np.linalg.inv(information))
     intervals = {
-        one.name: _HALF * abs(one.slope(place)) * float(np.sqrt(max(variance, 0.0)))
-        for one, place, variance in zip(parameters.items, point, variances, strict=True)
+        p.name: _WIDTH * abs(p.slope(x)) * float(np.sqrt(max(variance, 0.0)))
+        for p, x, variance in zip(parameters.items, point, variances, strict=True)
     }
     return Candidate(name, intervals, float(logarithm / np.log(2.0)), len(jacobian))

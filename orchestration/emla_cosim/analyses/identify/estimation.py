@@ -19,17 +19,17 @@ from .problem import Derivatives, Problem
 from .residuals import LINEAR, find_cost, find_robust_deviation
 
 _TOLERANCE = 1e-10
-"""Relative change of cost and places at which the search ends."""
+"""Relative change of cost and parameters at which the search ends."""
 
 _OFFSET = 1e-3
 """Distance from the minimum of the tangent in standard errors at which the search ends. It is 1/1000 of what
 the residuals hide; a perfect fit never gets there.
 """
 
-_LOST = 1e3
+_FAILED_RUN_FACTOR = 1e3
 """Factor of the residuals where a run fails: the search avoids such values."""
 
-_ROUNDS = 4
+_SIGMA_ROUNDS = 4
 """Most estimations while the standard deviations of the signals follow from the residuals."""
 
 _VALLEYS = 5
@@ -38,7 +38,7 @@ _VALLEYS = 5
 _DISTANCES = (1.0, 3.0, 10.0, 30.0, 100.0)
 """Distances of these points in standard errors."""
 
-_BETTER = 0.99
+_BETTER_COST = 0.99
 """Part of the cost below which a point is better."""
 
 _FLAT = 1e-8
@@ -53,7 +53,7 @@ class Solution:
     """The best point so far.
 
     Attributes:
-        point: places of the parameters, shape (p,).
+        point: fractions of the parameters, shape (p,).
         residuals: residuals there in standard deviations, shape (n,).
         cost: half the sum of their squares, or of the loss.
         converged: whether the search ended by its tolerances.
@@ -95,12 +95,12 @@ class Estimator:
             InterruptedRunsError: the user interrupted; `best` has the best point so far.
             RunError: the runs of all starting points fail.
         """
-        found = [one for i, p in enumerate(points) if (one := self._search(p, i)) is not None]
-        if not found:
+        solutions = [solution for i, p in enumerate(points) if (solution := self._search(p, i)) is not None]
+        if not solutions:
             reasons = sorted(self.problem.predictor.failures, key=self.problem.predictor.failures.__getitem__)
             raise RunError(f"the runs of all starting points fail: {reasons[-1].rstrip('.')}.")
-        best = self._leave_valleys(min(found, key=lambda one: one.cost))
-        for _ in range(_ROUNDS if free else 0):
+        best = self._leave_valleys(min(solutions, key=lambda solution: solution.cost))
+        for _ in range(_SIGMA_ROUNDS if free else 0):
             before = dict(self.problem.sigma)
             self._adapt_sigma(best, free)
             best = self._search(best.point, len(points)) or best
@@ -110,53 +110,53 @@ class Estimator:
             best = self._leave_valleys(best)
         return self._search(best.point, -1, central=True) or best
 
-    def differentiate(self, found: Solution) -> tuple[Solution, Derivatives]:
+    def differentiate(self, solution: Solution) -> tuple[Solution, Derivatives]:
         """Return a solution and its derivatives; if these need longer steps, search with them again."""
-        slopes = self.problem.differentiate(found.point)
+        slopes = self.problem.differentiate(solution.point)
         if slopes.steps:
             self.problem.fixed_steps = slopes.steps
-            found = self._search(found.point, -1, central=True) or found
-            slopes = self.problem.differentiate(found.point)
-        return found, slopes
+            solution = self._search(solution.point, -1, central=True) or solution
+            slopes = self.problem.differentiate(solution.point)
+        return solution, slopes
 
-    def _leave_valleys(self, found: Solution) -> Solution:
+    def _leave_valleys(self, solution: Solution) -> Solution:
         """Return the minimum that searches from better points around a solution find.
 
         A sampled controller and its limits make the cost uneven, and a search ends early in a narrow valley.
         Points along the principal directions, in standard errors, show whether the valley goes on.
         """
         for _ in range(_VALLEYS):
-            jacobian = self.problem.jacobian(found.point, central=True)
+            jacobian = self.problem.jacobian(solution.point, central=True)
             _, singular, directions = np.linalg.svd(jacobian, full_matrices=False)
-            deviation = np.sqrt(2.0 * found.cost / max(len(found.residuals) - len(found.point), 1))
+            deviation = np.sqrt(2.0 * solution.cost / max(len(solution.residuals) - len(solution.point), 1))
             points = [
-                np.clip(found.point + sign * distance * deviation / size * direction, 0.0, 1.0)
+                np.clip(solution.point + sign * distance * deviation / size * direction, 0.0, 1.0)
                 for size, direction in zip(singular, directions, strict=True)
                 if size > _FLAT * singular[0]
                 for distance in _DISTANCES
                 for sign in (1.0, -1.0)
             ]
             costs = [np.inf if r is None else find_cost(self.loss, r) for r in self.problem.residuals(points)]
-            if not points or not min(costs) < _BETTER * found.cost:
+            if not points or not min(costs) < _BETTER_COST * solution.cost:
                 break
-            found = self._search(points[int(np.argmin(costs))], -1) or found
-        return found
+            solution = self._search(points[int(np.argmin(costs))], -1) or solution
+        return solution
 
-    def _adapt_sigma(self, found: Solution, free: Collection[str]) -> None:
+    def _adapt_sigma(self, solution: Solution, free: Collection[str]) -> None:
         """Set the standard deviations of free signals to those of their residuals.
 
         With a loss for outliers they are those of the median, which outliers do not move.
         """
-        parts = self.problem.split(found.residuals)
+        parts = self.problem.split(solution.residuals)
         for signal in free:
-            of = np.concatenate([part for one, part in parts if one.signal == signal])
-            of = of * self.problem.sigma[signal]
-            rms = float(np.sqrt(np.mean(of**2)))
-            deviation = rms if self.loss == LINEAR else find_robust_deviation(of)
-            spread = max(float(np.std(one.values)) for one, _ in parts if one.signal == signal)
+            differences = np.concatenate([part for measured, part in parts if measured.signal == signal])
+            differences = differences * self.problem.sigma[signal]
+            rms = float(np.sqrt(np.mean(differences**2)))
+            deviation = rms if self.loss == LINEAR else find_robust_deviation(differences)
+            spread = max(float(np.std(measured.values)) for measured, _ in parts if measured.signal == signal)
             self.problem.sigma[signal] = max(deviation, EXACT * spread)
         # costs with other standard deviations cannot be compared
-        self.best = replace(found, cost=np.inf)
+        self.best = replace(solution, cost=np.inf)
 
     def _search(self, start: Vector, number: int, central: bool = False) -> Solution | None:
         """Return the minimum from one point; None if its run fails.
@@ -168,14 +168,14 @@ class Estimator:
             return None
 
         def residuals(point: Vector) -> Vector:
-            (found,) = self.problem.residuals([point])
+            (values,) = self.problem.residuals([point])
             self.report(1)
-            if found is None:
-                return _LOST * (np.abs(first) + 1.0)
-            cost = find_cost(self.loss, found)
+            if values is None:
+                return _FAILED_RUN_FACTOR * (np.abs(first) + 1.0)
+            cost = find_cost(self.loss, values)
             self.history.append({"start": number, "evaluation": len(self.history), "cost": cost})
-            self._note(Solution(point.copy(), found, cost, False))
-            return found
+            self._update_best(Solution(point.copy(), values, cost, False))
+            return values
 
         def jacobian(point: Vector) -> NDArray[np.float64]:
             slopes = self.problem.jacobian(point, central)
@@ -202,16 +202,16 @@ class Estimator:
             end, converged = result.x, result.status > 0
         except _ArrivedError as arrived:
             end, converged = arrived.args[0], True
-        (found,) = self.problem.residuals([end])
-        if found is None:
+        (end_residuals,) = self.problem.residuals([end])
+        if end_residuals is None:
             return None
-        solution = Solution(end, found, find_cost(self.loss, found), converged)
-        self._note(solution)
+        solution = Solution(end, end_residuals, find_cost(self.loss, end_residuals), converged)
+        self._update_best(solution)
         return solution
 
-    def _note(self, found: Solution) -> None:
-        if self.best is None or found.cost <= self.best.cost:
-            self.best = found
+    def _update_best(self, solution: Solution) -> None:
+        if self.best is None or solution.cost <= self.best.cost:
+            self.best = solution
 
 
 class _ArrivedError(Exception):
@@ -223,9 +223,9 @@ def _find_offset(point: Vector, residuals: Vector, jacobian: NDArray[np.float64]
 
     Parameters at an end of their range towards which the minimum lies do not count.
     """
-    pull = jacobian.T @ residuals
-    held = ((point < 1e-6) & (pull > 0.0)) | ((point > 1.0 - 1e-6) & (pull < 0.0))
-    free = jacobian[:, ~held & (np.abs(jacobian).max(axis=0, initial=0.0) > 0.0)]
+    gradient = jacobian.T @ residuals
+    at_end = ((point < 1e-6) & (gradient > 0.0)) | ((point > 1.0 - 1e-6) & (gradient < 0.0))
+    free = jacobian[:, ~at_end & (np.abs(jacobian).max(axis=0, initial=0.0) > 0.0)]
     count, freedom = free.shape[1], len(residuals) - free.shape[1]
     size = float(np.linalg.norm(residuals))
     if not count or freedom < 1 or size == 0.0:

@@ -51,7 +51,7 @@ class MeasuredSignal:
 def read_measurements(
     sources: Sequence[Input], find_signal: FindSignal, label: str, start: float = 0.0
 ) -> tuple[list[MeasuredSignal], list[str]]:
-    """Return the measured signals of an experiment, and what the user should know of how they were read.
+    """Return the measured signals of an experiment, and notes on how they were read.
 
     Args:
         sources: the measured data.
@@ -62,70 +62,70 @@ def read_measurements(
     Raises:
         CommandError: A file cannot be read, a column is missing, does not vary, or has another quantity.
     """
-    found, notes = list[MeasuredSignal](), list[str]()
+    measured, notes = list[MeasuredSignal](), list[str]()
     for source in sources:
         for name in ("interpolation", "end"):
             if (value := getattr(source, name)) != getattr(Input(data={}), name):
                 raise CommandError(
                     f"{source.label} has {name}={value}, which only data for inputs have; remove it."
                 )
-        loaded = LoadedInput.of(source, start)
-        notes += [f"{source.label} {note}." for note in loaded.data.notes]
-        steps = np.diff(loaded.times)
+        data = LoadedInput.of(source, start)
+        notes += [f"{source.label} {note}." for note in data.data.notes]
+        steps = np.diff(data.times)
         if (gaps := int(np.sum(steps > _GAP * np.median(steps)))) > 0:
             notes.append(f"{source.label} has {format_count(gaps, 'gap')} in its times.")
-        asked, idle = _find_columns(source, loaded, find_signal)
+        columns, idle = _find_columns(source, data, find_signal)
         if idle:
             notes.append(f"{source.label} has columns that were not compared: {list_few(idle)}.")
-        for name, column in asked.items():
+        for name, column in columns.items():
             signal, unit = find_signal(name)
-            position, column = find_column(source, loaded.data, column)
+            position, column = find_column(source, data.data, column)
             if column.derivative:
                 raise CommandError(
                     f"{source.label} has a derivative for {signal}; compare the column itself.", signal=signal
                 )
-            values, is_assumed = loaded.data.in_unit(position, signal, unit, column.unit)
-            text = f"the column '{loaded.data.headers[position].text}' of {source.label}"
+            values, is_assumed = data.data.in_unit(position, signal, unit, column.unit)
+            text = f"the column '{data.data.headers[position].text}' of {source.label}"
             if is_assumed:
                 notes.append(f"{text} has no unit and is read in {unit}.")
             if np.ptp(values) == 0.0:
-                raise CommandError(f"{text} does not vary: it tells nothing of {signal}.", signal=signal)
-            if any(one.signal == signal for one in found):
+                raise CommandError(f"{text} does not vary: it has no information on {signal}.", signal=signal)
+            if any(other.signal == signal for other in measured):
                 raise CommandError(f"{label} has two columns for {signal}; remove one.", signal=signal)
-            found.append(MeasuredSignal(signal, loaded.times, values, str(unit or ""), text))
-    return found, notes
+            measured.append(MeasuredSignal(signal, data.times, values, str(unit or ""), text))
+    return measured, notes
 
 
 def _find_columns(
-    source: Input, loaded: LoadedInput, find_signal: FindSignal
+    source: Input, data: LoadedInput, find_signal: FindSignal
 ) -> tuple[dict[str, Column], list[str]]:
     """Return the columns by signal, and the names of the columns that no signal has."""
-    asked, idle = dict(source.signals), list[str]()
-    for name, column in match_columns(source, loaded.data, loaded.time).items():
-        if name in asked:
+    columns, idle = dict(source.signals), list[str]()
+    for name, column in match_columns(source, data.data, data.time).items():
+        if name in columns:
             continue
         try:
             find_signal(name)
         except CommandError:
             idle.append(name)
         else:
-            asked[name] = column
-    if not asked:
+            columns[name] = column
+    if not columns:
         raise CommandError(
-            f"{source.label} has no column that is called as a signal; write "
+            f"{source.label} has no column with the name of a signal; write "
             f"FILE:SIGNAL=COLUMN. Its columns are called {join_names(idle[:8])}."
         )
-    return asked, idle
+    return columns, idle
 
 
 def read_drivers(sources: Sequence[Input], start: float = 0.0) -> dict[str, tuple[Vector, Vector]]:
     """Return times and values of the columns of numbers that drive inputs; runs begin at `start` in s."""
-    found = dict[str, tuple[Vector, Vector]]()
+    drivers = dict[str, tuple[Vector, Vector]]()
     for source in sources:
-        loaded = LoadedInput.of(source, start)
-        columns = match_columns(source, loaded.data, loaded.time)
+        data = LoadedInput.of(source, start)
+        columns = match_columns(source, data.data, data.time)
         for signal, column in {**columns, **source.signals}.items():
             with suppress(CommandError):  # it drives nothing and may have texts
-                position, _ = find_column(source, loaded.data, column)
-                found[signal] = loaded.times, loaded.data.numbers(position)
-    return found
+                position, _ = find_column(source, data.data, column)
+                drivers[signal] = data.times, data.data.numbers(position)
+    return drivers

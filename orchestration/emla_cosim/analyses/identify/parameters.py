@@ -61,29 +61,29 @@ class Parameter:
         """Whether it is estimated on a logarithmic scale."""
         return self.low > 0.0 and self.high >= _DECADE * self.low
 
-    def value(self, place: float) -> float:
-        """Return the value at a place from 0 (low) to 1 (high)."""
-        if place <= 0.0 or place >= 1.0:
-            return self.low if place <= 0.0 else self.high
-        return self.extrapolate(place)
+    def value(self, fraction: float) -> float:
+        """Return the value at a fraction of the range, from 0 (low) to 1 (high)."""
+        if fraction <= 0.0 or fraction >= 1.0:
+            return self.low if fraction <= 0.0 else self.high
+        return self.extrapolate(fraction)
 
-    def extrapolate(self, place: float) -> float:
-        """Return the value at any place, also outside of the range."""
+    def extrapolate(self, fraction: float) -> float:
+        """Return the value at any fraction, also outside of the range."""
         if self.is_logarithmic:
-            return float(self.low * (self.high / self.low) ** place)
-        return float(self.low + place * (self.high - self.low))
+            return float(self.low * (self.high / self.low) ** fraction)
+        return float(self.low + fraction * (self.high - self.low))
 
-    def slope(self, place: float) -> float:
-        """Return the derivative of the value by the place."""
-        return (self.extrapolate(place + 1e-6) - self.extrapolate(place - 1e-6)) / 2e-6
+    def slope(self, fraction: float) -> float:
+        """Return the derivative of the value by the fraction."""
+        return (self.extrapolate(fraction + 1e-6) - self.extrapolate(fraction - 1e-6)) / 2e-6
 
-    def place(self, value: float) -> float:
-        """Return the place of a value, within 0 and 1."""
+    def to_fraction(self, value: float) -> float:
+        """Return a value as a fraction of the range, within 0 and 1."""
         if self.is_logarithmic:
-            place = np.log(max(value, self.low) / self.low) / np.log(self.high / self.low)
+            fraction = np.log(max(value, self.low) / self.low) / np.log(self.high / self.low)
         else:
-            place = (value - self.low) / (self.high - self.low)
-        return float(np.clip(place, 0.0, 1.0))
+            fraction = (value - self.low) / (self.high - self.low)
+        return float(np.clip(fraction, 0.0, 1.0))
 
 
 @dataclass(frozen=True)
@@ -110,19 +110,19 @@ class SheetEntries:
         Raises:
             CommandError: A data sheet with these entries has errors.
         """
-        before = self._before[experiment]
-        plan = replace(self.plan, options=_without_inputs(self.plan.options))
-        own = _without_inputs(plan.experiments[experiment].options)
-        changed = load_planned(plan, merge_options([own, {SHEET: entries}]))
-        after = _all_start_values(changed, self.preparations[experiment])
-        return {name: value for name, value in after.items() if before.get(name) != value}
+        unchanged = self._unchanged_values[experiment]
+        plan = replace(self.plan, options=_remove_inputs(self.plan.options))
+        experiment_options = _remove_inputs(plan.experiments[experiment].options)
+        scenario = load_planned(plan, merge_options([experiment_options, {SHEET: entries}]))
+        changed = _all_start_values(scenario, self.preparations[experiment])
+        return {name: value for name, value in changed.items() if unchanged.get(name) != value}
 
     @cached_property
-    def _before(self) -> list[dict[str, Value]]:
-        return [_all_start_values(one.scenario, one) for one in self.preparations if one.scenario is not None]
+    def _unchanged_values(self) -> list[dict[str, Value]]:
+        return [_all_start_values(p.scenario, p) for p in self.preparations if p.scenario is not None]
 
 
-def _without_inputs(options: Mapping[str, Any]) -> dict[str, Any]:
+def _remove_inputs(options: Mapping[str, Any]) -> dict[str, Any]:
     """Return options without data of inputs: no start value follows from these."""
     return {name: value for name, value in options.items() if name != "input"}
 
@@ -131,11 +131,11 @@ def _all_start_values(scenario: Scenario, preparation: Preparation) -> dict[str,
     """Return the start values of a scenario with its options, by full name; `preparation` has its names."""
     options = scenario.options
     system = apply_parameter_files(scenario.system, options.parameters, preparation.interfaces)
-    own: dict[str, Any] = {
-        f"{c.name}.{name}": x for c in system.components for name, x in c.parameters.items()
+    declared: dict[str, Any] = {
+        f"{c.name}.{name}": value for c in system.components for name, value in c.parameters.items()
     }
     values = Names(preparation.system, preparation.interfaces).start_values(options.set)
-    return own | values | following_values(system, options)
+    return declared | values | following_values(system, options)
 
 
 @dataclass(frozen=True)
@@ -153,46 +153,46 @@ class Parameters:
     @property
     def names(self) -> list[str]:
         """Their names."""
-        return [one.name for one in self.items]
+        return [item.name for item in self.items]
 
     @property
     def start(self) -> Vector:
-        """The places to start from, shape (p,)."""
-        return np.array([one.place(one.start) for one in self.items])
+        """The start values as fractions of their ranges, shape (p,)."""
+        return np.array([item.to_fraction(item.start) for item in self.items])
 
-    def values(self, places: Vector) -> dict[str, float]:
-        """Return the values at places of shape (p,), by name."""
-        return {one.name: one.value(float(x)) for one, x in zip(self.items, places, strict=True)}
+    def values(self, point: Vector) -> dict[str, float]:
+        """Return the values at fractions of the ranges of shape (p,), by name."""
+        return {item.name: item.value(float(x)) for item, x in zip(self.items, point, strict=True)}
 
-    def options(self, places: Vector) -> dict[str, Any]:
+    def options(self, point: Vector) -> dict[str, Any]:
         """Return the options that set the parameters when a scenario is loaded."""
-        chosen = zip(self.items, places, strict=True)
+        chosen = zip(self.items, point, strict=True)
         return merge_options(
-            one.factor.options(one.value(float(x))) for one, x in chosen if one.factor is not None
+            item.factor.options(item.value(float(x))) for item, x in chosen if item.factor is not None
         )
 
-    def start_values(self, places: Vector, experiment: int) -> dict[str, Value]:
+    def start_values(self, point: Vector, experiment: int) -> dict[str, Value]:
         """Return the start values in a run of an experiment, by full name.
 
         Raises:
             CommandError: A data sheet has errors with these values.
         """
-        options = self.options(places)
+        options = self.options(point)
         entries = options.get(SHEET, {})
         changed = {} if self.entries is None else self.entries.start_values(experiment, entries)
         return changed | options.get(START, {})
 
-    def key(self, places: Vector) -> tuple[float, ...]:
+    def key(self, point: Vector) -> tuple[float, ...]:
         """Return what decides the result of a run; sensors do not."""
-        return tuple(float(x) for one, x in zip(self.items, places, strict=True) if one.factor is not None)
+        return tuple(float(x) for item, x in zip(self.items, point, strict=True) if item.factor is not None)
 
-    def sensor(self, places: Vector, signal: str) -> tuple[float, float, float]:
+    def sensor(self, point: Vector, signal: str) -> tuple[float, float, float]:
         """Return offset, gain and delay in s of the sensor of a signal."""
-        found = {"offset": 0.0, "gain": 1.0, "delay": 0.0}
-        for one, x in zip(self.items, places, strict=True):
-            if one.sensor is not None and one.sensor[1] == signal:
-                found[one.sensor[0]] = one.value(float(x))
-        return found["offset"], found["gain"], found["delay"]
+        settings = {"offset": 0.0, "gain": 1.0, "delay": 0.0}
+        for item, x in zip(self.items, point, strict=True):
+            if item.sensor is not None and item.sensor[1] == signal:
+                settings[item.sensor[0]] = item.value(float(x))
+        return settings["offset"], settings["gain"], settings["delay"]
 
 
 def resolve_parameters(
@@ -209,56 +209,62 @@ def resolve_parameters(
         CommandError: A name does not exist, or has no range.
     """
     preparation = preparations[0]
-    found = list[Parameter]()
-    for name, given in plan.vary.items():
+    parameters = list[Parameter]()
+    for name, value in plan.vary.items():
         label = f"'{name}' of {plan.where}"
-        if (of_sensor := _SENSOR.fullmatch(name)) is not None:
-            component, variable = preparation.system.split(of_sensor[2].strip())
-            sensor = of_sensor[1], f"{component.name}.{variable}"
-            found.append(_sensor(name, sensor, given, label, measured))
+        if (match := _SENSOR.fullmatch(name)) is not None:
+            component, variable = preparation.system.split(match[2].strip())
+            sensor = match[1], f"{component.name}.{variable}"
+            parameters.append(_build_sensor_parameter(name, sensor, value, label, measured))
         else:
-            factors = resolve_factors({name: given}, preparation.system, preparation.interfaces, plan.where)
-            found += [_parameter(factor, preparation, label) for factor in factors]
-    if twice := [one.name for one in found if [x.name for x in found].count(one.name) > 1]:
+            factors = resolve_factors({name: value}, preparation.system, preparation.interfaces, plan.where)
+            parameters += [_build_parameter(factor, preparation, label) for factor in factors]
+    names = [parameter.name for parameter in parameters]
+    if twice := [name for name in names if names.count(name) > 1]:
         raise CommandError(f"{plan.where} has the parameter '{twice[0]}' twice; remove one.", name=twice[0])
-    if not any(_is_entry(one) for one in found):
-        return Parameters(found)
+    if not any(_is_entry(parameter) for parameter in parameters):
+        return Parameters(parameters)
     entries = SheetEntries(plan, preparations)
-    _check_entries(entries, found)
-    return Parameters(found, entries)
+    _check_entries(entries, parameters)
+    return Parameters(parameters, entries)
 
 
-def _is_entry(one: Parameter) -> bool:
-    return one.factor is not None and any(t.kind == SHEET for t in one.factor.targets)
+def _is_entry(parameter: Parameter) -> bool:
+    return parameter.factor is not None and any(t.kind == SHEET for t in parameter.factor.targets)
 
 
 def _check_entries(entries: SheetEntries, parameters: Sequence[Parameter]) -> None:
     """Raise CommandError if entries change no start value, one that varies too, or have errors."""
     plan = entries.plan
-    varied = {t.name for one in parameters if one.factor and not _is_entry(one) for t in one.factor.targets}
-    for one in filter(_is_entry, parameters):
-        label, factor = f"'{one.name}' of {plan.where}", one.factor
+    factors = [p.factor for p in parameters if p.factor is not None and not _is_entry(p)]
+    varied = {target.name for f in factors for target in f.targets}
+    for parameter in filter(_is_entry, parameters):
+        label, factor = f"'{parameter.name}' of {plan.where}", parameter.factor
         assert factor is not None
-        for experiment, described in enumerate(plan.experiments):
+        for i in range(len(plan.experiments)):
             changed, problem = set[str](), None
-            for value in (one.low, one.start, one.high):
+            for value in (parameter.low, parameter.start, parameter.high):
                 try:
-                    changed |= set(entries.start_values(experiment, factor.options(value)[SHEET]))
+                    changed |= set(entries.start_values(i, factor.options(value)[SHEET]))
                 except CommandError as error:
                     problem = problem or error
             if not changed and problem is not None:
                 raise problem
             if not changed:
                 raise CommandError(
-                    f"{label} changes no start value of the experiment '{described.name}'.", name=one.name
+                    f"{label} changes no start value of the experiment '{plan.experiments[i].name}'.",
+                    name=parameter.name,
                 )
-            if both := sorted(changed & varied):
-                raise CommandError(f"{label} changes {both[0]}, which is estimated itself.", name=both[0])
+            if conflicts := sorted(changed & varied):
+                raise CommandError(
+                    f"{label} changes {conflicts[0]}, which is estimated itself.", name=conflicts[0]
+                )
 
 
-def _parameter(factor: Factor, preparation: Preparation, label: str) -> Parameter:
+def _build_parameter(factor: Factor, preparation: Preparation, label: str) -> Parameter:
     if any(t.kind == SHEET for t in factor.targets):
-        return _with_start(factor.name, *_ends(factor.distribution, label), None, factor.unit, factor=factor)
+        ends = _require_range(factor.distribution, label)
+        return _set_start(factor.name, *ends, None, factor.unit, factor=factor)
     if wrong := [t.name for t in factor.targets if t.kind != START]:
         raise CommandError(f"{label} cannot be estimated: {wrong[0]} is not a start value.", name=wrong[0])
     names = Names(preparation.system, preparation.interfaces)
@@ -267,35 +273,35 @@ def _parameter(factor: Factor, preparation: Preparation, label: str) -> Paramete
             raise CommandError(
                 f"{label} cannot be estimated: {target.name} is of the type {kind}.", name=target.name
             )
-    low, high = sorted(float(factor.value(x)) for x in _ends(factor.distribution, label))  # type: ignore[arg-type]
+    low, high = sorted(float(factor.value(x)) for x in _require_range(factor.distribution, label))  # type: ignore[arg-type]
     start = None
     if len(factor.targets) == 1:
         start = names.find(factor.targets[0].name).start_number
     elif factor.targets[0].nominal is not None:
         start = 1.0
-    return _with_start(factor.name, low, high, start, factor.unit, factor=factor)
+    return _set_start(factor.name, low, high, start, factor.unit, factor=factor)
 
 
-def _sensor(
-    name: str, sensor: tuple[str, str], given: Any, label: str, measured: Mapping[str, SiUnit | None]
+def _build_sensor_parameter(
+    name: str, sensor: tuple[str, str], value: Any, label: str, measured: Mapping[str, SiUnit | None]
 ) -> Parameter:
     kind, signal = sensor
     if signal not in measured:
         raise CommandError(f"{label}: {signal} is not measured.", name=signal)
     unit = {"offset": measured[signal], "gain": None, "delay": parse_unit_name("s", label)}[kind]
-    distribution = parse_distribution(given, label, lambda text: read_quantity(text, label, unit))
+    distribution = parse_distribution(value, label, lambda text: read_quantity(text, label, unit))
     start = 1.0 if kind == "gain" else 0.0
-    return _with_start(name, *_ends(distribution, label), start, str(unit or ""), sensor=sensor)
+    return _set_start(name, *_require_range(distribution, label), start, str(unit or ""), sensor=sensor)
 
 
-def _with_start(name: str, low: float, high: float, start: float | None, unit: str, **more: Any) -> Parameter:
+def _set_start(name: str, low: float, high: float, start: float | None, unit: str, **more: Any) -> Parameter:
     """Return a parameter. One whose start is not inside of its range starts in the middle."""
     parameter = Parameter(name, low, high, low, unit, **more)
     is_inside = start is not None and low < start < high
     return replace(parameter, start=start if is_inside else parameter.value(0.5))
 
 
-def _ends(distribution: Any, label: str) -> tuple[float, float]:
+def _require_range(distribution: Any, label: str) -> tuple[float, float]:
     if not isinstance(distribution, Uniform) or distribution.points is not None:
         raise CommandError(f"{label} needs a range LOW:HIGH, such as 0.1:10.")
     return float(distribution.low), float(distribution.high)

@@ -103,18 +103,18 @@ class IdentificationPlan(AnalysisPlan):
         """The plan as plain data."""
         return {
             "scenario": self.scenario if isinstance(self.scenario, str) else str(self.name),
-            "vary": {name: str(given) for name, given in self.vary.items()},
+            "vary": {name: str(value) for name, value in self.vary.items()},
             "loss": self.loss,
             "starts": self.starts,
             "evaluations": self.evaluations,
             "seed": self.seed,
             "experiments": [
                 {
-                    "name": one.name,
-                    "held_out": one.held_out,
-                    "measured": [source.record() for source in one.measured],
+                    "name": experiment.name,
+                    "held_out": experiment.held_out,
+                    "measured": [source.record() for source in experiment.measured],
                 }
-                for one in self.experiments
+                for experiment in self.experiments
             ],
         }
 
@@ -131,19 +131,19 @@ class IdentificationPlan(AnalysisPlan):
             raise CommandError(
                 f"{self.where} has a profile and the loss '{self.loss}'; a profile needs '{LINEAR}'."
             )
-        names = [one.name for one in self.experiments]
+        names = [experiment.name for experiment in self.experiments]
         if twice := [name for name in names if names.count(name) > 1]:
             raise CommandError(f"{self.where} has two experiments '{twice[0]}'; rename one.")
         if self.design:
             if not self.experiments:
                 raise CommandError(f"{self.where} has no experiments to choose from; add [[experiments]].")
             return
-        if not any(one.measured and not one.held_out for one in self.experiments):
+        if not any(experiment.measured and not experiment.held_out for experiment in self.experiments):
             raise CommandError(
                 f"{self.where} has no measured data; add them, such as "
                 "--measured test.csv:lift.plant.x_L=position."
             )
-        if idle := [one.name for one in self.experiments if not one.measured]:
+        if idle := [experiment.name for experiment in self.experiments if not experiment.measured]:
             raise CommandError(
                 f"the experiment '{idle[0]}' of {self.where} has no measured data; add 'measured'."
             )
@@ -159,12 +159,12 @@ def load_identification_plan(source: Source | IdentificationPlan) -> Identificat
         return source
     values, _ = read_plan(source, IdentificationPlan, "identification", "identification", {})
     values["experiments"] = [
-        _experiment(list_given(table), str(position))
+        _build_experiment(list_given(table), str(position))
         for position, table in enumerate(values.get("experiments", ()), 1)
     ]
     return IdentificationPlan(**values)
 
 
-def _experiment(values: dict[str, Any], name: str) -> Experiment:
+def _build_experiment(values: dict[str, Any], name: str) -> Experiment:
     fields = {key: values.pop(key) for key in _EXPERIMENT.__struct_fields__ if key in values}
     return Experiment(**{"name": name, **fields}, options=values)

@@ -17,16 +17,16 @@ from ..variants.targets import START
 from .measurement import MeasuredSignal
 from .parameters import Parameters
 
-_BYTES = 8
+_BYTES_PER_VALUE = 8
 """Size of a value."""
 
-_CACHED = 64
+_MAX_CACHED = 64
 """Most predictions of an experiment that are kept for repeated values."""
 
-_MEMORY = 2**28
+_MAX_BYTES = 2**28
 """Most bytes of predictions that are kept, and that one batch of runs returns."""
 
-_FEWEST = 8
+_MIN_BATCH = 8
 """Fewest points of a batch, which keep the workers busy."""
 
 Prediction = Mapping[str, Vector] | str
@@ -68,12 +68,12 @@ class Predictor:
     _cache: dict[Task, Prediction] = field(default_factory=dict)
 
     @property
-    def _size(self) -> int:
-        return _BYTES * (1 + len(self.signals)) * max(self.rows, 1)
+    def _bytes_per_run(self) -> int:
+        return _BYTES_PER_VALUE * (1 + len(self.signals)) * max(self.rows, 1)
 
     def batches(self, points: Sequence[Vector], experiments: Sequence[int]) -> list[Sequence[Vector]]:
         """Return points in batches whose predictions fit into memory together."""
-        most = max(_MEMORY // (self._size * max(len(experiments), 1)), _FEWEST)
+        most = max(_MAX_BYTES // (self._bytes_per_run * max(len(experiments), 1)), _MIN_BATCH)
         return [points[i : i + most] for i in range(0, len(points), most)]
 
     def predict(
@@ -85,7 +85,7 @@ class Predictor:
         """Return the prediction of experiments at each point.
 
         Args:
-            points: places of the parameters, each of shape (p,).
+            points: fractions of the parameters, each of shape (p,).
             experiments: positions of the experiments. Default: all.
             is_halved: whether to run with half the step.
 
@@ -93,15 +93,17 @@ class Predictor:
             InterruptedRunsError: The user interrupted.
             RunError: The workers are lost.
         """
-        asked = range(len(self.experiments)) if experiments is None else experiments
+        selected = range(len(self.experiments)) if experiments is None else experiments
         keys = [self.parameters.key(point) for point in points]
-        tasks = {(i, key, is_halved): point for i in asked for key, point in zip(keys, points, strict=True)}
+        tasks = {
+            (i, key, is_halved): point for i in selected for key, point in zip(keys, points, strict=True)
+        }
         missing = {task: point for task, point in tasks.items() if task not in self._cache}
-        found = {**self._cache, **self._run(missing)}
+        predictions = {**self._cache, **self._run(missing)}
         if missing:
-            most = min(_CACHED * len(self.experiments), max(_MEMORY // self._size, 1))
-            self._cache = dict(list(found.items())[-most:])
-        return [{i: found[i, key, is_halved] for i in asked} for key in keys]
+            most = min(_MAX_CACHED * len(self.experiments), max(_MAX_BYTES // self._bytes_per_run, 1))
+            self._cache = dict(list(predictions.items())[-most:])
+        return [{i: predictions[i, key, is_halved] for i in selected} for key in keys]
 
     def _run(self, missing: Mapping[Task, Vector]) -> dict[Task, Prediction]:
         predictions, tasks = dict[Task, Prediction](), dict[Task, Job]()
@@ -113,7 +115,7 @@ class Predictor:
             except CommandError as error:  # entries of a data sheet that contradict each other
                 predictions[task] = str(error)
         measures = Measures(signals=list(self.signals), read=list(self.signals))
-        outcomes = self.runs.run(list(tasks.values()), measures, bytes_each=self._size)
+        outcomes = self.runs.run(list(tasks.values()), measures, bytes_each=self._bytes_per_run)
         if not outcomes.complete:
             raise InterruptedRunsError
         for position, task in enumerate(tasks):
@@ -136,7 +138,7 @@ class Predictor:
 def _find_defect(data: Mapping[str, Vector], measured: Sequence[MeasuredSignal]) -> str | None:
     """Return why signals of a run cannot be compared; None if they can."""
     last = data["time"][-1]
-    end = max((one.time[-1] for one in measured), default=last)
+    end = max((signal.time[-1] for signal in measured), default=last)
     step = last - data["time"][-2] if len(data["time"]) > 1 else 0.0
     if last < end - 1.5 * step:
         return f"it ended at {last:.6g} s"
@@ -145,8 +147,8 @@ def _find_defect(data: Mapping[str, Vector], measured: Sequence[MeasuredSignal])
 
 
 def predict_samples(
-    parameters: Parameters, point: Vector, data: Mapping[str, Vector], one: MeasuredSignal
+    parameters: Parameters, point: Vector, data: Mapping[str, Vector], measured: MeasuredSignal
 ) -> Vector:
     """Return what a sensor would have measured at the times of the samples, shape (n,)."""
-    offset, gain, delay = parameters.sensor(point, one.signal)
-    return offset + gain * np.interp(one.time - delay, data["time"], data[one.signal])
+    offset, gain, delay = parameters.sensor(point, measured.signal)
+    return offset + gain * np.interp(measured.time - delay, data["time"], data[measured.signal])

@@ -22,7 +22,7 @@ from .measurement import MeasuredSignal, read_drivers, read_measurements
 from .parameters import DELAY, Parameters, resolve_parameters
 from .plan import IdentificationPlan
 
-_ROWS = 10
+_ROWS_PER_SAMPLE = 10
 """Rows of the simulation from one sample to the next if sensors may be late: straight lines between rows are
 too coarse for them.
 """
@@ -59,33 +59,33 @@ def prepare_task(plan: IdentificationPlan, session: Session[Any]) -> Identificat
         RunError: An FMU cannot be built.
     """
     session.check_unread(
-        [{data.file: "the measured data" for one in plan.experiments for data in one.measured if data.file}]
+        [{data.file: "the measured data" for e in plan.experiments for data in e.measured if data.file}]
     )
     preparations, signals, notes = list[Preparation](), list[list[MeasuredSignal]](), list[str]()
     units, sigma = dict[str, SiUnit | None](), dict[str, Any]()
     drivers = list[dict[str, tuple[Vector, Vector]]]()
-    for one in plan.experiments:
-        label = f"the experiment '{one.name}'"
-        scenario = load_planned(plan, one.options)
-        begin, stop = scenario.options.start_time or 0.0, scenario.options.stop_time
-        if stop is None and one.measured:  # inputs are compared with it before signals are known
-            end = max(float(LoadedInput.of(source, begin).times[-1]) for source in one.measured)
+    for experiment in plan.experiments:
+        label = f"the experiment '{experiment.name}'"
+        scenario = load_planned(plan, experiment.options)
+        start, stop = scenario.options.start_time or 0.0, scenario.options.stop_time
+        if stop is None and experiment.measured:  # inputs are compared with it before signals are known
+            end = max(float(LoadedInput.of(source, start).times[-1]) for source in experiment.measured)
             scenario = scenario.with_options({"stop_time": end})
         preparation = session.prepare(scenario)
         names = Names(preparation.system, preparation.interfaces)
 
         def find_signal(name: str, names: Names = names) -> tuple[str, SiUnit | None]:
-            found = names.find(name)
-            if found.variable.type not in ("Real", "Integer"):
+            name_match = names.find(name)
+            if name_match.variable.type not in ("Real", "Integer"):
                 raise CommandError(
-                    f"{name} is of the type {found.variable.type}; measured signals are numbers."
+                    f"{name} is of the type {name_match.variable.type}; measured signals are numbers."
                 )
-            units[found.full_name] = found.unit
-            return found.full_name, found.unit
+            units[name_match.full_name] = name_match.unit
+            return name_match.full_name, name_match.unit
 
-        measured, remarks = read_measurements(one.measured, find_signal, label, begin)
+        measured, remarks = read_measurements(experiment.measured, find_signal, label, start)
         sigma = {find_signal(name)[0]: value for name, value in plan.sigma.items()}
-        drivers.append(read_drivers(scenario.options.input, begin))
+        drivers.append(read_drivers(scenario.options.input, start))
         notes += [note for note in remarks if note not in notes]
         may_be_late = any(DELAY in name for name in plan.vary)
         options = replace(preparation.options, require=[])
@@ -93,7 +93,7 @@ def prepare_task(plan: IdentificationPlan, session: Session[Any]) -> Identificat
             options = replace(options, stop_time=None)
         options = replace(options, **_choose_times(options, measured, may_be_late))
         preparations.append(replace(preparation, options=options))
-        inside, left_out = _cut(measured, options, label)
+        inside, left_out = _limit_samples(measured, options, label)
         signals.append(inside)
         notes += left_out
     parameters = resolve_parameters(plan, preparations, units)
@@ -103,29 +103,29 @@ def prepare_task(plan: IdentificationPlan, session: Session[Any]) -> Identificat
     for note in notes:
         session.progress.note(f"Note: {note}")
     return IdentificationTask(
-        plan, _extend(preparations, parameters), signals, parameters, deviations, drivers, notes
+        plan, _extend_runs(preparations, parameters), signals, parameters, deviations, drivers, notes
     )
 
 
-def _cut(
+def _limit_samples(
     measured: Sequence[MeasuredSignal], options: Options, label: str
 ) -> tuple[list[MeasuredSignal], list[str]]:
     """Return the samples during a run, and notes on those outside of it."""
     start, stop = options.start_time or 0.0, options.stop_time or 0.0
-    inside, notes = [signal.between(start, stop) for signal in measured], list[str]()
-    for whole, part in zip(measured, inside, strict=True):
+    inside, notes = [x.between(start, stop) for x in measured], list[str]()
+    for signal, part in zip(measured, inside, strict=True):
         if len(part.time) < 2:
             raise CommandError(
-                f"{whole.label} has no samples between {start:g} s and {stop:g} s, the times of {label}."
+                f"{signal.label} has no samples between {start:g} s and {stop:g} s, the times of {label}."
             )
-        if (left := len(whole.time) - len(part.time)) > 0:
-            notes.append(f"{format_count(left, 'sample')} of {whole.label} outside of the run: not used.")
+        if (dropped := len(signal.time) - len(part.time)) > 0:
+            notes.append(f"{format_count(dropped, 'sample')} of {signal.label} outside of the run: not used.")
     return inside, notes
 
 
-def _extend(preparations: Sequence[Preparation], parameters: Parameters) -> list[Preparation]:
+def _extend_runs(preparations: Sequence[Preparation], parameters: Parameters) -> list[Preparation]:
     """Return preparations whose runs are so long that a sensor ahead of time can be predicted to the end."""
-    ahead = max((-one.low for one in parameters.items if one.sensor and one.sensor[0] == DELAY), default=0.0)
+    ahead = max((-p.low for p in parameters.items if p.sensor and p.sensor[0] == DELAY), default=0.0)
 
     def extend(options: Options) -> Options:
         if ahead <= 0.0 or options.stop_time is None:
@@ -133,7 +133,7 @@ def _extend(preparations: Sequence[Preparation], parameters: Parameters) -> list
         step = options.step_size or ahead
         return replace(options, stop_time=options.stop_time + step * math.ceil(ahead / step - 1e-9))
 
-    return [replace(one, options=extend(one.options)) for one in preparations]
+    return [replace(preparation, options=extend(preparation.options)) for preparation in preparations]
 
 
 def _choose_times(
@@ -146,26 +146,26 @@ def _choose_times(
     if not measured:
         return {}
     changed = dict[str, float]()
-    last = max(float(one.time[-1]) for one in measured)
+    last = max(float(signal.time[-1]) for signal in measured)
     start, step = options.start_time or 0.0, options.step_size
     if options.stop_time is None or options.stop_time > last:
         changed["stop_time"] = last if not step else start + step * math.ceil((last - start) / step - 1e-9)
     if options.output_interval is None and step:
-        between = min(float(np.median(np.diff(one.time))) for one in measured)
-        rows = _ROWS if may_be_late else 1
-        changed["output_interval"] = step * max(round(min(between, 1e-3) / rows / step), 1)
+        sample_time = min(float(np.median(np.diff(signal.time))) for signal in measured)
+        rows = _ROWS_PER_SAMPLE if may_be_late else 1
+        changed["output_interval"] = step * max(round(min(sample_time, 1e-3) / rows / step), 1)
     return changed
 
 
-def _read_sigma(asked: Mapping[str, Any], units: Mapping[str, SiUnit | None]) -> dict[str, float]:
-    found = {}
-    for signal, given in asked.items():
+def _read_sigma(deviations: Mapping[str, Any], units: Mapping[str, SiUnit | None]) -> dict[str, float]:
+    sigma = {}
+    for signal, text in deviations.items():
         label = f"the standard deviation of {signal}"
-        value = read_quantity(str(given), label, units[signal])
+        value = read_quantity(str(text), label, units[signal])
         if not 0.0 < value < float("inf"):
-            raise CommandError(f"{label} is {given}; it must be positive.", signal=signal)
-        found[signal] = value
-    return found
+            raise CommandError(f"{label} is {text}; it must be positive.", signal=signal)
+        sigma[signal] = value
+    return sigma
 
 
 def _check_samples(
@@ -175,12 +175,14 @@ def _check_samples(
     sigma: Mapping[str, float],
 ) -> None:
     """Raise CommandError if there are too few samples, or a standard deviation is of no measured signal."""
-    fitted = [x for one, of in zip(plan.experiments, signals, strict=True) if not one.held_out for x in of]
+    fitted = [
+        x for e, measured in zip(plan.experiments, signals, strict=True) if not e.held_out for x in measured
+    ]
     samples = sum(len(signal.time) for signal in fitted)
     if samples <= len(parameters.items):
         raise CommandError(
             f"{plan.where} has {samples} samples for {len(parameters.items)} parameters; more are needed."
         )
-    measured = {signal.signal for of in signals for signal in of}
+    measured = {signal.signal for measured_signals in signals for signal in measured_signals}
     if idle := [signal for signal in sigma if signal not in measured]:
         raise CommandError(f"{idle[0]} in 'sigma' of {plan.where} is not measured.", signal=idle[0])

@@ -26,7 +26,7 @@ SCENARIO = "identified.toml"
 
 _RECORD, _FIT, _CERTAINTY = "identify.json", "fit.png", "certainty.png"
 
-_MOST = 6
+_MAX_PICTURES = 6
 """Most signals of experiments that are drawn: the worst."""
 
 
@@ -35,84 +35,88 @@ def build_report(result: IdentificationResult) -> Report:
     count = format_count(result.runs, "run")
     duration = [f"{count} in {result.wall_s:.0f} s"]
     limits: list[Text | str] = [
-        Text(f"{one.name} is not identified: {one.problem}.", is_failure=True)
-        for one in result.estimates
-        if one.problem is not None
+        Text(f"{estimate.name} is not identified: {estimate.problem}.", is_failure=True)
+        for estimate in result.estimates
+        if estimate.problem is not None
     ]
     limits += [f"Note: {note.rstrip('.')}." for note in result.notes]
     if result.candidates:
-        sections = [Section("Experiments", tables=[_candidates_table(result)], under=[*limits, *duration])]
+        table = _tabulate_candidates(result)
+        sections = [Section("Experiments", tables=[table], under=[*limits, *duration])]
     else:
         certainty = {_CERTAINTY: "Intervals of the estimates within their ranges, and correlations"}
         fit = {_FIT: "Measured and predicted signals, and residuals"}
-        fits = [_fits_table(result)] if result.fits else []
+        fits = [_tabulate_fits(result)] if result.fits else []
         sections = [
-            Section("Estimates", tables=[_estimates_table(result)], under=limits, pictures=certainty),
+            Section("Estimates", tables=[_tabulate_estimates(result)], under=limits, pictures=certainty),
             Section("Fit", tables=fits, pictures=fit, under=duration),
         ]
     facts = [count] if result.complete else [count, "interrupted"]
     return Report("Identification", result.name, facts, sections)
 
 
-def _estimates_table(result: IdentificationResult) -> ReportTable:
+def _tabulate_estimates(result: IdentificationResult) -> ReportTable:
     rows = list[list[str | Text]]()
-    for one in result.estimates:
-        error = "" if one.error is None else f"{one.error:.2g}"
-        name = Text(one.name, is_failure=one.problem is not None)
-        interval, step_change = _format_interval(one), _format_step_change(one)
-        rows.append([name, f"{one.start:.5g}", f"{one.value:.5g}", error, interval, one.unit, step_change])
+    for estimate in result.estimates:
+        error = "" if estimate.error is None else f"{estimate.error:.2g}"
+        name = Text(estimate.name, is_failure=estimate.problem is not None)
+        interval, step_change = _format_interval(estimate), _format_step_change(estimate)
+        start, value = f"{estimate.start:.5g}", f"{estimate.value:.5g}"
+        rows.append([name, start, value, error, interval, estimate.unit, step_change])
     header = ("", "start", "estimate", "std. error", "95 % interval", "", "½ step")
     under = ("½ step: change of the estimate by half the step size, in standard errors.",)
     return ReportTable(f"Estimates of {result.name}", header, rows, under, texts=(0, 4, 5))
 
 
-def _format_interval(one: Estimate) -> str:
+def _format_interval(estimate: Estimate) -> str:
     """Return the interval of an estimate; that of the profile likelihood if there is one."""
-    if one.profile is not None:
-        low, high = ("open" if x is None else f"{x:.5g}" for x in one.profile)
+    if estimate.profile is not None:
+        low, high = ("open" if x is None else f"{x:.5g}" for x in estimate.profile)
         return f"{low} … {high} (profile)"
-    return "not identified" if one.interval is None else f"{one.interval[0]:.5g} … {one.interval[1]:.5g}"
+    if estimate.interval is None:
+        return "not identified"
+    return f"{estimate.interval[0]:.5g} … {estimate.interval[1]:.5g}"
 
 
-def _format_step_change(one: Estimate) -> str:
+def _format_step_change(estimate: Estimate) -> str:
     """Return the change of an estimate by half the step, in standard errors; empty without an error."""
-    if one.error is None:
+    if estimate.error is None:
         return ""
-    return "not judged" if one.step_change is None else f"{one.step_change:.2f}"
+    return "not judged" if estimate.step_change is None else f"{estimate.step_change:.2f}"
 
 
-def _fits_table(result: IdentificationResult) -> ReportTable:
+def _tabulate_fits(result: IdentificationResult) -> ReportTable:
     rows = [
         [
-            one.experiment + (" (held out)" if one.held_out else ""),
-            one.signal,
-            str(one.samples),
-            f"{100.0 * one.fit:.4g}",
-            f"{one.r2:.5g}",
-            f"{one.rms:.3g}",
-            one.unit,
-            _describe_residuals(one),
+            fit.experiment + (" (held out)" if fit.held_out else ""),
+            fit.signal,
+            str(fit.samples),
+            f"{100.0 * fit.fit:.4g}",
+            f"{fit.r2:.5g}",
+            f"{fit.rms:.3g}",
+            fit.unit,
+            _describe_residuals(fit),
         ]
-        for one in result.fits
+        for fit in result.fits
     ]
     header = ("", "", "samples", "fit / %", "R²", "rms", "", "residuals")
     return ReportTable("Fit", header, rows, texts=(0, 1, 6, 7))
 
 
-def _describe_residuals(one: Fit) -> str:
-    if one.related_input is not None:
-        return f"related to {one.related_input}"
-    return "white" if one.is_white else "correlated in time"
+def _describe_residuals(fit: Fit) -> str:
+    if fit.related_input is not None:
+        return f"related to {fit.related_input}"
+    return "white" if fit.is_white else "correlated in time"
 
 
-def _candidates_table(result: IdentificationResult) -> ReportTable:
+def _tabulate_candidates(result: IdentificationResult) -> ReportTable:
     rows = [
         [
-            one.experiment,
-            "none" if one.information == -math.inf else f"{one.information:.1f}",
-            *("?" if width is None else f"{width:.3g}" for width in one.intervals.values()),
+            candidate.experiment,
+            "none" if candidate.information == -math.inf else f"{candidate.information:.1f}",
+            *("?" if width is None else f"{width:.3g}" for width in candidate.intervals.values()),
         ]
-        for one in result.candidates
+        for candidate in result.candidates
     ]
     header = ("", "information / bit", *_shorten_names([*result.candidates[0].intervals]))
     under = ("The columns of parameters are half widths of their intervals of 95 %.",)
@@ -121,26 +125,26 @@ def _candidates_table(result: IdentificationResult) -> ReportTable:
 
 def draw_fit(result: IdentificationResult) -> "Figure":
     """Draw for each signal of each experiment what was measured and predicted, and the residuals below."""
-    shown = sorted(result.fits, key=lambda one: one.fit)[:_MOST]
-    shown = [one for one in result.fits if one in shown]
-    figure, grid = new_figure(2, max(len(shown), 1), 3.9, sharex="col")
-    for j, one in enumerate(shown):
+    worst = sorted(result.fits, key=lambda fit: fit.fit)[:_MAX_PICTURES]
+    worst = [fit for fit in result.fits if fit in worst]
+    figure, grid = new_figure(2, max(len(worst), 1), 3.9, sharex="col")
+    for j, fit in enumerate(worst):
         rows = result.samples.filter(
-            (result.samples["experiment"] == one.experiment) & (result.samples["signal"] == one.signal)
+            (result.samples["experiment"] == fit.experiment) & (result.samples["signal"] == fit.signal)
         )
         time, measured, predicted = (rows[name].to_numpy() for name in ("time", "measured", "predicted"))
-        unit = f" / {one.unit}" if one.unit else ""
-        held_out = ", held out" if one.held_out else ""
+        unit = f" / {fit.unit}" if fit.unit else ""
+        held_out = ", held out" if fit.held_out else ""
         _draw_line(grid[0, j], time, measured, GREY, "measured", ".")
         _draw_line(grid[0, j], time, predicted, BLUE, "predicted", "-")
         _draw_line(grid[1, j], time, predicted - measured, ORANGE, "", "-")
         grid[0, j].set_title(
-            f"{one.experiment}{held_out}: fit {100.0 * one.fit:.4g} %", fontsize=10, parse_math=False
+            f"{fit.experiment}{held_out}: fit {100.0 * fit.fit:.4g} %", fontsize=10, parse_math=False
         )
-        grid[0, j].set_ylabel(f"{one.signal}{unit}", fontsize=8, parse_math=False)
+        grid[0, j].set_ylabel(f"{fit.signal}{unit}", fontsize=8, parse_math=False)
         grid[1, j].set_ylabel(f"predicted - measured{unit}", fontsize=8, parse_math=False)
         grid[1, j].set_xlabel("time / s")
-    if shown:
+    if worst:
         grid[0, -1].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8, frameon=False)
     return figure
 
@@ -164,17 +168,19 @@ def _draw_line(
 
 
 def _draw_intervals(axes: "Axes", result: IdentificationResult) -> None:
-    """Draw each estimate at its place in its range, with its interval as a text beside."""
-    for i, one in enumerate(result.estimates):
-        width = one.high - one.low
-        color = RED if one.interval is None else BLUE
-        low, high = (one.low, one.high) if one.interval is None else one.interval
-        ends = [float(np.clip((x - one.low) / width, 0.0, 1.0)) for x in (low, high)]
+    """Draw each estimate within its range, with its interval as a text beside."""
+    for i, estimate in enumerate(result.estimates):
+        width = estimate.high - estimate.low
+        color = RED if estimate.interval is None else BLUE
+        low, high = (estimate.low, estimate.high) if estimate.interval is None else estimate.interval
+        ends = [float(np.clip((x - estimate.low) / width, 0.0, 1.0)) for x in (low, high)]
         axes.plot(ends, [i, i], color=color, alpha=0.4, linewidth=5.0, solid_capstyle="butt")
-        axes.plot([(one.value - one.low) / width], [i], "o", color=color, markersize=5)
-        text = "not identified" if one.error is None else f"{one.value:.4g} ± {one.error:.1g} {one.unit}"
+        axes.plot([(estimate.value - estimate.low) / width], [i], "o", color=color, markersize=5)
+        text = "not identified"
+        if estimate.error is not None:
+            text = f"{estimate.value:.4g} ± {estimate.error:.1g} {estimate.unit}"
         axes.text(1.04, i, text, fontsize=8, va="center", color=color, parse_math=False)
-    names = _shorten_names([one.name for one in result.estimates])
+    names = _shorten_names([estimate.name for estimate in result.estimates])
     axes.set_yticks(range(len(names)), names, fontsize=8, parse_math=False)
     axes.set_ylim(len(names) - 0.5, -0.5)
     axes.set_xlim(-0.02, 1.02)
@@ -196,7 +202,7 @@ def _shorten_names(names: Sequence[str]) -> list[str]:
 def _draw_correlations(figure: "Figure", axes: "Axes", result: IdentificationResult) -> None:
     values = np.ma.masked_invalid(result.correlations)
     image = axes.imshow(values, cmap="RdBu", vmin=-1.0, vmax=1.0)
-    names = _shorten_names([one.name for one in result.estimates])
+    names = _shorten_names([estimate.name for estimate in result.estimates])
     axes.set_xticks(range(len(names)), names, rotation=90, fontsize=7, parse_math=False)
     axes.set_yticks(range(len(names)), [""] * len(names))
     for i in range(len(names)):
@@ -240,7 +246,7 @@ def read_unfinished(folder: Path, names: Sequence[str]) -> dict[str, float] | No
     """Return the best values of an unfinished identification of these parameters; None if there is none."""
     try:
         record = json.loads((folder / _RECORD).read_text(encoding="utf-8"))
-        values = {one["name"]: float(one["value"]) for one in record["estimates"]}
+        values = {item["name"]: float(item["value"]) for item in record["estimates"]}
         is_unfinished = record["status"] == "unfinished"
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return None

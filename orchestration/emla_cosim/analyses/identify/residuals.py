@@ -14,7 +14,7 @@ from .measurement import EXACT, MeasuredSignal
 
 LINEAR = "linear"
 
-_MEDIAN = 1.4826
+_DEVIATION_PER_MEDIAN = 1.4826
 """Standard deviation of a normal distribution, divided by the median of its absolute values."""
 
 _LAGS = 20
@@ -26,9 +26,9 @@ _PROBABILITY = 0.01
 _OUTLIER = 6.0
 """Distance from the median of residuals in robust standard deviations from which a sample is an outlier."""
 
-_Rho = Callable[[Vector], Sequence[Vector]]
+_LossFunction = Callable[[Vector], Sequence[Vector]]
 
-_RHO: dict[str, _Rho] = {
+_LOSS_FUNCTIONS: dict[str, _LossFunction] = {
     LINEAR: lambda z: (z, np.ones_like(z), np.zeros_like(z)),
     "soft_l1": lambda z: (2.0 * (np.sqrt(1.0 + z) - 1.0), (1.0 + z) ** -0.5, -0.5 * (1.0 + z) ** -1.5),
     "huber": lambda z: (
@@ -41,13 +41,13 @@ _RHO: dict[str, _Rho] = {
 }
 """Losses of squares, and their first and second derivatives."""
 
-LOSSES = tuple(_RHO)
+LOSSES = tuple(_LOSS_FUNCTIONS)
 """Loss functions; all but the first reduce the weight of outliers."""
 
 
 def find_cost(loss: str, residuals: Vector) -> float:
     """Return half the sum of the losses of residuals in standard deviations, shape (n,)."""
-    return 0.5 * float(_RHO[loss](residuals**2)[0].sum())
+    return 0.5 * float(_LOSS_FUNCTIONS[loss](residuals**2)[0].sum())
 
 
 def scale_for_loss(loss: str, residuals: Vector) -> tuple[Vector, Vector]:
@@ -59,14 +59,14 @@ def scale_for_loss(loss: str, residuals: Vector) -> tuple[Vector, Vector]:
         loss: A name of `LOSSES`.
         residuals: Residuals in standard deviations, shape (n,).
     """
-    _, first, second = _RHO[loss](residuals**2)
+    _, first, second = _LOSS_FUNCTIONS[loss](residuals**2)
     factors = np.sqrt(np.maximum(first + 2.0 * second * residuals**2, np.finfo(float).eps))
     return residuals * first, factors
 
 
 def find_robust_deviation(values: Vector) -> float:
     """Return the standard deviation about 0 of normal values from their median: outliers do not move it."""
-    return _MEDIAN * float(np.median(np.abs(values)))
+    return _DEVIATION_PER_MEDIAN * float(np.median(np.abs(values)))
 
 
 def autocorrelation(values: Vector) -> Vector:
@@ -74,17 +74,17 @@ def autocorrelation(values: Vector) -> Vector:
     centred = values - values.mean()
     size = 2 ** int(np.ceil(np.log2(2 * len(values))))
     spectrum = np.fft.rfft(centred, size)
-    found = np.fft.irfft(spectrum * np.conj(spectrum), size)[: len(values)]
-    return found / found[0] if found[0] > 0.0 else np.zeros_like(found)
+    correlation = np.fft.irfft(spectrum * np.conj(spectrum), size)[: len(values)]
+    return correlation / correlation[0] if correlation[0] > 0.0 else np.zeros_like(correlation)
 
 
 def count_correlated_lags(values: Vector) -> int:
     """Return up to which lag residuals count as correlated: three times the first lag without correlation."""
     if len(values) < 4:
         return 0
-    found = autocorrelation(values)
+    correlation = autocorrelation(values)
     band = 1.96 / np.sqrt(len(values))
-    small = np.flatnonzero(np.abs(found) < band)
+    small = np.flatnonzero(np.abs(correlation) < band)
     first = int(small[0]) if len(small) else len(values)
     return 0 if first <= 1 else min(3 * first, len(values) // 4)
 
@@ -125,7 +125,7 @@ class Fit:
 def assess_fit(
     experiment: str,
     held_out: bool,
-    one: MeasuredSignal,
+    measured: MeasuredSignal,
     differences: Vector,
     inputs: Mapping[str, tuple[Vector, Vector]],
 ) -> Fit:
@@ -134,59 +134,58 @@ def assess_fit(
     Args:
         experiment: its experiment.
         held_out: whether that serves to validate only.
-        one: the measured signal.
+        measured: the measured signal.
         differences: prediction minus measurement, shape (n,).
         inputs: times and values of the data that drive inputs, by column.
     """
     from scipy.stats import chi2  # slow to import, and plans need the names of losses only
 
     count = len(differences)
-    spread = float(np.sum((one.values - one.values.mean()) ** 2))
+    spread = float(np.sum((measured.values - measured.values.mean()) ** 2))
     squares = float(differences @ differences)
     exact = squares <= EXACT**2 * spread
-    found = autocorrelation(differences)
+    correlation = autocorrelation(differences)
     lags = min(_LAGS, max(count // 4, 1))
-    statistic = (
-        count * (count + 2.0) * float(np.sum(found[1 : lags + 1] ** 2 / (count - np.arange(1, lags + 1))))
-    )
+    tested = correlation[1 : lags + 1]
+    statistic = count * (count + 2.0) * float(np.sum(tested**2 / (count - np.arange(1, lags + 1))))
     centred = differences - np.median(differences)
     deviation = find_robust_deviation(centred)
     beyond = np.abs(centred) > _OUTLIER * deviation
     return Fit(
         experiment,
-        one.signal,
-        one.unit,
+        measured.signal,
+        measured.unit,
         held_out,
         count,
         float(np.sqrt(squares / count)),
         1.0 - float(np.sqrt(squares / spread)),
         1.0 - squares / spread,
-        float(found[1]) if count > 1 else 0.0,
+        float(correlation[1]) if count > 1 else 0.0,
         exact or bool(statistic <= chi2.ppf(1.0 - _PROBABILITY, lags)),
-        None if exact else _find_related_input(one.time, differences, found, inputs),
+        None if exact else _find_related_input(measured.time, differences, correlation, inputs),
         int(beyond.sum()) if deviation > 0.0 and not exact else 0,
     )
 
 
 def _find_related_input(
-    time: Vector, differences: Vector, own: Vector, inputs: Mapping[str, tuple[Vector, Vector]]
+    time: Vector, differences: Vector, correlation: Vector, inputs: Mapping[str, tuple[Vector, Vector]]
 ) -> str | None:
     """Return the input with the largest significant cross-correlation at lags up to 20 samples.
 
     The band widens with the autocorrelations of both (Bartlett's formula).
     """
     best, worst, count = None, 1.0, len(differences)
-    for name, (at, values) in inputs.items():
-        driven = np.interp(time, at, values)
+    for name, (input_times, values) in inputs.items():
+        driven = np.interp(time, input_times, values)
         if np.ptp(driven) == 0.0 or np.ptp(differences) == 0.0 or count < 4 * _LAGS:
             continue
-        its = autocorrelation(driven)
-        far = min(count // 4, 1000)
-        weight = max(1.0 + 2.0 * float(np.sum(own[1:far] * its[1:far])), 1.0)
+        input_correlation = autocorrelation(driven)
+        last_lag = min(count // 4, 1000)
+        weight = max(1.0 + 2.0 * float(np.sum(correlation[1:last_lag] * input_correlation[1:last_lag])), 1.0)
         band = 2.576 * np.sqrt(weight / count) * np.sqrt(np.log(2 * _LAGS + 1.0))
         a = (differences - differences.mean()) / differences.std()
         b = (driven - driven.mean()) / driven.std()
-        most = max(abs(float(a[lag:] @ b[: count - lag])) / count for lag in range(_LAGS + 1))
-        if most / band > worst:
-            best, worst = name, most / band
+        largest = max(abs(float(a[lag:] @ b[: count - lag])) / count for lag in range(_LAGS + 1))
+        if largest / band > worst:
+            best, worst = name, largest / band
     return best

@@ -81,12 +81,12 @@ class IdentificationResult(ReportedResult):
 
     def __getitem__(self, name: str) -> Estimate:
         """Return the estimate of a parameter. Raises KeyError."""
-        return {one.name: one for one in self.estimates}[name]
+        return {estimate.name: estimate for estimate in self.estimates}[name]
 
     @property
     def is_identified(self) -> bool:
         """Whether the data identify every parameter."""
-        return all(one.problem is None for one in self.estimates)
+        return all(estimate.problem is None for estimate in self.estimates)
 
     def plot(self) -> "Figure":
         """Draw measured over predicted signals, and their residuals."""
@@ -102,11 +102,11 @@ class IdentificationResult(ReportedResult):
             "name": self.name,
             "status": "completed" if self.complete else "unfinished",
             "converged": self.converged,
-            "estimates": [asdict(one) for one in self.estimates],
+            "estimates": [asdict(item) for item in self.estimates],
             "correlations": [[None if x != x else x for x in row] for row in self.correlations.tolist()],
             "condition": self.condition,
-            "fits": [asdict(one) for one in self.fits],
-            "candidates": [asdict(one) for one in self.candidates],
+            "fits": [asdict(item) for item in self.fits],
+            "candidates": [asdict(item) for item in self.candidates],
             "sigma": dict(self.sigma),
             "notes": [*self.data_notes, *self.notes],
             "plan": self.plan,

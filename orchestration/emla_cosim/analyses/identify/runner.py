@@ -1,4 +1,4 @@
-"""Run an identification: prepare the experiments, estimate, and judge what came out."""
+"""Run an identification: prepare the experiments, estimate, and assess the result."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -34,10 +34,10 @@ from .residuals import LINEAR, Fit, assess_fit
 from .result import SAMPLES, IdentificationResult
 from .systematic_errors import judge_estimates
 
-_MEASURED = "measured"
+_FIRST_EXPERIMENT = "measured"
 """Name of the experiment of `measured`."""
 
-_UNEVEN = 0.2
+_REPORTED_COST_TOLERANCE = 0.2
 """Unevenness from which it is reported: intervals are then 20 % wider."""
 
 _SAVE_S = 5.0
@@ -107,18 +107,18 @@ def identify(
         >>> import emla_cosim as ec
         >>> run = ec.load("lift", stop_time=0.2, set={"lift.plant.motor.J_m": 0.2}).prepare().run()
         >>> data = {"time": run.time, "x": run["lift.plant.x_L"]}
-        >>> found = ec.identify(
+        >>> result = ec.identify(
         ...     "lift",
         ...     {"lift.plant.motor.J_m": "0.05:0.4"},
         ...     measured=[ec.Input(data=data, signals={"lift.plant.x_L": "x"})],
         ...     workers=1,
         ... )
-        >>> round(found["lift.plant.motor.J_m"].value, 6)
+        >>> round(result["lift.plant.motor.J_m"].value, 6)
         0.2
     """
     converted = convert_value(list(measured), Sequence[Input], "'measured'") if measured is not None else None
-    first = [] if converted is None else [Experiment(_MEASURED, converted)]
-    given = {
+    first = [] if converted is None else [Experiment(_FIRST_EXPERIMENT, converted)]
+    fields = {
         "vary": vary,
         "experiments": [*first, *(experiments or ())] or None,
         "sigma": sigma,
@@ -130,7 +130,7 @@ def identify(
         "design": design,
         "options": {**options, "overwrite": True} if overwrite else options,
     }
-    plan = load_identification_plan(source).updated(given)
+    plan = load_identification_plan(source).updated(fields)
     session = Session(
         OUTPUTS,
         output=output,
@@ -144,7 +144,8 @@ def identify(
     with session.with_workers():
         task = prepare_task(plan, session)
         with session.open_runs(task.preparations) as runs:
-            signals = list(dict.fromkeys(x.signal for of in task.signals for x in of)) or list(task.sigma)
+            measured_names = dict.fromkeys(x.signal for signals in task.signals for x in signals)
+            signals = list(measured_names or task.sigma)
             rows = max(runs.describe(i).rows for i in range(len(task.preparations)))
             predictor = Predictor(runs, task.parameters, task.signals, signals, rows)
             identification = _Identification(task, session, predictor)
@@ -163,7 +164,7 @@ class _Identification:
 
     def __post_init__(self) -> None:
         plan = self.task.plan
-        fitted = [i for i, one in enumerate(plan.experiments) if not one.held_out]
+        fitted = [i for i, experiment in enumerate(plan.experiments) if not experiment.held_out]
         self.content = scenario_content(plan.scenario, plan.options) or {}
         self.problem = Problem(self.predictor, fitted, self._choose_sigma(fitted))
         self.estimator = Estimator(self.problem, plan.loss, plan.evaluations, self._advance)
@@ -173,7 +174,7 @@ class _Identification:
         candidates = rank_experiments(self.task, self.predictor)
         self.session.progress.advance(1)
         self.session.progress.finish()
-        return self._keep(sigma=dict(self.task.sigma), candidates=candidates)
+        return self._build_result(sigma=dict(self.task.sigma), candidates=candidates)
 
     def run(self) -> IdentificationResult:
         plan, estimator, problem = self.task.plan, self.estimator, self.problem
@@ -186,18 +187,18 @@ class _Identification:
             notes = self._describe_unevenness(slopes)
             (residuals,) = problem.residuals([best.point])
             assert residuals is not None
-            certainty, remarks = judge_estimates(problem, best.point, residuals, slopes, plan.loss)
-            certainty = self._add_profiles(best.point, certainty, slopes.unevenness)
+            certainty, further = judge_estimates(problem, best.point, residuals, slopes, plan.loss)
+            certainty = self._add_profiles(best.point, certainty, slopes.cost_tolerance)
         except InterruptedRunsError:
-            return self._keep_unfinished(is_final=True)
+            return self._save_unfinished(is_final=True)
         self.session.progress.finish()
-        notes += remarks
+        notes += further
         if not best.converged:
             notes.append(
                 f"the search did not converge within {plan.evaluations} evaluations; raise --evaluations"
             )
         fits, samples = self._assess_fits(best.point)
-        return self._keep(
+        return self._build_result(
             best.point,
             estimates=certainty.estimates,
             correlations=certainty.correlations,
@@ -215,14 +216,14 @@ class _Identification:
         if values is None:
             return parameters.start
         self.session.progress.note(f"Note: continued from the unfinished result in {folder}.")
-        return np.array([one.place(values[one.name]) for one in parameters.items])
+        return np.array([item.to_fraction(values[item.name]) for item in parameters.items])
 
     def _choose_sigma(self, fitted: Sequence[int]) -> dict[str, float]:
         """Return the given standard deviations; for other signals the spread of what was measured."""
         spreads = dict[str, float]()
         for i in fitted:
-            for one in self.task.signals[i]:
-                spreads[one.signal] = max(spreads.get(one.signal, 0.0), float(np.std(one.values)))
+            for signal in self.task.signals[i]:
+                spreads[signal.signal] = max(spreads.get(signal.signal, 0.0), float(np.std(signal.values)))
         return {**spreads, **{k: v for k, v in self.task.sigma.items() if k in spreads}}
 
     def _advance(self, count: int) -> None:
@@ -231,19 +232,19 @@ class _Identification:
         now = time.monotonic()
         if self.session.path is not None and self.estimator.best is not None and now - self.saved > _SAVE_S:
             self.saved = now
-            self._keep_unfinished(is_final=False)
+            self._save_unfinished(is_final=False)
 
-    def _keep_unfinished(self, is_final: bool) -> IdentificationResult:
+    def _save_unfinished(self, is_final: bool) -> IdentificationResult:
         """Return the best values so far as a result, and write its files."""
         best = self.estimator.best
         if best is None:
-            raise RunError("interrupted before any values were tried.")
-        return self._keep(
+            raise RunError("interrupted before the first evaluation.")
+        return self._build_result(
             best.point,
             is_final,
             estimates=[
-                make_estimate(parameter, place, problem="interrupted")
-                for parameter, place in zip(self.task.parameters.items, best.point, strict=True)
+                make_estimate(parameter, fraction, problem="interrupted")
+                for parameter, fraction in zip(self.task.parameters.items, best.point, strict=True)
             ],
             complete=False,
             converged=False,
@@ -259,41 +260,43 @@ class _Identification:
                 f"the derivatives by {', '.join(unsure)} depend on the step of the differences: outputs are "
                 "rounded, noisy or have corners; switch off noise and rounding of the simulated sensors"
             )
-        if slopes.unevenness > _UNEVEN:
+        if slopes.cost_tolerance > _REPORTED_COST_TOLERANCE:
             notes.append(
-                f"runs with almost equal values differ: the sum of squares is uneven by "
-                f"{2.0 * slopes.unevenness:.2g} times the variance, and intervals are "
-                f"{np.sqrt(1.0 + 2.0 * slopes.unevenness):.2g} times as wide for it; drive the plant with "
+                f"runs with almost equal values differ: the sum of squares varies by "
+                f"{2.0 * slopes.cost_tolerance:.2g} times the variance, and intervals are "
+                f"{np.sqrt(1.0 + 2.0 * slopes.cost_tolerance):.2g} times as wide; drive the plant with "
                 "recorded inputs instead of a simulated control loop"
             )
         return notes
 
-    def _add_profiles(self, point: Vector, certainty: Certainty, unevenness: float) -> Certainty:
+    def _add_profiles(self, point: Vector, certainty: Certainty, cost_tolerance: float) -> Certainty:
         """Return the certainty with the intervals of the profile likelihood that the plan asks for."""
         estimates = list(certainty.estimates)
         for name in self.task.plan.profile:
             i = self.task.parameters.names.index(name)
-            one, error = self.task.parameters.items[i], None
+            parameter, error = self.task.parameters.items[i], None
             if (interval := estimates[i].interval) is not None:
-                error = max((one.place(interval[1]) - one.place(interval[0])) / 4.0, 1e-6)
-            ends = find_profile(self.problem, point, i, error, self.session.progress.advance, unevenness)
-            low, high = (None if x is None else one.value(x) for x in ends)
-            estimates[i] = replace(estimates[i], profile=(low, high))
+                low, high = map(parameter.to_fraction, interval)
+                error = max((high - low) / 4.0, 1e-6)
+            ends = find_profile(self.problem, point, i, error, self.session.progress.advance, cost_tolerance)
+            lower, upper = (None if x is None else parameter.value(x) for x in ends)
+            estimates[i] = replace(estimates[i], profile=(lower, upper))
         return replace(certainty, estimates=estimates)
 
     def _assess_fits(self, point: Vector) -> tuple[list[Fit], polars.DataFrame]:
         """Return the fit of each signal in each experiment, and all samples with their predictions."""
         (predictions,) = self.predictor.predict([point])
         fits, frames = list[Fit](), list[polars.DataFrame]()
-        for i, one in enumerate(self.task.plan.experiments):
+        for i, experiment in enumerate(self.task.plan.experiments):
+            name, held_out = experiment.name, experiment.held_out
             differences = self.problem.differences(point, predictions, i)
             if not differences:
-                raise RunError(f"the experiment '{one.name}' fails with the estimates: {predictions[i]}.")
+                raise RunError(f"the experiment '{name}' fails with the estimates: {predictions[i]}.")
             for measured in self.task.signals[i]:
                 residuals = differences[measured.signal]
-                fits.append(assess_fit(one.name, one.held_out, measured, residuals, self.task.drivers[i]))
+                fits.append(assess_fit(name, held_out, measured, residuals, self.task.drivers[i]))
                 values = (measured.time, measured.values, measured.values + residuals)
-                names = [[name] * len(residuals) for name in (one.name, measured.signal)]
+                names = [[text] * len(residuals) for text in (name, measured.signal)]
                 frames.append(polars.DataFrame(dict(zip(SAMPLES, (*names, *values), strict=True))))
         return fits, polars.concat(frames)
 
@@ -305,7 +308,7 @@ class _Identification:
             notes.append(f"{format_count(failures.total(), 'run')} failed, most because: {reason}")
         return notes
 
-    def _keep(
+    def _build_result(
         self, point: Vector | None = None, is_final: bool = True, **fields: Any
     ) -> IdentificationResult:
         """Return a result with these fields, at a point if it is estimated, and write its files."""
@@ -322,7 +325,7 @@ class _Identification:
             folder=self.session.path,
             data_notes=self.task.notes,
             plan=self.task.plan.record,
-            systems=[one.identity for one in self.task.preparations],
+            systems=[preparation.identity for preparation in self.task.preparations],
             **{"correlations": unknown, "sigma": dict(self.problem.sigma), **fields},
         )
         self.session.keep(result, is_final)
@@ -330,14 +333,14 @@ class _Identification:
 
 
 def _describe_limits(fits: Sequence[Fit], certainty: Certainty, task: IdentificationTask) -> list[str]:
-    """Return what limits the worth of the estimates."""
+    """Return notes on what limits the estimates."""
     notes = list[str]()
-    for one in fits:
-        if one.held_out or (one.is_white and one.related_input is None):
+    for fit in fits:
+        if fit.held_out or (fit.is_white and fit.related_input is None):
             continue
-        why = f"related to the input {one.related_input}" if one.related_input else "correlated in time"
+        why = f"related to the input {fit.related_input}" if fit.related_input else "correlated in time"
         notes.append(
-            f"the residuals of {one.signal} in {one.experiment} are {why}: the model lacks something, and "
+            f"the residuals of {fit.signal} in {fit.experiment} are {why}: the model lacks something, and "
             "the estimates may be wrong by more than their intervals"
         )
     if fits and all(s in task.sigma for s in {x.signal for x in fits}) and certainty.deviation > 2.0:
@@ -345,9 +348,9 @@ def _describe_limits(fits: Sequence[Fit], certainty: Certainty, task: Identifica
             f"the residuals are {certainty.deviation:.3g} times as large as the given standard deviations"
         )
     notes += [
-        f"{format_count(one.outliers, 'outlier')} among the samples of {one.signal} in {one.experiment}; "
-        "--loss soft_l1 bears them"
-        for one in fits
-        if one.outliers and one.is_white and task.plan.loss == LINEAR
+        f"{format_count(fit.outliers, 'outlier')} among the samples of {fit.signal} in {fit.experiment}; "
+        "use --loss soft_l1"
+        for fit in fits
+        if fit.outliers and fit.is_white and task.plan.loss == LINEAR
     ]
     return notes

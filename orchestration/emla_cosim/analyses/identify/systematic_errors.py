@@ -1,4 +1,4 @@
-"""What standard errors do not show: how much of each estimate a shift in time makes, and the step size.
+"""Errors that standard errors do not show: those of a shift in time and of the step size.
 
 Inputs and measurements are compared at the times that their files name. A sensor with a filter, a controller
 that samples, or a recorder that writes a sample late shift them against each other. A model without it
@@ -21,10 +21,10 @@ from .parameters import DELAY, Parameters
 from .problem import Derivatives, Problem
 from .residuals import scale_for_loss
 
-_CERTAIN = 3.0
+_MIN_SHIFT = 3.0
 """Shift in its standard errors from which it is taken as real."""
 
-_MOST = 1.0
+_MAX_STEP_CHANGE = 1.0
 """Change in standard errors above which the step makes an estimate."""
 
 
@@ -56,7 +56,7 @@ def judge_estimates(
 
     Args:
         problem: the problem.
-        point: places of the estimates, shape (p,).
+        point: the estimates as fractions of their ranges, shape (p,).
         residuals: residuals in standard deviations, shape (n,).
         slopes: their derivatives.
         loss: the loss function, a name of `LOSSES`.
@@ -67,20 +67,20 @@ def judge_estimates(
         parameters,
         point,
         jacobian=slopes.matrix,
-        lengths=[len(one.time) for one in problem.samples],
+        lengths=[len(measured.time) for measured in problem.samples],
         change=slopes.change,
         loss=loss,
         blocked=problem.blocked,
-        unevenness=slopes.unevenness,
+        cost_tolerance=slopes.cost_tolerance,
     )
     if problem.is_exact(residuals):
         return assess(residuals), ["the step is not judged: the fit is exact, residuals are rounding"]
-    sensors = [one.sensor for one in parameters.items if one.sensor is not None]
+    sensors = [item.sensor for item in parameters.items if item.sensor is not None]
     shifts, moves = find_time_shifts(
         problem.samples,
         residuals,
         slopes.matrix,
-        [problem.sigma[one.signal] for one in problem.samples],
+        [problem.sigma[measured.signal] for measured in problem.samples],
         loss,
         known={signal for kind, signal in sensors if kind == DELAY},
     )
@@ -90,12 +90,12 @@ def judge_estimates(
     if isinstance(halved, str):
         return shifted(residuals), [*notes, f"the step is not judged: {halved.rstrip('.')}"]
     half = max(problem.predictor.half_steps.values(), key=lambda half: half.step)
-    judged = (parameters, point, residuals, halved, slopes.matrix, loss, half)
-    found, made = _judge_step(*judged, assess)
-    if made or not shifts:  # a shift that the step makes is not one of the machine
-        return found, made
-    found, made = _judge_step(*judged, shifted)
-    return found, [*notes, *made]
+    arguments = (parameters, point, residuals, halved, slopes.matrix, loss, half)
+    certainty, remarks = _judge_step(*arguments, assess)
+    if remarks or not shifts:  # a shift that the step makes is not one of the machine
+        return certainty, remarks
+    certainty, remarks = _judge_step(*arguments, shifted)
+    return certainty, [*notes, *remarks]
 
 
 def find_time_shifts(
@@ -113,67 +113,67 @@ def find_time_shifts(
     Args:
         samples: the measured signals, in the order of the residuals.
         residuals: prediction minus measurement in standard deviations, shape (n,).
-        jacobian: derivatives of the residuals by the places, shape (n, p).
+        jacobian: derivatives of the residuals by the fractions, shape (n, p).
         sigma: standard deviation of each signal in its unit.
         loss: the loss function, a name of `LOSSES`.
         known: signals whose delay is a parameter.
 
     Returns:
-        The shifts, and the moves of the places, shape (p,).
+        The shifts, and the moves of the estimates as fractions, shape (p,).
     """
-    pulls, factors = scale_for_loss(loss, residuals)
-    lengths = [len(one.time) for one in samples]
+    score_weights, factors = scale_for_loss(loss, residuals)
+    lengths = [len(signal.time) for signal in samples]
     ends = np.cumsum([0, *lengths])
     slopes = np.zeros((len(residuals), len(samples)))
-    for k, (one, deviation) in enumerate(zip(samples, sigma, strict=True)):
+    for k, (signal, deviation) in enumerate(zip(samples, sigma, strict=True)):
         part = slice(ends[k], ends[k + 1])
-        predicted = one.values / deviation + residuals[part]
-        if one.signal not in known and len(one.time) > 2:
+        predicted = signal.values / deviation + residuals[part]
+        if signal.signal not in known and len(signal.time) > 2:
             with np.errstate(all="ignore"):  # two samples at one time, where the signal jumps, have no slope
-                slope = np.gradient(predicted, one.time)
+                slope = np.gradient(predicted, signal.time)
             slopes[part, k] = np.where(np.isfinite(slope), slope, 0.0)
-    moved = [k for k in range(len(samples)) if slopes[:, k].any()]
+    shifted = [k for k in range(len(samples)) if slopes[:, k].any()]
     free = np.flatnonzero(np.linalg.norm(jacobian, axis=0) > 0.0)
-    while moved:
-        every = np.column_stack([jacobian[:, free], slopes[:, moved]])
-        sizes = np.linalg.norm(every, axis=0)
-        every = every / sizes
-        curvature = (every * factors[:, None] ** 2).T @ every
-        change = np.linalg.lstsq(curvature, -every.T @ pulls, rcond=None)[0]
+    while shifted:
+        scaled = np.column_stack([jacobian[:, free], slopes[:, shifted]])
+        sizes = np.linalg.norm(scaled, axis=0)
+        scaled = scaled / sizes
+        curvature = (scaled * factors[:, None] ** 2).T @ scaled
+        change = np.linalg.lstsq(curvature, -scaled.T @ score_weights, rcond=None)[0]
         try:
             # what is left: the shift itself is no noise that would hide it
-            rest, weights = scale_for_loss(loss, residuals + every @ change)
-            covariance = find_covariance(every * weights[:, None], every * rest[:, None], rest, lengths)
+            rest, weights = scale_for_loss(loss, residuals + scaled @ change)
+            covariance = find_covariance(scaled * weights[:, None], scaled * rest[:, None], rest, lengths)
         except np.linalg.LinAlgError:  # a shift that the parameters can make as well
             break
         with np.errstate(
             invalid="ignore"
         ):  # rounding, where parameters cannot be told apart: nan is not certain
             errors = np.sqrt(np.diag(covariance))
-        certain = np.abs(change) > _CERTAIN * errors
+        certain = np.abs(change) > _MIN_SHIFT * errors
         if certain[len(free) :].all():
             moves = np.zeros(jacobian.shape[1])
             moves[free] = (change / sizes)[: len(free)]
             seconds, of = (change / sizes)[len(free) :], (errors / sizes)[len(free) :]
             shifts = [
                 TimeShift(samples[k].signal, float(-s), float(e))
-                for k, s, e in zip(moved, seconds, of, strict=True)
+                for k, s, e in zip(shifted, seconds, of, strict=True)
             ]
             return shifts, moves
-        moved = [k for k, is_certain in zip(moved, certain[len(free) :], strict=True) if is_certain]
+        shifted = [k for k, is_certain in zip(shifted, certain[len(free) :], strict=True) if is_certain]
     return [], np.zeros(jacobian.shape[1])
 
 
 def _describe_shifts(
-    shifts: Sequence[TimeShift], parameters: Parameters, point: Vector, moves: Vector, found: Certainty
+    shifts: Sequence[TimeShift], parameters: Parameters, point: Vector, moves: Vector, certainty: Certainty
 ) -> list[str]:
-    """Return a note on shifts in time; `found` is the certainty without regard to them."""
+    """Return a note on shifts in time; `certainty` is the certainty without regard to them."""
     if not shifts:
         return []
     changes = [
-        abs(item.extrapolate(float(x + move)) - item.extrapolate(float(x))) / one.error
-        for item, x, move, one in zip(parameters.items, point, moves, found.estimates, strict=True)
-        if one.error
+        abs(p.extrapolate(float(x + move)) - p.extrapolate(float(x))) / estimate.error
+        for p, x, move, estimate in zip(parameters.items, point, moves, certainty.estimates, strict=True)
+        if estimate.error
     ]
     most = max(changes, default=0.0)
     return [
@@ -198,45 +198,45 @@ def _judge_step(
     The change is one Gauss-Newton step from the residuals at half the step. It needs no further runs, and
     what a search has left of the way to its minimum is in both residuals.
     """
-    found = assess(residuals)
-    free = [i for i, one in enumerate(found.estimates) if one.error]
+    certainty = assess(residuals)
+    free = [i for i, estimate in enumerate(certainty.estimates) if estimate.error]
     moves = np.zeros(len(point))
     moves[free] = _find_moves(residuals, halved, jacobian[:, free], loss)
-    found = _with_changes(parameters, point, moves, found)
-    changes = {one.name: abs(one.step_change) for one in found.estimates if one.step_change is not None}
-    made = [name for name, change in changes.items() if change > _MOST]
-    if not made:
-        return found, []
+    certainty = _add_changes(parameters, point, moves, certainty)
+    changes = {e.name: abs(e.step_change) for e in certainty.estimates if e.step_change is not None}
+    affected = [name for name, change in changes.items() if change > _MAX_STEP_CHANGE]
+    if not affected:
+        return certainty, []
     # the error of the step is part of the residuals, and so of the standard errors: a good step has less
     rest = residuals + (halved - residuals + jacobian @ moves) / (1.0 - 0.5**half.order)
-    in_the_limit = _with_changes(parameters, point, moves, assess(rest)).estimates
-    least = [abs(one.step_change) for one in in_the_limit if one.step_change is not None]
+    in_the_limit = _add_changes(parameters, point, moves, assess(rest)).estimates
+    least = [abs(estimate.step_change) for estimate in in_the_limit if estimate.step_change is not None]
     worst = max(changes.values())
-    return found, [
-        f"the step, not the machine, made the {'estimate' if len(made) == 1 else 'estimates'} of "
-        f"{join_names(made)}: half the step changes {'it' if len(made) == 1 else 'them'} by "
-        f"{'' if len(made) == 1 else 'up to '}{worst:.3g} standard errors; "
-        f"{half.suggest(max(worst, *least) / _MOST)}"
+    return certainty, [
+        f"the step, not the machine, made the {'estimate' if len(affected) == 1 else 'estimates'} of "
+        f"{join_names(affected)}: half the step changes {'it' if len(affected) == 1 else 'them'} by "
+        f"{'' if len(affected) == 1 else 'up to '}{worst:.3g} standard errors; "
+        f"{half.suggest(max(worst, *least) / _MAX_STEP_CHANGE)}"
     ]
 
 
 def _find_moves(
     residuals: Vector, halved: Vector, jacobian: NDArray[np.float64], loss: str
 ) -> NDArray[np.float64]:
-    """Return how far the places of the minimum move with half the step."""
-    pulls, factors = scale_for_loss(loss, residuals)
-    change = scale_for_loss(loss, halved)[0] - pulls
+    """Return how far the minimum moves with half the step."""
+    score_weights, factors = scale_for_loss(loss, residuals)
+    change = scale_for_loss(loss, halved)[0] - score_weights
     sizes = np.linalg.norm(jacobian, axis=0)
     slopes = jacobian / sizes
     curvature = (slopes * factors[:, None] ** 2).T @ slopes
     return np.linalg.lstsq(curvature, -slopes.T @ change, rcond=None)[0] / sizes
 
 
-def _with_changes(parameters: Parameters, point: Vector, moves: Vector, found: Certainty) -> Certainty:
-    """Return the certainty with the moves of the places, in standard errors of the estimates."""
-    estimates = list(found.estimates)
-    for i, one in enumerate(found.estimates):
-        if one.error:
+def _add_changes(parameters: Parameters, point: Vector, moves: Vector, certainty: Certainty) -> Certainty:
+    """Return the certainty with the moves of the estimates, in their standard errors."""
+    estimates = list(certainty.estimates)
+    for i, estimate in enumerate(certainty.estimates):
+        if estimate.error:
             slope = parameters.items[i].slope(float(point[i]))
-            estimates[i] = replace(one, step_change=float(slope * moves[i] / one.error))
-    return replace(found, estimates=estimates)
+            estimates[i] = replace(estimate, step_change=float(slope * moves[i] / estimate.error))
+    return replace(certainty, estimates=estimates)

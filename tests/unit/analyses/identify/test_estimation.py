@@ -119,12 +119,12 @@ def test_intervals_contain_true_values_of_uneven_responses(kind: str, size: floa
         solved = problem(NEAR, [[measured(TIME, noisy(seed, 0.01 + size))]], uneven(kind, size))
         searching = search(solved)
         found, slopes = searching.differentiate(searching.estimate([Parameters(NEAR).start], free=["y"]))
-        excess.append(slopes.unevenness)
+        excess.append(slopes.cost_tolerance)
         assert solved.fixed_steps.keys() >= slopes.steps.keys()
-        for counted, unevenness in ((inside, slopes.unevenness), (naive, 0.0)):
+        for counted, cost_tolerance in ((inside, slopes.cost_tolerance), (naive, 0.0)):
             got = judge(
                 Parameters(NEAR), found.point, found.residuals, slopes.matrix, [len(TIME)], slopes.change,
-                unevenness=unevenness,
+                cost_tolerance=cost_tolerance,
             )  # fmt: skip
             counted += contain(got.estimates, (2.0, 3.0))
     assert np.median(excess) > 0.2
@@ -138,7 +138,7 @@ def test_profile_of_an_uneven_response_has_ends(seed: int) -> None:
     searching = search(solved)
     found, slopes = searching.differentiate(searching.estimate([Parameters(NEAR).start], free=["y"]))
     for i in range(2):
-        low, high = profile(solved, found.point, i, None, lambda n: None, slopes.unevenness)
+        low, high = profile(solved, found.point, i, None, lambda n: None, slopes.cost_tolerance)
         assert low is not None and high is not None
         assert 0.0 < low < found.point[i] - 1e-4 < found.point[i] + 1e-4 < high < 1.0
 
@@ -196,7 +196,7 @@ def test_smooth_response_keeps_its_steps() -> None:
     solved = problem(EXACT, [[measured(TIME, noisy())]], decay, sigma=0.01)
     point = Parameters(EXACT).start
     found = solved.differentiate(point)
-    assert not found.steps and found.unevenness < 1e-3 and (found.doubts < 0.01).all()
+    assert not found.steps and found.cost_tolerance < 1e-3 and (found.doubts < 0.01).all()
     a, b = 2.0, 3.0
     by_b = -a * TIME * np.exp(-b * TIME) / 0.01 * (b * np.log(200.0))
     exact = np.column_stack([5.0 * np.exp(-b * TIME) / 0.01, by_b])
@@ -206,7 +206,7 @@ def test_smooth_response_keeps_its_steps() -> None:
 def test_perfect_fit_is_even() -> None:
     values = 2.0 * np.exp(-3.0 * TIME) + 1e-15 * np.random.default_rng(0).standard_normal(len(TIME))
     solved = problem(EXACT, [[measured(TIME, values)]], decay)
-    assert solved.differentiate(Parameters(EXACT).start).unevenness == 0.0
+    assert solved.differentiate(Parameters(EXACT).start).cost_tolerance == 0.0
 
 
 def test_kink_has_no_derivative() -> None:
