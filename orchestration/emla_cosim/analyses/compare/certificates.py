@@ -98,7 +98,7 @@ def certify_gains(
     """
     session = Session(OUTPUTS, output=output, overwrite=overwrite, report=report, progress=progress)
     sets = list[SetCertificate]()
-    with session.alone():
+    with session.reserve_folder():
         variants = select_variants(["rsba"], gains or [ALL])
         session.progress.begin("certifying", len(variants), "sets of gains")
         for variant in variants:

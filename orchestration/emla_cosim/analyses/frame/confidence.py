@@ -1,4 +1,4 @@
-"""What a number of runs says about all that could have been drawn: intervals of shares and of quantiles."""
+"""Confidence intervals of shares and of quantiles from a number of random runs."""
 
 import math
 
@@ -57,25 +57,25 @@ def quantile_interval(values: Vector, quantile: float, level: float = LEVEL) -> 
     return low, float(ordered[last - 1]) if last <= count else math.inf
 
 
-def describe_share(count: int, total: int, what: str) -> str:
+def describe_share(count: int, total: int, event: str) -> str:
     """Return a sentence without full stop on how probable an event is, such as a failure.
 
     Args:
         count: How often it occurred.
         total: Number of independent draws, at least 1.
-        what: What occurred, such as "failed".
+        event: What occurred, such as "failed".
     """
     low, high = share_interval(count, total)
     confidence = f"with {100.0 * LEVEL:g} % confidence"
     if count == 0:
-        return f"0 of {total} {what}: below {_percent(high)} {confidence}"
+        return f"0 of {total} {event}: below {_percentage(high)} {confidence}"
     if count == total:
-        return f"all {total} {what}: above {_percent(low)} {confidence}"
-    share = _percent(count / total)
-    return f"{count} of {total} {what}: {share}, {_percent(low)} to {_percent(high)} {confidence}"
+        return f"all {total} {event}: above {_percentage(low)} {confidence}"
+    share = _percentage(count / total)
+    return f"{count} of {total} {event}: {share}, {_percentage(low)} to {_percentage(high)} {confidence}"
 
 
-def _percent(share: float) -> str:
+def _percentage(share: float) -> str:
     if share > 0.9:  # as many digits of what is left, so that only 1 is 100 %
         return f"{100.0 - float(f'{100.0 * (1.0 - share):.2g}'):.10g} %"
     return f"{100.0 * share:.2g} %" if share < 0.1 else f"{100.0 * share:.3g} %"

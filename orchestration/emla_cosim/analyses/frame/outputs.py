@@ -1,4 +1,4 @@
-"""What an analysis writes of its result: record, tables, pictures and page, in one folder."""
+"""The files of the result of an analysis: record, tables, pictures and page, in one folder."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ R = TypeVar("R")
 
 @dataclass(frozen=True)
 class Outputs(Generic[R]):
-    """The files of an analysis whose result is an `R`, and what people read of it.
+    """The files and the report of an analysis whose result is an `R`.
 
     Attributes:
         what: What messages call the analysis, such as "sizing".

@@ -84,16 +84,16 @@ class AnalysisPlan:
         """Return the struct of a plan's file, without options."""
         return struct_of(cls, cls.types_in_files(), NOT_IN_FILES)
 
-    def updated(self, given: Mapping[str, Any]) -> Self:
+    def updated(self, changes: Mapping[str, Any]) -> Self:
         """Return the plan with other values; tables and `ADDED` are extended, None changes nothing.
 
         Args:
-            given: values of fields by name.
+            changes: values of fields by name.
 
         Raises:
             CommandError: a value has a wrong type, or the plan has a mistake.
         """
-        values = {name: value for name, value in given.items() if value is not None}
+        values = {name: value for name, value in changes.items() if value is not None}
         for name in (*self.ADDED, "vary", "options"):
             if name in values:
                 before, label = getattr(self, name), f"'{name}' of {self.where}"

@@ -1,4 +1,4 @@
-"""Write a scenario file that repeats a scenario with start values that were found."""
+"""Write a scenario file that repeats a scenario with the start values of a result."""
 
 import json
 from collections.abc import Mapping
@@ -15,13 +15,13 @@ from .plan_files import Source
 
 def scenario_content(source: Source, options: Mapping[str, Any]) -> dict[str, Any] | None:
     """Return the content of a file that runs a scenario with options; None if it is only in Python."""
-    read = _scenario_file(source)
+    read = _read_scenario_file(source)
     if read is None:
         return None
     system = read.system if read.system in SYSTEMS else str((read.folder / read.system).resolve())
-    given = merge_options([read.options, options])
+    merged = merge_options([read.options, options])
     options = {
-        n: x for n, x in given.items() if n in list_options() and list_options()[n].in_file and _is_plain(x)
+        n: x for n, x in merged.items() if n in list_options() and list_options()[n].in_file and _is_plain(x)
     }
     return {"system": system, **options}
 
@@ -34,11 +34,11 @@ def format_scenario(description: str, content: Mapping[str, Any] | None, values:
         content: What `scenario_content` returns.
         values: Start values to add.
     """
-    own = content or {}
-    return _toml({"description": description, **own, "set": {**own.get("set", {}), **values}})
+    fields = content or {}
+    return _join_tables({"description": description, **fields, "set": {**fields.get("set", {}), **values}})
 
 
-def _scenario_file(source: Source) -> ScenarioFile | None:
+def _read_scenario_file(source: Source) -> ScenarioFile | None:
     if not isinstance(source, (str, Path)):
         return None
     name, path = str(source), Path(source)
@@ -57,20 +57,24 @@ def _is_plain(value: Any) -> bool:
     return isinstance(value, (str, int, float))
 
 
-def _toml(content: Mapping[str, Any]) -> str:
+def _join_tables(content: Mapping[str, Any]) -> str:
     """Return plain data as TOML: keys first, then tables with quoted names."""
-    lines = [f"{key} = {_inline(value)}" for key, value in content.items() if not isinstance(value, Mapping)]
+    lines = [f"{key} = {_to_toml(value)}" for key, value in content.items() if not isinstance(value, Mapping)]
     for name, table in content.items():
         if isinstance(table, Mapping) and table:
-            lines += ["", f"[{name}]", *(f"{json.dumps(key)} = {_inline(x)}" for key, x in table.items())]
+            lines += [
+                "",
+                f"[{name}]",
+                *(f"{json.dumps(key)} = {_to_toml(x)}" for key, x in table.items()),
+            ]
     return "\n".join([*lines, ""])
 
 
-def _inline(value: Any) -> str:
+def _to_toml(value: Any) -> str:
     if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{json.dumps(k)} = {_inline(x)}" for k, x in value.items()) + " }"
+        return "{ " + ", ".join(f"{json.dumps(k)} = {_to_toml(x)}" for k, x in value.items()) + " }"
     if isinstance(value, (list, tuple)):
-        return "[" + ", ".join(map(_inline, value)) + "]"
+        return "[" + ", ".join(map(_to_toml, value)) + "]"
     if isinstance(value, (bool, int, float)):
         return json.dumps(value)
     return json.dumps(str(value), ensure_ascii=False)

@@ -27,7 +27,7 @@ from .outputs import AnalysisFolder, Outputs, R
 
 @dataclass(frozen=True)
 class Job:
-    """A run: its own options, the position of its prepared scenario, and whether it has half the step."""
+    """A run: its options, the position of its prepared scenario, and whether it has half the step."""
 
     options: Mapping[str, Any]
     group: int = 0
@@ -36,7 +36,7 @@ class Job:
 
 @dataclass
 class Outcomes:
-    """What came out of runs.
+    """The outcomes of runs.
 
     Attributes:
         by_job: Outcomes by the position of their job.
@@ -62,7 +62,7 @@ class Runs:
         self, executor: Executor, preparations: Sequence[Preparation], interrupted: Callable[[], bool]
     ) -> None:
         self.executor, self.interrupted, self.count = executor, interrupted, 0
-        steps = [run_times(one.options, one.name).steps for one in preparations]
+        steps = [run_times(preparation.options, preparation.name).steps for preparation in preparations]
         self._longest_first = sorted(range(len(steps)), key=lambda group: -steps[group])
 
     def describe(self, group: int = 0) -> SimulationDescription:
@@ -120,7 +120,7 @@ class Session(Generic[R]):
         overwrite: Whether to replace files that emla did not write.
         plots: Whether to draw pictures into the folder.
         report: Whether to write a page into the folder.
-        folder: Folder of an own kind, instead of `output`.
+        folder: Folder of another class, instead of `output`.
         scheduler: Address or client of a Dask scheduler; None for this machine.
         workers: Number of processes on this machine. Default: one for each core.
         progress: Receives the progress; each note only once.
@@ -144,7 +144,7 @@ class Session(Generic[R]):
     ) -> None:
         check_cluster(scheduler, workers)
         self.progress = NotesOnce(progress or Progress())
-        self._what, self._cluster = outputs.what, (scheduler, workers)
+        self._analysis, self._cluster = outputs.what, (scheduler, workers)
         self.folder = folder
         if output is not None:
             path = convert_value(output, Path, "the output folder")
@@ -158,7 +158,7 @@ class Session(Generic[R]):
         return None if self.folder is None else self.folder.path
 
     @contextmanager
-    def alone(self) -> Iterator[None]:
+    def reserve_folder(self) -> Iterator[None]:
         """Reserve the folder. Raises CommandError if another command uses it."""
         with nullcontext() if self.folder is None else self.folder.alone():
             yield
@@ -171,7 +171,7 @@ class Session(Generic[R]):
             CommandError: Another command uses the folder.
             RunError: No process can start.
         """
-        with self.alone(), start_workers(*self._cluster) as scheduler:
+        with self.reserve_folder(), start_workers(*self._cluster) as scheduler:
             self._cluster = scheduler, None
             yield
 
@@ -196,7 +196,7 @@ class Session(Generic[R]):
     @contextmanager
     def open_runs(self, preparations: Sequence[Preparation]) -> Iterator[Runs]:
         """Open workers for prepared scenarios. Raises RunError."""
-        key = f"emla-{self._what}-{hash_plain_data((self._what, time.time_ns()))}"
+        key = f"emla-{self._analysis}-{hash_plain_data((self._analysis, time.time_ns()))}"
         payload = WorkerPayload.of(key, preparations)
         with (
             catch_interrupts() as interrupted,

@@ -122,7 +122,7 @@ def linearize(
         progress=progress,
     )
     session.check_unread([scenario.options.files_read()])
-    with session.alone():
+    with session.reserve_folder():
         values = ideal_sensors(scenario.system) | dict(scenario.options.set)
         if matrices:
             with scenario.prepare(session.progress, set=values) as simulation:

@@ -103,9 +103,9 @@ def size(
         >>> joint.holds, joint.limits[0].name
         (True, 'motor speed')
     """
-    _check(cycle, lead_in, ambient, life)
-    named = {"runs": runs, "scheduler": scheduler}
-    if not vary and (idle := [name for name, value in named.items() if value is not None]):
+    _check_arguments(cycle, lead_in, ambient, life)
+    arguments = {"runs": runs, "scheduler": scheduler}
+    if not vary and (idle := [name for name, value in arguments.items() if value is not None]):
         raise CommandError(f"'{idle[0]}' is for tolerances; add 'vary' (--vary NAME=LOW:HIGH), or remove it.")
     if seed and runs is None:
         raise CommandError("a seed is for random draws; add 'runs' (--runs), or remove it.")
@@ -124,7 +124,7 @@ def size(
     task = _Task(
         source, options, varied, cycle, lead_in, Requirements(ambient, life), variation, session, plots
     )
-    with session.alone():
+    with session.reserve_folder():
         rows = list(_plan_rows(task)) if varied else [_Row("", None, ())]
         sized = {key: _run(dict(key), task) for key in dict.fromkeys(x.key for x in rows if not x.problem)}
         failure: CosimError | None = None
@@ -133,12 +133,12 @@ def size(
             sized |= run_draws(session, nominal)
         except CosimError as error:  # what is computed is kept, and says that it is not all
             failure = error
-            sized |= {key: _without_tolerances(run, error) for key, run in nominal.items()}
+            sized |= {key: _drop_tolerances(run, error) for key, run in nominal.items()}
         name = Path(str(source)).stem if isinstance(source, (str, Path)) else "system"
         if isinstance(run := sized.get(()), SizedRun):
             name = run.name
-        listed = list(_list_candidates(rows, sized, name))
-        result = SizeResult(name, listed, list(varied), ambient, life, lead_in)
+        all_candidates = list(_list_candidates(rows, sized, name))
+        result = SizeResult(name, all_candidates, list(varied), ambient, life, lead_in)
         session.keep(result)
     if failure is not None:
         files = "" if session.path is None else f" The results without tolerances are in {session.path}."
@@ -146,14 +146,14 @@ def size(
     return result
 
 
-def _without_tolerances(run: SizedRun, error: CosimError) -> SizedRun:
+def _drop_tolerances(run: SizedRun, error: CosimError) -> SizedRun:
     """Return a run whose joints say that their tolerances were not judged, and why."""
     remark = f"the tolerances are not judged: {error}"
     joints = {joint: replace(x, remarks=(*x.remarks, remark)) for joint, x in run.joints.items()}
     return replace(run, joints=joints)
 
 
-def _check(cycle: float | None, lead_in: float, ambient: float, life: float | None) -> None:
+def _check_arguments(cycle: float | None, lead_in: float, ambient: float, life: float | None) -> None:
     for name, value in (("cycle", cycle), ("life", life), ("ambient", ambient)):
         if value is not None and not 0.0 < value < np.inf:
             raise CommandError(f"{name} is {value!r}; it must be a positive number.")
@@ -228,7 +228,7 @@ def _list_candidates(
     rows: Sequence[_Row], sized: Mapping[_Key, SizedRun | RunError], name: str
 ) -> Iterator[Candidate]:
     """Yield all rows with their results, then joints without candidates."""
-    others: dict[str, JointSizing] = {}
+    remaining: dict[str, JointSizing] = {}
     for row in rows:
         label, run = row.label or name, sized.get(row.key)
         if run is None or row.problem:
@@ -241,8 +241,8 @@ def _list_candidates(
             raise CommandError(f"there is no sizing of a joint '{row.joint}'.", joint=row.joint)
         else:
             yield Candidate(label, {row.joint: run.joints[row.joint]}, None, row.joint)
-            others = {**run.joints, **others}
-    for joint, sizing in others.items():
+            remaining = {**run.joints, **remaining}
+    for joint, sizing in remaining.items():
         if all(row.joint != joint for row in rows):
             yield Candidate(sizing.actuator, {joint: sizing}, None, joint)
 
@@ -277,16 +277,16 @@ def _size_scenario(scenario: Scenario, labels: Mapping[str, str], task: _Task) -
     times = run_times(scenario.options, scenario.name)
     roles = list_roles(scenario.system, scenario.options)
     patterns = [*dict.fromkeys((*list_role_patterns(*SIGNALS), *roles.values()))]
-    whole = times.stop - times.start
-    length = whole if task.cycle is None else task.cycle
-    if length > whole * (1.0 + 1e-9):
-        raise CommandError(f"the cycle of {length:g} s is longer than the run of {whole:g} s.")
+    run_length = times.stop - times.start
+    length = run_length if task.cycle is None else task.cycle
+    if length > run_length * (1.0 + 1e-9):
+        raise CommandError(f"the cycle of {length:g} s is longer than the run of {run_length:g} s.")
     interval = times.step * max(math.ceil(length / times.step / MAX_ROWS), 1)  # peaks need every row
-    given: dict[str, Any] = {"output_interval": interval}
-    given |= {"start_time": times.start - task.lead_in} if task.lead_in else {}
-    chosen = scenario.with_options(given)
-    drawn = None if task.variation is None else task.variation.draw(chosen, session.progress)
-    with chosen.prepare(session.progress) as simulation:
+    run_options: dict[str, Any] = {"output_interval": interval}
+    run_options |= {"start_time": times.start - task.lead_in} if task.lead_in else {}
+    planned = scenario.with_options(run_options)
+    draws = None if task.variation is None else task.variation.draw(planned, session.progress)
+    with planned.prepare(session.progress) as simulation:
         for remark in describe_disabled_event_mode(simulation.system):
             session.progress.note(f"Note: {remark}")
         names = simulation.select_signals([])
@@ -303,13 +303,13 @@ def _size_scenario(scenario: Scenario, labels: Mapping[str, str], task: _Task) -
         if task.cycle is None:
             for joint in joints:
                 period = get_number(scenario.system, scenario.options, f"{joint}.reference", "period")
-                starts[joint] = times.stop - (period if period and period <= whole else whole)
+                starts[joint] = times.stop - (period if period and period <= run_length else run_length)
         table = _LastRows(min(starts.values()))
         result = simulation.run(recorders=[table], signals=signals)
         if result.early_end is not None:  # of an FMU; conditions were refused before
             raise RunError(f"{result.early_end.rstrip('.')}, but emla size needs the whole run.")
-    known = (*joints, ALL_JOINTS)
-    criteria = {key: x for key, x in scenario.options.criteria.items() if key.rpartition(".")[0] in known}
+    keys = [key for key in scenario.options.criteria if key.rpartition(".")[0] in (*joints, ALL_JOINTS)]
+    criteria = {key: scenario.options.criteria[key] for key in keys}
 
     def examine(scenario: Scenario) -> Examination:
         sheets = {joint: find_data_sheet(scenario, task.source, joint) for joint in joints}
@@ -317,14 +317,14 @@ def _size_scenario(scenario: Scenario, labels: Mapping[str, str], task: _Task) -
 
     def change(more: Mapping[str, Any]) -> tuple[Scenario, Examination]:
         changed = task.load(labels, more)
-        return changed.with_options(given), examine(changed)
+        return changed.with_options(run_options), examine(changed)
 
     examination = examine(scenario)
     sizings = examination.size(result)
     for joint, sizing in sizings.items():
         coupling = describe_coupling(joint, sizings, scenario.system)
         sizings[joint] = replace(sizing, remarks=(*describe_cycle(sizing, times.step), *coupling))
-    return SizedRun(sizings, scenario.name, examination, signals, change, drawn)
+    return SizedRun(sizings, scenario.name, examination, signals, change, draws)
 
 
 class _LastRows(TimeSeries):

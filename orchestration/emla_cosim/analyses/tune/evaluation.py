@@ -104,7 +104,7 @@ class Evaluation:
         extended = list[list[VariantOutcome]]()
         for loops, by_seed in zip(self.task.loops, outcomes, strict=True):
             margins = {} if loops is None else loops.measure(gains)
-            extended.append([replace(one, figures={**one.figures, **margins}) for one in by_seed])
+            extended.append([replace(outcome, figures={**outcome.figures, **margins}) for outcome in by_seed])
         return extended
 
 
@@ -112,18 +112,18 @@ def _score_halved(objective: Objective, outcomes: Sequence[Sequence[VariantOutco
     """Return the score of runs with half the step, without conditions on figures that they do not have."""
     reasons = dict[str, str]()
     for case, by_seed in zip(objective.cases, outcomes, strict=True):
-        if (lost := next((outcome for outcome in by_seed if not outcome.complete), None)) is not None:
-            reasons[case.name] = (lost.problem or lost.status).splitlines()[0].rstrip(".")
-    judged = [i for i, case in enumerate(objective.cases) if case.name not in reasons]
+        if (failure := next((outcome for outcome in by_seed if not outcome.complete), None)) is not None:
+            reasons[case.name] = (failure.problem or failure.status).splitlines()[0].rstrip(".")
+    complete = [i for i, case in enumerate(objective.cases) if case.name not in reasons]
     half = next((o.half_step for by_seed in outcomes for o in by_seed if o.half_step is not None), None)
     if half is None or any(case.weight and case.name in reasons for case in objective.cases):
         return HalvedScore(None, half, reasons)
     smaller = replace(
         objective,
-        cases=[objective.cases[i] for i in judged],
-        required=[[r for r in objective.required[i] if r.figure in outcomes[i][0].figures] for i in judged],
+        cases=[objective.cases[i] for i in complete],
+        required=[[r for r in objective.required[i] if r.figure in outcomes[i][0].figures] for i in complete],
     )
-    return HalvedScore(smaller.score([outcomes[i] for i in judged]), half, reasons)
+    return HalvedScore(smaller.score([outcomes[i] for i in complete]), half, reasons)
 
 
 def describe_step(start: Tuned, best: Tuned, halved: HalvedScore) -> list[str]:

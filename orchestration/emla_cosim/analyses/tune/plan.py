@@ -107,10 +107,10 @@ class TuningPlan(AnalysisPlan):
         return {
             **plain,
             "scenario": self.scenario if isinstance(self.scenario, str) else str(self.name),
-            "vary": {name: str(given) for name, given in self.vary.items()},
+            "vary": {name: str(value) for name, value in self.vary.items()},
             "cases": [asdict(case) for case in self.cases],
             "metrics": [str(metric) for metric in self.metrics],
-            "options": {name: str(given) for name, given in select_repeatable(self.options).items()},
+            "options": {name: str(value) for name, value in select_repeatable(self.options).items()},
         }
 
     def check(self) -> None:

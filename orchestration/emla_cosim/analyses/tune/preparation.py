@@ -34,7 +34,7 @@ _CONDITIONS = (
     (_MS, "<=", LARGEST_MS),
 )
 
-_SAMPLES = 1500
+_MAX_SAMPLES = 1500
 """Length of the responses in steps."""
 
 _UNLIMITED_DB = 200.0
@@ -59,12 +59,12 @@ class LoopMargins:
 
     def measure(self, gains: Mapping[str, Any]) -> dict[str, float]:
         """Return figures of all loops with these start values; a loop without margins has none."""
-        found = measure_loops(self.scenario, self.loops, self.at, self.duration, {**gains, **self.values})
+        responses = measure_loops(self.scenario, self.loops, self.at, self.duration, {**gains, **self.values})
         figures = dict[str, float]()
-        for loop, one in found.items():
-            if isinstance(one, CosimError) or one.margins is None or not one.margins.has_crossover:
+        for loop, response in responses.items():
+            margins = None if isinstance(response, CosimError) else response.margins
+            if margins is None or not margins.has_crossover:
                 continue
-            margins = one.margins
             figures |= {
                 f"{loop}: {_PHASE}": margins.phase_deg,
                 f"{loop}: {_GAIN_UP}": min(margins.gain_up_dB, _UNLIMITED_DB),
@@ -98,11 +98,11 @@ def prepare_task(
     """
     objective = parse_expression(plan.objective, f"'objective' of {plan.where}")
     subjects = _find_subjects(objective, described)
-    required = [_conditions(plan, case, subjects, described) for case in plan.cases]
-    measures = _measures(plan, objective, required, described)
-    found = build_space(plan, preparation.system, preparation.interfaces)
+    required = [_list_conditions(plan, case, subjects, described) for case in plan.cases]
+    measures = _resolve_measures(plan, objective, required, described)
+    space = build_space(plan, preparation.system, preparation.interfaces)
     times = run_times(preparation.options, plan.name)
-    cases = [_options(case, plan, preparation) for case in plan.cases]
+    cases = [_resolve_options(case, plan, preparation) for case in plan.cases]
     loops = [
         _prepare_loops(case, values, scenario, plan.where)
         for case, values in zip(plan.cases, cases, strict=True)
@@ -118,16 +118,16 @@ def prepare_task(
         ]
         for case, conditions in zip(plan.cases, required, strict=True)
     ]
-    errors = _tracking_errors(described)  # other joints say nothing about the gains
+    errors = _list_tracking_errors(described)  # other joints say nothing about the gains
     errors = [name for name in errors if described.figures[name].subject in subjects] or errors
     return TuningTask(
         plan,
-        found,
+        space,
         Objective(objective, plan.cases, checked, times.start, times.stop, plan.margin, errors),
         measures,
         cases,
         loops,
-        _seeds(plan, preparation),
+        _resolve_seeds(plan, preparation),
         preparation.identity,
     )
 
@@ -144,55 +144,57 @@ def _find_subjects(objective: Expression, described: SimulationDescription) -> l
     )
 
 
-def _conditions(
+def _list_conditions(
     plan: TuningPlan, case: Case, subjects: Sequence[str], described: SimulationDescription
 ) -> list[Requirement]:
     """Return the conditions of a case, and that each of the subjects of the objective is held."""
-    found = [parse_requirement(text) for text in (plan.require if case.require is None else case.require)]
-    named = {one.figure for one in found}
+    texts = plan.require if case.require is None else case.require
+    conditions = [parse_requirement(text) for text in texts]
+    figures = {condition.figure for condition in conditions}
     verdicts = {f.subject: name for name, f in described.figures.items() if f.is_verdict}
-    held = [verdicts[subject] for subject in subjects if subject in verdicts]
-    return [*found, *(Requirement(name, "==", True) for name in held if name not in named)]
+    required = [verdicts[subject] for subject in subjects if subject in verdicts]
+    return [*conditions, *(Requirement(name, "==", True) for name in required if name not in figures)]
 
 
-def _measures(
+def _resolve_measures(
     plan: TuningPlan,
     objective: Expression,
     required: Sequence[Sequence[Requirement]],
     described: SimulationDescription,
 ) -> Measures:
     """Return the figures that objective and conditions need; raise CommandError for an unknown one."""
-    own = MetricRequest.of(plan.metrics, plan.where)
+    declared = MetricRequest.of(plan.metrics, plan.where)
     conditions = [r for case in required for r in case]
     needed = dict.fromkeys([*sorted(objective.names), *(r.figure for r in conditions)])
-    figures = [name for name in needed if name not in own.expressions and name not in own.functions]
-    figures += [name for name in _tracking_errors(described) if name not in figures]
-    asked = MetricRequest(figures, own.expressions, own.functions)
+    figures = [name for name in needed if name not in declared.expressions and name not in declared.functions]
+    figures += [name for name in _list_tracking_errors(described) if name not in figures]
+    request = MetricRequest(figures, declared.expressions, declared.functions)
     measures = resolve_measures(
-        asked, described.figures, list(described.units), list(described.further), [], plan.where
+        request, described.figures, list(described.units), list(described.further), [], plan.where
     )
     if inexact := [name for name in figures if name not in described.figures]:
         raise CommandError(f"{plan.where} needs the figure '{inexact[0]}' by its name, not by a pattern.")
-    for one in conditions:
-        if (one.figure in measures.truths) != isinstance(one.value, bool):
-            right = "true or false" if one.figure in measures.truths else "a number"
+    for condition in conditions:
+        if (condition.figure in measures.truths) != isinstance(condition.value, bool):
+            right = "true or false" if condition.figure in measures.truths else "a number"
             raise CommandError(
-                f"the requirement '{one}' of {plan.where} has the wrong type: {one.figure} is {right}."
+                f"the requirement '{condition}' of {plan.where} has the wrong type: "
+                f"{condition.figure} is {right}."
             )
     return measures
 
 
-def _tracking_errors(described: SimulationDescription) -> list[str]:
+def _list_tracking_errors(described: SimulationDescription) -> list[str]:
     return [name for name, figure in described.figures.items() if figure.metric == TRACKING_ERROR]
 
 
-def _options(case: Case, plan: TuningPlan, preparation: Preparation) -> dict[str, Any]:
+def _resolve_options(case: Case, plan: TuningPlan, preparation: Preparation) -> dict[str, Any]:
     """Return the options of a case, each with its one value."""
     where = f"the case '{case.name}' of {plan.where}"
-    found = resolve_factors(case.set, preparation.system, preparation.interfaces, where)
-    check_during_a_run(found, where)
+    factors = resolve_factors(case.set, preparation.system, preparation.interfaces, where)
+    check_during_a_run(factors, where)
     parts = list[dict[str, Any]]()
-    for factor in found:
+    for factor in factors:
         levels = factor.distribution.levels
         if levels is None or len(levels) != 1:
             raise CommandError(f"'{factor.name}' of {where} must be one value, such as 0.1 or \"110%\".")
@@ -200,18 +202,18 @@ def _options(case: Case, plan: TuningPlan, preparation: Preparation) -> dict[str
     return merge_options(parts)
 
 
-def _seeds(plan: TuningPlan, preparation: Preparation) -> Factor | None:
+def _resolve_seeds(plan: TuningPlan, preparation: Preparation) -> Factor | None:
     """Return the start values that seed random sequences; None for a system without any."""
     if not plan.seeds:
         return None
-    given = {"seeds": {"of": list(plan.seeds), "distribution": "values", "values": [1]}}
+    entry = {"seeds": {"of": list(plan.seeds), "distribution": "values", "values": [1]}}
     try:
-        (found,) = resolve_factors(given, preparation.system, preparation.interfaces, plan.where)
+        (factor,) = resolve_factors(entry, preparation.system, preparation.interfaces, plan.where)
     except CommandError:
         if plan.seeds == TuningPlan.seeds:
             return None
         raise
-    return found
+    return factor
 
 
 def _prepare_loops(
@@ -228,7 +230,7 @@ def _prepare_loops(
     for loop in case.margins:
         parse_opening(scenario.system, loop)
     times = run_times(scenario.options, scenario.name)
-    count = min(_SAMPLES, times.steps // 2)
+    count = min(_MAX_SAMPLES, times.steps // 2)
     last = times.point(times.steps - count)
     at = last if case.at is None else case.at
     if not times.start <= at <= last:

@@ -36,13 +36,13 @@ def build_report(result: TuneResult) -> Report:
     )
     sections = [
         Section(lines=[verdict], is_detail=True),
-        Section("Gains", tables=[_gains_table(result), _objective_table(result)], pictures=pictures),
+        Section("Gains", tables=[_tabulate_gains(result), _tabulate_objective(result)], pictures=pictures),
         Section(
             "Conditions",
-            tables=[_conditions_table(result)] if any(result.best.training.worst.values()) else [],
+            tables=[_tabulate_conditions(result)] if any(result.best.training.worst.values()) else [],
             under=list(_list_sentences(result)),
         ),
-        Section("Plan", tables=[_plan_table(result.plan)], is_detail=True),
+        Section("Plan", tables=[_tabulate_plan(result.plan)], is_detail=True),
     ]
     facts = [format_count(result.history.height, "set") + " of gains", format_count(result.runs, "run")]
     if not result.complete:
@@ -81,7 +81,7 @@ def _format(value: float) -> str:
     return "" if value != value else f"{value:.4g}"
 
 
-def _gains_table(result: TuneResult) -> ReportTable:
+def _tabulate_gains(result: TuneResult) -> ReportTable:
     start, units = result.start.values, result.units
     rows = [
         [name, _format_value(start.get(name)), _format_value(value), units.get(name, "")]
@@ -96,7 +96,7 @@ def _format_value(value: object) -> str:
     return format_number(value, 5) if isinstance(value, float) else str(value)
 
 
-def _objective_table(result: TuneResult) -> ReportTable:
+def _tabulate_objective(result: TuneResult) -> ReportTable:
     """Return the objective by case, in training and validation, before and after."""
     cases = [*result.best.training.by_case]
     rows = [
@@ -117,7 +117,7 @@ def _format_pair(gains: Tuned, case: str | None) -> tuple[str, str, str]:
     return _format(training), _format(validation), "" if ratio != ratio else f"{ratio:.2f}"
 
 
-def _conditions_table(result: TuneResult) -> ReportTable:
+def _tabulate_conditions(result: TuneResult) -> ReportTable:
     """Return the worst figures over seeds; those that violate a condition are marked."""
     best = result.best
     scores = (result.start.training, best.training, best.validation, best.half_step)
@@ -138,7 +138,7 @@ def _format_worst(score: Score | None, case: str, condition: str) -> Text | str:
     return figure if worst["met"] else Text(f"{figure} ✗", is_failure=True)
 
 
-def _plan_table(plan: Mapping[str, Any]) -> ReportTable:
+def _tabulate_plan(plan: Mapping[str, Any]) -> ReportTable:
     rows = list[list[str]]()
     for key, value in plan.items():
         if isinstance(value, Mapping):
@@ -166,13 +166,13 @@ def draw_picture(result: TuneResult) -> "Figure":
 
 
 def _draw_search(axes: "Axes", result: TuneResult) -> None:
-    tried = result.history
-    number = tried["evaluation"].to_numpy()
-    objective = tried["objective"].cast(float).to_numpy()
-    holds = (tried["violation"] == 0.0).to_numpy()
+    history = result.history
+    number = history["evaluation"].to_numpy()
+    objective = history["objective"].cast(float).to_numpy()
+    holds = (history["violation"] == 0.0).to_numpy()
     axes.plot(number[~holds], objective[~holds], "x", color=GREY, markersize=3, label="not as required")
     axes.plot(number[holds], objective[holds], ".", color=BLUE, markersize=4, label="as required")
-    axes.step(number, tried["best"].cast(float).to_numpy(), where="post", color=ORANGE, label="best so far")
+    axes.step(number, history["best"].cast(float).to_numpy(), where="post", color=ORANGE, label="best so far")
     _use_log_scale(axes, objective)
     axes.set_xlabel("sets of gains tried", fontsize=9)
     axes.set_ylabel("objective", fontsize=9)

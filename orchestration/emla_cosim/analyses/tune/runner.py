@@ -30,13 +30,13 @@ from .report import OUTPUTS
 from .result import Tuned, TuneResult
 from .score import Order, Score, record_tracking_error
 
-_SPREAD = 0.25
+_INITIAL_DEVIATION = 0.25
 """Standard deviation of the first generation; 1 is the whole range of a gain."""
 
-_INSIDE = 0.02
+_MIN_DISTANCE = 0.02
 """Least distance of the first point from the ends of its range."""
 
-_ENOUGH = 1e-4
+_TOLERANCE = 1e-4
 """Tolerance of convergence (`tolx` of CMA-ES), as a part of the range."""
 
 _NEVER = 10**9
@@ -99,7 +99,7 @@ def tune(
 
     Examples:
         >>> import emla_cosim as ec
-        >>> found = ec.tune(
+        >>> result = ec.tune(
         ...     "lift",
         ...     {"lift.controller.k_p": "100:300"},
         ...     objective="lift.position_error_m",
@@ -107,10 +107,10 @@ def tune(
         ...     evaluations=1,
         ...     stop_time=0.01,
         ... )
-        >>> found.history.height
+        >>> result.history.height
         1
     """
-    given = {
+    fields = {
         "vary": vary,
         "objective": objective,
         "require": require,
@@ -123,7 +123,7 @@ def tune(
         "tolerance": tolerance,
         "options": {**options, "overwrite": True} if overwrite else options,
     }
-    plan = load_tuning_plan(source).updated(given)
+    plan = load_tuning_plan(source).updated(fields)
     session = Session(
         OUTPUTS,
         output=output,
@@ -154,28 +154,28 @@ class Search:
     def __init__(self, start: Sequence[float], seed: int) -> None:
         self._random = np.random.default_rng(seed)
         self._dimension = len(start)
-        self._begin(np.clip(start, _INSIDE, 1 - _INSIDE), None)
+        self._restart(np.clip(start, _MIN_DISTANCE, 1 - _MIN_DISTANCE), None)
 
-    def ask(self) -> list[Vector]:
+    def propose(self) -> list[Vector]:
         """Return the next generation."""
         if self._strategy.stop():
-            self._begin(self._random.random(self._dimension), 2 * self._strategy.popsize)
-        self._asked = self._strategy.ask()
-        return [np.array(point) for point in self._asked]
+            self._restart(self._random.random(self._dimension), 2 * self._strategy.popsize)
+        self._proposed = self._strategy.ask()
+        return [np.array(point) for point in self._proposed]
 
-    def tell(self, orders: Sequence[Order]) -> None:
-        """Take the sort keys of the points of this generation, in the same order."""
-        places = {order: place for place, order in enumerate(sorted(set(orders)))}
-        self._strategy.tell(self._asked, [float(places[order]) for order in orders])
+    def report_order(self, orders: Sequence[Order]) -> None:
+        """Report the sort keys of the points of this generation, in the same order."""
+        ranks = {order: rank for rank, order in enumerate(sorted(set(orders)))}
+        self._strategy.tell(self._proposed, [float(ranks[order]) for order in orders])
 
-    def _begin(self, start: Vector, size: int | None) -> None:
+    def _restart(self, start: Vector, size: int | None) -> None:
         import cma  # slow to import
 
         options = {
             "bounds": [0.0, 1.0],
             "randn": lambda *shape: self._random.standard_normal(shape),
             "seed": math.nan,  # any number would seed the global generator of NumPy
-            "tolx": _ENOUGH,
+            "tolx": _TOLERANCE,
             # CMA-ES sees ranks, for which tolerances of values mean nothing
             "tolfun": 0,
             "tolfunhist": 0,
@@ -189,7 +189,7 @@ class Search:
         }
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # one dimension works
-            self._strategy = cma.CMAEvolutionStrategy(start.tolist(), _SPREAD, options)
+            self._strategy = cma.CMAEvolutionStrategy(start.tolist(), _INITIAL_DEVIATION, options)
 
 
 @dataclass
@@ -207,13 +207,14 @@ class _Tuning:
     def run(self) -> TuneResult:
         plan, space = self.task.plan, self.task.space
         count = 0 if self.task.seeds is None else plan.training + plan.validation
-        drawn = draw_seeds(plan.seed, count)
-        self.drawn = {"training": drawn[: plan.training], "validation": drawn[plan.training :]}
-        training, validation = self.drawn["training"] or [None], self.drawn["validation"]
+        seeds = draw_seeds(plan.seed, count)
+        training, validation = seeds[: plan.training], seeds[plan.training :]
+        self.seeds = {"training": training, "validation": validation}
+        training = training or [None]
         self.session.progress.begin("tuning", plan.evaluations, "gains")
         first = self.evaluation.score([{}], training)
         if first is None:
-            raise RunError("interrupted before any gains were tried.")
+            raise RunError("interrupted before the first evaluation.")
         self.start = self.best = Tuned(dict(space.start), {}, first[0])
         self._add_rows(0, [(dict(space.start), first[0])])
         complete = self._search(training)
@@ -221,27 +222,27 @@ class _Tuning:
             complete = self._validate(validation)
         if complete and not self.best.training.lost:
             complete = self._judge_step(training)
-        return self._keep(complete, is_final=True)
+        return self._build_result(complete, is_final=True)
 
     def _search(self, seeds: Sequence[int | None]) -> bool:
         """Try what the search asks for while evaluations are left; return False after an interrupt."""
         plan, space = self.task.plan, self.task.space
-        search = Search(space.places(), plan.seed)
-        generation, left = 0, plan.evaluations - 1
-        while len(points := search.ask()) <= left:
+        search = Search(space.start_point(), plan.seed)
+        generation, remaining = 0, plan.evaluations - 1
+        while len(points := search.propose()) <= remaining:
             generation += 1
             values = [space.values(point) for point in points]
             gains = [space.options(v) for v in values]
             scores = self.evaluation.score(gains, seeds)
             if scores is None:
                 return False
-            search.tell([score.order for score in scores])
-            left -= len(points)
+            search.report_order([score.order for score in scores])
+            remaining -= len(points)
             self._add_rows(generation, list(zip(values, scores, strict=True)))
             first = min(range(len(scores)), key=[score.order for score in scores].__getitem__)
             if scores[first].order < self.best.training.order:
                 self.best = Tuned(values[first], gains[first]["set"], scores[first])
-            self._keep(False, is_final=False)
+            self._build_result(False, is_final=False)
         return True
 
     def _validate(self, seeds: Sequence[int | None]) -> bool:
@@ -264,8 +265,8 @@ class _Tuning:
         self.remarks = describe_step(self.start, self.best, halved)
         return True
 
-    def _add_rows(self, generation: int, tried: Sequence[tuple[Mapping[str, Value | None], Score]]) -> None:
-        for values, score in tried:
+    def _add_rows(self, generation: int, scores: Sequence[tuple[Mapping[str, Value | None], Score]]) -> None:
+        for values, score in scores:
             before = self.rows[-1]["best"] if self.rows else float("inf")
             objective = score.objective if not score.violation else float("inf")
             self.rows.append(
@@ -279,9 +280,9 @@ class _Tuning:
                     "best": min(before, objective),
                 }
             )
-        self.session.progress.advance(len(tried))
+        self.session.progress.advance(len(scores))
 
-    def _keep(self, complete: bool, is_final: bool) -> TuneResult:
+    def _build_result(self, complete: bool, is_final: bool) -> TuneResult:
         """Return the result so far, and write its files."""
         plan = self.task.plan
         history = polars.DataFrame(self.rows, infer_schema_length=None)
@@ -292,7 +293,7 @@ class _Tuning:
             self.best,
             history.with_columns(polars.col("best").replace(float("inf"), None)),
             {axis.name: axis.factor.unit for axis in self.task.space.axes if axis.factor is not None},
-            self.drawn,
+            self.seeds,
             plan.tolerance,
             complete,
             self.evaluation.runs.count,

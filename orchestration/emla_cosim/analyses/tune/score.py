@@ -25,22 +25,22 @@ Order = tuple[bool, float]
 TRACKING_ERROR = "miss"
 """Mean of log10(1 + |x_L - x_d| / 1 µm) over all rows: 1 for 9 µm, 6 for a metre."""
 
-_KIND = "tuning"
+_METRICS_NAME = "tuning"
 """Name of the tracking errors among the metrics of a run."""
 
-_SCALE = 1e-6
+_SMALL_ERROR_M = 1e-6
 """Tracking error in m that counts as small."""
 
-_FARTHEST = 12.0
+_MAX_ERROR = 12.0
 """Value of a row that is not a number or is farther away than anything."""
 
-_LOST = 20.0
+_INCOMPLETE_RUN = 20.0
 """Violation of a run that ended early or has no objective, larger than that of missed conditions."""
 
-_MOST = 10.0
+_MAX_VIOLATION = 10.0
 """Largest violation of a missed condition."""
 
-_MISSED = 1.0
+_BOOLEAN_VIOLATION = 1.0
 """Violation of a missed condition without a distance, such as a truth value."""
 
 
@@ -122,19 +122,19 @@ class Objective:
         worst = dict[str, Mapping[str, Any]]()
         violation, lost, runs = 0.0, 0, 0
         met = np.ones(len(outcomes[0]), dtype=bool)
-        for case, required, ours in zip(self.cases, self.required, outcomes, strict=True):
-            values = [self._objective(case, outcome) for outcome in ours]
+        for case, required, by_seed in zip(self.cases, self.required, outcomes, strict=True):
+            values = [self._find_objective(case, outcome) for outcome in by_seed]
             missing = [x != x for x in values]
             objectives[case.name] = float(np.mean(values)) if case.weight else math.nan
-            each = [self._violation(o, required, gone) for o, gone in zip(ours, missing, strict=True)]
-            violation += sum(each) / len(each)
+            violations = [self._rate_run(o, required, x) for o, x in zip(by_seed, missing, strict=True)]
+            violation += sum(violations) / len(violations)
             lost += sum(missing)
-            runs += len(ours)
+            runs += len(by_seed)
             met &= [
-                not gone and all(r.met_by(outcome.figures.get(r.figure)) for r in required)
-                for outcome, gone in zip(ours, missing, strict=True)
+                not is_missing and all(r.met_by(outcome.figures.get(r.figure)) for r in required)
+                for outcome, is_missing in zip(by_seed, missing, strict=True)
             ]
-            worst[case.name] = {str(r): _worst(r, ours) for r in required}
+            worst[case.name] = {str(r): _find_worst(r, by_seed) for r in required}
         total = sum(case.weight for case in self.cases)
         objective = sum(c.weight * objectives[c.name] for c in self.cases if c.weight) / total
         by_case = {name: value for name, value in objectives.items() if value == value}
@@ -145,15 +145,15 @@ class Objective:
         return all(
             outcome.complete
             and not any(
-                _excess(r, outcome.figures[r.figure], self.margin)
+                _find_excess(r, outcome.figures[r.figure], self.margin)
                 for r in required
                 if r.figure in outcome.figures
             )
-            for required, ours in zip(self.required, outcomes, strict=True)
-            for outcome in ours
+            for required, by_seed in zip(self.required, outcomes, strict=True)
+            for outcome in by_seed
         )
 
-    def _objective(self, case: Case, outcome: VariantOutcome) -> float:
+    def _find_objective(self, case: Case, outcome: VariantOutcome) -> float:
         """Return the objective of one run; NaN for a lost one, 0 for a case without weight."""
         if not outcome.complete:
             return math.nan
@@ -163,38 +163,38 @@ class Objective:
         value = self.objective.value(numbers)
         return value if math.isfinite(value) else math.nan
 
-    def _violation(self, outcome: VariantOutcome, required: Sequence[Requirement], is_lost: bool) -> float:
+    def _rate_run(self, outcome: VariantOutcome, required: Sequence[Requirement], is_lost: bool) -> float:
         """Return the violation of a run; among lost runs, too, a smaller one is nearer to the conditions."""
-        found = sum(_excess(r, outcome.figures.get(r.figure), self.margin) for r in required)
+        violation = sum(_find_excess(r, outcome.figures.get(r.figure), self.margin) for r in required)
         if is_lost:
             end = self.start if outcome.end_s is None else outcome.end_s
             missing = 0.0 if outcome.complete else (self.stop - end) / (self.stop - self.start)
-            found += _LOST + _LOST * min(max(missing, 0.0), 1.0)
+            violation += _INCOMPLETE_RUN + _INCOMPLETE_RUN * min(max(missing, 0.0), 1.0)
         errors = [float(x) for n in self.tracking_errors if (x := outcome.figures.get(n)) is not None]
-        return found + (sum(errors) / len(errors) if errors else 0.0) if found else 0.0
+        return violation + (sum(errors) / len(errors) if errors else 0.0) if violation else 0.0
 
 
-def _excess(required: Requirement, figure: Any, margin: float = 0.0) -> float:
+def _find_excess(required: Requirement, figure: Any, margin: float = 0.0) -> float:
     """Return by how much a figure violates its condition, relative to the limit."""
     if required.met_by(figure) and not margin:
         return 0.0
     if figure is None or figure != figure:
-        return _MOST
+        return _MAX_VIOLATION
     if isinstance(required.value, bool) or required.sign in ("==", "!="):
-        return 0.0 if required.met_by(figure) else _MISSED
+        return 0.0 if required.met_by(figure) else _BOOLEAN_VIOLATION
     scale = abs(required.value) or 1.0
     beyond = (figure - required.value) / scale * (1.0 if required.sign[0] == "<" else -1.0) + margin
     if beyond < 0.0 or (beyond == 0.0 and required.sign[1:]):
         return 0.0
-    return min(max(beyond, 1e-9), _MOST)
+    return min(max(beyond, 1e-9), _MAX_VIOLATION)
 
 
-def _worst(required: Requirement, outcomes: Sequence[VariantOutcome]) -> dict[str, Any]:
+def _find_worst(required: Requirement, outcomes: Sequence[VariantOutcome]) -> dict[str, Any]:
     """Return the figure that violates a condition most, or is nearest to its limit, and whether it holds."""
     figures = [outcome.figures.get(required.figure) for outcome in outcomes]
     numbers = [x for x in figures if isinstance(x, (int, float)) and x == x]
     if failing := [x for x in figures if not required.met_by(x)]:
-        figure = max(failing, key=lambda x: _excess(required, x))
+        figure = max(failing, key=lambda x: _find_excess(required, x))
         return {"figure": None if figure != figure else figure, "met": False}
     low = required.sign in (">", ">=")
     return {"figure": min(numbers) if low else max(numbers), "met": True}
@@ -210,9 +210,9 @@ class _TrackingErrorMetrics(Metrics):
         self._rows += len(rows)
         for joint, (position, reference) in self._columns.items():
             error = np.abs(rows[:, position] - rows[:, reference])
-            logarithms = np.log10(1.0 + error / _SCALE)
+            logarithms = np.log10(1.0 + error / _SMALL_ERROR_M)
             self._sums[joint] += float(
-                np.nan_to_num(logarithms, nan=_FARTHEST, posinf=_FARTHEST).clip(0, _FARTHEST).sum()
+                np.nan_to_num(logarithms, nan=_MAX_ERROR, posinf=_MAX_ERROR).clip(0, _MAX_ERROR).sum()
             )
 
     def figures(self) -> Figures:
@@ -228,19 +228,19 @@ class _TrackingErrorMetrics(Metrics):
 def tracking_error(outline: Outline) -> Metrics | None:
     """Return the metrics of all joints of a run; None if it has none."""
     column = {name: i + 1 for i, name in enumerate(outline.names)}
-    found = {
+    columns = {
         joint: (column[position], column[reference])
         for find in TRACKED.values()
         for joint, (position, reference) in find(column, outline.roles).items()
     }
-    return _TrackingErrorMetrics(found) if found else None
+    return _TrackingErrorMetrics(columns) if columns else None
 
 
 @contextmanager
 def record_tracking_error() -> Iterator[None]:
     """Record the tracking error meanwhile, here and on workers that start meanwhile."""
-    METRICS[_KIND] = tracking_error
+    METRICS[_METRICS_NAME] = tracking_error
     try:
         yield
     finally:
-        METRICS.pop(_KIND, None)
+        METRICS.pop(_METRICS_NAME, None)

@@ -21,7 +21,7 @@ from ..variants.targets import START, merge_options, needs_preparation
 from .expressions import Expression, parse_expression
 from .plan import TuningPlan
 
-_FINE = 2001
+_GRID_POINTS = 2001
 """Points of an axis that are compared to locate a value."""
 
 
@@ -34,22 +34,22 @@ class GainAxis:
     factor: Factor | None = None
 
     def value(self, quantile: float) -> Value:
-        """Return the gain at a place from 0 to 1, in its unit."""
+        """Return the gain at a quantile from 0 to 1, in its unit."""
         (drawn,) = self.distribution.at(np.array([quantile]))
-        found = drawn if self.factor is None else self.factor.value(drawn)
-        assert found is not None
-        return found
+        value = drawn if self.factor is None else self.factor.value(drawn)
+        assert value is not None
+        return value
 
-    def place(self, value: float | None) -> float:
-        """Return the place nearest to a value of the gain; the middle for None."""
+    def find_quantile(self, value: float | None) -> float:
+        """Return the quantile nearest to a value of the gain; the middle for None."""
         if value is None:
             return 0.5
-        places = np.linspace(0.0, 1.0, _FINE)
-        drawn = self.distribution.at(places)
+        quantiles = np.linspace(0.0, 1.0, _GRID_POINTS)
+        drawn = self.distribution.at(quantiles)
         if not all(isinstance(x, (int, float)) for x in drawn):
             return 0.5
         values = [drawn if self.factor is None else self.factor.value(x) for x in drawn]
-        return float(places[int(np.argmin(np.abs(np.array(values, dtype=float) - value)))])
+        return float(quantiles[int(np.argmin(np.abs(np.array(values, dtype=float) - value)))])
 
 
 @dataclass(frozen=True)
@@ -72,99 +72,99 @@ class Space:
             parts += [factor.options(derived.value(numbers)) for factor in targets]
         return merge_options(parts)
 
-    def places(self) -> list[float]:
-        """Return the places of the scenario's own gains."""
-        return [axis.place(self.start[axis.name]) for axis in self.axes]
+    def start_point(self) -> list[float]:
+        """Return the gains of the scenario as a point of the cube."""
+        return [axis.find_quantile(self.start[axis.name]) for axis in self.axes]
 
 
 def build_space(plan: TuningPlan, system: System, interfaces: Mapping[str, Interface]) -> Space:
     """Return the space of a plan in a system; raise CommandError for a wrong name or one that cannot vary."""
     free = [name for name in plan.vary if _is_free(name, plan.vary[name], system)]
     units = [interface.units for interface in interfaces.values()]
-    known = {name: _range(given, units) for name, given in plan.vary.items() if name not in free}
-    found = resolve_factors(known, system, interfaces, plan.where)
-    _check_start_values(found, plan.where)
-    axes = [GainAxis(f.name, f.distribution, f) for f in found]
+    ranges = {name: _read_range(value, units) for name, value in plan.vary.items() if name not in free}
+    factors = resolve_factors(ranges, system, interfaces, plan.where)
+    _check_start_values(factors, plan.where)
+    axes = [GainAxis(f.name, f.distribution, f) for f in factors]
     axes += [
-        GainAxis(name, parse_distribution(_range(plan.vary[name], units), f"'{name}' of {plan.where}"))
+        GainAxis(name, parse_distribution(_read_range(plan.vary[name], units), f"'{name}' of {plan.where}"))
         for name in free
     ]
     derived = _derive_gains(plan, axes, system, interfaces)
-    used = {name for _, one in derived for name in one.names}
+    used = {name for _, expression in derived for name in expression.names}
     if idle := [name for name in free if name not in used]:
         raise CommandError(
             f"'{idle[0]}' of {plan.where} is neither a start value nor an option nor used in 'derive'; "
             "write component.variable, or use it in 'derive'.",
             name=idle[0],
         )
-    start = {axis.name: _start(axis, system, interfaces) for axis in axes}
+    start = {axis.name: _find_start(axis, system, interfaces) for axis in axes}
     return Space(axes, derived, start)
 
 
-def check_during_a_run(found: Sequence[Factor], where: str) -> None:
+def check_during_a_run(factors: Sequence[Factor], where: str) -> None:
     """Raise CommandError for a factor that a prepared simulation cannot vary."""
-    if wrong := [factor.name for factor in found if any(map(needs_preparation, factor.targets))]:
+    if wrong := [factor.name for factor in factors if any(map(needs_preparation, factor.targets))]:
         raise CommandError(
-            f"'{wrong[0]}' of {where} needs a new preparation; vary start values or options of the stepping.",
+            f"'{wrong[0]}' of {where} cannot be varied while tuning: it changes the system structure.",
             name=wrong[0],
         )
 
 
-def _check_start_values(found: Sequence[Factor], where: str) -> None:
+def _check_start_values(factors: Sequence[Factor], where: str) -> None:
     """Raise CommandError for a gain that is an option or an FMU."""
-    if wrong := [target.name for factor in found for target in factor.targets if target.kind != START]:
+    if wrong := [target.name for factor in factors for target in factor.targets if target.kind != START]:
         raise CommandError(
             f"'{wrong[0]}' of {where} is not a start value; gains must be start values.", name=wrong[0]
         )
 
 
-def _is_free(name: str, given: Any, system: System) -> bool:
+def _is_free(name: str, entry: Any, system: System) -> bool:
     """Return whether a name in `vary` is neither a target in the system nor an option."""
     is_component = any(c.name == name for c in system.components)
-    has_targets = isinstance(given, Mapping) and "of" in given
+    has_targets = isinstance(entry, Mapping) and "of" in entry
     return "." not in name and name not in list_options() and not is_component and not has_targets
 
 
-def _range(given: Any, units: Sequence[FmuUnits]) -> Any:
+def _read_range(entry: Any, units: Sequence[FmuUnits]) -> Any:
     """Return the range of a gain; LOW:HIGH of positive numbers is logarithmic."""
-    if not isinstance(given, str):
-        return given
-    found = parse_distribution(given, "the range", lambda text: read_si_number(text, "the range", units))
-    if isinstance(found, Uniform) and found.low > 0:
-        ends = [text.strip() for text in given.split(":")]
-        if any(map(has_unit, ends[:2])) and not found.relative:
+    if not isinstance(entry, str):
+        return entry
+    limits = parse_distribution(entry, "the range", lambda text: read_si_number(text, "the range", units))
+    if isinstance(limits, Uniform) and limits.low > 0:
+        ends = [text.strip() for text in entry.split(":")]
+        if any(map(has_unit, ends[:2])) and not limits.relative:
             return {"distribution": LogUniform.name, "low": ends[0], "high": ends[1]}
-        return LogUniform(found.low, found.high, found.points, relative=found.relative)
-    return given
+        return LogUniform(limits.low, limits.high, limits.points, relative=limits.relative)
+    return entry
 
 
 def _derive_gains(
     plan: TuningPlan, axes: Sequence[GainAxis], system: System, interfaces: Mapping[str, Interface]
 ) -> list[tuple[Sequence[Factor], Expression]]:
     names = [axis.name for axis in axes]
-    taken = {t.name for axis in axes if axis.factor is not None for t in axis.factor.targets}
-    found = list[tuple[Sequence[Factor], Expression]]()
+    targets_in_use = {t.name for axis in axes if axis.factor is not None for t in axis.factor.targets}
+    derived = list[tuple[Sequence[Factor], Expression]]()
     for name, text in plan.derive.items():
         label = f"'{name}' of 'derive' in {plan.where}"
-        one = parse_expression(text, label)
-        if unknown := sorted(one.names - set(names)):
+        expression = parse_expression(text, label)
+        if unknown := sorted(expression.names - set(names)):
             raise CommandError(f"{label} uses '{unknown[0]}', which does not vary; use {join_names(names)}.")
         targets = resolve_factors({name: 0.0}, system, interfaces, plan.where)
         _check_start_values(targets, plan.where)
-        if both := taken & {t.name for f in targets for t in f.targets}:
+        if conflicts := targets_in_use & {t.name for f in targets for t in f.targets}:
             raise CommandError(
-                f"{plan.where} sets {min(both)} twice: in 'vary' and in 'derive'.", name=min(both)
+                f"{plan.where} sets {min(conflicts)} twice: in 'vary' and in 'derive'.", name=min(conflicts)
             )
-        taken |= {t.name for f in targets for t in f.targets}
-        found.append((targets, one))
-    return found
+        targets_in_use |= {t.name for f in targets for t in f.targets}
+        derived.append((targets, expression))
+    return derived
 
 
-def _start(axis: GainAxis, system: System, interfaces: Mapping[str, Interface]) -> float | None:
+def _find_start(axis: GainAxis, system: System, interfaces: Mapping[str, Interface]) -> float | None:
     """Return the value of a gain in the scenario; None if it is not a single number."""
     if axis.factor is None:
         return None
-    first, *others = axis.factor.targets
-    if others and first.nominal is not None:
+    first, *further = axis.factor.targets
+    if further and first.nominal is not None:
         return 1.0
     return Names(system, interfaces).find(first.name).start_number

@@ -424,14 +424,14 @@ def test_converged_search_restarts_with_twice_as_many_points(dimension: int) -> 
     search = Search([0.0] * dimension, 1)  # begins at the end of a range
     sizes, firsts = list[int](), list[Any]()
     for _ in range(1000):
-        points = search.ask()
+        points = search.propose()
         assert all(len(p) == dimension and ((p >= 0.0) & (p <= 1.0)).all() for p in points)
         if not sizes or len(points) != sizes[-1]:
             sizes.append(len(points))
             firsts.append(np.mean(points, axis=0))
         if len(sizes) == 4:
             break
-        search.tell([(False, float(((p - 0.3) ** 2).sum())) for p in points])
+        search.report_order([(False, float(((p - 0.3) ** 2).sum())) for p in points])
     assert sizes == [sizes[0] * 2**i for i in range(4)]
     assert len({tuple(first) for first in firsts}) == 4
 
