@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 PERCENTILES = (5, 25, 50, 75, 95)
-_MOST_TIMES = 400
-_MOST_PANELS = 12
-_ROWS_AT_ONCE = 1_000_000
+_MAX_TIMES = 400
+_MAX_PANELS = 12
+_MAX_ROWS = 1_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,9 +47,9 @@ def compute_bands(result: SweepResult, signal: str) -> PercentileBands:
         CommandError: The signal was not recorded.
     """
     if result.series is None or not result.signals:
-        raise CommandError(f"the sweep '{result.name}' kept no signals over time.")
+        raise CommandError(f"the sweep '{result.name}' stored no signals over time.")
     series = result.series
-    check_choice("kept signal", signal, result.signals)
+    check_choice("stored signal", signal, result.signals)
     extents = (
         series.group_by(VARIANT)
         .agg(polars.len().alias("rows"), polars.col("time").max().alias("end"))
@@ -57,14 +57,14 @@ def compute_bands(result: SweepResult, signal: str) -> PercentileBands:
         .sort(VARIANT)
     )
     if extents.is_empty():
-        raise CommandError(f"the sweep '{result.name}' kept no rows of signals.")
-    furthest = extents.sort(["end", "rows", VARIANT], descending=[True, True, False])[VARIANT][0]
-    rows = series.filter(polars.col(VARIANT) == furthest).select("time").collect()["time"]
+        raise CommandError(f"the sweep '{result.name}' stored no rows of signals.")
+    longest = extents.sort(["end", "rows", VARIANT], descending=[True, True, False])[VARIANT][0]
+    rows = series.filter(polars.col(VARIANT) == longest).select("time").collect()["time"]
     times = np.unique(rows.cast(polars.Float64).to_numpy())
-    times = times[np.unique(np.linspace(0, len(times) - 1, _MOST_TIMES).round().astype(int))]
+    times = times[np.unique(np.linspace(0, len(times) - 1, _MAX_TIMES).round().astype(int))]
     values = np.full((len(extents), len(times)), np.nan)
     row = 0
-    for first, last in _parts(extents):
+    for first, last in _split_variants(extents):
         part = series.filter(polars.col(VARIANT).is_between(first, last)).select(
             VARIANT, polars.col("time").cast(polars.Float64), polars.col(signal).cast(polars.Float64)
         )
@@ -72,30 +72,30 @@ def compute_bands(result: SweepResult, signal: str) -> PercentileBands:
         variant, time, value = (table[name].to_numpy() for name in (VARIANT, "time", signal))
         value = np.where(np.abs(value) <= LARGEST, value, np.nan)
         cuts = np.flatnonzero(np.diff(variant)) + 1
-        for own_times, own in zip(np.split(time, cuts), np.split(value, cuts), strict=True):
-            values[row] = np.interp(times, own_times, own, left=np.nan, right=np.nan)
+        for variant_times, variant_values in zip(np.split(time, cuts), np.split(value, cuts), strict=True):
+            values[row] = np.interp(times, variant_times, variant_values, left=np.nan, right=np.nan)
             row += 1
-    return PercentileBands(times, np.column_stack([_percentiles(column) for column in values.T]))
+    return PercentileBands(times, np.column_stack([_compute_percentiles(column) for column in values.T]))
 
 
-def _parts(extents: polars.DataFrame) -> Iterator[tuple[int, int]]:
+def _split_variants(extents: polars.DataFrame) -> Iterator[tuple[int, int]]:
     """Yield the first and last variants of parts of limited size."""
-    part = extents["rows"].cum_sum() // _ROWS_AT_ONCE
+    part = extents["rows"].cum_sum() // _MAX_ROWS
     for _, group in extents.group_by(part.alias("part"), maintain_order=True):
         yield group[VARIANT][0], group[VARIANT][-1]
 
 
-def _percentiles(values: Vector) -> Vector:
-    known = values[~np.isnan(values)]
-    return np.percentile(known, PERCENTILES) if len(known) else np.full(len(PERCENTILES), np.nan)
+def _compute_percentiles(values: Vector) -> Vector:
+    finite = values[~np.isnan(values)]
+    return np.percentile(finite, PERCENTILES) if len(finite) else np.full(len(PERCENTILES), np.nan)
 
 
 def draw_bands(result: SweepResult, signals: Sequence[str] = ()) -> "Figure":
     """Draw a panel for each signal that has values; default: the first 12 recorded signals."""
-    computed = [(name, compute_bands(result, name)) for name in signals or result.signals[:_MOST_PANELS]]
+    computed = [(name, compute_bands(result, name)) for name in signals or result.signals[:_MAX_PANELS]]
     panels = [(name, bands) for name, bands in computed if not np.isnan(bands.values).all()]
     if not panels:
-        raise CommandError(f"the sweep '{result.name}' kept no signals over time that have values.")
+        raise CommandError(f"the sweep '{result.name}' stored no signals over time that have values.")
     labels = [label_with_unit(name, result.units.get(name) or "") for name, _ in panels]
     figure, grid = new_panels([wrap_text(label, 54) for label in labels], 4.4)
     for axes, (_, bands) in zip(grid.flat, panels, strict=False):
@@ -121,10 +121,10 @@ def _put_legend(figure: "Figure", result: SweepResult, left_out: int) -> None:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    early = len(result.variants) - int(result.is_done.sum())
+    ended_early = len(result.variants) - int(result.is_done.sum())
     note = format_count(len(result.variants), "variant")
-    if early:
-        note += f"; {early} that ended early count up to their end"
+    if ended_early:
+        note += f"; {ended_early} that ended early count up to their end"
     if left_out:
         note += f"; {left_out} more signals have no panel"
     handles = {

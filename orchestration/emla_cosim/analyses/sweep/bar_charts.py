@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_MOST_PANELS, _MOST_BARS = 12, 12
-_NAME = 38
+_MAX_PANELS, _MAX_BARS = 12, 12
+_MAX_LETTERS = 38
 """Most characters of a factor's name."""
 
 _OFFSETS = {BLUE: -0.18, ORANGE: 0.18}
@@ -71,7 +71,7 @@ def _compute_panels(
             panels[name] = compute(result, name)
         except CommandError as error:  # more variants may have the next figure
             problem = error
-        if len(panels) == _MOST_PANELS:
+        if len(panels) == _MAX_PANELS:
             break
     if not panels:
         raise problem or nothing_varies_error(result, "figure")
@@ -92,13 +92,13 @@ def _draw_panels(
 
     factors = len(result.factors)
     titles = [wrap_text(figure_label(result, name), 50) for name in panels]
-    figure, grid = new_panels(titles, 4.6, height=0.9 + 0.2 * min(factors, _MOST_BARS))
+    figure, grid = new_panels(titles, 4.6, height=0.9 + 0.2 * min(factors, _MAX_BARS))
     for axes, (name, panel) in zip(grid.flat, panels.items(), strict=False):
         draw(result, axes, name, panel)
     put_title(figure, f"{result.name}: {title}")
     more = 0 if figures else len(find_varying_figures(result)) - len(panels)
     notes = [
-        f"The {_MOST_BARS} strongest of {factors} factors." if factors > _MOST_BARS else "",
+        f"The {_MAX_BARS} strongest of {factors} factors." if factors > _MAX_BARS else "",
         f"{more} more figures vary." if more > 0 else "",
         note,
     ]
@@ -108,7 +108,7 @@ def _draw_panels(
 
 
 def _draw_tornado(result: SweepResult, axes: "Axes", name: str, rows: Sequence[LocalSensitivity]) -> None:
-    rows, factor = rows[:_MOST_BARS], display_of(result, name).factor
+    rows, factor = rows[:_MAX_BARS], display_of(result, name).factor
     nominal = factor * (rows[0].nominal or 0.0)
     for index, row in enumerate(rows):
         for value, (color, offset) in zip((row.low, row.high), _OFFSETS.items(), strict=True):
@@ -129,7 +129,7 @@ def _draw_tornado(result: SweepResult, axes: "Axes", name: str, rows: Sequence[L
 def _draw_sobol(_: SweepResult, axes: "Axes", name: str, indices: SobolIndices) -> None:
     from matplotlib.ticker import MultipleLocator
 
-    order = np.argsort(-indices.total, kind="stable")[:_MOST_BARS]
+    order = np.argsort(-indices.total, kind="stable")[:_MAX_BARS]
     bars = (indices.first, indices.first_confidence), (indices.total, indices.total_confidence)
     for (values, confidence), (color, offset) in zip(bars, _OFFSETS.items(), strict=True):
         axes.barh(
@@ -147,6 +147,6 @@ def _draw_sobol(_: SweepResult, axes: "Axes", name: str, indices: SobolIndices) 
 
 
 def _name_bars(axes: "Axes", factors: list[str]) -> None:
-    put_levels(axes.yaxis, factors, _NAME)
+    put_levels(axes.yaxis, factors, _MAX_LETTERS)
     axes.set_ylim(len(factors) - 0.4, -0.6)
     tidy_axes(axes)

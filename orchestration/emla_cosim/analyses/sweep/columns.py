@@ -28,8 +28,8 @@ def read_factor(result: SweepResult, name: str) -> FactorColumn:
     """Return a factor by name. One that is not numeric has levels, in the order of first occurrence."""
     column = result.variants[name]
     if column.dtype.is_numeric():
-        return FactorColumn(name, _numbers(column), None)
-    texts = ["none" if value is None else _text(value) for value in column.to_list()]
+        return FactorColumn(name, _to_numbers(column), None)
+    texts = ["none" if value is None else _format_level(value) for value in column.to_list()]
     levels = tuple(dict.fromkeys(texts))
     position = {level: float(i) for i, level in enumerate(levels)}
     return FactorColumn(name, np.array([position[text] for text in texts]), levels)
@@ -49,9 +49,9 @@ def figure_values(result: SweepResult, figure: str) -> Vector:
         CommandError: The sweep does not have the figure.
     """
     if figure not in result.figures:
-        meant = suggest_names(str(figure), result.figures)
-        raise CommandError(f"the sweep '{result.name}' has no figure '{figure}'; {meant}", name=figure)
-    values = _numbers(result.variants[figure])
+        suggestion = suggest_names(str(figure), result.figures)
+        raise CommandError(f"the sweep '{result.name}' has no figure '{figure}'; {suggestion}", name=figure)
+    values = _to_numbers(result.variants[figure])
     values[~result.is_done] = np.nan
     return values
 
@@ -75,14 +75,14 @@ def is_truth(result: SweepResult, figure: str) -> bool:
 
 def find_varying_figures(result: SweepResult) -> list[str]:
     """Return the figures that differ between variants that are done: numbers first, labelled ones before."""
-    found = [figure for figure in result.figures if _varies(figure_values(result, figure))]
-    return sorted(found, key=lambda figure: (is_truth(result, figure), figure not in result.shown))
+    varying = [figure for figure in result.figures if _varies(figure_values(result, figure))]
+    return sorted(varying, key=lambda figure: (is_truth(result, figure), figure not in result.shown))
 
 
-def nothing_varies_error(result: SweepResult, what: str) -> CommandError:
+def nothing_varies_error(result: SweepResult, noun: str) -> CommandError:
     """Return the error for a sweep without such a figure or factor to draw."""
     return CommandError(
-        f"no {what} varies between the variants of the sweep '{result.name}' that are done; there is nothing "
+        f"no {noun} varies between the variants of the sweep '{result.name}' that are done; there is nothing "
         "to draw."
     )
 
@@ -94,26 +94,26 @@ def main_figure(result: SweepResult) -> str | None:
 
 def display_of(result: SweepResult, figure: str) -> MetricDisplay:
     """Return label, factor and unit for displaying a figure. The label begins with the subsystem."""
-    known = result.shown.get(figure)
-    if known is None:
+    display = result.shown.get(figure)
+    if display is None:
         return MetricDisplay(figure, figure)
-    of = figure.removesuffix(known.name).rstrip(".") if figure.endswith(known.name) else ""
-    label = known.label if not of or known.label.startswith(of) else f"{of} {known.label}"
-    return MetricDisplay(figure, label, known.factor, known.unit, known.large)
+    subsystem = figure.removesuffix(display.name).rstrip(".") if figure.endswith(display.name) else ""
+    label = display.label if display.label.startswith(subsystem) else f"{subsystem} {display.label}"
+    return MetricDisplay(figure, label, display.factor, display.unit, display.large)
 
 
-def influence(one: FactorColumn, values: Vector) -> float:
+def influence(factor: FactorColumn, values: Vector) -> float:
     """Return the absolute rank correlation of a factor with values, from 0 to 1, without NaN.
 
     For levels it is the root of the share of the ranks' variance that they explain, corrected for chance.
     """
-    kept = ~(np.isnan(one.values) | np.isnan(values))
-    x, y = one.values[kept], values[kept]
+    is_known = ~(np.isnan(factor.values) | np.isnan(values))
+    x, y = factor.values[is_known], values[is_known]
     if not (_varies(x) and _varies(y)):
         return 0.0
-    ranks = _ranks(y)
-    if one.levels is None:
-        return float(abs(np.corrcoef(_ranks(x), ranks)[0, 1]))
+    ranks = _rank(y)
+    if factor.levels is None:
+        return float(abs(np.corrcoef(_rank(x), ranks)[0, 1]))
     _, group = np.unique(x, return_inverse=True)
     count = np.bincount(group)
     if len(count) >= len(y):
@@ -123,20 +123,20 @@ def influence(one: FactorColumn, values: Vector) -> float:
     return float(np.sqrt(max(1.0 - unexplained, 0.0)))
 
 
-def _ranks(values: Vector) -> Vector:
+def _rank(values: Vector) -> Vector:
     return polars.Series(values).rank("average").to_numpy()
 
 
 def _varies(values: Vector) -> bool:
-    known = values[~np.isnan(values)]
-    return len(known) > 1 and float(np.ptp(known)) > 1e-12 * float(np.max(np.abs(known)))
+    finite = values[~np.isnan(values)]
+    return len(finite) > 1 and float(np.ptp(finite)) > 1e-12 * float(np.max(np.abs(finite)))
 
 
-def _numbers(column: polars.Series) -> Vector:
+def _to_numbers(column: polars.Series) -> Vector:
     values = column.cast(polars.Float64, strict=False).to_numpy().astype(float)  # a copy
     values[~(np.abs(values) <= LARGEST)] = np.nan
     return values
 
 
-def _text(value: object) -> str:
+def _format_level(value: object) -> str:
     return str(value).lower() if isinstance(value, bool) else str(value)

@@ -38,13 +38,13 @@ class VariantGroup:
 class Design:
     """All variants of a plan.
 
-    `drawn` has a list of values for each factor, `group_of` the position in `groups` for each variant.
+    `factor_values` has the values of each factor, `group_of` the position in `groups` for each variant.
     """
 
     plan: Plan
     method: str
     groups: Sequence[VariantGroup]
-    drawn: Sequence[Sequence[Value | None]]
+    factor_values: Sequence[Sequence[Value | None]]
     group_of: Sequence[int]
 
     @property
@@ -59,8 +59,8 @@ class Design:
 
     def _values(self, number: int) -> list[tuple[Factor, Value | None]]:
         """Return the factors of a variant with their values in the table."""
-        own = self.groups[self.group_of[number]].factors
-        return [(factor, factor.value(drawn[number])) for factor, drawn in zip(own, self.drawn, strict=True)]
+        factors = self.groups[self.group_of[number]].factors
+        return [(f, f.value(values[number])) for f, values in zip(factors, self.factor_values, strict=True)]
 
     def options(self, number: int) -> dict[str, Any]:
         """Return the options that are specific to a variant."""
@@ -72,16 +72,16 @@ class Design:
 
     def work(self, finished: set[int]) -> list[WorkPackage]:
         """Return the variants that are not finished, by group."""
-        left: list[list[int]] = [[] for _ in self.groups]
+        remaining: list[list[int]] = [[] for _ in self.groups]
         for number, group in enumerate(self.group_of):
             if number not in finished:
-                left[group].append(number)
-        return [WorkPackage(group, numbers) for group, numbers in enumerate(left) if numbers]
+                remaining[group].append(number)
+        return [WorkPackage(group, numbers) for group, numbers in enumerate(remaining) if numbers]
 
     def table(self) -> polars.DataFrame:
         """Return a table with the number and values of every variant."""
         rows = [self._values(number) for number in range(self.count)]
-        columns = [_column(f.name, [row[i][1] for row in rows]) for i, f in enumerate(self.factors)]
+        columns = [_make_column(f.name, [row[i][1] for row in rows]) for i, f in enumerate(self.factors)]
         return polars.DataFrame([polars.Series(VARIANT, range(self.count), polars.Int64), *columns])
 
     @cached_property
@@ -91,12 +91,12 @@ class Design:
 
     def identity(self, metrics: object) -> dict[str, Any]:
         """Return what must be unchanged to resume a sweep, by its name in messages."""
-        drawn = [
+        content = [
             (factor.name, [asdict(target) for target in factor.targets], [str(v) for v in column])
-            for factor, column in zip(self.factors, self.drawn, strict=True)
+            for factor, column in zip(self.factors, self.factor_values, strict=True)
         ]
         return {
-            "values": hash_plain_data(drawn),
+            "values": hash_plain_data(content),
             "seed": self.plan.seed,
             "sampling": self.method,
             "FMUs or settings": hash_plain_data(self.identities),
@@ -118,63 +118,63 @@ def design_variants(plan: Plan, progress: Progress) -> Design:
     """
     plan.check()
     first = Preparation.of(load_planned(plan), progress)
-    found = resolve_factors(plan.vary, first.system, first.interfaces, plan.where)
+    factors = resolve_factors(plan.vary, first.system, first.interfaces, plan.where)
     method = plan.sampling or ("grid" if plan.runs is None else "random")
-    _check_size(plan, method, found)
-    drawn = sample(method, [f.distribution for f in found], plan.runs, plan.seed)
-    prepared = [i for i, f in enumerate(found) if any(needs_preparation(target) for target in f.targets)]
+    _check_size(plan, method, factors)
+    columns = sample(method, [f.distribution for f in factors], plan.runs, plan.seed)
+    prepared = [i for i, f in enumerate(factors) if any(needs_preparation(target) for target in f.targets)]
     keys: dict[str, int] = {}
     groups, group_of = list[VariantGroup](), list[int]()
-    for row in zip(*(drawn[i] for i in prepared), strict=True) if prepared else [()] * len(drawn[0]):
-        options = merge_options(found[i].options(value) for i, value in zip(prepared, row, strict=True))
+    for row in zip(*(columns[i] for i in prepared), strict=True) if prepared else [()] * len(columns[0]):
+        options = merge_options(factors[i].options(value) for i, value in zip(prepared, row, strict=True))
         key = json.dumps(options, sort_keys=True, default=str)
         if key not in keys:
             keys[key] = len(groups)
-            groups.append(_group(plan, options, first if not options else None, found, progress))
+            groups.append(_prepare_group(plan, options, first if not options else None, factors, progress))
         group_of.append(keys[key])
-    return Design(plan, method, groups, drawn, group_of)
+    return Design(plan, method, groups, columns, group_of)
 
 
-def _group(
+def _prepare_group(
     plan: Plan,
     options: Mapping[str, Any],
-    made: Preparation | None,
-    usual: Sequence[Factor],
+    first: Preparation | None,
+    expected: Sequence[Factor],
     progress: Progress,
 ) -> VariantGroup:
-    """Prepare the system with these options. Its factors must be the same as without them (`usual`)."""
-    preparation = made or Preparation.of(load_planned(plan, options), progress)
-    found = resolve_factors(plan.vary, preparation.system, preparation.interfaces, plan.where)
-    changed = ""
-    if [f.name for f in found] != [f.name for f in usual]:
-        changed = "varies different start values"
-    elif any(f.targets != u.targets for f, u in zip(found, usual, strict=True) if len(f.targets) > 1):
-        changed = "multiplies different values"
-    if changed:
+    """Prepare the system with these options. Its factors must be the same as without them (`expected`)."""
+    preparation = first or Preparation.of(load_planned(plan, options), progress)
+    factors = resolve_factors(plan.vary, preparation.system, preparation.interfaces, plan.where)
+    problem = ""
+    if [f.name for f in factors] != [f.name for f in expected]:
+        problem = "varies different start values"
+    elif any(f.targets != u.targets for f, u in zip(factors, expected, strict=True) if len(f.targets) > 1):
+        problem = "multiplies different values"
+    if problem:
         text = ", ".join(f"{name} = {value}" for name, value in options.items())
-        raise CommandError(f"{plan.where} {changed} with {text} than without.")
-    return VariantGroup(preparation, found)
+        raise CommandError(f"{plan.where} {problem} with {text} than without.")
+    return VariantGroup(preparation, factors)
 
 
-def _check_size(plan: Plan, method: str, found: Sequence[Factor]) -> None:
+def _check_size(plan: Plan, method: str, factors: Sequence[Factor]) -> None:
     """Raise CommandError if the variants cannot be sampled, or do not fit into the memory."""
     try:
-        variants = count_variants(method, [f.distribution for f in found], plan.runs)
+        variants = count_variants(method, [f.distribution for f in factors], plan.runs)
     except CommandError as error:
         if "index" in error.fields:
-            name = found[error.fields["index"]].name
+            name = factors[error.fields["index"]].name
             raise CommandError(f"'{name}' of {plan.where}: {error}", name=name) from error
         raise CommandError(f"{plan.where}: {error}", **error.fields) from error
-    there = psutil.virtual_memory().available
-    if variants * (len(found) + 8) * _BYTES_PER_VALUE > 0.5 * there:
+    available = psutil.virtual_memory().available
+    if variants * (len(factors) + 8) * _BYTES_PER_VALUE > 0.5 * available:
         raise CommandError(
-            f"{plan.where} has {variants} variants; {there / 2**30:.3g} GiB of memory are not enough; use "
-            "fewer levels or runs.",
+            f"{plan.where} has {variants} variants; {available / 2**30:.3g} GiB of memory are not enough; "
+            "use fewer levels or runs.",
             variants=variants,
         )
 
 
-def _column(name: str, values: Sequence[Value | None]) -> polars.Series:
+def _make_column(name: str, values: Sequence[Value | None]) -> polars.Series:
     """Return values as a column of their type; values of several types as text."""
     kinds = {type(value) for value in values if value is not None}
     if kinds <= {int, float}:

@@ -30,7 +30,7 @@ from .result import (
     read_record,
 )
 
-_OURS = re.compile(rf"[0-9]{{9,}}\.parquet|{re.escape(DESIGN)}|{re.escape(UNFINISHED)}.*")
+_SWEEP_FILES = re.compile(rf"[0-9]{{9,}}\.parquet|{re.escape(DESIGN)}|{re.escape(UNFINISHED)}.*")
 """Names of parts, finished or being written."""
 
 
@@ -38,7 +38,7 @@ class SweepFolder(AnalysisFolder[SweepResult]):
     """The output folder of a sweep; it has `parts/` while the sweep is not complete."""
 
     inner = (PARTS, SERIES)
-    _begun: Mapping[str, Any]
+    _start_record: Mapping[str, Any]
     """The record when the variants began to run."""
 
     def check(self, identity: Mapping[str, Any], resume: bool) -> None:
@@ -53,7 +53,7 @@ class SweepFolder(AnalysisFolder[SweepResult]):
             path = self._place / name
             with report_write_errors(self.path):
                 files = list(path.iterdir()) if path.is_dir() else []
-            strange = [file for file in files if not record or not _OURS.fullmatch(file.name)]
+            strange = [file for file in files if not record or not _SWEEP_FILES.fullmatch(file.name)]
             if strange or path.is_symlink() or (path.exists() and not path.is_dir()):
                 raise CommandError(
                     f"'{self.path / name}' does not belong to a sweep; move it, or name another folder."
@@ -109,8 +109,8 @@ class SweepFolder(AnalysisFolder[SweepResult]):
                 self.remove_drawn(self.pictures)
             # the record first: without it, the parts would be files of the user's
             earlier = self._record() if resume else {}
-            self._begun = {**earlier, **record, "status": UNFINISHED_SWEEP}
-            self.write_json(RECORD, self._begun)
+            self._start_record = {**earlier, **record, "status": UNFINISHED_SWEEP}
+            self.write_json(RECORD, self._start_record)
             for name in (PARTS, SERIES):
                 (self._place / name).mkdir(exist_ok=True)
             with write_atomically(self._place / PARTS / DESIGN) as stream:
@@ -123,7 +123,7 @@ class SweepFolder(AnalysisFolder[SweepResult]):
         """Remove a folder of parts, but keep other files in it. May raise OSError."""
         files = sorted((self._place / name).glob("*.parquet"), key=lambda file: file.name != DESIGN)
         for file in files:  # the design first: `read_sweep` then notices
-            if _OURS.fullmatch(file.name):
+            if _SWEEP_FILES.fullmatch(file.name):
                 file.unlink()
         with contextlib.suppress(OSError):
             (self._place / name).rmdir()
@@ -136,7 +136,7 @@ class SweepFolder(AnalysisFolder[SweepResult]):
                 with write_atomically(self._place / SERIES / name) as stream:
                     stream.write(chunk.series)
             with write_atomically(self._place / PARTS / name) as stream:
-                stream.write(to_parquet(_frame(chunk, measures)))
+                stream.write(to_parquet(_tabulate_chunk(chunk, measures)))
 
     def finished(self) -> set[int]:
         """Return the numbers of finished variants. Raise CommandError if a part cannot be read."""
@@ -150,22 +150,22 @@ class SweepFolder(AnalysisFolder[SweepResult]):
                 ) from error
         return numbers
 
-    def finish(self, whole: bool, wall_s: float) -> None:
+    def finish(self, is_complete: bool, wall_s: float) -> None:
         """Merge the parts to the table, and write the record. If all variants are done, remove the parts.
 
         Args:
-            whole: Whether all variants are done.
+            is_complete: Whether all variants are done.
             wall_s: Further duration in s.
 
         Raises:
             RunError: Writing fails.
         """
-        record = {**self._begun, "wall_s": self._begun.get("wall_s", 0.0) + wall_s}
+        record = {**self._start_record, "wall_s": self._start_record.get("wall_s", 0.0) + wall_s}
         if (parts := read_parts(self._place, record["figures"])) is None:
             raise RunError(f"the output folder '{self.path}' changed while emla ran: its parts are gone.")
         result = make_result(self.path, record, *parts)
-        self.keep(replace(result, complete=whole), is_final=False)
-        if whole:  # from now on the table counts
+        self.keep(replace(result, complete=is_complete), is_final=False)
+        if is_complete:  # from now on the table counts
             self.write_json(RECORD, {**self._record(), "status": COMPLETED})
             with contextlib.suppress(OSError):
                 self._remove_parts(PARTS)
@@ -173,7 +173,7 @@ class SweepFolder(AnalysisFolder[SweepResult]):
                 (self._place / SERIES).rmdir()  # where there are none
 
 
-def _frame(chunk: Chunk, measures: Measures) -> polars.DataFrame:
+def _tabulate_chunk(chunk: Chunk, measures: Measures) -> polars.DataFrame:
     rows = [(o.number, o.status, o.problem, o.end_s) for o in chunk.outcomes]
     types = {n: polars.Boolean if n in measures.truths else polars.Float64 for n in measures.names}
     columns = [
@@ -183,9 +183,9 @@ def _frame(chunk: Chunk, measures: Measures) -> polars.DataFrame:
     return polars.DataFrame(rows, schema=ENDS, orient="row").with_columns(columns)
 
 
-def _describe_difference(before: Any, now: Mapping[str, Any]) -> str:
+def _describe_difference(earlier: Any, current: Mapping[str, Any]) -> str:
     """Return the names of differences between two identities, or an empty string."""
-    if not isinstance(before, Mapping):
+    if not isinstance(earlier, Mapping):
         return "contents"
-    names = sorted(set(before) | set(now))
-    return " and ".join(n for n in names if before.get(n) != json.loads(json.dumps(now.get(n))))
+    names = sorted(set(earlier) | set(current))
+    return " and ".join(n for n in names if earlier.get(n) != json.loads(json.dumps(current.get(n))))

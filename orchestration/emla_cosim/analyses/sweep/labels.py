@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 _DECADES = 2.0
 """Positive numbers get a logarithmic axis if 90 % of them span more decades than this."""
 
-_MOST_LEVELS = 12
+_MAX_LEVELS = 12
 """Most level names on an axis; of more levels only every n-th is named."""
 
 
@@ -39,15 +39,15 @@ def wrap_text(text: str, width: int, lines: int = 2) -> str:
     A unit stays on the line of its quantity.
     """
     text = shorten_text(text, width * lines)
-    found = [""]
+    rows = [""]
     for piece in re.split(r"(?<=[ .])(?<!/ )(?!/)(?![^(]*\))", text):
-        if len(found[-1] + piece.rstrip()) <= width:
-            found[-1] += piece
+        if len(rows[-1] + piece.rstrip()) <= width:
+            rows[-1] += piece
         else:
-            found.append(piece)
-    if len(found) > lines or max(map(len, found)) > width + 1:
-        found = [text[i : i + width] for i in range(0, len(text), width)]
-    return "\n".join(line.strip() for line in found if line.strip())
+            rows.append(piece)
+    if len(rows) > lines or max(map(len, rows)) > width + 1:
+        rows = [text[i : i + width] for i in range(0, len(text), width)]
+    return "\n".join(line.strip() for line in rows if line.strip())
 
 
 def label_with_unit(name: str, unit: str) -> str:
@@ -64,16 +64,16 @@ def factor_label(result: SweepResult, name: str) -> str:
 
 def figure_label(result: SweepResult, name: str) -> str:
     """Return the label of a figure with its display unit."""
-    shown = display_of(result, name)
-    return label_with_unit(shown.label, shown.unit)
+    display = display_of(result, name)
+    return label_with_unit(display.label, display.unit)
 
 
 def is_wide(values: Vector) -> bool:
     """Return whether values need a logarithmic axis: all positive, and most spanning many decades."""
-    known = values[~np.isnan(values)]
-    if not len(known) or known.min() <= 0.0:
+    finite = values[~np.isnan(values)]
+    if not len(finite) or finite.min() <= 0.0:
         return False
-    low, high = np.quantile(known, [0.05, 0.95])
+    low, high = np.quantile(finite, [0.05, 0.95])
     return bool(np.log10(high / low) > _DECADES)
 
 
@@ -97,11 +97,11 @@ def put_levels(
 
     Names are shortened to `most` characters. They are rotated if together they exceed `room` characters.
     """
-    places = range(0, len(levels), -(-len(levels) // _MOST_LEVELS))
-    names = [shorten_text(levels[i], most) for i in places]
-    turned = room is not None and sum(len(name) + 2 for name in names) > room
-    turn = {"rotation": 30, "ha": "right", "rotation_mode": "anchor"} if turned else {}
-    axis.set_ticks([first + i for i in places], names, parse_math=False, **turn)
+    positions = range(0, len(levels), -(-len(levels) // _MAX_LEVELS))
+    names = [shorten_text(levels[i], most) for i in positions]
+    is_rotated = room is not None and sum(len(name) + 2 for name in names) > room
+    rotation = {"rotation": 30, "ha": "right", "rotation_mode": "anchor"} if is_rotated else {}
+    axis.set_ticks([first + i for i in positions], names, parse_math=False, **rotation)
     axis.set_tick_params(labelsize=8)
 
 

@@ -46,19 +46,19 @@ class Plan(AnalysisPlan):
 
     NOTHING_VARIES = "varies nothing; add a factor, for example --vary lift.plant.motor.R_s=0.05:0.3:20"
 
-    def updated(self, given: Mapping[str, Any]) -> Self:
+    def updated(self, changes: Mapping[str, Any]) -> Self:
         """Return the plan with other values; `vary` and `options` are merged, None changes nothing.
 
         A sampling that does not take `runs` drops those of the plan.
 
         Args:
-            given: values of fields by name.
+            changes: values of fields by name.
 
         Raises:
             CommandError: a value has a wrong type.
         """
-        method = SAMPLINGS.get(str(given.get("sampling")))
-        return super(Plan, replace(self, runs=None) if method and method.own_size else self).updated(given)
+        method = SAMPLINGS.get(str(changes.get("sampling")))
+        return super(Plan, replace(self, runs=None) if method and method.own_size else self).updated(changes)
 
 
 def load_plan(source: Source | Plan) -> Plan:
@@ -71,20 +71,20 @@ def load_plan(source: Source | Plan) -> Plan:
         return source
     values, folder = read_plan(source, Plan, "sweep", "plan", PLANS)
     if folder is not None:
-        values["vary"] = {name: _with_files_of(folder, given) for name, given in values["vary"].items()}
+        values["vary"] = {name: _resolve_files(folder, entry) for name, entry in values["vary"].items()}
     plan = Plan(**values)
     if "vary" in values:
         plan.check()
     return plan
 
 
-def _with_files_of(folder: Path, given: Any) -> Any:
+def _resolve_files(folder: Path, entry: Any) -> Any:
     """Return the values of a factor with files relative to the folder of the plan."""
-    match given:
-        case str() if given.lower().endswith((".fmu", ".ssv", ".toml")) and "," not in given:
-            return str(folder / given)
+    match entry:
+        case str() if entry.lower().endswith((".fmu", ".ssv", ".toml")) and "," not in entry:
+            return str(folder / entry)
         case {"values": values}:
-            return {**given, "values": _with_files_of(folder, values)}
+            return {**entry, "values": _resolve_files(folder, values)}
         case list():
-            return [_with_files_of(folder, value) for value in given]
-    return given
+            return [_resolve_files(folder, value) for value in entry]
+    return entry

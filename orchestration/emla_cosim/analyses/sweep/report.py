@@ -1,4 +1,4 @@
-"""What a sweep writes and shows: statuses, figures, sensitivities, the worst variants, pictures."""
+"""The report of a sweep: statuses, figures, sensitivities, the worst variants, pictures."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -27,10 +27,10 @@ from .statements import Statements, make_statements
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_MOST_FACTORS, _MOST_WORST = 12, 5
+_MAX_FACTORS, _MAX_WORST = 12, 5
 """Most factors in a table of sensitivities, and most of the worst variants to show."""
 
-_WORST_FILE, _MOST_LETTERS = "worst.txt", 1600
+_WORST_FILE, _MAX_LETTERS = "worst.txt", 1600
 """The file with the commands of the worst variants, if they have more letters."""
 
 PICTURES: dict[str, tuple["Callable[[SweepResult, Sequence[str]], Figure]", str]] = {
@@ -64,14 +64,14 @@ def build_report(result: SweepResult) -> Report:
     if figure is not None and result.is_done.any():
         sections.append(Section(tables=[figures_table(result)]))
         if statements is not None and statements.quantiles:
-            sections.append(Section(tables=[_intervals_table(result, statements)], is_detail=True))
-        sections += _sensitivities(result, figure)
+            sections.append(Section(tables=[_tabulate_intervals(result, statements)], is_detail=True))
+        sections += _list_sensitivities(result, figure)
     if figure is not None and len(result.variants):
         commands = _list_worst_commands(result)
         if result.folder is not None and _are_long(commands):
             commands = [f"Commands to run each of them alone are in {result.folder / _WORST_FILE}."]
-        sections.append(Section(tables=[_worst_table(result, figure)], under=commands))
-    pictures = {f"{kind}.png": shown for kind, (_, shown) in PICTURES.items()}
+        sections.append(Section(tables=[_tabulate_worst(result, figure)], under=commands))
+    pictures = {f"{kind}.png": caption for kind, (_, caption) in PICTURES.items()}
     sections.append(Section("Plots", pictures=pictures, is_detail=True))
     sections.append(Section("Notes", [f"{note}." for note in result.notes], is_detail=True))
     factors = format_count(len(result.factors), "factor")
@@ -84,13 +84,13 @@ def status_line(result: SweepResult) -> str:
     statuses = [str(status) for status in result.variants[STATUS].to_list()]
     names = dict.fromkeys([DONE, DIVERGED, REFUSED, FAILED, DIED, *statuses])
     counts = {name: f"{statuses.count(name)} {name}" for name in names if name in statuses}
-    if wrong := int((result.outcomes == NOT_HELD).sum()):
-        counts[DONE] += f" ({wrong} of them {NOT_HELD})"
+    if not_held := int((result.outcomes == NOT_HELD).sum()):
+        counts[DONE] += f" ({not_held} of them {NOT_HELD})"
     line = f"{format_count(len(statuses), 'variant')}: {', '.join(counts.values()) or 'none'}"
     if ended := sum(tells_requested_end(problem) for problem in result.variants[PROBLEM].to_list()):
         line += f". FMUs ended {ended} of them before the stop time: their figures are of shorter runs"
-    if lost := sum(tells_lost_values(problem) for problem in result.variants[PROBLEM].to_list()):
-        line += f". In {lost} of them, FMUs did not take start values: the column '{PROBLEM}' says which"
+    if ignoring := sum(tells_lost_values(problem) for problem in result.variants[PROBLEM].to_list()):
+        line += f". In {ignoring} of them, FMUs did not take start values: the column '{PROBLEM}' says which"
     return line
 
 
@@ -101,38 +101,38 @@ def figures_table(result: SweepResult) -> ReportTable:
     """
     rows = list[list[str]]()
     for figure in dict.fromkeys([*result.verdicts, *result.figures]):
-        shown, values = display_of(result, figure), figure_values(result, figure)
+        display, values = display_of(result, figure), figure_values(result, figure)
         values = values[~np.isnan(values)]
         if is_truth(result, figure):
             cells = ["", "", "", f"{int(values.sum())} of {len(values)} yes"]
         else:
             numbers = np.percentile(values, [0, 50, 95, 100]) if len(values) else np.full(4, np.nan)
-            cells = [format_figure(float(number), shown) for number in numbers]
-        rows.append([shown.label, *cells, shown.unit])
+            cells = [format_figure(float(number), display) for number in numbers]
+        rows.append([display.label, *cells, display.unit])
     title = f"Figures of the variants that are done ({int(result.is_done.sum())})"
     return ReportTable(title, ("", "least", "median", "95 %", "largest", ""), rows, texts=(0, 5))
 
 
-def _intervals_table(result: SweepResult, statements: Statements) -> ReportTable:
+def _tabulate_intervals(result: SweepResult, statements: Statements) -> ReportTable:
     rows = list[list[str]]()
     for figure, intervals in statements.quantiles.items():
-        shown = display_of(result, figure)
-        cells = [text for x in intervals.values() for text in _format_interval(x, shown)]
-        rows.append([shown.label, *cells, shown.unit])
+        display = display_of(result, figure)
+        cells = [text for x in intervals.values() for text in _format_interval(x, display)]
+        rows.append([display.label, *cells, display.unit])
     names = next(iter(statements.quantiles.values()))
     header = ["", *(head for name in names for head in (name, "interval")), ""]
     title = "Quantiles of the figures, with intervals of 95 % confidence"
     return ReportTable(title, header, rows, texts=(0, len(header) - 1))
 
 
-def _format_interval(interval: Mapping[str, float], shown: MetricDisplay) -> tuple[str, str]:
-    value, low, high = (format_figure(interval[name], shown) for name in ("value", "low", "high"))
+def _format_interval(interval: Mapping[str, float], display: MetricDisplay) -> tuple[str, str]:
+    value, low, high = (format_figure(interval[name], display) for name in ("value", "low", "high"))
     if math.isinf(interval["low"]):
         return value, "too few variants" if math.isinf(interval["high"]) else f"up to {high}"
     return value, f"from {low}" if math.isinf(interval["high"]) else f"{low} to {high}"
 
 
-def _sensitivities(result: SweepResult, figure: str) -> list[Section]:
+def _list_sensitivities(result: SweepResult, figure: str) -> list[Section]:
     tables = {SALTELLI: sobol_table, ONE_AT_A_TIME: local_table}
     if result.sampling not in tables:
         return []
@@ -155,7 +155,7 @@ def sobol_table(result: SweepResult, figure: str) -> ReportTable:
     label = display_of(result, figure).label
     title = f"Sobol indices of {label}, from {indices.groups} base samples{left_out}"
     under = [] if indices.warning is None else [f"Warning: {indices.warning}"]
-    return ReportTable(title, ("", "first order", "total"), _strongest(rows), under)
+    return ReportTable(title, ("", "first order", "total"), _limit_rows(rows), under)
 
 
 def local_table(result: SweepResult, figure: str) -> ReportTable:
@@ -163,21 +163,21 @@ def local_table(result: SweepResult, figure: str) -> ReportTable:
 
     Errors are those of `local_sensitivities`.
     """
-    shown = display_of(result, figure)
-    unit = f" in {shown.unit}" if shown.unit else ""
+    display = display_of(result, figure)
+    unit = f" in {display.unit}" if display.unit else ""
     rows = [
         [row.factor, *(_format_figure(result, figure, x) for x in (row.low, row.nominal, row.high))]
         for row in local_sensitivities(result, figure)
     ]
-    title = f"{shown.label}{unit}, each factor alone"
-    return ReportTable(title, ("", "low", "nominal", "high"), _strongest(rows))
+    title = f"{display.label}{unit}, each factor alone"
+    return ReportTable(title, ("", "low", "nominal", "high"), _limit_rows(rows))
 
 
-def _strongest(rows: list[list[str]]) -> list[list[str]]:
+def _limit_rows(rows: list[list[str]]) -> list[list[str]]:
     """Return the first rows; of more, a last row has the number."""
-    if (rest := len(rows) - _MOST_FACTORS) <= 0:
+    if (rest := len(rows) - _MAX_FACTORS) <= 0:
         return rows
-    return [*rows[:_MOST_FACTORS], [f"and {rest} with less effect", *[""] * (len(rows[0]) - 1)]]
+    return [*rows[:_MAX_FACTORS], [f"and {rest} with less effect", *[""] * (len(rows[0]) - 1)]]
 
 
 def find_worst_variants(result: SweepResult, figure: str, count: int) -> polars.DataFrame:
@@ -189,21 +189,21 @@ def find_worst_variants(result: SweepResult, figure: str, count: int) -> polars.
         CommandError: The sweep does not have the figure.
     """
     values = figure_values(result, figure)
-    badness = np.where(np.isnan(values), np.inf, -values if is_truth(result, figure) else values)
-    held = result.outcomes != NOT_HELD
-    order = np.lexsort((result.variants[VARIANT].to_numpy(), -badness, held, result.is_done))
+    severity = np.where(np.isnan(values), np.inf, -values if is_truth(result, figure) else values)
+    is_held = result.outcomes != NOT_HELD
+    order = np.lexsort((result.variants[VARIANT].to_numpy(), -severity, is_held, result.is_done))
     return result.variants[order[:count]]
 
 
-def _worst_table(result: SweepResult, figure: str) -> ReportTable:
-    shown = display_of(result, figure)
-    ended = dict(zip(result.variants[VARIANT], result.outcomes, strict=True))
-    worst = find_worst_variants(result, figure, _MOST_WORST).select(VARIANT, figure, PROBLEM).rows()
+def _tabulate_worst(result: SweepResult, figure: str) -> ReportTable:
+    display = display_of(result, figure)
+    outcomes = dict(zip(result.variants[VARIANT], result.outcomes, strict=True))
+    worst = find_worst_variants(result, figure, _MAX_WORST).select(VARIANT, figure, PROBLEM).rows()
     rows = [
-        [str(number), str(ended[number]), _format_figure(result, figure, value), problem or ""]
+        [str(number), str(outcomes[number]), _format_figure(result, figure, value), problem or ""]
         for number, value, problem in worst
     ]
-    head = f"{shown.label} / {shown.unit}" if shown.unit else shown.label
+    head = f"{display.label} / {display.unit}" if display.unit else display.label
     return ReportTable("The worst variants", ("variant", "status", head, ""), rows, texts=(1, 3))
 
 
@@ -211,19 +211,20 @@ def _list_worst_commands(result: SweepResult) -> list[str]:
     """Return lines with the commands that run the worst variants alone."""
     if (figure := main_figure(result)) is None:
         return []
-    worst = find_worst_variants(result, figure, _MOST_WORST)[VARIANT]
+    worst = find_worst_variants(result, figure, _MAX_WORST)[VARIANT]
     lines = [line for number in worst if (line := result.command(number))]
-    return [f"What runs {'it' if len(lines) == 1 else 'each'} alone:", *lines] if lines else []
+    head = "Command to run it alone:" if len(lines) == 1 else "Commands to run each alone:"
+    return [head, *lines] if lines else []
 
 
-def _worst_file(result: SweepResult) -> str | None:
+def _write_worst_commands(result: SweepResult) -> str | None:
     """Return the file with the commands that run the worst variants, if they are long."""
     lines = _list_worst_commands(result)
     return "\n".join([f"# {lines[0]}", *lines[1:], ""]) if _are_long(lines) else None
 
 
 def _are_long(commands: Sequence[str]) -> bool:
-    return sum(map(len, commands)) > _MOST_LETTERS
+    return sum(map(len, commands)) > _MAX_LETTERS
 
 
 def _format_figure(result: SweepResult, figure: str, value: float | bool | None) -> str:
@@ -233,7 +234,7 @@ def _format_figure(result: SweepResult, figure: str, value: float | bool | None)
     return format_figure(value, display_of(result, figure))
 
 
-def _record(result: SweepResult) -> dict[str, Any]:
+def _build_record(result: SweepResult) -> dict[str, Any]:
     """Return the record with what follows from all variants: statements and Sobol indices."""
     record = dict(result.record)
     if (statements := make_statements(result)) is not None:
@@ -246,8 +247,8 @@ def _record(result: SweepResult) -> dict[str, Any]:
 OUTPUTS = Outputs[SweepResult](
     what="sweep",
     name="sweep",
-    record=_record,
-    tables={TABLE: lambda result: to_parquet(result.variants), _WORST_FILE: _worst_file},
+    record=_build_record,
+    tables={TABLE: lambda result: to_parquet(result.variants), _WORST_FILE: _write_worst_commands},
     report=build_report,
     draw=draw_pictures,
     pictures=tuple(f"{kind}.png" for kind in PICTURES),

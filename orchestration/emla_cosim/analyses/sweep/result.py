@@ -131,9 +131,9 @@ class SweepResult(ReportedResult):
 
     def command(self, variant: int) -> str | None:
         """Return the command that runs one variant; None if an object exists in Python only."""
-        if self.base is None or (own := format_arguments(self.options(variant))) is None:
+        if self.base is None or (arguments := format_arguments(self.options(variant))) is None:
             return None
-        return shlex.join([*self.base, *own])
+        return shlex.join([*self.base, *arguments])
 
     def sobol(self, figure: str) -> "SobolIndices":
         """Return the Sobol indices of a metric. The sampling must be `saltelli`.
@@ -191,7 +191,7 @@ def read_sweep(folder: str | Path) -> SweepResult:
     Examples:
         >>> import emla_cosim as ec
         >>> plan = {"lift.plant.motor.R_s": [0.1, 0.2]}
-        >>> found = ec.sweep("lift", plan, stop_time=0.01, output="kept")
+        >>> result = ec.sweep("lift", plan, stop_time=0.01, output="kept")
         >>> ec.read_sweep("kept").variants.height
         2
     """
@@ -214,15 +214,15 @@ def make_result(
     series = None
     if signals:  # each is sorted by variant, but retried chunks come late
         series = polars.scan_parquet(signals).sort(VARIANT, maintain_order=True)
-    former = [name for name in record["figures"] if name.endswith(f".{HELD}")]  # of earlier versions
-    same = ("name", "sampling", "seed", "figures", "signals", "units", "required", "base")
+    held_figures = [name for name in record["figures"] if name.endswith(f".{HELD}")]  # of earlier versions
+    fields = ("name", "sampling", "seed", "figures", "signals", "units", "required", "base")
     return SweepResult(
-        **{name: record[name] for name in same},
+        **{name: record[name] for name in fields},
         factors=list(record["factors"]),
         variants=variants,
         series=series,
-        shown={name: MetricDisplay(**shown) for name, shown in record["shown"].items()},
-        verdicts=record.get("verdicts", former),
+        shown={name: MetricDisplay(**display) for name, display in record["shown"].items()},
+        verdicts=record.get("verdicts", held_figures),
         folder=folder,
         complete=record["status"] == COMPLETED,
         targets={name: [Target(**t) for t in targets] for name, targets in record["factors"].items()},

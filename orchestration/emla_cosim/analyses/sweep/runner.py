@@ -87,23 +87,23 @@ def sweep(
 
     Examples:
         >>> import emla_cosim as ec
-        >>> found = ec.sweep("lift", {"lift.plant.motor.R_s": [0.1, 0.2]}, stop_time=0.01)
-        >>> found.variants["status"].to_list()
+        >>> result = ec.sweep("lift", {"lift.plant.motor.R_s": [0.1, 0.2]}, stop_time=0.01)
+        >>> result.variants["status"].to_list()
         ['done', 'done']
     """
-    given = {"vary": vary, "runs": runs, "seed": seed, "sampling": sampling, "metrics": metrics}
-    chosen = {**options, "overwrite": True} if overwrite else {**options}
-    plan = load_plan(source).updated({**given, "signals": signals, "options": chosen})
+    fields = {"vary": vary, "runs": runs, "seed": seed, "sampling": sampling, "metrics": metrics}
+    option_values = {**options, "overwrite": True} if overwrite else {**options}
+    plan = load_plan(source).updated({**fields, "signals": signals, "options": option_values})
     if output is None and resume:
         raise CommandError("to resume a sweep, set `output` to its folder.")
-    with contextlib.ExitStack() as held:
-        path = held.enter_context(temporary_folder("sweep")) if output is None else output
+    with contextlib.ExitStack() as resources:
+        path = resources.enter_context(temporary_folder("sweep")) if output is None else output
         path = convert_value(path, Path, "the output folder")
         folder = SweepFolder(OUTPUTS, path, overwrite, plots, report)
         session = Session(OUTPUTS, folder=folder, scheduler=scheduler, workers=workers, progress=progress)
         with session.with_workers():
             design = design_variants(plan, session.progress)
-            notes = _sweep_notes(design)
+            notes = _list_notes(design)
             for note in notes:
                 session.progress.note(f"Note: {note}.")
             session.check_unread([group.preparation.read for group in design.groups])
@@ -113,22 +113,22 @@ def sweep(
                 session.progress.begin("drawing plots", 1)
                 folder.draw_result(result)
                 session.progress.advance(1)
-        return replace(result, folder=None, resources=held.pop_all()) if output is None else result
+        return replace(result, folder=None, resources=resources.pop_all()) if output is None else result
 
 
-def _sweep_notes(design: Design) -> list[str]:
+def _list_notes(design: Design) -> list[str]:
     """Return warnings without periods, each once.
 
     Those on the scenario come first, then those on variants with all factors at one end of their ranges.
     """
-    found: dict[str, str] = {}
+    notes: dict[str, str] = {}
     for group in design.groups:
-        for note in _notes(group):
-            found.setdefault(_NUMBER.sub("#", note), note)
-    return list(found.values())
+        for note in _list_group_notes(group):
+            notes.setdefault(_NUMBER.sub("#", note), note)
+    return list(notes.values())
 
 
-def _notes(group: VariantGroup) -> Iterator[str]:
+def _list_group_notes(group: VariantGroup) -> Iterator[str]:
     scenario = group.preparation.scenario
     if scenario is None:
         return
@@ -155,13 +155,13 @@ def _run(
     if resume and folder.is_complete:
         return
     with session.open_runs([group.preparation for group in design.groups]) as runs:
-        measures, described = _measures(design, request, runs)
+        measures, described = _select(design, request, runs)
         folder.check_room(design.count, len(measures.names), described.rows * len(measures.signals))
         about = design.table().with_columns(
             polars.lit(design.plan.seed, polars.Int64).alias("seed"),
             polars.Series("provenance", design.provenance(identity["metrics"]), polars.String),
         )
-        folder.begin(_record(design, notes, measures, described, identity), about, resume)
+        folder.begin(_build_record(design, notes, measures, described, identity), about, resume)
         finished = folder.finished()
         session.progress.begin("sweeping", design.count, "variants")
         session.progress.advance(len(finished))
@@ -170,16 +170,16 @@ def _run(
             folder.keep_chunk(chunk, measures)
             session.progress.advance(len(chunk.outcomes))
 
-        each = 8 * described.rows * (2 + len(measures.signals)) if measures.signals else 0
-        began, is_whole = time.monotonic(), False
+        size = 8 * described.rows * (2 + len(measures.signals)) if measures.signals else 0
+        start, is_complete = time.monotonic(), False
         work = design.work(finished)
         try:
-            is_whole = runs.executor.run(work, design.variant, measures, each, keep, runs.interrupted)
+            is_complete = runs.executor.run(work, design.variant, measures, size, keep, runs.interrupted)
         finally:  # also without workers
-            folder.finish(is_whole, time.monotonic() - began)
+            folder.finish(is_complete, time.monotonic() - start)
 
 
-def _measures(design: Design, request: MetricRequest, runs: Runs) -> tuple[Measures, SimulationDescription]:
+def _select(design: Design, request: MetricRequest, runs: Runs) -> tuple[Measures, SimulationDescription]:
     """Return the measures, which all groups must have, and the description of the first group."""
     plan, descriptions = design.plan, [runs.describe(group) for group in range(len(design.groups))]
     measures, main = list[Measures](), design.groups[0].preparation.system.main_name
@@ -199,7 +199,7 @@ def _measures(design: Design, request: MetricRequest, runs: Runs) -> tuple[Measu
     return measures[0], descriptions[0]
 
 
-def _record(
+def _build_record(
     design: Design,
     notes: Sequence[str],
     measures: Measures,
@@ -208,9 +208,9 @@ def _record(
 ) -> dict[str, Any]:
     """Return the initial content of sweep.json."""
     plan = design.plan
-    own = format_arguments(plan.options) if isinstance(plan.scenario, (str, Path)) else None
-    known = {**described.further, **described.units}
-    units = {f.name: f.unit for f in design.factors} | {name: known[name] for name in measures.signals}
+    arguments = format_arguments(plan.options) if isinstance(plan.scenario, (str, Path)) else None
+    all_units = {**described.further, **described.units}
+    units = {f.name: f.unit for f in design.factors} | {name: all_units[name] for name in measures.signals}
     return {
         "identity": dict(identity),
         "name": plan.name,
@@ -219,7 +219,7 @@ def _record(
         "sampling": design.method,
         "runs": plan.runs,
         "seed": plan.seed,
-        "vary": {name: str(given) for name, given in plan.vary.items()},
+        "vary": {name: str(entry) for name, entry in plan.vary.items()},
         "factors": {f.name: [asdict(target) for target in f.targets] for f in design.factors},
         "figures": list(measures.names),
         "expressions": dict(measures.expressions),
@@ -229,7 +229,7 @@ def _record(
         "verdicts": list(measures.verdicts),
         "notes": list(notes),
         "required": list(design.groups[0].preparation.options.require),
-        "base": None if own is None else ["emla", "run", str(plan.scenario), *own],
+        "base": None if arguments is None else ["emla", "run", str(plan.scenario), *arguments],
         "systems": design.identities,
         "version": version("emla-cosim"),
     }

@@ -28,11 +28,11 @@ if TYPE_CHECKING:
     from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
-_MOST_FIGURES, _MOST_FACTORS = 4, 6
-_NAMED = 6
+_MAX_FIGURES, _MAX_FACTORS = 4, 6
+_MAX_NAMES = 6
 """Most omitted factors that the note names; of more it gives the number."""
 
-_ROOM, _ROOM_OF_MAP = 30, 80
+_PANEL_LETTERS, _MAP_LETTERS = 30, 80
 """Characters that fit below a panel, and below a map."""
 
 _SHADES = ("#cfe0f1", "#12355f")
@@ -72,33 +72,35 @@ def draw_figures(result: SweepResult, figures: Sequence[str] = ()) -> "Figure":
     The default is the first 4 figures that vary, against the 6 strongest factors. Marks at the bottom of a
     panel are variants without the figure.
     """
-    chosen = list(figures or find_varying_figures(result))[:_MOST_FIGURES]
-    values = {figure: figure_values(result, figure) for figure in chosen}
+    names = list(figures or find_varying_figures(result))[:_MAX_FIGURES]
+    values = {figure: figure_values(result, figure) for figure in names}
     factors = sorted(
         find_varying_factors(result),
         key=lambda factor: -max((influence(factor, v) for v in values.values()), default=0.0),
     )
-    if not (chosen and factors):
-        raise nothing_varies_error(result, "factor" if chosen else "figure")
-    groups, shown = _group_outcomes(result.outcomes), factors[:_MOST_FACTORS]
-    figure, grid = new_figure(len(chosen), len(shown), 2.5 if len(shown) > 1 else 5.0, 1.9, sharex="none")
-    for row, name in zip(grid, chosen, strict=True):
-        for axes, factor in zip(row, shown, strict=True):
+    if not (names and factors):
+        raise nothing_varies_error(result, "factor" if names else "figure")
+    groups, strongest = _group_outcomes(result.outcomes), factors[:_MAX_FACTORS]
+    width = 2.5 if len(strongest) > 1 else 5.0
+    figure, grid = new_figure(len(names), len(strongest), width, 1.9, sharex="none")
+    for row, name in zip(grid, names, strict=True):
+        for axes, factor in zip(row, strongest, strict=True):
             _draw_panel(axes, result, factor, name, values[name], groups)
-            axes.tick_params(labelleft=axes is row[0], labelbottom=name == chosen[-1])
+            axes.tick_params(labelleft=axes is row[0], labelbottom=name == names[-1])
         row[0].set_ylabel(wrap_text(figure_label(result, name), 25, 3), fontsize=8, parse_math=False)
-    for axes, factor in zip(grid[-1], shown, strict=True):
-        axes.set_xlabel(wrap_text(factor_label(result, factor.name), _ROOM), fontsize=8, parse_math=False)
+    for axes, factor in zip(grid[-1], strongest, strict=True):
+        label = wrap_text(factor_label(result, factor.name), _PANEL_LETTERS)
+        axes.set_xlabel(label, fontsize=8, parse_math=False)
     figure.align_ylabels()
     figure.set_layout_engine("constrained", w_pad=0.08)  # room for the numbers at the ends of axes
     put_title(figure, f"{result.name}: figures against factors")
-    rest = [factor.name for factor in factors[_MOST_FACTORS:]]
-    named = join_names(rest) if 0 < len(rest) <= _NAMED else f"{len(rest)} factors"
+    rest = [factor.name for factor in factors[_MAX_FACTORS:]]
+    names_of_rest = join_names(rest) if 0 < len(rest) <= _MAX_NAMES else f"{len(rest)} factors"
     same = len(result.factors) - len(factors)
-    more = 0 if figures else len(find_varying_figures(result)) - len(chosen)
+    more = 0 if figures else len(find_varying_figures(result)) - len(names)
     has_marks = any(np.isnan(column).any() for column in values.values())
     notes = [
-        f"Omitted for smaller rank correlations: {named}." if rest else "",
+        f"Omitted for smaller rank correlations: {names_of_rest}." if rest else "",
         f"Factors with one value only: {same}." if same > 0 else "",
         f"{more} more figures vary." if more > 0 else "",
         "Marks at the bottom are variants without the figure." if has_marks else "",
@@ -115,11 +117,11 @@ def _draw_panel(
     values: Vector,
     groups: Sequence[_OutcomeGroup],
 ) -> None:
-    shown, is_boolean = display_of(result, name).factor * values, is_truth(result, name)
-    x, y = _positions(factor, 0), _spread(shown, 1) if is_boolean else shown
+    scaled, is_boolean = display_of(result, name).factor * values, is_truth(result, name)
+    x, y = _place(factor, 0), _spread(scaled, 1) if is_boolean else scaled
     crowding = 1.0 / np.sqrt(max(len(x), 1))
     size, alpha = float(np.clip(90.0 * crowding, 1.2, 5.0)), float(np.clip(20.0 * crowding, 0.25, 0.9))
-    missing = np.isnan(shown)
+    missing = np.isnan(scaled)
     at_bottom: Any = {"transform": axes.get_xaxis_transform()}
     for _, variants, color in groups:
         points, marks = variants & ~missing, variants & missing
@@ -129,15 +131,15 @@ def _draw_panel(
         )
     tidy_axes(axes)
     axes.margins(x=0.04, y=0.1)
-    _put_factor(axes, axes.xaxis, factor, _ROOM, 16)
+    _put_factor(axes, axes.xaxis, factor, _PANEL_LETTERS, 16)
     if is_boolean:
         put_levels(axes.yaxis, ["no", "yes"])
         axes.set_ylim(-0.6, 1.5)
     else:
-        scale(axes, axes.yaxis, shown)
+        scale(axes, axes.yaxis, scaled)
 
 
-def _positions(factor: FactorColumn, axis: int) -> Vector:
+def _place(factor: FactorColumn, axis: int) -> Vector:
     return _spread(factor.values, axis) if factor.levels else factor.values
 
 
@@ -191,13 +193,13 @@ def draw_map(result: SweepResult, figures: Sequence[str] = ()) -> "Figure":
         raise CommandError(
             f"the variants of the sweep '{result.name}' do not differ; there is nothing to map."
         )
-    factors, decide = find_varying_factors(result), DONE in outcomes and differ
+    factors, by_outcome = find_varying_factors(result), DONE in outcomes and differ
     if len(factors) < 2:
         raise CommandError(
-            f"a map needs two factors that vary; the sweep '{result.name}' has {len(factors) or 'none'}."
+            f"a map needs two factors that vary; the sweep '{result.name}' has {len(factors)}."
         )
-    followed = (outcomes == DONE).astype(float) if decide else values
-    strongest = sorted(factors, key=lambda factor: -influence(factor, followed))[:2]
+    target = (outcomes == DONE).astype(float) if by_outcome else values
+    strongest = sorted(factors, key=lambda factor: -influence(factor, target))[:2]
     across, up = (factor for factor in factors if factor in strongest)
     figure, grid = new_figure(1, 1, 6.6, 4.6)
     axes, groups = grid[0, 0], _group_outcomes(outcomes)
@@ -211,13 +213,13 @@ def draw_map(result: SweepResult, figures: Sequence[str] = ()) -> "Figure":
         bar.set_label(wrap_text(figure_label(result, name), 54), fontsize=9, parse_math=False)
     title = "where it is held" if result.verdicts else "which variants are done"
     put_title(figure, f"{result.name}: {title}")
-    what = f"being {result.good_outcome}" if decide else "the figure"
-    note = f"The two of {len(result.factors)} factors with the largest rank correlation with {what}."
+    subject = f"being {result.good_outcome}" if by_outcome else "the figure"
+    note = f"The two of {len(result.factors)} factors with the largest rank correlation with {subject}."
     _put_legend(figure, result, groups, "" if len(result.factors) == 2 else note)
     return figure
 
 
-def _shading(values: Vector) -> dict[str, Any]:
+def _shade(values: Vector) -> dict[str, Any]:
     from matplotlib.colors import LinearSegmentedColormap, LogNorm, Normalize
 
     finite = values[~np.isnan(values)]
@@ -234,18 +236,18 @@ def _draw_cells(
     x_levels, x = np.unique(across.values, return_inverse=True)
     y_levels, y = np.unique(up.values, return_inverse=True)
 
-    def cells(content: Vector, chosen: Mask) -> Any:
+    def cells(content: Vector, selection: Mask) -> Any:
         table = np.full((len(y_levels), len(x_levels)), np.nan)
-        table[y[chosen], x[chosen]] = content[chosen]
+        table[y[selection], x[selection]] = content[selection]
         return np.ma.masked_invalid(table)
 
     for outcome, variants, color in groups:
         color_map = ListedColormap([_SHADES[0] if outcome == DONE else color])
         axes.pcolormesh(cells(np.ones(len(values)), variants), cmap=color_map)
-    shades = axes.pcolormesh(cells(values, ~np.isnan(values)), **_shading(values))
+    shades = axes.pcolormesh(cells(values, ~np.isnan(values)), **_shade(values))
     for axis, factor, levels in ((axes.xaxis, across, x_levels), (axes.yaxis, up, y_levels)):
         names = [factor.levels[int(v)] if factor.levels else format_number(v, 4) for v in levels]
-        put_levels(axis, names, room=_ROOM_OF_MAP if axis is axes.xaxis else None, first=0.5)
+        put_levels(axis, names, room=_MAP_LETTERS if axis is axes.xaxis else None, first=0.5)
     axes.tick_params(length=0)
     axes.spines[:].set_visible(False)
     return shades
@@ -254,16 +256,16 @@ def _draw_cells(
 def _draw_points(
     axes: "Axes", across: FactorColumn, up: FactorColumn, values: Vector, groups: Sequence[_OutcomeGroup]
 ) -> Any:
-    x, y = _positions(across, 0), _positions(up, 1)
+    x, y = _place(across, 0), _place(up, 1)
     size = float(np.clip(4000.0 / max(len(x), 1), 8.0, 40.0))
     good = next((variants for name, variants, _ in groups if name == DONE), np.zeros(len(x), bool))
     axes.scatter(x[good], y[good], s=size, color=_SHADES[0], linewidths=0)
-    shades = axes.scatter(x[good], y[good], s=size, c=values[good], linewidths=0, **_shading(values))
+    shades = axes.scatter(x[good], y[good], s=size, c=values[good], linewidths=0, **_shade(values))
     for outcome, variants, color in groups:
         if outcome != DONE:
             axes.scatter(x[variants], y[variants], s=2 * size, marker="X", color=color, linewidths=0)
     tidy_axes(axes)
     axes.margins(0.03)
-    _put_factor(axes, axes.xaxis, across, _ROOM_OF_MAP)
-    _put_factor(axes, axes.yaxis, up, _ROOM_OF_MAP)
+    _put_factor(axes, axes.xaxis, across, _MAP_LETTERS)
+    _put_factor(axes, axes.yaxis, up, _MAP_LETTERS)
     return shades

@@ -15,7 +15,7 @@ from .result import SweepResult
 SALTELLI, ONE_AT_A_TIME = "saltelli", "one-at-a-time"
 """The samplings for Sobol indices and local sensitivities."""
 
-_RESAMPLES = 100
+_RESAMPLE_COUNT = 100
 """Resamples of a bootstrap."""
 
 
@@ -48,9 +48,9 @@ class SobolIndices:
         """The warning that the indices are biased; None if no base sample is left out."""
         if not self.left_out:
             return None
-        every = self.groups + self.left_out
+        total = self.groups + self.left_out
         return (
-            f"{self.left_out} of {every} base samples are left out of the Sobol indices of "
+            f"{self.left_out} of {total} base samples are left out of the Sobol indices of "
             f"'{self.figure}': one of their variants lacks the figure. This biases the indices if the cause "
             "of the failures also changes the figure. Use a figure that every variant has, or narrow the "
             "ranges."
@@ -135,7 +135,7 @@ def _compute_indices(values: Vector, seed: int) -> list[Vector]:
     from scipy.special import ndtri
 
     values = (values - values.mean()) / values.std()
-    drawn = np.random.default_rng(seed).integers(len(values), size=(len(values), _RESAMPLES))
+    drawn = np.random.default_rng(seed).integers(len(values), size=(len(values), _RESAMPLE_COUNT))
     a, b = values[:, 0], values[:, -1]
     rows = list[list[Any]]()
     for ab in values.T[1:-1]:
@@ -177,21 +177,21 @@ def local_sensitivities(result: SweepResult, figure: str) -> list[LocalSensitivi
             f"the sweep '{result.name}' has variants beyond the {count} that one-at-a-time has for "
             f"{len(result.factors)} factors: the nominal one, and a low and a high one for each."
         )
-    nominal, *others = (
+    nominal, *values = (
         None if np.isnan(value) else float(value) for value in figure_by_variant(result, figure, count)
     )
     rows = [
         LocalSensitivity(name, low, high, nominal)
-        for name, low, high in zip(result.factors, others[::2], others[1::2], strict=True)
+        for name, low, high in zip(result.factors, values[::2], values[1::2], strict=True)
     ]
     return sorted(rows, key=lambda row: -row.effect)
 
 
-def check_sampling(result: SweepResult, sampling: str, what: str) -> None:
-    """Raise CommandError if a sweep has another sampling. `what` is what needs it, for the message."""
+def check_sampling(result: SweepResult, sampling: str, subject: str) -> None:
+    """Raise CommandError if a sweep has another sampling. `subject` is what needs it, for the message."""
     if result.sampling != sampling:
         raise CommandError(
-            f"the sweep '{result.name}' has the sampling {result.sampling}; {what} need the sampling "
+            f"the sweep '{result.name}' has the sampling {result.sampling}; {subject} need the sampling "
             f"{sampling}.",
             sampling=result.sampling,
         )

@@ -1,4 +1,4 @@
-"""What random draws of a sweep say about all that could have been drawn."""
+"""What random draws of a sweep imply for all possible variants."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from .sensitivity import SALTELLI
 
 _QUANTILES = {"median": 0.5, "95 %": 0.95}
 
-_EVEN = ("latin-hypercube", "sobol", SALTELLI)
+_EVEN_SAMPLINGS = ("latin-hypercube", "sobol", SALTELLI)
 """Samplings that spread their draws more evenly than independent ones."""
 
 _ASSUMPTION = (
@@ -25,7 +25,7 @@ _ASSUMPTION = (
 
 @dataclass(frozen=True)
 class Statements:
-    """What a sweep says about all variants that could have been drawn.
+    """What a sweep implies for all possible variants.
 
     Attributes:
         event: What a variant must not be, such as "not held".
@@ -56,14 +56,14 @@ def make_statements(result: SweepResult) -> Statements | None:
     a Saltelli sample are related to each other. Its statements use the rows of the matrix A only.
     """
     is_random, is_saltelli = result.sampling == "random", result.sampling == SALTELLI
-    if not (result.complete and result.variants.height and (is_random or result.sampling in _EVEN)):
+    if not (result.complete and result.variants.height and (is_random or result.sampling in _EVEN_SAMPLINGS)):
         return None
     outcomes = result.outcomes
     if is_saltelli:
         outcomes = outcomes[variant_numbers(result) % (len(result.factors) + 2) == 0]
     event, total, count = f"not {result.good_outcome}", len(outcomes), int((outcomes != DONE).sum())
-    what = "base samples" if is_saltelli else "variants"
-    share = describe_share(count, total, f"{what} {event}")
+    noun = "base samples" if is_saltelli else "variants"
+    share = describe_share(count, total, f"{noun} {event}")
     sentences = [f"{share[0].upper()}{share[1:]}."]
     if not is_random:
         sentences.append(_ASSUMPTION.format(result.sampling))

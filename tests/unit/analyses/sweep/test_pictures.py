@@ -256,7 +256,7 @@ def test_names_are_not_parsed_as_formulas() -> None:
 def test_impossible_pictures_give_one_message() -> None:
     result = swept({"a": range(9)}, {"error": range(9)}, name="mine")
     for kind, names, sentence in (
-        ("bands", (), "the sweep 'mine' kept no signals over time"),
+        ("bands", (), "the sweep 'mine' stored no signals over time"),
         ("figures", ("eror",), r"no figure 'eror'; did you mean error\?"),
         ("tornado", (), "has the sampling random; local sensitivities need the sampling one-at-a-time"),
         ("sobol", (), "has the sampling random; Sobol indices need the sampling saltelli"),
@@ -267,7 +267,7 @@ def test_impossible_pictures_give_one_message() -> None:
         with pytest.raises(CommandError, match=sentence):
             result.plot(kind, *names)
     kept = swept({"a": [1]}, {}, signals=["s"], series=series({"s": lambda i, t: t}, [np.arange(2.0)]))
-    with pytest.raises(CommandError, match="there is no kept signal 'x'; choose from s"):
+    with pytest.raises(CommandError, match="there is no stored signal 'x'; choose from s"):
         kept.plot("bands", "x")
 
 

@@ -89,14 +89,14 @@ def test_worst_variants_have_their_problem() -> None:
 def test_worst_variants_have_their_command() -> None:
     result = replace(made(), base=["emla", "run", "my study"], targets={"a": [Target("x.y[1]")]})
     commands = [f"emla run 'my study' --set 'x.y[1]={n}'" for n in (8, 10, 3, 4, 7)]
-    assert lines(build_report(result))[-6:] == ["What runs each alone:", *commands]
+    assert lines(build_report(result))[-6:] == ["Commands to run each alone:", *commands]
     assert lines(build_report(made()))[-1].startswith("└")
 
 
 def test_long_commands_have_a_file(tmp_path: Path) -> None:
     many = replace(made(), base=["emla", "run", "x" * 400], targets={"a": [Target("y")]}, folder=tmp_path)
     text = OUTPUTS.tables["worst.txt"](many)
-    assert isinstance(text, str) and text.startswith("# What runs each alone:\nemla run xxx")
+    assert isinstance(text, str) and text.startswith("# Commands to run each alone:\nemla run xxx")
     assert lines(build_report(many))[-1] == f"Commands to run each of them alone are in {tmp_path}/worst.txt."
     assert OUTPUTS.tables["worst.txt"](made()) is None
 
