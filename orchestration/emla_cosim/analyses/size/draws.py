@@ -50,8 +50,8 @@ class Variation:
             RunError: An FMU cannot be built.
         """
         preparation = Preparation.of(scenario, progress)
-        inner = {name: given for name, given in self.vary.items() if name != AMBIENT}
-        factors = resolve_factors(inner, preparation.system, preparation.interfaces, _WHERE)
+        varied = {name: entry for name, entry in self.vary.items() if name != AMBIENT}
+        factors = resolve_factors(varied, preparation.system, preparation.interfaces, _WHERE)
         for target in (target for factor in factors for target in factor.targets):
             if target.kind in (OPTION, ACTUATOR) or target.name.endswith(".reference.period"):
                 raise CommandError(
@@ -67,9 +67,9 @@ class Variation:
         columns = sample("grid" if self.runs is None else "random", distributions, self.runs, self.seed)
         draws = list[tuple[Mapping[str, Value], Mapping[str, Any]]]()
         for row in zip(*columns, strict=True):
-            drawn = {factor.name: factor.value(one) for factor, one in zip(factors, row, strict=True)}
-            options = merge_options(f.options(drawn[f.name]) for f in factors if f.name != AMBIENT)
-            draws.append(({name: value for name, value in drawn.items() if value is not None}, options))
+            values = {factor.name: factor.value(x) for factor, x in zip(factors, row, strict=True)}
+            options = merge_options(f.options(values[f.name]) for f in factors if f.name != AMBIENT)
+            draws.append(({name: value for name, value in values.items() if value is not None}, options))
         units = {factor.name: factor.unit for factor in factors}
         return Drawn(preparation, draws, Tolerances(units, self.runs is not None, self.seed, ()))
 
@@ -88,7 +88,7 @@ def _list_ends(distributions: Sequence[Distribution]) -> list[Distribution]:
     return [*lists]
 
 
-def _read_ambient(given: Any) -> Distribution:
+def _read_ambient(entry: Any) -> Distribution:
     """Read the range of the ambient temperature, in K or with units."""
     label, with_units = f"'{AMBIENT}' of {_WHERE}", list[str]()
 
@@ -96,13 +96,13 @@ def _read_ambient(given: Any) -> Distribution:
         with_units.append(text)
         return read_quantity(text, label, "K", readings=("degC", "degF", "K"))
 
-    distribution = parse_distribution(given, label, convert)
-    if distribution.relative or (isinstance(given, str) and not with_units):
+    distribution = parse_distribution(entry, label, convert)
+    if distribution.relative or (isinstance(entry, str) and not with_units):
         raise CommandError(
-            f"{label} is '{given}'; write temperatures with their unit, such as 20degC:45degC."
+            f"{label} is '{entry}'; write temperatures with their unit, such as 20degC:45degC."
         )
     if min(map(float, distribution.ends)) <= 0.0:
-        raise CommandError(f"{label} is '{given}'; temperatures must be above 0 K.")
+        raise CommandError(f"{label} is '{entry}'; temperatures must be above 0 K.")
     return distribution
 
 
@@ -156,7 +156,7 @@ class SizingMeasures(Measures):
         if result.end_s < examination.stop - 1e-9:
             return {_PROBLEM: describe_overload(result)}
         sizings = examination.size(result)
-        return {joint: (one.reason, one.limits, one.figures, one.winding) for joint, one in sizings.items()}
+        return {joint: (s.reason, s.limits, s.figures, s.winding) for joint, s in sizings.items()}
 
 
 class _Jobs:
@@ -173,14 +173,14 @@ class _Jobs:
     def add(self, run: SizedRun, base: Preparation, options: Mapping[str, Any]) -> str | CommandError:
         """Add a run with further options; return its key, or why the scenario cannot have them."""
         in_run = changed_in_run(options)
-        made = {name: value for name, value in options.items() if name not in in_run}
-        key = _to_key(id(run), made)
+        system_options = {name: value for name, value in options.items() if name not in in_run}
+        key = _make_key(id(run), system_options)
         if key not in self._groups:
             self._groups[key] = group = len(self._preparations)
             preparation, examination = base, run.examination
             try:
-                if made:
-                    scenario, examination = run.change(made)
+                if system_options:
+                    scenario, examination = run.change(system_options)
                     preparation = Preparation.of(scenario)
             except CommandError as error:
                 self._groups[key] = error
@@ -192,7 +192,7 @@ class _Jobs:
         group = self._groups[key]
         if isinstance(group, CommandError):
             return group
-        key = _to_key(group, in_run)
+        key = _make_key(group, in_run)
         self._jobs[key] = Job(in_run, group)
         return key
 
@@ -213,8 +213,8 @@ class _Jobs:
             raise RunError(f"interrupted after {len(outcomes.by_job)} of {len(jobs)} runs.")
         self._outcomes = {key: outcomes.by_job[position] for position, key in enumerate(self._jobs)}
 
-    def judge(self, joint: str, values: Mapping[str, Value], key: str | CommandError) -> Draw:
-        """Return what became of a joint in a draw."""
+    def find_draw(self, joint: str, values: Mapping[str, Value], key: str | CommandError) -> Draw:
+        """Return the result of a joint in a draw."""
         if isinstance(key, CommandError):
             return Draw(values, (), str(key))
         outcome = self._outcomes[key]
@@ -226,37 +226,39 @@ class _Jobs:
             name = self._preparations[self._jobs[key].group].name
             entries = self._examinations[name].sheets[joint].values
             heat = examine_heat(entries, figures, float(values[AMBIENT]), winding)
-            by_name = {one.name: one for one in heat if isinstance(one, Utilisation)}
-            limits = sorted((by_name.get(one.name, one) for one in limits), key=lambda one: -one.fraction)
+            by_name = {x.name: x for x in heat if isinstance(x, Utilisation)}
+            limits = sorted(
+                (by_name.get(limit.name, limit) for limit in limits), key=lambda limit: -limit.fraction
+            )
         return Draw(values, limits, reason)
 
 
-def _to_key(group: int, options: Mapping[str, Any]) -> str:
+def _make_key(group: int, options: Mapping[str, Any]) -> str:
     return json.dumps((group, options), sort_keys=True, default=str)
 
 
 def run_draws(session: Session[SizeResult], sized: Mapping[Any, SizedRun]) -> dict[Any, SizedRun]:
-    """Run all draws of runs, and return the runs with what became of each joint.
+    """Run all draws of runs, and return the runs with the result of each joint.
 
     Raises:
         CommandError: No draw can be loaded.
         RunError: The workers are lost, or the user interrupts.
     """
-    jobs, found = _Jobs(), dict[Any, SizedRun]()
-    drawn = {name: run.drawn for name, run in sized.items() if run.drawn is not None}
+    jobs, results = _Jobs(), dict[Any, SizedRun]()
+    tasks = {name: run.drawn for name, run in sized.items() if run.drawn is not None}
     keys = {
-        name: [(values, jobs.add(sized[name], one.preparation, options)) for values, options in one.draws]
-        for name, one in drawn.items()
+        name: [(values, jobs.add(sized[name], task.preparation, options)) for values, options in task.draws]
+        for name, task in tasks.items()
     }
-    tried = [(one.study, values, key) for name, one in drawn.items() for values, key in keys[name]]
-    if all(isinstance(key, CommandError) for *_, key in tried):  # such as an entry that does not exist
-        for study, values, error in tried:
+    attempts = [(task.study, values, key) for name, task in tasks.items() for values, key in keys[name]]
+    if all(isinstance(key, CommandError) for *_, key in attempts):  # such as an entry that does not exist
+        for study, values, error in attempts:
             raise CommandError(f"no draw can run; with {study.label(Draw(values, (), None))}: {error}")
     jobs.run(session)
-    for name, one in drawn.items():
+    for name, task in tasks.items():
         joints = dict[str, JointSizing]()
         for joint, sizing in sized[name].joints.items():
-            draws = [jobs.judge(joint, values, key) for values, key in keys[name]]
-            joints[joint] = replace(sizing, tolerances=replace(one.study, draws=draws))
-        found[name] = replace(sized[name], joints=joints)
-    return found
+            draws = [jobs.find_draw(joint, values, key) for values, key in keys[name]]
+            joints[joint] = replace(sizing, tolerances=replace(task.study, draws=draws))
+        results[name] = replace(sized[name], joints=joints)
+    return results

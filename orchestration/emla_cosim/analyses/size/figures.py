@@ -78,7 +78,7 @@ def compute_figures(
     energy = lambda power: float(np.trapezoid(power, cycle.time))  # noqa: E731
     force, power = cycle.force, cycle.P_el
     shaft = cycle.torque * cycle.omega
-    torque = _largest(cycle.torque)
+    torque = _find_peak(cycle.torque)
     brake = brake_power(cycle.time, power, capacity)
     burnt = float(brake @ np.diff(cycle.time))
     load = screw.mean_load(force, cycle.v, cycle.time)
@@ -100,20 +100,20 @@ def compute_figures(
         cycle_s=cycle.duration,
         torque_peak_N_m=torque,
         torque_rms_N_m=cycle.rms(cycle.torque),
-        required_torque_peak_N_m=_largest(cycle.required) if cycle.has_required else torque,
-        current_peak_A=_largest(cycle.current),
+        required_torque_peak_N_m=_find_peak(cycle.required) if cycle.has_required else torque,
+        current_peak_A=_find_peak(cycle.current),
         current_rms_A=cycle.rms(cycle.current),
-        force_peak_N=_largest(force),
+        force_peak_N=_find_peak(force),
         compression_peak_N=max(float(force.max()), 0.0),
         force_rms_N=cycle.rms(force),
         force_mean_N=load,
-        speed_peak_m_s=_largest(cycle.v),
+        speed_peak_m_s=_find_peak(cycle.v),
         speed_mean_m_s=speed,
-        motor_speed_peak_rad_s=_largest(cycle.omega),
-        voltage_peak_V=_largest(_voltage(cycle)),
+        motor_speed_peak_rad_s=_find_peak(cycle.omega),
+        voltage_peak_V=_find_peak(_compute_voltage(cycle)),
         position_min_m=float(cycle.x.min()),
         position_max_m=float(cycle.x.max()),
-        mechanical_power_peak_W=_largest(shaft),
+        mechanical_power_peak_W=_find_peak(shaft),
         electrical_power_peak_W=float(power.max()),
         regenerated_power_peak_W=max(float(-power.min()), 0.0),
         electrical_power_mean_W=cycle.mean(power),
@@ -128,14 +128,14 @@ def compute_figures(
     )
 
 
-def _voltage(cycle: Cycle) -> Vector:
+def _compute_voltage(cycle: Cycle) -> Vector:
     """Return the voltage in V that the currents need, without their changes."""
     p, omega = cycle.emla, cycle.emla.N_p * cycle.omega
     u_q = p.R_s * cycle.i_q + omega * (p.L_d * cycle.i_d + p.Phi_PM)
     return np.hypot(u_q, p.R_s * cycle.i_d - omega * p.L_q * cycle.i_q)
 
 
-def _largest(values: Vector) -> float:
+def _find_peak(values: Vector) -> float:
     return float(np.abs(values).max())
 
 
@@ -155,13 +155,13 @@ def brake_power(time: Vector, power: Vector, capacity: float) -> Vector:
     """
     steps = np.diff(time)
     energy = -0.5 * (power[1:] + power[:-1]) * steps
-    stored, taken = 0.0, np.zeros_like(energy)
+    stored, burnt = 0.0, np.zeros_like(energy)
     for _ in range(2):  # the second time, the link starts as it ended
-        for row, more in enumerate(energy.tolist()):
-            stored = max(stored + more, 0.0)
-            taken[row] = max(stored - capacity, 0.0)
+        for row, gain in enumerate(energy.tolist()):
+            stored = max(stored + gain, 0.0)
+            burnt[row] = max(stored - capacity, 0.0)
             stored = min(stored, capacity)
-    return np.divide(taken, steps, out=np.zeros_like(taken), where=steps > 0.0)
+    return np.divide(burnt, steps, out=np.zeros_like(burnt), where=steps > 0.0)
 
 
 _DIVIDE = "divide the load by the efficiency in both directions, as the paper prints"
@@ -193,10 +193,9 @@ class Losses:
         if self.other_torque_rms_N_m is None:
             return text
         condition = f"with --set {self.setting}" if self.setting else "if"
-        other, rms = (format_rounded(x, 4) for x in (self.other_torque_rms_N_m, self.torque_rms_N_m))
-        return (
-            f"{text}; {condition} they {self.other_convention}: rms torque {other} N m instead of {rms} N m"
-        )
+        other_rms, rms = (format_rounded(x, 4) for x in (self.other_torque_rms_N_m, self.torque_rms_N_m))
+        effect = f"rms torque {other_rms} N m instead of {rms} N m"
+        return f"{text}; {condition} they {self.other_convention}: {effect}"
 
 
 def describe_losses(cycle: Cycle, plant: JointPlant) -> Losses:
@@ -207,13 +206,13 @@ def describe_losses(cycle: Cycle, plant: JointPlant) -> Losses:
     directional = plant.values["directional"]
     if plant.values["eta_GB"] == 1.0 and plant.values["eta_back"] in (0.0, 1.0):
         return Losses(f"are none: {plant.names['eta_GB']} is 1", rms)
-    used, other = (plant.load_torque(cycle.v, cycle.load, x) for x in (directional, 1.0 - directional))
+    used, alternative = (plant.load_torque(cycle.v, cycle.load, x) for x in (directional, 1.0 - directional))
     conventions = (_OPPOSE, _DIVIDE) if directional else (_DIVIDE, _OPPOSE)
     name = plant.names.get("directional")
     return Losses(
         conventions[0],
         rms,
         conventions[1],
-        cycle.rms(cycle.torque + other - used),
+        cycle.rms(cycle.torque + alternative - used),
         None if name is None else f"{name}={'false' if directional else 'true'}",
     )

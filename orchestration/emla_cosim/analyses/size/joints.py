@@ -21,7 +21,7 @@ from .result import JointSizing
 MAX_ROWS = 200_000
 """Largest number of rows of a cycle."""
 
-_RETURNS = 1e-3
+_MAX_OFFSET = 1e-3
 """Fraction of the stroke within which a cycle ends where it began."""
 
 
@@ -71,15 +71,15 @@ def _size_joint(result: Result, joint: str, examination: Examination) -> JointSi
         cycle = warm_up(cycle, plant, rise)
     figures = compute_figures(cycle, values, link_capacity(values), winding, rise)
     examined = list(examine(cycle, values, figures, examination.needed, winding))
-    limits = [one for one in examined if isinstance(one, Utilisation)]
+    limits = [x for x in examined if isinstance(x, Utilisation)]
     return JointSizing(
         joint,
         sheet.title or (sheet.file.name if sheet.file else "its own actuator"),
         values,
         cycle,
         figures,
-        sorted(limits, key=lambda one: -one.fraction),
-        [one for one in examined if isinstance(one, Unexamined)],
+        sorted(limits, key=lambda limit: -limit.fraction),
+        [x for x in examined if isinstance(x, Unexamined)],
         describe_losses(cycle, plant),
         winding,
         rise,
@@ -92,7 +92,7 @@ def _size_joint(result: Result, joint: str, examination: Examination) -> JointSi
 def describe_overload(result: Result | None) -> str | None:
     """Return which joints of a failed run had a load that their motors cannot hold; None without one."""
     joints = {} if result is None else result.metrics.get("joints", {})
-    tripped = [str(one["reason"]) for one in joints.values() if (one["trip"] or {}).get("cause")]
+    tripped = [str(verdict["reason"]) for verdict in joints.values() if (verdict["trip"] or {}).get("cause")]
     return " ".join(tripped) or None
 
 
@@ -111,14 +111,14 @@ def describe_cycle(sizing: JointSizing, step: float) -> Iterator[str]:
         )
     elif sizing.reason is not None:
         yield f"{joint} did not follow its motion; its figures are those of the run, not of the motion."
-    if (apart := float(np.diff(cycle.time).max())) > 1.5 * step:
+    if (spacing := float(np.diff(cycle.time).max())) > 1.5 * step:
         yield (
             f"{joint}: the cycle has more than {MAX_ROWS} steps; the figures are those of rows "
-            f"{apart:.3g} s apart, and peaks between them are missed."
+            f"{spacing:.3g} s apart, and peaks between them are missed."
         )
-    ends = abs(float(cycle.x[-1] - cycle.x[0]))
-    if ends > _RETURNS * sizing.values["screw.stroke"]:
-        yield f"{joint} ends {1e3 * ends:.4g} mm away from its start; the repeated cycle lacks the way back."
+    offset = abs(float(cycle.x[-1] - cycle.x[0]))
+    if offset > _MAX_OFFSET * sizing.values["screw.stroke"]:
+        yield f"{joint} ends {1e3 * offset:.4g} mm from its start; the repeated cycle lacks the way back."
     if "inverter.C_DC" not in sizing.values and np.min(cycle.P_el) < 0.0:
         yield f"{joint}: without inverter.C_DC and U_brake, the brake resistor takes all regenerated energy."
 
@@ -130,9 +130,9 @@ def describe_coupling(joint: str, sizings: Mapping[str, JointSizing], system: Sy
     graph = networkx.Graph((x.source, x.target) for x in system.connections)
     parts = [{name.partition(".")[0] for name in part} for part in networkx.connected_components(graph)]
     coupled = set[str]().union(*(part for part in parts if joint in part))
-    for other, sizing in sizings.items():
-        if other != joint and other in coupled and sizing.reason is not None:
+    for other_joint, sizing in sizings.items():
+        if other_joint != joint and other_joint in coupled and sizing.reason is not None:
             yield (
-                f"{joint} is coupled to {other}, which did not follow its motion; the load of {joint} is not "
-                "that of the motion."
+                f"{joint} is coupled to {other_joint}, which did not follow its motion; the load of {joint} "
+                "is not that of the motion."
             )

@@ -75,6 +75,9 @@ class Unexamined:
     missing: str
 
 
+_Examined = Utilisation | Unexamined
+
+
 @dataclass(frozen=True)
 class Requirements:
     """What the application requires beside the cycle.
@@ -92,36 +95,36 @@ def examine(
     cycle: Cycle, values: Values, figures: SizingFigures, requirements: Requirements, winding: Winding | str
 ) -> Iterator[Utilisation | Unexamined]:
     """Yield all limits; `values` are entries of the data sheet, in SI units and peak values."""
-    yield from _motor(cycle, values, figures)
+    yield from _examine_motor(cycle, values, figures)
     yield from examine_heat(values, figures, requirements.ambient, winding)
-    yield from _motion(values, figures)
-    yield from _screw(values, figures, requirements.life)
-    yield _simple(values, "brake resistor power", figures.brake_power_mean_W, "inverter.P_brake", "W")
+    yield from _examine_motion(values, figures)
+    yield from _examine_screw(values, figures, requirements.life)
+    yield _check_entry(values, "brake resistor power", figures.brake_power_mean_W, "inverter.P_brake", "W")
 
 
-def _upper(name: str, used: float, limit: float, unit: str, factor: float, source: str) -> Utilisation:
+def _utilise(name: str, used: float, limit: float, unit: str, factor: float, source: str) -> Utilisation:
     return Utilisation(name, factor * used, factor * limit, unit, used / limit, source)
 
 
-def _simple(
+def _check_entry(
     values: Values, name: str, used: float, entry: str, unit: str, factor: float = 1.0
 ) -> Utilisation | Unexamined:
     """Return the utilisation of a limit that is one entry."""
     if entry not in values:
         return Unexamined(name, entry)
-    return _upper(name, used, values[entry], unit, factor, entry)
+    return _utilise(name, used, values[entry], unit, factor, entry)
 
 
-def _motor(cycle: Cycle, values: Values, figures: SizingFigures) -> Iterator[Utilisation | Unexamined]:
-    source, limit = min(derived.torques(values), key=lambda one: one[1])
+def _examine_motor(cycle: Cycle, values: Values, figures: SizingFigures) -> Iterator[_Examined]:
+    source, limit = min(derived.torques(values), key=lambda torque: torque[1])
     torque = max(figures.required_torque_peak_N_m, figures.torque_peak_N_m)
-    yield _upper("peak torque", torque, limit, "N m", 1.0, source)
+    yield _utilise("peak torque", torque, limit, "N m", 1.0, source)
     rms = 1.0 / ROOT_2
     peak, effective = figures.current_peak_A, figures.current_rms_A
-    yield _simple(values, "motor peak current", peak, "motor.i_max", "A rms", rms)
-    yield _simple(values, "inverter peak current", peak, "inverter.i_max", "A rms", rms)
-    yield _simple(values, "motor rms current", effective, "motor.i_N", "A rms", rms)
-    yield _simple(values, "inverter rms current", effective, "inverter.i_N", "A rms", rms)
+    yield _check_entry(values, "motor peak current", peak, "motor.i_max", "A rms", rms)
+    yield _check_entry(values, "inverter peak current", peak, "inverter.i_max", "A rms", rms)
+    yield _check_entry(values, "motor rms current", effective, "motor.i_N", "A rms", rms)
+    yield _check_entry(values, "inverter rms current", effective, "inverter.i_N", "A rms", rms)
     lasting = continuous_torque(values, np.array([cycle.rms(cycle.omega)]))
     if lasting is None:
         yield Unexamined("rms torque", "motor.tau_N")
@@ -132,7 +135,7 @@ def _motor(cycle: Cycle, values: Values, figures: SizingFigures) -> Iterator[Uti
         share = figures.torque_rms_N_m / limit if limit > 0.0 else math.inf
         yield Utilisation("rms torque", figures.torque_rms_N_m, limit, "N m", share, entry)
     source = next(e for e in ("inverter.U_DC", "inverter.U_supply", "inverter.u_max") if e in values)
-    yield _upper("voltage", figures.voltage_peak_V, cycle.emla.u_max, "V peak", 1.0, source)
+    yield _utilise("voltage", figures.voltage_peak_V, cycle.emla.u_max, "V peak", 1.0, source)
 
 
 def examine_heat(
@@ -143,7 +146,7 @@ def examine_heat(
     if isinstance(winding, str) or rise is None:
         yield Unexamined("winding temperature", str(winding))
         return
-    yield _upper("winding temperature rise", rise, winding.permitted_rise, "K", 1.0, winding.source)
+    yield _utilise("winding temperature rise", rise, winding.permitted_rise, "K", 1.0, winding.source)
     if "thermal.T_max" in values:
         permitted, zero = values["thermal.T_max"] - ambient, 273.15
         share = rise / permitted if permitted > 0.0 else math.inf
@@ -151,20 +154,21 @@ def examine_heat(
         yield Utilisation("winding temperature", reached, limit, "°C", share, "thermal.T_max")
 
 
-def _motion(values: Values, figures: SizingFigures) -> Iterator[Utilisation | Unexamined]:
-    yield _simple(values, "motor speed", figures.motor_speed_peak_rad_s, "motor.n_max", "rpm", 60.0 / TURN)
-    yield _simple(values, "screw speed", figures.speed_peak_m_s, "screw.v_max", "mm/s", 1e3)
+def _examine_motion(values: Values, figures: SizingFigures) -> Iterator[_Examined]:
+    omega = figures.motor_speed_peak_rad_s
+    yield _check_entry(values, "motor speed", omega, "motor.n_max", "rpm", 60.0 / TURN)
+    yield _check_entry(values, "screw speed", figures.speed_peak_m_s, "screw.v_max", "mm/s", 1e3)
     half = 0.5 * values["screw.stroke"]
     middle = values.get("screw.q_LB", 0.0) + half
     outside = max(figures.position_max_m - middle, middle - figures.position_min_m)
     travel = figures.position_max_m - figures.position_min_m
     share = travel / values["screw.stroke"] if outside <= half * (1.0 + _ROUNDING) else outside / half
     yield Utilisation("stroke", 1e3 * travel, 2e3 * half, "mm", share, "screw.stroke")
-    yield _simple(values, "axial force", figures.force_peak_N, "screw.F_max", "kN", 1e-3)
+    yield _check_entry(values, "axial force", figures.force_peak_N, "screw.F_max", "kN", 1e-3)
 
 
-def _screw(values: Values, figures: SizingFigures, life: float | None) -> Iterator[Utilisation | Unexamined]:
-    yield _simple(values, "screw static load", figures.force_peak_N, "screw.C_0a", "kN", 1e-3)
+def _examine_screw(values: Values, figures: SizingFigures, life: float | None) -> Iterator[_Examined]:
+    yield _check_entry(values, "screw static load", figures.force_peak_N, "screw.C_0a", "kN", 1e-3)
     shape = ("screw.d_root", "screw.L_free", "screw.ends")
     if missing := [entry for entry in shape if entry not in values]:
         yield Unexamined("screw critical speed", ", ".join(missing))
@@ -174,15 +178,15 @@ def _screw(values: Values, figures: SizingFigures, life: float | None) -> Iterat
         turning = TURN * figures.speed_peak_m_s / values["screw.lead"]
         permitted = screw.critical_speed(d_root, length, round(ends))
         source = "screw.d_root, L_free, ends"
-        yield _upper("screw critical speed", turning, permitted, "rpm", 60.0 / TURN, source)
+        yield _utilise("screw critical speed", turning, permitted, "rpm", 60.0 / TURN, source)
         load = screw.buckling_load(d_root, length, round(ends))
-        yield _upper("screw buckling", figures.compression_peak_N, load, "kN", 1e-3, source)
+        yield _utilise("screw buckling", figures.compression_peak_N, load, "kN", 1e-3, source)
     if figures.life_s is None:
         yield Unexamined("screw life", "screw.C_a")
     elif life is None:
         yield Unexamined("screw life", "the required life, --life")
     else:
-        yield _upper("screw life", life, figures.life_s, "h", 1.0 / 3600.0, "--life, screw.C_a")
+        yield _utilise("screw life", life, figures.life_s, "h", 1.0 / 3600.0, "--life, screw.C_a")
 
 
 def link_capacity(values: Values) -> float:

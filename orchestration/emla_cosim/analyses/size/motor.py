@@ -52,16 +52,16 @@ def heat(time: Vector, load: Vector, permitted_rise: float, tau_th: float, start
     between its values; `start` is the rise at the first time.
     """
     steps = np.diff(time) / tau_th
-    kept, gained = np.exp(-steps), -np.expm1(-steps)
+    decay, gained = np.exp(-steps), -np.expm1(-steps)
     # integral of exp(s - step) times the share of the second value, by series for short steps
     share = np.where(steps > 1e-4, 1.0 - gained / np.maximum(steps, 1e-300), 0.5 * steps - steps**2 / 6.0)
     targets = permitted_rise * load
-    added = (gained - share) * targets[:-1] + share * targets[1:]
-    found, rise = [start], start
-    for part, more in zip(kept.tolist(), added.tolist(), strict=True):
-        rise = part * rise + more
-        found.append(rise)
-    return np.array(found)
+    gains = (gained - share) * targets[:-1] + share * targets[1:]
+    rises, rise = [start], start
+    for part, gain in zip(decay.tolist(), gains.tolist(), strict=True):
+        rise = part * rise + gain
+        rises.append(rise)
+    return np.array(rises)
 
 
 def repeat_cycle(time: Vector, load: Vector, permitted_rise: float, tau_th: float) -> Vector:

@@ -32,20 +32,20 @@ if TYPE_CHECKING:
 Sizings = Mapping[str, JointSizing]
 """A joint with each of its candidates, by label."""
 
-_POINTS = 4000
+_MAX_POINTS = 4000
 """Largest number of points of a drawn curve."""
 
-_WARM = 5.0
+_TIME_CONSTANTS = 5.0
 """Thermal time constants over which the temperature is drawn."""
 
-_SHOWN_CYCLES = 40
+_MAX_CYCLES = 40
 """Up to this number of cycles, each is drawn; of more, only the highest and the lowest temperature."""
 
-_LARGEST_PERCENT = 200.0
+_MAX_PERCENT = 200.0
 """Longer bars are cut."""
 
 
-class _Drawn(NamedTuple):
+class _Curves(NamedTuple):
     """A candidate to draw: its label (empty for the only one), its colours, and the width of its curves.
 
     Later candidates are thinner, so that those below remain visible.
@@ -64,19 +64,19 @@ class _Drawn(NamedTuple):
         return self.label or text
 
 
-def _list_drawn(sizings: Sizings) -> list[_Drawn]:
+def _choose_styles(sizings: Sizings) -> list[_Curves]:
     if len(sizings) == 1:
-        return [_Drawn(sizing, "", RED, BLUE, ORANGE, GREEN) for sizing in sizings.values()]
-    drawn = list[_Drawn]()
+        return [_Curves(sizing, "", RED, BLUE, ORANGE, GREEN) for sizing in sizings.values()]
+    drawn = list[_Curves]()
     for number, (label, sizing) in enumerate(sizings.items()):
         color, width = COLORS[number % len(COLORS)], 1.2 + 0.6 * (len(sizings) - 1 - number)
-        drawn.append(_Drawn(sizing, label, color, color, color, color, width))
+        drawn.append(_Curves(sizing, label, color, color, color, color, width))
     return drawn
 
 
 def draw_motor(sizings: Sizings) -> "Figure":
     """Draw torque and force over speed, winding temperature, and power."""
-    drawn = _list_drawn(sizings)
+    drawn = _choose_styles(sizings)
     figure, axes = new_figure(2, 2, 4.6, 3.3, sharex="none")
     for draw, of in zip((_draw_torque, _draw_force, _draw_temperature, _draw_power), axes.flat, strict=True):
         draw(of, drawn)
@@ -89,13 +89,13 @@ def draw_motor(sizings: Sizings) -> "Figure":
 def draw_motion(sizings: Sizings) -> "Figure":
     """Draw position, speed and axial force over the cycle."""
     figure, axes = new_figure(1, 3, 3.0, 2.6, sharex="none")
-    legends = [_Legend(one) for one in axes[0]]
-    for one in _list_drawn(sizings):
-        cycle = one.sizing.cycle
-        part = _thin(len(cycle.time))
+    legends = [_Legend(panel) for panel in axes[0]]
+    for curves in _choose_styles(sizings):
+        cycle = curves.sizing.cycle
+        part = _reduce_points(len(cycle.time))
         time = cycle.time[part] - cycle.time[0]
         for legend, values in zip(legends, (1e3 * cycle.x, 1e3 * cycle.v, 1e-3 * cycle.force), strict=True):
-            legend.plot(one.label, time, values[part], color=one.cycle, linewidth=one.width)
+            legend.plot(curves.label, time, values[part], color=curves.cycle, linewidth=curves.width)
     for legend, label in zip(legends, ("position / mm", "speed / mm/s", "axial force / kN"), strict=True):
         legend.finish("time / s", label, is_shown=len(sizings) > 1 and legend is legends[0])
     return figure
@@ -103,23 +103,23 @@ def draw_motion(sizings: Sizings) -> "Figure":
 
 def draw_limits(sizings: Sizings) -> "Figure":
     """Draw how much of each limit is used: a bar for each candidate, with the worst draw of tolerances."""
-    drawn = _list_drawn(sizings)
-    names = list(dict.fromkeys(limit.name for one in drawn for limit in one.sizing.limits))
+    drawn = _choose_styles(sizings)
+    names = list(dict.fromkeys(limit.name for curves in drawn for limit in curves.sizing.limits))
     figure = make_figure(10.0, 0.9 + len(names) * (0.12 + 0.2 * len(drawn)), layout="constrained")
     axes = figure.subplots()
     height = 0.85 / len(drawn)
     entries: list[tuple[str, Artist]] = []
-    for number, one in enumerate(drawn):
-        study = one.sizing.tolerances
-        uses = () if study is None else study.limits(one.sizing.limits)
+    for number, curves in enumerate(drawn):
+        study = curves.sizing.tolerances
+        uses = () if study is None else study.limits(curves.sizing.limits)
         worst = {use.worst.name: 100.0 * use.worst.fraction for use in uses}
-        for limit in one.sizing.limits:
+        for limit in curves.sizing.limits:
             y = names.index(limit.name) + height * (number - 0.5 * (len(drawn) - 1))
             percent = 100.0 * limit.fraction
-            (bar,) = axes.barh(y, min(percent, _LARGEST_PERCENT), 0.9 * height, color=one.cycle)
+            (bar,) = axes.barh(y, min(percent, _MAX_PERCENT), 0.9 * height, color=curves.cycle)
             if number == len(entries):
-                entries.append((one.label, bar))
-            ends = np.minimum([percent, worst.get(limit.name, percent)], _LARGEST_PERCENT)
+                entries.append((curves.label, bar))
+            ends = np.minimum([percent, worst.get(limit.name, percent)], _MAX_PERCENT)
             if study is not None:
                 axes.plot(ends, [y, y], color=GREY, linewidth=1.2, marker="|", markersize=6)
             text = f"{format_percent(limit.fraction)} % of {format_value(limit.limit)} {limit.unit}"
@@ -135,64 +135,67 @@ def draw_limits(sizings: Sizings) -> "Figure":
     return figure
 
 
-def _thin(count: int) -> slice:
-    return slice(None, None, max(count // _POINTS, 1))
+def _reduce_points(count: int) -> slice:
+    return slice(None, None, max(count // _MAX_POINTS, 1))
 
 
-def _draw_torque(axes: "Axes", drawn: list[_Drawn]) -> None:
+def _draw_torque(axes: "Axes", drawn: list[_Curves]) -> None:
     rpm, legend = 60.0 / TURN, _Legend(axes)
-    for one in drawn:
-        values, cycle, style = one.sizing.values, one.sizing.cycle, {"linewidth": one.width}
+    for curves in drawn:
+        values, cycle, style = curves.sizing.values, curves.sizing.cycle, {"linewidth": curves.width}
         omega, torque = rpm * np.abs(cycle.omega), np.abs(cycle.torque)
         speed = np.linspace(0.0, max(values["motor.n_max"], 1.05 * float(np.abs(cycle.omega).max())), 200)
         beyond = speed > values["motor.n_max"]
         peak, lasting = peak_torque(cycle.emla, speed), continuous_torque(values, speed)
         y = np.where(beyond, np.nan, peak)
-        legend.plot(one.name("peak torque"), rpm * speed, y, color=one.limit, **style)
-        part = _thin(len(omega))
-        legend.plot("cycle", omega[part], torque[part], color=one.cycle, linewidth=0.8)
+        legend.plot(curves.name("peak torque"), rpm * speed, y, color=curves.limit, **style)
+        part = _reduce_points(len(omega))
+        legend.plot("cycle", omega[part], torque[part], color=curves.cycle, linewidth=0.8)
         row = [int(torque.argmax())]  # thinned rows may lack it
-        legend.plot("peak of the cycle", omega[row], torque[row], color=one.cycle, marker="x", linestyle="")
+        mark = {"color": curves.cycle, "marker": "x", "linestyle": ""}
+        legend.plot("peak of the cycle", omega[row], torque[row], **mark)
         if lasting is not None:
-            y, style = np.where(beyond, np.nan, lasting), style | {"color": one.lasting, "linestyle": "--"}
+            y = np.where(beyond, np.nan, lasting)
+            style |= {"color": curves.lasting, "linestyle": "--"}
             legend.plot("limit of the rms torque", rpm * speed, y, **style)
-        x, y = [rpm * cycle.rms(cycle.omega)], [one.sizing.figures.torque_rms_N_m]
-        legend.plot("rms of the cycle", x, y, color=one.mean, marker="o", linestyle="")
+        x, y = [rpm * cycle.rms(cycle.omega)], [curves.sizing.figures.torque_rms_N_m]
+        legend.plot("rms of the cycle", x, y, color=curves.mean, marker="o", linestyle="")
     legend.finish("motor speed / rpm", "motor torque / N m")
     axes.set_ylim(bottom=0.0)
 
 
-def _draw_force(axes: "Axes", drawn: list[_Drawn]) -> None:
+def _draw_force(axes: "Axes", drawn: list[_Curves]) -> None:
     """Draw axial force over speed.
 
     The curves are the motor's through gearbox and screw, without inertia; the lines are limits of the screw.
     """
     legend = _Legend(axes)
-    for one in drawn:
-        cycle, emla = one.sizing.cycle, one.sizing.cycle.emla
+    for curves in drawn:
+        cycle, emla = curves.sizing.cycle, curves.sizing.cycle.emla
         ratio = emla.alpha_RL * emla.eta_GB
         speed = np.linspace(0.0, max(emla.v_max, 1.05 * float(np.abs(cycle.v).max())), 200)
         beyond, omega = speed > emla.v_max, emla.alpha_RL * speed
         y = 1e-3 * np.where(beyond, np.nan, peak_torque(emla, omega) * ratio)
-        name = one.name("force of the peak torque")
-        legend.plot(name, 1e3 * speed, y, color=one.limit, linewidth=one.width)
-        part = _thin(len(cycle.time))
+        name = curves.name("force of the peak torque")
+        legend.plot(name, 1e3 * speed, y, color=curves.limit, linewidth=curves.width)
+        part = _reduce_points(len(cycle.time))
         x, y = 1e3 * np.abs(cycle.v[part]), 1e-3 * np.abs(cycle.force[part])
-        legend.plot("cycle", x, y, color=one.cycle, linewidth=0.8)
-        if (lasting := continuous_torque(one.sizing.values, omega)) is not None:
+        legend.plot("cycle", x, y, color=curves.cycle, linewidth=0.8)
+        if (lasting := continuous_torque(curves.sizing.values, omega)) is not None:
             y = 1e-3 * np.where(beyond, np.nan, lasting * ratio)
-            legend.plot("force of the continuous torque", 1e3 * speed, y, color=one.lasting, linestyle="--")
-        limits = {limit.name: limit.limit for limit in one.sizing.limits}
+            style = {"color": curves.lasting, "linestyle": "--"}
+            legend.plot("force of the continuous torque", 1e3 * speed, y, **style)
+        limits = {limit.name: limit.limit for limit in curves.sizing.limits}
         for name, style in (("axial force", "-."), ("screw static load", ":")):
             if name in limits:
-                legend.line(f"limit of the {name}", limits[name], color=one.limit, linestyle=style)
+                legend.line(f"limit of the {name}", limits[name], color=curves.limit, linestyle=style)
     legend.finish("speed / mm/s", "axial force / kN")
     axes.set_ylim(bottom=0.0)
 
 
-def _draw_temperature(axes: "Axes", drawn: list[_Drawn]) -> None:
+def _draw_temperature(axes: "Axes", drawn: list[_Curves]) -> None:
     """Draw the temperature rise from cold over cycles, with its limits."""
-    warm = [one for one in drawn if one.sizing.rise is not None]
+    warm = [curves for curves in drawn if curves.sizing.rise is not None]
     if not warm:
         needs = drawn[0].sizing.winding
         text = textwrap.fill(f"winding temperature not examined: needs {needs}", 44, break_long_words=False)
@@ -201,61 +204,62 @@ def _draw_temperature(axes: "Axes", drawn: list[_Drawn]) -> None:
         axes.set_axis_off()
         return
     legend = _Legend(axes)
-    taus = [one.sizing.winding.tau_th for one in warm if isinstance(one.sizing.winding, Winding)]
-    unit, factor = ("min", 1.0 / 60.0) if _WARM * max(taus) > 600.0 else ("s", 1.0)
-    for one in warm:
-        rise, winding = one.sizing.rise, one.sizing.winding
+    windings = [curves.sizing.winding for curves in warm]
+    taus = [winding.tau_th for winding in windings if isinstance(winding, Winding)]
+    unit, factor = ("min", 1.0 / 60.0) if _TIME_CONSTANTS * max(taus) > 600.0 else ("s", 1.0)
+    for curves in warm:
+        rise, winding = curves.sizing.rise, curves.sizing.winding
         assert rise is not None and isinstance(winding, Winding)
-        for name, time, values, dashes in _warm_up(one.sizing, winding):
-            style = {"color": one.cycle, "linestyle": dashes, "linewidth": one.width}
-            legend.plot(one.name(name), factor * time, values, **style)
+        for name, time, values, dashes in _list_curves(curves.sizing, winding):
+            style = {"color": curves.cycle, "linestyle": dashes, "linewidth": curves.width}
+            legend.plot(curves.name(name), factor * time, values, **style)
         highest = float(rise.max())
-        legend.line("permitted rise", winding.permitted_rise, color=one.limit, linestyle="-.")
-        for limit in (limit for limit in one.sizing.limits if limit.name == "winding temperature"):
+        legend.line("permitted rise", winding.permitted_rise, color=curves.limit, linestyle="-.")
+        for limit in (limit for limit in curves.sizing.limits if limit.name == "winding temperature"):
             y = highest + limit.limit - limit.used
-            legend.line(f"{limit.source}, above the ambient", y, color=one.limit, linestyle=":")
-        legend.line("trip", winding.trip_rise, color=one.lasting, linestyle="--")
+            legend.line(f"{limit.source}, above the ambient", y, color=curves.limit, linestyle=":")
+        legend.line("trip", winding.trip_rise, color=curves.lasting, linestyle="--")
         if len(drawn) == 1:
             legend.line("highest when warm", highest, color=GREY, linewidth=0.8, linestyle=":")
     legend.finish(f"time / {unit}", "temperature rise / K")
     axes.set_ylim(0.0, 1.05 * axes.get_ylim()[1])  # lines at the edge would be cut
 
 
-def _warm_up(sizing: JointSizing, winding: Winding) -> Iterator[tuple[str, np.ndarray, np.ndarray, str]]:
+def _list_curves(sizing: JointSizing, winding: Winding) -> Iterator[tuple[str, np.ndarray, np.ndarray, str]]:
     """Yield name, times in s and rises in K, and style of the curves from cold."""
     cycle, rise, tau = sizing.cycle, np.asarray(sizing.rise), winding.tau_th
-    count = max(int(np.ceil(_WARM * tau / cycle.duration)), 1)
-    every = max(count // _SHOWN_CYCLES, 1)
+    count = max(int(np.ceil(_TIME_CONSTANTS * tau / cycle.duration)), 1)
+    stride = max(count // _MAX_CYCLES, 1)
     # a cold motor differs from a warm one by what it began with, which decays
     start = float(rise[0])
     local = cycle.time - cycle.time[0]
-    if every == 1:
-        part = _thin(len(local))
+    if stride == 1:
+        part = _reduce_points(len(local))
         time = np.concatenate([local[part] + k * cycle.duration for k in range(count)])
         yield "from cold", time, np.tile(rise[part], count) - start * np.exp(-time / tau), "-"
         return
     cold = heat(cycle.time, winding.load(cycle), winding.permitted_rise, tau)
-    k = np.arange(0, count, every)
-    begin = start * -np.expm1(-k * cycle.duration / tau)
-    rows = [cold + b * np.exp(-local / tau) for b in begin]
+    k = np.arange(0, count, stride)
+    start_rises = start * -np.expm1(-k * cycle.duration / tau)
+    rows = [cold + b * np.exp(-local / tau) for b in start_rises]
     yield "highest of the cycle", k * cycle.duration, np.array([row.max() for row in rows]), "-"
     yield "lowest of the cycle", k * cycle.duration, np.array([row.min() for row in rows]), "--"
 
 
-def _draw_power(axes: "Axes", drawn: list[_Drawn]) -> None:
+def _draw_power(axes: "Axes", drawn: list[_Curves]) -> None:
     from scipy.integrate import cumulative_trapezoid  # slow to import
 
     legend, right, kilo = _Legend(axes), axes.twinx(), 1e-3
-    for one in drawn:
-        cycle, name = one.sizing.cycle, one.name("electrical power")
-        part = _thin(len(cycle.time))
+    for curves in drawn:
+        cycle, name = curves.sizing.cycle, curves.name("electrical power")
+        part = _reduce_points(len(cycle.time))
         time = cycle.time[part] - cycle.time[0]
-        legend.plot(name, time, kilo * cycle.P_el[part], color=one.cycle, linewidth=one.width)
+        legend.plot(name, time, kilo * cycle.P_el[part], color=curves.cycle, linewidth=curves.width)
         if len(drawn) == 1:
             shaft = kilo * (cycle.torque * cycle.omega)[part]
-            legend.plot("mechanical power", time, shaft, color=one.mean)
+            legend.plot("mechanical power", time, shaft, color=curves.mean)
         energy = cumulative_trapezoid(cycle.P_el, cycle.time, initial=0.0)
-        right.plot(time, kilo * energy[part], color=one.cycle if one.label else PURPLE, linestyle="--")
+        right.plot(time, kilo * energy[part], color=curves.cycle if curves.label else PURPLE, linestyle="--")
     legend.finish("time / s", "electrical power / kW" if len(drawn) > 1 else "power / kW")
     axes.axhline(0.0, color=GREY, linewidth=0.8)
     right.set_ylabel("electrical energy / kJ (dashed)", fontsize=9)

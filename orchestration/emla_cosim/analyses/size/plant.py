@@ -80,8 +80,8 @@ class JointPlant:
         """Return an equation of the plant for each row of signals, shape (rows,)."""
 
         def evaluate(numbers: Sequence[Any]) -> Sequence[Any]:
-            named = dict(zip(signals, numbers, strict=True))
-            return [equation(SimpleNamespace(**{**self.values, **values, **named}))]
+            arguments = dict(zip(signals, numbers, strict=True))
+            return [equation(SimpleNamespace(**{**self.values, **values, **arguments}))]
 
         return evaluate_rows(evaluate, np.column_stack(list(signals.values())))[:, 0]
 
@@ -90,12 +90,12 @@ def find_plant(
     joint: str, parameters: Mapping[str, float], sheet: EmlaParameters, roles: Mapping[str, str] | None = None
 ) -> JointPlant:
     """Return the plant of a joint from the parameters of a run by full name, and those of its data sheet."""
-    places = [f"{joint}.plant.{{}}", f"{joint}.motor.{{}}"]
+    patterns = [f"{joint}.plant.{{}}", f"{joint}.motor.{{}}"]
     if (element := find_element(joint, roles)) is not None:
-        places.append(f"machine.plant.{{}}[{element}]")
+        patterns.append(f"machine.plant.{{}}[{element}]")
 
     def find(name: str) -> str | None:
-        return next((p for p in (place.format(name) for place in places) if p in parameters), None)
+        return next((p for p in (pattern.format(name) for pattern in patterns) if p in parameters), None)
 
     defaults = EmlaPlant.layout().parameters
     names = {p.attribute: name for p in defaults if (name := find(p.name or p.attribute)) is not None}
@@ -111,18 +111,18 @@ def find_data_sheet(scenario: Scenario, source: object, joint: str) -> Actuator:
     Raises:
         CommandError: The joint has no data sheet.
     """
-    own = scenario.options.actuator.get(joint)
-    if isinstance(own, Actuator):
-        return own
-    file = _own_joint(source, joint) or (load_joint(joint) if joint in list_joint_names() else None)
-    if file is None:
+    actuator = scenario.options.actuator.get(joint)
+    if isinstance(actuator, Actuator):
+        return actuator
+    joint_file = _find_joint(source, joint) or (load_joint(joint) if joint in list_joint_names() else None)
+    if joint_file is None:
         raise CommandError(
             f"{joint} has no data sheet to compare with; add --actuator {joint}=FILE.toml.", joint=joint
         )
-    return file.sheet
+    return joint_file.sheet
 
 
-def _own_joint(source: object, joint: str) -> JointFile | None:
+def _find_joint(source: object, joint: str) -> JointFile | None:
     """Return the joint of a scenario's machine, or the user's joint file of a scenario, for this joint."""
     if source in BUILT_IN:
         return load_machine_file(str(source)).joints.get(joint)
@@ -138,4 +138,4 @@ def _own_joint(source: object, joint: str) -> JointFile | None:
     system = content.get("system")
     if not isinstance(system, str):
         return None
-    return _own_joint(system if system in BUILT_IN else path.parent / system, joint)
+    return _find_joint(system if system in BUILT_IN else path.parent / system, joint)

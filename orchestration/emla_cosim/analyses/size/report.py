@@ -1,4 +1,4 @@
-"""What a sizing writes and shows: figures, limits, tolerances and verdicts, with plots of all candidates."""
+"""The report of a sizing: figures, limits, tolerances and verdicts, with plots of all candidates."""
 
 import math
 import re
@@ -66,99 +66,100 @@ _ASSUMED = (
 
 def build_report(result: SizeResult) -> Report:
     """Return the report of a sizing: of several candidates their table, the rest on the page only."""
-    notes = (f"Note: {text}" for text in _remarks(result))
-    losses = (f"{_label(result, one, x)}: {x.losses.sentence}." for one, x in result.sizings)
-    lines: list[Text | str] = [*_assumptions(result), *notes, *losses]
+    notes = (f"Note: {text}" for text in _list_remarks(result))
+    losses = (f"{_label(result, candidate, x)}: {x.losses.sentence}." for candidate, x in result.sizings)
+    lines: list[Text | str] = [*_list_assumptions(result), *notes, *losses]
     sections = list[Section]()
-    for one, sizing in result.sizings:
-        tables = [_figures(sizing), _limits(sizing), *_tolerances(sizing)]
+    for candidate, sizing in result.sizings:
+        tables = [_tabulate_figures(sizing), _tabulate_limits(sizing), *_tabulate_tolerances(sizing)]
         if result.varied:
-            title = f"{sizing.joint}: {one.label}"
-            sections.append(Section(title, [_state(sizing.verdict, sizing.holds)], tables, is_detail=True))
+            title = f"{sizing.joint}: {candidate.label}"
+            sections.append(Section(title, [_mark(sizing.verdict, sizing.holds)], tables, is_detail=True))
         else:
             sections.append(Section(sizing.joint, tables=tables, pictures=_describe_pictures(sizing.joint)))
     if result.varied:
-        shown = {name: text for joint in result.joints for name, text in _describe_pictures(joint).items()}
-        tables = [_candidates(result), *_candidate_tolerances(result)]
+        captions = {name: text for joint in result.joints for name, text in _describe_pictures(joint).items()}
+        tables = [_tabulate_candidates(result), *_tabulate_draws(result)]
         under = [*lines, *_judge_candidates(result)]
-        sections.insert(0, Section("Candidates", tables=tables, pictures=shown, under=under))
+        sections.insert(0, Section("Candidates", tables=tables, pictures=captions, under=under))
     else:
-        problems = [one.problem for one in result.candidates if one.problem is not None]
-        lines += [_state(f"{result.name} does not hold: {problem}", False) for problem in problems]
-        lines += [_state(sizing.verdict, sizing.holds) for _, sizing in result.sizings]
-        tables = [_all_actuators(result)] if len(result.sizings) > 1 else []
+        problems = [candidate.problem for candidate in result.candidates if candidate.problem is not None]
+        lines += [_mark(f"{result.name} does not hold: {problem}", False) for problem in problems]
+        lines += [_mark(sizing.verdict, sizing.holds) for _, sizing in result.sizings]
+        tables = [_tabulate_actuators(result)] if len(result.sizings) > 1 else []
         sections.append(Section("Verdict", tables=tables, under=lines))
-    return Report("Sizing", result.name, list(_facts(result)), sections)
+    return Report("Sizing", result.name, list(_list_facts(result)), sections)
 
 
-def _label(result: SizeResult, one: Candidate, sizing: JointSizing) -> str:
-    return f"{sizing.joint}, {one.label}" if result.varied else sizing.joint
+def _label(result: SizeResult, candidate: Candidate, sizing: JointSizing) -> str:
+    return f"{sizing.joint}, {candidate.label}" if result.varied else sizing.joint
 
 
-def _state(sentence: str, holds: bool | None) -> Text | str:
+def _mark(sentence: str, holds: bool | None) -> Text | str:
     """Return a sentence, marked if it reports a failure."""
     return sentence if holds else Text(sentence, is_failure=True)
 
 
-def _facts(result: SizeResult) -> Iterator[str]:
+def _list_facts(result: SizeResult) -> Iterator[str]:
     for joint, sizing in result.joints.items():
         if joint in result.varied:
-            verdicts = [one.holds for one in result.candidates if one.joint == joint]
+            verdicts = [candidate.holds for candidate in result.candidates if candidate.joint == joint]
             yield f"{joint}: {verdicts.count(True)} of {len(verdicts)} hold"
         else:
             holds = sizing.holds
             yield f"{joint} {'holds' if holds else 'not judged' if holds is None else 'does not hold'}"
-    yield f"ambient {_ambient(result)}"
+    yield f"ambient {_format_ambient(result)}"
 
 
-def _ambient(result: SizeResult) -> str:
+def _format_ambient(result: SizeResult) -> str:
     return f"{format_value(result.ambient - 273.15)} °C"
 
 
-def _assumptions(result: SizeResult) -> Iterator[str]:
+def _list_assumptions(result: SizeResult) -> Iterator[str]:
     """Yield what is assumed: surroundings and cycles, then for entries that data sheets lack."""
     cycles = dict.fromkeys(f"{format_value(x.figures.cycle_s)} s" for _, x in result.sizings)
     cycle = f", cycle of {' and '.join(cycles)}" if cycles else ""
     life = "no required life" if result.life is None else f"for {format_value(result.life / 3600.0)} h"
     lead_in = f"{format_value(result.lead_in)} s lead-in"
-    yield f"Assumed: {_ambient(result)} around the motors{cycle}, {lead_in}, {life}."
+    yield f"Assumed: {_format_ambient(result)} around the motors{cycle}, {lead_in}, {life}."
     labels = dict[str, list[str]]()
-    for one, sizing in result.sizings:
+    for candidate, sizing in result.sizings:
         values = sizing.values
         missing = [text for names, x, text in _ASSUMED if x in values and values.keys().isdisjoint(names)]
         if missing:
-            labels.setdefault(", ".join(missing), []).append(one.label if result.varied else sizing.joint)
+            label = candidate.label if result.varied else sizing.joint
+            labels.setdefault(", ".join(missing), []).append(label)
     for text, names in labels.items():
         yield f"Assumed, as the data sheet of {', '.join(names)} has no such entries: {text}."
 
 
 def _judge_candidates(result: SizeResult) -> Iterator[Text | str]:
     """Yield which candidates fall out, and which hold."""
-    joints = dict.fromkeys(one.joint for one in result.candidates)
+    joints = dict.fromkeys(candidate.joint for candidate in result.candidates)
     several = len(joints) > 1
-    for one in (one for one in result.candidates if not one.holds):
-        label = f"{one.joint}, {one.label}" if several else one.label
-        verb = "could not be judged" if one.holds is None else "falls out"
-        yield Text(f"{label} {verb}: {'; '.join(one.reasons)}.", is_failure=True)
+    for candidate in (candidate for candidate in result.candidates if not candidate.holds):
+        label = f"{candidate.joint}, {candidate.label}" if several else candidate.label
+        verb = "could not be judged" if candidate.holds is None else "falls out"
+        yield Text(f"{label} {verb}: {'; '.join(candidate.reasons)}.", is_failure=True)
     limits = [limit for _, sizing in result.sizings for limit in sizing.unexamined]
     if unexamined := dict.fromkeys(f"{limit.name} ({limit.missing})" for limit in limits):
         yield f"Not examined for at least one actuator: {', '.join(unexamined)}."
     for joint in joints:
-        labels = [one.label for one in result.candidates if one.joint == joint and one.holds]
+        labels = [c.label for c in result.candidates if c.joint == joint and c.holds]
         verdict = f"{', '.join(labels) or 'No actuator'} hold{'' if len(labels) > 1 else 's'}."
         yield f"{joint}: {verdict}" if several else verdict
 
 
-def _remarks(result: SizeResult) -> list[str]:
+def _list_remarks(result: SizeResult) -> list[str]:
     """Return the remarks, each once, with the candidates that they are about."""
     labels = dict[str, list[str]]()
-    for one, sizing in result.sizings:
+    for candidate, sizing in result.sizings:
         for remark in sizing.remarks:
-            labels.setdefault(remark, []).append(one.label)
+            labels.setdefault(remark, []).append(candidate.label)
     return [f"{', '.join(names)}: {remark}" if result.varied else remark for remark, names in labels.items()]
 
 
-def _figures(sizing: JointSizing) -> ReportTable:
+def _tabulate_figures(sizing: JointSizing) -> ReportTable:
     rows = [
         (label, format_value(factor * value), unit)
         for label, name, factor, unit in _FIGURES
@@ -167,12 +168,12 @@ def _figures(sizing: JointSizing) -> ReportTable:
     return ReportTable(f"{sizing.joint}, {sizing.actuator}", ("", "value", ""), rows, texts=(0, 2))
 
 
-def _limits(sizing: JointSizing) -> ReportTable:
+def _tabulate_limits(sizing: JointSizing) -> ReportTable:
     rows = list[list[Text | str]]()
     for one in sizing.limits:
         used, limit = format_value(one.used), f"{format_value(one.limit)} {one.unit}"
         rows.append([_mark_limit(one), format_percent(one.fraction), used, limit, one.source])
-    rows += [[left.name, "?", "", "", f"not examined: needs {left.missing}"] for left in sizing.unexamined]
+    rows += [[x.name, "?", "", "", f"not examined: needs {x.missing}"] for x in sizing.unexamined]
     title = f"Limits of {sizing.joint}, the most used first"
     return ReportTable(title, ("", "%", "used", "limit", "from"), rows, texts=(0, 4))
 
@@ -181,36 +182,36 @@ def _mark_limit(limit: Utilisation) -> Text:
     return Text(f"{limit.name}{'' if limit.holds else ' (!)'}", is_failure=not limit.holds)
 
 
-def _tolerances(sizing: JointSizing) -> Iterator[ReportTable]:
+def _tabulate_tolerances(sizing: JointSizing) -> Iterator[ReportTable]:
     if (study := sizing.tolerances) is None:
         return
     more = ["95 % below\n%"] if study.is_random else []
     header = ["", "nominal\n%", "worst\n%", "margin\n%", *more, "with"]
     rows = list[list[Text | str]]()
-    for one in study.limits(sizing.limits):
-        nominal = "" if one.nominal is None else format_percent(one.nominal)
-        percents = [nominal, format_percent(one.worst.fraction), format_percent(one.margin)]
+    for use in study.limits(sizing.limits):
+        nominal = "" if use.nominal is None else format_percent(use.nominal)
+        percents = [nominal, format_percent(use.worst.fraction), format_percent(use.margin)]
         if more:
-            percents.append(format_percent(one.quantile) if math.isfinite(one.quantile) else "failed")
-        values = (text.replace(" ", "\N{NO-BREAK SPACE}") for text in study.texts(one.at))
-        rows.append([_mark_limit(one.worst), *percents, ", ".join(values)])
+            percents.append(format_percent(use.quantile) if math.isfinite(use.quantile) else "failed")
+        values = (text.replace(" ", "\N{NO-BREAK SPACE}") for text in study.texts(use.at))
+        rows.append([_mark_limit(use.worst), *percents, ", ".join(values)])
     under = [f"Values are those of {', '.join(study.units)}. With tolerances, {study.sentence}."]
     sources = {limit.source for draw in study.draws for limit in draw.limits}
     if AMBIENT in study.units and sources and "thermal.T_max" not in sources:
         under.append(f"{AMBIENT} changes nothing: only the limit thermal.T_max depends on it.")
     if failed := [draw for draw in study.failures if draw.reason is not None]:
         under.append(f"With {study.label(failed[0])}: {failed[0].reasons[0]}.")
-    what = "random draws" if study.is_random else "combinations of the ends"
-    title = f"Tolerances of {sizing.joint}, worst of {len(study.draws)} {what}"
+    noun = "random draws" if study.is_random else "combinations of the ends"
+    title = f"Tolerances of {sizing.joint}, worst of {len(study.draws)} {noun}"
     yield ReportTable(title, header, rows, under, texts=(0, len(header) - 1))
 
 
-def _candidate_tolerances(result: SizeResult) -> Iterator[ReportTable]:
+def _tabulate_draws(result: SizeResult) -> Iterator[ReportTable]:
     """Yield a table of what the draws of each candidate use most."""
     rows, sentences = list[list[Text | str]](), list[str]()
-    for one, sizing in result.sizings:
+    for candidate, sizing in result.sizings:
         if (study := sizing.tolerances) is not None:
-            label, count = _label(result, one, sizing), f"{len(study.failures)} of {len(study.draws)}"
+            label, count = _label(result, candidate, sizing), f"{len(study.failures)} of {len(study.draws)}"
             cells = ["all runs failed", "", ""]
             for use in study.limits(sizing.limits)[:1]:
                 cells = [use.worst.name, format_percent(use.worst.fraction), format_percent(use.margin)]
@@ -222,38 +223,38 @@ def _candidate_tolerances(result: SizeResult) -> Iterator[ReportTable]:
 
 
 _HOLDS = {True: "yes", False: "no", None: "?"}
-_USE = ("holds", "most used", "%", "peak %", "rms %", "rise/K", "net/J", "life/h")
+_USE_HEADER = ("holds", "most used", "%", "peak %", "rms %", "rise/K", "net/J", "life/h")
 
 
-def _all_actuators(result: SizeResult) -> ReportTable:
+def _tabulate_actuators(result: SizeResult) -> ReportTable:
     """Return one table of all actuators: what each uses most, and the energy that it takes."""
     rows = list[list[Text | str]]()
-    for one, sizing in result.sizings:
+    for candidate, sizing in result.sizings:
         label = Text(sizing.joint, is_failure=sizing.holds is False)
-        rows.append([label, _HOLDS[sizing.holds], *_cells(one, sizing.joint)])
+        rows.append([label, _HOLDS[sizing.holds], *_list_cells(candidate, sizing.joint)])
     figures = [sizing.figures for _, sizing in result.sizings]
     net = sum(x.energy_in_J - x.energy_regenerated_J for x in figures)
     total = f"All together take {format_value(net)} J per cycle if each uses what another one regenerates."
-    return ReportTable("All actuators", ("", *_USE), rows, [total], texts=range(3))
+    return ReportTable("All actuators", ("", *_USE_HEADER), rows, [total], texts=range(3))
 
 
-def _candidates(result: SizeResult) -> ReportTable:
-    joints = list(dict.fromkeys(str(one.joint) for one in result.candidates))
+def _tabulate_candidates(result: SizeResult) -> ReportTable:
+    joints = list(dict.fromkeys(str(candidate.joint) for candidate in result.candidates))
     life = "" if result.life is None else f", for a life of {format_value(result.life / 3600.0)} h"
-    header = ("joint", "", *_USE)
+    header = ("joint", "", *_USE_HEADER)
     rows = list[list[Text | str]]()
-    for one in result.candidates:
-        label = Text(one.label, is_failure=one.holds is False)
-        rows.append([str(one.joint), label, _HOLDS[one.holds], *_cells(one, str(one.joint))])
+    for candidate in result.candidates:
+        joint, label = str(candidate.joint), Text(candidate.label, is_failure=candidate.holds is False)
+        rows.append([joint, label, _HOLDS[candidate.holds], *_list_cells(candidate, joint)])
     first = 0 if len(joints) > 1 else 1  # all are of the same joint
-    title, shown = f"Actuators of {', '.join(joints)}{life}", [row[first:] for row in rows]
-    return ReportTable(title, header[first:], shown, texts=range(4 - first))
+    title, cells = f"Actuators of {', '.join(joints)}{life}", [row[first:] for row in rows]
+    return ReportTable(title, header[first:], cells, texts=range(4 - first))
 
 
-def _cells(one: Candidate, joint: str) -> list[str]:
-    if joint not in one.joints:
+def _list_cells(candidate: Candidate, joint: str) -> list[str]:
+    if joint not in candidate.joints:
         return ["cannot be run", *[""] * 6]
-    figures, limits = one.joints[joint].figures, one.joints[joint].limits
+    figures, limits = candidate.joints[joint].figures, candidate.joints[joint].limits
     used = {limit.name: limit.fraction for limit in limits}
     percents = [limits[0].fraction, used.get("peak torque"), used.get("rms torque")]
     net, life_s = figures.energy_in_J - figures.energy_regenerated_J, figures.life_s
@@ -284,7 +285,7 @@ def name_pictures(joint: str) -> list[str]:
 def _draw(result: SizeResult) -> "Iterator[tuple[str, Figure]]":
     """Draw the plots of each joint with all its candidates."""
     for joint in result.joints:
-        sizings = {one.label: one.joints[joint] for one in result.candidates if joint in one.joints}
+        sizings = {c.label: c.joints[joint] for c in result.candidates if joint in c.joints}
         for name, draw in zip(name_pictures(joint), (draw_motor, draw_motion, draw_limits), strict=True):
             yield name, draw(sizings)
 

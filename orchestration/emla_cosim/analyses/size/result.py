@@ -20,7 +20,7 @@ from .tolerances import Tolerances, list_reasons
 if TYPE_CHECKING:
     from ..frame.report import Report
 
-_MOST_ROWS = 20_000
+_MAX_ROWS = 20_000
 """Most rows of a table of a cycle."""
 
 
@@ -70,36 +70,37 @@ class JointSizing:
         If a joint does not follow its motion although motion and load keep all limits, its controller or the
         step size is the cause, not the actuator.
         """
-        kept = all(one.holds for one in self.limits)
+        within_limits = all(limit.holds for limit in self.limits)
         if self.reason is None:
-            return kept and (self.tolerances is None or not self.tolerances.failures)
-        return False if self.overloaded or (self.required and not kept) else None
+            return within_limits and (self.tolerances is None or not self.tolerances.failures)
+        return False if self.overloaded or (self.required and not within_limits) else None
 
     @property
     def reasons(self) -> list[str]:
         """Why the actuator does not do the job, or why it could not be judged; without full stops."""
-        own, study = list_reasons(self.reason, self.limits), self.tolerances
+        reasons, study = list_reasons(self.reason, self.limits), self.tolerances
         if study is not None and (failures := study.failures):
             draw = max(failures, key=lambda draw: draw.worst)
-            such = "" if own else f", such as with {study.label(draw)}: {'; '.join(draw.reasons)}"
-            own.append(study.sentence + such)
-        return own
+            example = "" if reasons else f", such as with {study.label(draw)}: {'; '.join(draw.reasons)}"
+            reasons.append(study.sentence + example)
+        return reasons
 
     @property
     def verdict(self) -> str:
         """The verdict, as a sentence."""
         label = f"{self.joint} with {self.actuator}"
-        left = f" {format_count(len(self.unexamined), 'limit')} not examined." if self.unexamined else ""
+        count = len(self.unexamined)
+        unexamined = f" {format_count(count, 'limit')} not examined." if count else ""
         worst = f"{self.limits[0].name}, {format_percent(self.limits[0].fraction)} %"
         if self.holds:
-            drawn = ""
+            tolerances = ""
             if (study := self.tolerances) is not None:
                 use = study.limits(self.limits)[0]
-                drawn = (
+                tolerances = (
                     f" With tolerances, {study.sentence}; most used is {use.worst.name}, "
                     f"{format_percent(use.worst.fraction)} %, with {study.label(use.at)}."
                 )
-            return f"{label} holds; most used is {worst}.{drawn}{left}"
+            return f"{label} holds; most used is {worst}.{tolerances}{unexamined}"
         reasons = f"{'; '.join(self.reasons)}."
         if self.holds is None:
             advice = (
@@ -107,7 +108,7 @@ class JointSizing:
                 "fit: try a smaller --step-size, other --gains or another --controller."
             )
             return f"{label} could not be judged: {reasons}{advice if self.required else ''}"
-        return f"{label} does not hold: {reasons}{left}"
+        return f"{label} does not hold: {reasons}{unexamined}"
 
     @property
     def record(self) -> dict[str, Any]:
@@ -118,8 +119,8 @@ class JointSizing:
             "reasons": self.reasons,
             "figures_from": "reference" if self.required else "run",
             "figures": asdict(self.figures),
-            "limits": [{**asdict(one), "holds": one.holds} for one in self.limits],
-            "not_examined": [asdict(one) for one in self.unexamined],
+            "limits": [{**asdict(limit), "holds": limit.holds} for limit in self.limits],
+            "not_examined": [asdict(limit) for limit in self.unexamined],
             "losses": asdict(self.losses),
             "winding": None if isinstance(self.winding, str) else asdict(self.winding),
             "remarks": list(self.remarks),
@@ -146,7 +147,7 @@ class JointSizing:
                 "P_el": cycle.P_el,
                 "temperature_rise": cycle.time * np.nan if self.rise is None else self.rise,
             }
-        ).gather_every(-(-len(cycle.time) // _MOST_ROWS))
+        ).gather_every(-(-len(cycle.time) // _MAX_ROWS))
 
 
 @dataclass(frozen=True)
@@ -168,7 +169,7 @@ class Candidate:
     @property
     def holds(self) -> bool | None:
         """Whether all joints hold; None if none fails, but one could not be judged."""
-        verdicts = [one.holds for one in self.joints.values()]
+        verdicts = [sizing.holds for sizing in self.joints.values()]
         if self.problem is not None or False in verdicts:
             return False
         return None if None in verdicts else True
@@ -180,7 +181,7 @@ class Candidate:
             return [self.problem.removesuffix(".")]
         if self.joint is not None:
             return list(self.joints[self.joint].reasons)
-        return [f"{joint}: {text}" for joint, one in self.joints.items() for text in one.reasons]
+        return [f"{joint}: {text}" for joint, sizing in self.joints.items() for text in sizing.reasons]
 
 
 @dataclass(frozen=True, repr=False)
@@ -223,21 +224,21 @@ class SizeResult(ReportedResult):
     @property
     def joints(self) -> Mapping[str, JointSizing]:
         """Each joint with its first candidate that can be run."""
-        found: dict[str, JointSizing] = {}
-        for one in self.candidates:
-            for joint, sizing in one.joints.items():
-                found.setdefault(joint, sizing)
-        return found
+        joints: dict[str, JointSizing] = {}
+        for candidate in self.candidates:
+            for joint, sizing in candidate.joints.items():
+                joints.setdefault(joint, sizing)
+        return joints
 
     @property
     def sizings(self) -> Sequence[tuple[Candidate, JointSizing]]:
         """The joints of all candidates, each with its candidate."""
-        return [(one, sizing) for one in self.candidates for sizing in one.joints.values()]
+        return [(candidate, sizing) for candidate in self.candidates for sizing in candidate.joints.values()]
 
     @property
     def holds(self) -> bool:
         """Whether each joint has a candidate that holds."""
-        return {one.joint for one in self.candidates} == {one.joint for one in self.candidates if one.holds}
+        return {c.joint for c in self.candidates} == {c.joint for c in self.candidates if c.holds}
 
     @property
     def unjudged(self) -> list[JointSizing]:
@@ -255,13 +256,13 @@ class SizeResult(ReportedResult):
             "varied": list(self.varied),
             "candidates": [
                 {
-                    "label": one.label,
-                    "joint": one.joint,
-                    "holds": one.holds,
-                    "reasons": one.reasons,
-                    "joints": {joint: found.record for joint, found in one.joints.items()},
+                    "label": candidate.label,
+                    "joint": candidate.joint,
+                    "holds": candidate.holds,
+                    "reasons": candidate.reasons,
+                    "joints": {joint: sizing.record for joint, sizing in candidate.joints.items()},
                 }
-                for one in self.candidates
+                for candidate in self.candidates
             ],
         }
 
@@ -269,8 +270,8 @@ class SizeResult(ReportedResult):
     def table(self) -> polars.DataFrame:
         """Utilisation of all limits: candidate, joint, limit, used and permitted value, unit, fraction."""
         rows = [
-            (one.label, sizing.joint, x.name, x.used, x.limit, x.unit, x.fraction, x.holds, x.source)
-            for one, sizing in self.sizings
+            (candidate.label, sizing.joint, x.name, x.used, x.limit, x.unit, x.fraction, x.holds, x.source)
+            for candidate, sizing in self.sizings
             for x in sizing.limits
         ]
         names = ("candidate", "joint", "limit", "used", "permitted", "unit", "fraction", "holds", "source")
@@ -281,7 +282,7 @@ class SizeResult(ReportedResult):
         """All draws: candidate, joint, values, verdict, and the fraction of each limit; None without any."""
         rows = [
             {
-                "candidate": one.label,
+                "candidate": candidate.label,
                 "joint": sizing.joint,
                 "draw": number,
                 **draw.values,
@@ -289,7 +290,7 @@ class SizeResult(ReportedResult):
                 "reasons": "; ".join(draw.reasons),
                 **{limit.name: limit.fraction for limit in draw.limits},
             }
-            for one, sizing in self.sizings
+            for candidate, sizing in self.sizings
             for number, draw in enumerate(sizing.tolerances.draws if sizing.tolerances else ())
         ]
         return polars.DataFrame(rows, infer_schema_length=None) if rows else None
@@ -298,7 +299,7 @@ class SizeResult(ReportedResult):
     def cycles(self) -> polars.DataFrame:
         """The cycles of all candidates and joints, see `JointSizing.table`."""
         parts = [
-            sizing.table.select(polars.lit(one.label).alias("candidate"), polars.all())
-            for one, sizing in self.sizings
+            sizing.table.select(polars.lit(candidate.label).alias("candidate"), polars.all())
+            for candidate, sizing in self.sizings
         ]
         return polars.concat(parts) if parts else polars.DataFrame()

@@ -1,4 +1,4 @@
-"""Tolerances of a joint: what became of it with values at the ends of their ranges, or drawn from them."""
+"""Tolerances of a joint: its results with values at the ends of their ranges, or drawn from them."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -21,7 +21,7 @@ QUANTILE = 0.95
 
 @dataclass(frozen=True)
 class Draw:
-    """One combination of values within the tolerances, and what became of a joint with it.
+    """One combination of values within the tolerances, and the result of a joint with it.
 
     Attributes:
         values: Values by name, in SI units or as factors.
@@ -74,7 +74,7 @@ class LimitTolerance(NamedTuple):
 
 @dataclass(frozen=True)
 class Tolerances:
-    """What became of a joint in all draws.
+    """The results of a joint in all draws.
 
     Attributes:
         units: Units of the values by name.
@@ -120,17 +120,17 @@ class Tolerances:
 
         A run that failed counts as one that uses more than any other.
         """
-        usual = {limit.name: limit.fraction for limit in nominal}
-        found = list[LimitTolerance]()
+        nominal_fractions = {limit.name: limit.fraction for limit in nominal}
+        uses = list[LimitTolerance]()
         for name in dict.fromkeys(limit.name for draw in self.draws for limit in draw.limits):
-            uses = [(limit, draw) for draw in self.draws for limit in draw.limits if limit.name == name]
-            worst, at = max(uses, key=lambda use: use[0].fraction)
-            failed = [math.inf] * (len(self.draws) - len(uses))
-            values = np.array([*(limit.fraction for limit, _ in uses), *failed])
+            draws = [(limit, draw) for draw in self.draws for limit in draw.limits if limit.name == name]
+            worst, at = max(draws, key=lambda use: use[0].fraction)
+            failed = [math.inf] * (len(self.draws) - len(draws))
+            values = np.array([*(limit.fraction for limit, _ in draws), *failed])
             quantile = float(np.quantile(values, QUANTILE, method="higher"))
             interval = quantile_interval(values, QUANTILE)
-            found.append(LimitTolerance(worst, at, usual.get(name), quantile, interval))
-        return sorted(found, key=lambda one: -one.worst.fraction)
+            uses.append(LimitTolerance(worst, at, nominal_fractions.get(name), quantile, interval))
+        return sorted(uses, key=lambda use: -use.worst.fraction)
 
     def record(self, nominal: Sequence[Utilisation]) -> dict[str, Any]:
         """Return the content for `size.json`; see `limits`."""
@@ -144,19 +144,19 @@ class Tolerances:
             "units": dict(self.units),
             "limits": [
                 {
-                    "name": one.worst.name,
-                    "nominal": one.nominal,
-                    "worst": one.worst.fraction,
-                    "margin": one.margin,
-                    "at": dict(one.at.values),
-                    **dict(zip(quantiles, (one.quantile, one.quantile_interval), strict=False)),
+                    "name": use.worst.name,
+                    "nominal": use.nominal,
+                    "worst": use.worst.fraction,
+                    "margin": use.margin,
+                    "at": dict(use.at.values),
+                    **dict(zip(quantiles, (use.quantile, use.quantile_interval), strict=False)),
                 }
-                for one in self.limits(nominal)
+                for use in self.limits(nominal)
             ],
         }
 
 
 def list_reasons(reason: str | None, limits: Sequence[Utilisation]) -> list[str]:
     """Return why a joint does not hold: why it did not follow its motion, and the exceeded limits."""
-    own = [] if reason is None else [reason.removesuffix(".")]
-    return [*own, *(one.sentence for one in limits if not one.holds)]
+    reasons = [] if reason is None else [reason.removesuffix(".")]
+    return [*reasons, *(limit.sentence for limit in limits if not limit.holds)]
