@@ -132,7 +132,7 @@ def test_margins_of_a_delayed_double_integrator() -> None:
         ({"open": "cart.force->cart.position"}, "without delay"),
         ({"perturb": "cart.force"}, "set both"),
         ({}, "nothing to compute"),
-        ({"perturb": "cart.position", "read": "cart.speed"}, "is no input"),
+        ({"perturb": "cart.position", "read": "cart.speed"}, "is not an input"),
         ({"perturb": "cart.force", "read": "cart.nothing"}, "no Real output"),
         ({"open": "gain.force->cart.force", "at": 19.0}, "too short"),
         ({"open": "gain.force->cart.force", "duration": 0.05}, "at least 20"),

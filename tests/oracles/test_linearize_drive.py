@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import emla_cosim as ec
+from emla_cosim.analyses.linearize.analysis_points import default_openings
 from emla_cosim.analyses.linearize.margins import compute_margins
-from emla_cosim.analyses.linearize.places import default_openings
 from tests.support.linear_drive import CURRENT, POSITION, STEP, LinearDrive
 from tests.support.tiers import mostly_slow
 

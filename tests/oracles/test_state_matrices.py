@@ -194,7 +194,7 @@ def test_matrices_as_objects_of_scipy_and_python_control() -> None:
         ({"open": "gain.force->cart.force"}, "leave out 'open'"),
         ({"steady": True, "matrices": False}, "set 'matrices'"),
         ({"free": "gain.feed"}, "set 'steady'"),
-        ({"perturb": "cart.position"}, "is no continuous input"),
+        ({"perturb": "cart.position"}, "is not a continuous input"),
         ({"read": "cart.nothing"}, "has no variable 'nothing'"),
         ({"at": 7.0}, "outside of the run"),
     ],

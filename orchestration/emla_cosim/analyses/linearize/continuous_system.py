@@ -13,7 +13,7 @@ from ...run.simulation import Simulation
 from ...system.names import Names
 
 _Variable = tuple[IntegratedInstance, int, ModelVariable]
-"""The part of the system with a variable, the position of its FMU in this part, and the variable there."""
+"""The instance with a variable, the position of the variable's FMU in this instance, and the variable."""
 
 
 class ContinuousSystem:
@@ -44,7 +44,7 @@ class ContinuousSystem:
         members = [(p, k, m) for p in self._parts for k, m in enumerate(p.members)]
         self._members = {m.name: (p, k, m) for p, k, m in members}
         self._names = Names(self._system, {m.name: m.file.interface for _, _, m in members})
-        self.states = [f"{m.name}.{name}" for _, _, m in members for name in _state_names(m)]
+        self.states = [f"{m.name}.{name}" for _, _, m in members for name in _list_state_names(m)]
         self.nominals = np.concatenate([m.read_nominals() for _, _, m in members])
         self.nominals = np.where(self.nominals > 0.0, self.nominals, 1.0)
         self.inputs, self.outputs = list(inputs), list(outputs)
@@ -65,8 +65,8 @@ class ContinuousSystem:
 
     def unit(self, name: str) -> str:
         """Return the unit of a state, an input or an output; 1 if it has none."""
-        found = self._names.find(name)
-        return str(found.interface.unit(found.fmu_name) or "1")
+        signal = self._names.find(name)
+        return str(signal.interface.unit(signal.fmu_name) or "1")
 
     def evaluate(self, states: Vector, shifts: Vector) -> tuple[Vector, Vector]:
         """Return derivatives per s, and outputs.
@@ -78,12 +78,12 @@ class ContinuousSystem:
         Raises:
             RunError: An FMU fails.
         """
-        for (part, member, variable), by in zip(self._inputs, shifts - self._shifts, strict=True):
-            if by != 0.0:
-                part.shift_input(member, variable, float(by))
+        for (part, member, variable), shift in zip(self._inputs, shifts - self._shifts, strict=True):
+            if shift != 0.0:
+                part.shift_input(member, variable, float(shift))
         self._shifts = np.array(shifts, dtype=float)
         parts = zip(self._parts, np.split(states, self._bounds), strict=True)
-        rates = np.concatenate([part.derivatives(np.ascontiguousarray(own)) for part, own in parts])
+        rates = np.concatenate([part.derivatives(np.ascontiguousarray(x)) for part, x in parts])
         return rates, self._read(self._outputs)
 
     def handle_event(self) -> None:
@@ -91,7 +91,7 @@ class ContinuousSystem:
         for part in self._parts:
             part.handle_event()
 
-    def find_held(self) -> list[str]:
+    def find_discrete_components(self) -> list[str]:
         """Return the components with time events or discrete Real variables, which the matrices hold."""
         return [
             name
@@ -107,25 +107,25 @@ class ContinuousSystem:
         return np.array([float(part.members[k].value(variable)) for part, k, variable in variables])
 
     def _find(self, name: str, is_input: bool = False) -> _Variable:
-        named = self._names.find(name)
-        found = named.variable
-        part, position, _ = self._members[named.component.name]
-        if found.type != "Real":
-            raise CommandError(f"{name} is {found.type}; state matrices need a Real.", name=name)
-        if is_input and (found.causality != "input" or found.variability != "continuous"):
-            raise CommandError(f"{name} is no continuous input.", name=name)
-        return part, position, found
+        signal = self._names.find(name)
+        variable = signal.variable
+        part, position, _ = self._members[signal.component.name]
+        if variable.type != "Real":
+            raise CommandError(f"{name} is {variable.type}; state matrices need a Real.", name=name)
+        if is_input and (variable.causality != "input" or variable.variability != "continuous"):
+            raise CommandError(f"{name} is not a continuous input.", name=name)
+        return part, position, variable
 
-    def _check(self, has_others: bool) -> None:
+    def _check(self, has_unreachable: bool) -> None:
         """Raise CommandError if a component has states that cannot be reached, or is integrated apart."""
         part_of = {m.name: p for p in self._parts for m in p.members}
-        others = [c.name for c in self._system.components if c.name not in part_of]
-        if has_others or others:
+        unreachable = [c.name for c in self._system.components if c.name not in part_of]
+        if has_unreachable or unreachable:
             raise CommandError(
-                f"state matrices need all states, and those of {join_names(others)} cannot be reached. Run "
-                "them as Model Exchange with --kind me, if their FMUs have it, and not isolated. Components "
-                "that sample have no state matrices; frequency responses work for any system.",
-                components=others,
+                f"state matrices need all states, and those of {join_names(unreachable)} cannot be reached. "
+                "Run them as Model Exchange with --kind me, if their FMUs have it, and not isolated. "
+                "Components that sample have no state matrices; frequency responses work for any system.",
+                components=unreachable,
             )
         for x in self._system.connections:
             if part_of[x.source] is not part_of[x.target]:
@@ -135,7 +135,7 @@ class ContinuousSystem:
                 )
 
 
-def _state_names(member: ModelExchangeInstance) -> list[str]:
+def _list_state_names(member: ModelExchangeInstance) -> list[str]:
     """Return the names of the states in the order of the FMU."""
     derivatives = [x.variable for x in member.file.description.derivatives if x.variable is not None]
     return [str(d.name if d.derivative is None else d.derivative.name) for d in derivatives]

@@ -53,12 +53,12 @@ def compute_margins(frequency: Vector, L: Complex) -> Margins:
     """
     log_f, log_gain = np.log(frequency), np.log(np.maximum(np.abs(L), 1e-300))
     phase = np.unwrap(np.angle(L))
-    crossings = _crossings(log_gain, log_f, phase)
+    crossings = _interpolate_crossings(log_gain, log_f, phase)
     phases = [(math.remainder(p + math.pi, 2.0 * math.pi), f) for f, p in crossings]
     worst, at = min(phases, key=lambda x: abs(x[0]), default=(math.inf, math.nan))
     delays = [((p + math.pi) % (2.0 * math.pi)) / (2.0 * math.pi * math.exp(f)) for f, p in crossings]
     # where L crosses the real axis, also at half the sample rate
-    gains = [(x, math.exp(f)) for x, f in _crossings(L.imag, L.real, log_f)]
+    gains = [(x, math.exp(f)) for x, f in _interpolate_crossings(L.imag, L.real, log_f)]
     if abs(L[-1].imag) <= 1e-6 * abs(L[-1]):
         gains.append((float(L[-1].real), math.exp(log_f[-1])))
     up = min(((-20.0 * math.log10(-x), f) for x, f in gains if -1.0 < x < 0.0), default=(math.inf, math.nan))
@@ -78,10 +78,10 @@ def compute_margins(frequency: Vector, L: Complex) -> Margins:
     )
 
 
-def _crossings(values: Vector, *others: Vector) -> list[tuple[float, ...]]:
+def _interpolate_crossings(values: Vector, *curves: Vector) -> list[tuple[float, ...]]:
     """Return what others are where values cross 0, by straight lines between the points."""
-    places = np.flatnonzero(np.sign(values[:-1]) * np.sign(values[1:]) < 0.0)
-    share = values[places] / (values[places] - values[places + 1])
+    rows = np.flatnonzero(np.sign(values[:-1]) * np.sign(values[1:]) < 0.0)
+    share = values[rows] / (values[rows] - values[rows + 1])
     return [
-        tuple(float(o[k] + s * (o[k + 1] - o[k])) for o in others) for k, s in zip(places, share, strict=True)
+        tuple(float(o[k] + s * (o[k + 1] - o[k])) for o in curves) for k, s in zip(rows, share, strict=True)
     ]

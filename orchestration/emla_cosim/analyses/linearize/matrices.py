@@ -10,7 +10,7 @@ from ...master.instances.model_exchange_instance import DiscardedCallError
 from .continuous_system import ContinuousSystem
 from .state_space import StateSpace
 
-_STEP = float(np.finfo(float).eps) ** (1.0 / 3.0)
+_STEP_FRACTION = float(np.finfo(float).eps) ** (1.0 / 3.0)
 """Step of central differences, relative to the size of a variable: rounding and curvature are then equal."""
 
 _ROUNDING = 1e-9
@@ -19,7 +19,7 @@ _ROUNDING = 1e-9
 _KINK = 0.02
 """Curvature within a step, relative to the slope, above which a function is not smooth."""
 
-_STEADY, _ITERATIONS, _EVENTS = 1e-9, 50, 10
+_STEADY_TOLERANCE, _MAX_ITERATIONS, _MAX_EVENTS = 1e-9, 50, 10
 
 
 def compute_matrices(
@@ -37,11 +37,11 @@ def compute_matrices(
     """
     rates, outputs = system.evaluate(states, shifts)
     at_inputs, sizes = system.read_inputs(), _read_sizes(system, states)
-    slopes, rough = _differentiate(system, states, shifts, sizes, np.concatenate([rates, outputs]))
+    slopes, kinks = _differentiate(system, states, shifts, sizes, np.concatenate([rates, outputs]))
     system.evaluate(states, shifts)
     n = len(states)
     names = [*system.states, *system.inputs, *system.outputs]
-    found = StateSpace(
+    state_space = StateSpace(
         states=tuple(system.states),
         inputs=tuple(system.inputs),
         outputs=tuple(system.outputs),
@@ -59,14 +59,14 @@ def compute_matrices(
     remarks = [
         f"{rows[i]} is not smooth in {columns[j]} at the operating point: a limit, friction or backlash may "
         "begin there."
-        for i, j in rough
+        for i, j in kinks
     ]
-    if held := system.find_held():
+    if discrete := system.find_discrete_components():
         remarks.append(
-            f"{join_names(held)} {'has' if len(held) == 1 else 'have'} time events or discrete variables, "
-            "which the matrices hold constant."
+            f"{join_names(discrete)} {'has' if len(discrete) == 1 else 'have'} time events or discrete "
+            "variables, which the matrices hold constant."
         )
-    return found, remarks
+    return state_space, remarks
 
 
 def find_steady_state(system: ContinuousSystem, free: Collection[str]) -> tuple[Vector, Vector]:
@@ -83,13 +83,13 @@ def find_steady_state(system: ContinuousSystem, free: Collection[str]) -> tuple[
         RunError: There is no steady state, or none was found; or an FMU fails.
     """
     shifts = np.zeros(len(system.inputs))
-    for _ in range(_EVENTS):
+    for _ in range(_MAX_EVENTS):
         states, shifts = _solve(system, shifts, free)
         system.evaluate(states, shifts)
         system.handle_event()
-        after = system.read_states()
-        rates, _ = system.evaluate(after, shifts)
-        if np.array_equal(after, states) and not _find_moving(system, states, shifts, rates, free):
+        handled = system.read_states()
+        rates, _ = system.evaluate(handled, shifts)
+        if np.array_equal(handled, states) and not _find_moving(system, states, shifts, rates, free):
             return states, shifts
     raise RunError("there is no steady state: each one found is left by an event.", reason="no steady state")
 
@@ -99,10 +99,10 @@ def _solve(system: ContinuousSystem, shifts: Vector, free: Collection[str]) -> t
     states = system.read_states()
     rates, _ = system.evaluate(states, shifts)
     movable = np.array([name in free for name in system.inputs], dtype=bool)
-    for _ in range(_ITERATIONS):
-        slopes, sizes = _scaled_slopes(system, states, shifts, rates, free)
+    for _ in range(_MAX_ITERATIONS):
+        slopes, sizes = _scale_slopes(system, states, shifts, rates, free)
         rows = np.abs(slopes).max(axis=1)
-        if not (np.abs(rates) > _STEADY * rows).any():
+        if not (np.abs(rates) > _STEADY_TOLERANCE * rows).any():
             return states, shifts
         rows = np.where(rows > 0.0, rows, 1.0)
         move = -np.linalg.lstsq(slopes / rows[:, None], rates / rows, rcond=1e-10)[0] * sizes
@@ -111,18 +111,18 @@ def _solve(system: ContinuousSystem, shifts: Vector, free: Collection[str]) -> t
             x, u = states + part * move[: len(states)], shifts.copy()
             u[movable] += part * move[len(states) :]
             try:
-                tried, _ = system.evaluate(x, u)
+                new_rates, _ = system.evaluate(x, u)
             except DiscardedCallError:  # the step leads to where the FMU is not defined
                 continue
-            if np.linalg.norm(tried / rows) < before:
+            if np.linalg.norm(new_rates / rows) < before:
                 break
         else:
             break
-        states, shifts, rates = x, u, tried
+        states, shifts, rates = x, u, new_rates
     moving = _find_moving(system, states, shifts, rates, free)
-    shown = [f"{n} ({rates[system.states.index(n)]:.3g} {system.unit(n)}/s)" for n in moving[:3]]
+    changes = [f"{n} ({rates[system.states.index(n)]:.3g} {system.unit(n)}/s)" for n in moving[:3]]
     raise RunError(
-        f"no steady state was found near the operating point: {join_names(shown)} still "
+        f"no steady state was found near the operating point: {join_names(changes)} still "
         f"{'changes' if len(moving) == 1 else 'change'}. Choose {'other ' if free else ''}free inputs, "
         "another time or other values.",
         reason="no steady state",
@@ -130,7 +130,7 @@ def _solve(system: ContinuousSystem, shifts: Vector, free: Collection[str]) -> t
     )
 
 
-def _scaled_slopes(
+def _scale_slopes(
     system: ContinuousSystem, states: Vector, shifts: Vector, rates: Vector, free: Collection[str]
 ) -> tuple[np.ndarray, Vector]:
     """Return the slopes of the derivatives per size of states and free inputs, and these sizes."""
@@ -144,8 +144,8 @@ def _scaled_slopes(
 def _find_moving(
     system: ContinuousSystem, states: Vector, shifts: Vector, rates: Vector, free: Collection[str]
 ) -> list[str]:
-    slopes, _ = _scaled_slopes(system, states, shifts, rates, free)
-    moving = np.abs(rates) > _STEADY * np.abs(slopes).max(axis=1)
+    slopes, _ = _scale_slopes(system, states, shifts, rates, free)
+    moving = np.abs(rates) > _STEADY_TOLERANCE * np.abs(slopes).max(axis=1)
     return [name for name, moves in zip(system.states, moving, strict=True) if moves]
 
 
@@ -158,19 +158,19 @@ def _read_sizes(system: ContinuousSystem, states: Vector) -> Vector:
 def _differentiate(
     system: ContinuousSystem, states: Vector, shifts: Vector, sizes: Vector, middle: Vector
 ) -> tuple[np.ndarray, Sequence[tuple[int, int]]]:
-    """Return the slopes of the values in `middle`, and the places at which they are not smooth."""
-    steps = _STEP * sizes
+    """Return the slopes of the values in `middle`, and the positions at which they are not smooth."""
+    steps = _STEP_FRACTION * sizes
     n, m = len(states), len(steps)
     differences, curvatures = np.zeros((len(middle), m)), np.zeros((len(middle), m))
     for j in range(m):
-        both = []
+        sides = []
         for sign in (1.0, -1.0):
             change = np.zeros(m)
             change[j] = sign * steps[j]
             rates, outputs = system.evaluate(states + change[:n], shifts + change[n:])
-            both.append(np.concatenate([rates, outputs])[: len(middle)])
-        differences[:, j] = both[0] - both[1]
-        curvatures[:, j] = both[0] + both[1] - 2.0 * middle
+            sides.append(np.concatenate([rates, outputs])[: len(middle)])
+        differences[:, j] = sides[0] - sides[1]
+        curvatures[:, j] = sides[0] + sides[1] - 2.0 * middle
     rows = np.abs(differences).max(axis=1, keepdims=True)
     differences[np.abs(differences) <= _ROUNDING * rows] = 0.0
     is_rough = (np.abs(curvatures) > _KINK * np.abs(differences)) & (np.abs(curvatures) > 1e-5 * rows)

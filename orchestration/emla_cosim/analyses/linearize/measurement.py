@@ -14,9 +14,9 @@ from ...base.arrays import Vector
 from ...base.errors import CommandError, CosimError, RunError
 from ...run.half_step import halve_step
 from ...run.simulation import Simulation
+from .analysis_points import AnalysisPoint, ResolvedPoint
 from .margins import Margins, compute_margins
 from .perturbation import Perturbation
-from .places import Place, ResolvedPlace
 from .response import (
     Complex,
     FrequencyResponse,
@@ -27,10 +27,10 @@ from .response import (
 )
 from .result import Measured
 
-_FACTORS = (1.0, 3.0, 10.0, 0.1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8)
+_HEIGHTS = (1.0, 3.0, 10.0, 0.1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8)
 """Heights of pulses to try, relative to the size of the input: large ones first, as sensors are coarse."""
 
-_GOOD, NONLINEAR = 1e-3, 0.05
+_GOOD_NONLINEARITY, NONLINEAR = 1e-3, 0.05
 """Nonlinearity at which no other amplitude is tried, and above which there is no linear response."""
 
 
@@ -51,7 +51,7 @@ _LIMITS = (
 is relative.
 """
 
-_FASTEST = 0.1
+_MAX_FREQUENCY = 0.1
 """Frequency, as a part of the sample rate, up to which responses are compared."""
 
 
@@ -67,79 +67,80 @@ class _Reaction:
 
 def measure(
     perturbation: Perturbation,
-    place: Place,
+    point: AnalysisPoint,
     amplitude: float | None = None,
     frequency: Vector | None = None,
 ) -> Measured:
-    """Return the frequency response at a place.
+    """Return the frequency response at an analysis point.
 
     A loop is measured while it is closed, so that the system stays at its operating point. A pulse d is added
     to the input, which then is u = S d with the sensitivity S = 1 / (1 + L). The loop gain is L = 1 / S - 1.
 
     Args:
         perturbation: The system at its operating point.
-        place: The place.
+        point: The analysis point.
         amplitude: Height of the pulse; None chooses the one with the smallest nonlinearity.
         frequency: Frequencies in Hz. Default: evenly spaced on a logarithmic axis, from that with one period
             in the response.
 
     Raises:
-        CommandError: The place does not exist, or does not react.
+        CommandError: The signals do not exist, or do not react.
         RunError: The system is unstable or not linear here, or the response does not decay.
     """
-    resolved = perturbation.resolve(place)
-    found = _react(perturbation, resolved, place, amplitude)
-    _check(perturbation, place, found)
-    integrators = count_integrators(found.linear)
-    if integrators is None or (integrators and place.is_loop):
+    resolved = perturbation.resolve(point)
+    reaction = _react(perturbation, resolved, point, amplitude)
+    _check(perturbation, point, reaction)
+    integrators = count_integrators(reaction.linear)
+    if integrators is None or (integrators and point.is_loop):
         raise RunError(
-            f"the effect of a pulse on {place.input} has not decayed after {perturbation.duration:g} s; "
+            f"the effect of a pulse on {point.input} has not decayed after {perturbation.duration:g} s; "
             "choose a longer duration.",
             reason="not decayed",
         )
-    later = perturbation.respond(resolved, found.amplitude, at=1)
-    drift = relative_norm(later[1:] - found.positive[:-1], found.positive)
+    later = perturbation.respond(resolved, reaction.amplitude, at=1)
+    drift = relative_norm(later[1:] - reaction.positive[:-1], reaction.positive)
     step = perturbation.step
     if frequency is None:
         frequency = np.geomspace(1.0 / perturbation.duration, 0.5 / step, _POINTS)
-    values = [_per_pulse(place, signal / found.amplitude) for signal in (found.linear, found.positive)]
-    H, other = (transform_response(v, integrators, frequency, step) for v in values)
-    if not place.is_loop:
-        unit = perturbation.unit(place)
-        response = FrequencyResponse(place.label, frequency, H, _error(H, other), step, unit)
-        return Measured(response, found.amplitude, found.nonlinearity, drift)
-    L, other = 1.0 / H - 1.0, 1.0 / other - 1.0
-    response = FrequencyResponse(place.label, frequency, L, _error(L, other), step, "1")
-    return Measured(response, found.amplitude, found.nonlinearity, drift, compute_margins(frequency, L))
+    samples = [_scale(point, x / reaction.amplitude) for x in (reaction.linear, reaction.positive)]
+    H, rough = (transform_response(x, integrators, frequency, step) for x in samples)
+    if not point.is_loop:
+        unit = perturbation.unit(point)
+        response = FrequencyResponse(point.label, frequency, H, _estimate_error(H, rough), step, unit)
+        return Measured(response, reaction.amplitude, reaction.nonlinearity, drift)
+    L, rough = 1.0 / H - 1.0, 1.0 / rough - 1.0
+    response = FrequencyResponse(point.label, frequency, L, _estimate_error(L, rough), step, "1")
+    margins = compute_margins(frequency, L)
+    return Measured(response, reaction.amplitude, reaction.nonlinearity, drift, margins)
 
 
 def _react(
-    perturbation: Perturbation, resolved: ResolvedPlace, place: Place, amplitude: float | None
+    perturbation: Perturbation, resolved: ResolvedPoint, point: AnalysisPoint, amplitude: float | None
 ) -> _Reaction:
     """Return the most linear reaction to pulses of several heights."""
     scale = perturbation.scale(resolved)
     best: _Reaction | None = None
     failure: RunError | None = None
-    for height in [f * scale for f in _FACTORS] if amplitude is None else [amplitude]:
+    for height in [f * scale for f in _HEIGHTS] if amplitude is None else [amplitude]:
         try:
-            found = _reaction(perturbation, resolved, height)
+            reaction = _measure_reaction(perturbation, resolved, height)
         except RunError as error:  # so large a pulse may end the run
             failure = error
             continue
-        if best is None or found.nonlinearity < best.nonlinearity:
-            best = found
-        if best.nonlinearity < _GOOD:
+        if best is None or reaction.nonlinearity < best.nonlinearity:
+            best = reaction
+        if best.nonlinearity < _GOOD_NONLINEARITY:
             break
     if best is None and failure is not None:
         raise failure
     if best is None or best.nonlinearity == float("inf"):
         raise CommandError(
-            f"{place.output or place.input} does not react to {place.input}: {place.label} has no response."
+            f"{point.output or point.input} does not react to {point.input}: {point.label} has no response."
         )
     return best
 
 
-def _reaction(perturbation: Perturbation, resolved: ResolvedPlace, height: float) -> _Reaction:
+def _measure_reaction(perturbation: Perturbation, resolved: ResolvedPoint, height: float) -> _Reaction:
     """Return the reaction to pulses of `height` and -`height` / 2.
 
     With y = h d + q d^2 both together give h d = (y(d) - 4 y(-d / 2)) / 3.
@@ -147,108 +148,109 @@ def _reaction(perturbation: Perturbation, resolved: ResolvedPlace, height: float
     positive = perturbation.respond(resolved, height)
     negative = perturbation.respond(resolved, -0.5 * height)
     linear = (positive - 4.0 * negative) / 3.0
-    own = np.zeros(len(positive))
+    direct = np.zeros(len(positive))
     if resolved.output is None:  # the input is read with the pulse itself, which is linear in any case
-        own[0] = height
-    return _Reaction(height, positive, linear, relative_norm(positive + 2.0 * negative, positive - own))
+        direct[0] = height
+    return _Reaction(height, positive, linear, relative_norm(positive + 2.0 * negative, positive - direct))
 
 
-def _check(perturbation: Perturbation, place: Place, found: _Reaction) -> None:
+def _check(perturbation: Perturbation, point: AnalysisPoint, reaction: _Reaction) -> None:
     at = f"at t = {perturbation.at:g} s"
-    if place.is_loop and is_growing(found.linear):
+    if point.is_loop and is_growing(reaction.linear):
         raise RunError(
-            f"the system is unstable {at}: the effect of a pulse on {place.input} grows. Choose another time "
+            f"the system is unstable {at}: the effect of a pulse on {point.input} grows. Choose another time "
             "or other gains.",
             reason="unstable",
         )
-    if found.nonlinearity > NONLINEAR:
+    if reaction.nonlinearity > NONLINEAR:
         raise RunError(
-            f"{place.label} is not linear {at}: effects of pulses of other size and sign differ by "
-            f"{100.0 * found.nonlinearity:.2g} %. Saturation, backlash, friction or a coarse sensor may "
+            f"{point.label} is not linear {at}: effects of pulses of other size and sign differ by "
+            f"{100.0 * reaction.nonlinearity:.2g} %. Saturation, backlash, friction or a coarse sensor may "
             "cause this. Choose another time or amplitude.",
             reason="not linear",
         )
 
 
-def _per_pulse(place: Place, samples: Vector) -> Vector:
+def _scale(point: AnalysisPoint, samples: Vector) -> Vector:
     """Return the response to a pulse of 1: the sensitivity of a loop, or the output at communication points.
 
     Inside of a component the pulse reaches the output with a gain, that of its first sample.
     """
-    if not place.output:
+    if not point.output:
         return samples
-    if not place.is_loop:
+    if not point.is_loop:
         return np.concatenate([[0.0], samples[:-1]])  # outputs were read at the end of each step
     if abs(samples[0]) <= 1e-9 * np.abs(samples).max():
         raise CommandError(
-            f"{place.output} does not react to {place.input} without delay, so the loop cannot be opened "
+            f"{point.output} does not react to {point.input} without delay, so the loop cannot be opened "
             "between them. A parameter such as feed_acceleration may switch this path off."
         )
     return samples / samples[0]
 
 
-def _error(H: Complex, other: Complex) -> Vector:
-    return np.abs(other - H) / np.maximum(np.abs(H), 1e-300)
+def _estimate_error(H: Complex, rough: Complex) -> Vector:
+    return np.abs(rough - H) / np.maximum(np.abs(H), 1e-300)
 
 
 def judge_step(
     simulation: Simulation,
-    places: Sequence[Place],
+    points: Sequence[AnalysisPoint],
     at: float,
     duration: float,
     responses: Mapping[str, Measured],
 ) -> tuple[dict[str, Measured], list[str]]:
-    """Return responses with what half the step makes of them, and remarks.
+    """Return responses with their change by half the step, and remarks.
 
     Args:
         simulation: The prepared system.
-        places: Where the responses were measured.
+        points: Where the responses were measured.
         at: Time of the operating point in s.
         duration: Length of the responses in s.
         responses: What was measured, by label.
     """
-    found, remarks = dict(responses), list[str]()
+    judged_responses, remarks = dict(responses), list[str]()
     try:
         half = halve_step(simulation, {})
         with closing(Perturbation(simulation, at, duration, half.options)) as perturbation:
-            for place in places:
-                whole = found[place.label]
-                halved = measure(perturbation, place, whole.amplitude, whole.response.frequency)
-                change = _compare(whole.response, halved.response)
-                judged = replace(whole, margins_at_half_step=halved.margins, step_change=change)
-                found[place.label] = judged
-                subject, change, ratio = _find_worst(judged)
+            for point in points:
+                measured = judged_responses[point.label]
+                halved = measure(perturbation, point, measured.amplitude, measured.response.frequency)
+                change = _compare(measured.response, halved.response)
+                compared = replace(measured, margins_at_half_step=halved.margins, step_change=change)
+                judged_responses[point.label] = compared
+                subject, change, ratio = _find_worst(compared)
                 if ratio > 1.0:
                     remarks.append(
-                        f"{place.label}: half the step changes {subject} by {change}, so the step makes a "
+                        f"{point.label}: half the step changes {subject} by {change}, so the step makes a "
                         f"part of it; {half.suggest(ratio)}."
                     )
     except CosimError as error:
         remarks.append(f"The step is not judged: {str(error).rstrip('.')}.")
-    return found, remarks
+    return judged_responses, remarks
 
 
-def _compare(whole: FrequencyResponse, halved: FrequencyResponse) -> float:
+def _compare(response: FrequencyResponse, halved: FrequencyResponse) -> float:
     """Return the relative change of a response."""
-    slow = whole.frequency <= _FASTEST / whole.step
-    change = np.abs(halved.value - whole.value) / np.maximum(np.abs(whole.value), 1e-300)
+    slow = response.frequency <= _MAX_FREQUENCY / response.step
+    change = np.abs(halved.value - response.value) / np.maximum(np.abs(response.value), 1e-300)
     return float(np.sqrt(np.mean(change[slow] ** 2)))
 
 
 def _find_worst(measured: Measured) -> tuple[str, str, float]:
-    """Return what changes most, its change, and this as a multiple of the limit."""
-    whole, halved = measured.margins, measured.margins_at_half_step
-    if whole is None or halved is None:
+    """Return the subject that changes most, its change, and this as a multiple of the limit."""
+    margins, halved_margins = measured.margins, measured.margins_at_half_step
+    if margins is None or halved_margins is None:
         change = measured.step_change or 0.0
         return "the response", f"{100.0 * change:.2g} %", change / LARGEST_CHANGE
-    return max((_compare_margin(whole, halved, *limit) for limit in _LIMITS), key=lambda one: one[2])
+    changes = (_compare_margin(margins, halved_margins, *limit) for limit in _LIMITS)
+    return max(changes, key=lambda change: change[2])
 
 
 def _compare_margin(
-    whole: Margins, halved: Margins, subject: str, name: str, unit: str, limit: float
+    margins: Margins, halved_margins: Margins, subject: str, name: str, unit: str, limit: float
 ) -> tuple[str, str, float]:
     """Return a margin, its change as text, and this as a multiple of the limit."""
-    before, after = getattr(whole, name), getattr(halved, name)
+    before, after = getattr(margins, name), getattr(halved_margins, name)
     if not (math.isfinite(before) and math.isfinite(after)):
         return subject, "", 0.0
     change = after - before

@@ -13,7 +13,7 @@ from ...master.stepping.checkpoint import Snapshot
 from ...master.stepping.fixed_steps import FixedSteps
 from ...master.stepping.stepping_base import ROUNDING
 from ...run.simulation import Simulation
-from .places import Place, ResolvedPlace, find_described, resolve_place
+from .analysis_points import AnalysisPoint, ResolvedPoint, find_instance, resolve_point
 
 
 class Perturbation:
@@ -70,14 +70,14 @@ class Perturbation:
         self.count = round(duration / self.step)
         samples = math.floor((at - times.start) / self.step + ROUNDING)
         self.at = times.point(samples * self._steps)
-        self._reach()
+        self._advance()
         self.rolls_back = all(s.rolls_back for s in algorithm.network.instances)
         self._snapshot = Snapshot(algorithm) if self.rolls_back else None
         if self._snapshot is not None:
             stepping.allow_way_back()
             self._snapshot.take()
-        self._moved = False
-        self._undisturbed: dict[ResolvedPlace, Vector] = {}
+        self._is_advanced = False
+        self._undisturbed: dict[ResolvedPoint, Vector] = {}
 
     def close(self) -> None:
         """Free the saved state."""
@@ -89,37 +89,37 @@ class Perturbation:
         """Length of the stretch in s."""
         return self.count * self.step
 
-    def resolve(self, place: Place) -> ResolvedPlace:
-        """Return the positions of a place; CommandError if it does not exist, or is not Real."""
-        return resolve_place(self._simulation.system, self._stepping.algorithm.network, place)
+    def resolve(self, point: AnalysisPoint) -> ResolvedPoint:
+        """Return the positions of an analysis point; CommandError if it does not exist, or is not Real."""
+        return resolve_point(self._simulation.system, self._stepping.algorithm.network, point)
 
-    def unit(self, place: Place) -> str:
+    def unit(self, point: AnalysisPoint) -> str:
         """Return the unit of a response: that of the output per unit of the input."""
         units = []
-        for name in (place.output, place.input):
+        for name in (point.output, point.input):
             component, variable = self._simulation.system.split(name)
-            instance, *_ = find_described(self._stepping.algorithm.network, component.name)
+            instance, *_ = find_instance(self._stepping.algorithm.network, component.name)
             units.append(instance.file.interface.unit(component.alias(variable).variable))
         return "/".join(
             "1" if unit is None else f"({unit})" if "/" in str(unit) else str(unit) for unit in units
         )
 
-    def scale(self, place: ResolvedPlace) -> float:
+    def scale(self, point: ResolvedPoint) -> float:
         """Return the size of an input: its largest value in the stretch, at least its nominal value."""
-        values = self.undisturbed(replace(place, output=None))
-        return max(float(np.abs(values).max()), place.nominal)
+        values = self.undisturbed(replace(point, output=None))
+        return max(float(np.abs(values).max()), point.nominal)
 
-    def undisturbed(self, place: ResolvedPlace) -> Vector:
-        """Return the signal at a place without a pulse, shape (count,). Raise RunError if a step fails."""
-        if place not in self._undisturbed:
-            self._undisturbed[place] = self._repeat(place, 0.0, 0)
-        return self._undisturbed[place]
+    def undisturbed(self, point: ResolvedPoint) -> Vector:
+        """Return the signal at a point without a pulse, shape (count,). Raise RunError if a step fails."""
+        if point not in self._undisturbed:
+            self._undisturbed[point] = self._repeat(point, 0.0, 0)
+        return self._undisturbed[point]
 
-    def respond(self, place: ResolvedPlace, amplitude: float, at: int = 0) -> Vector:
-        """Return the change of the signal at a place by a pulse that lasts one sample.
+    def respond(self, point: ResolvedPoint, amplitude: float, at: int = 0) -> Vector:
+        """Return the change of the signal at an analysis point by a pulse that lasts one sample.
 
         Args:
-            place: Input to perturb, and signal to read.
+            point: Input to perturb, and signal to read.
             amplitude: Height of the pulse in the unit of the input.
             at: Sample of the pulse.
 
@@ -129,30 +129,30 @@ class Perturbation:
         Raises:
             RunError: A step fails.
         """
-        before = self.undisturbed(place)
-        return self._repeat(place, amplitude, at) - before
+        undisturbed = self.undisturbed(point)
+        return self._repeat(point, amplitude, at) - undisturbed
 
-    def _reach(self) -> None:
+    def _advance(self) -> None:
         self._simulation.advance(self.at)
         check_reached(self._simulation, self.at)
 
-    def _repeat(self, place: ResolvedPlace, amplitude: float, at: int) -> Vector:
+    def _repeat(self, point: ResolvedPoint, amplitude: float, at: int) -> Vector:
         if self._snapshot is not None:
             self._snapshot.restore()
-        elif self._moved:
+        elif self._is_advanced:
             self._simulation.start(recorders=[], **self._options)
-            self._reach()
-        self._moved = True
+            self._advance()
+        self._is_advanced = True
         stepping, values = self._stepping, np.empty(self.count)
         network = stepping.algorithm.network
-        waits = stepping.algorithm.multiples[place.instance] > 1
+        waits = stepping.algorithm.multiples[point.instance] > 1
         read = np.empty(self._steps)
         for k in range(self.count):
             for j in range(self._steps):
-                stepping.repeat_step(place.instance, place.input, amplitude if k == at else 0.0)
-                read[j] = network.instances[place.instance].inputs[place.input]
-            if place.output is not None:
-                values[k] = network.signals[place.output]
+                stepping.repeat_step(point.instance, point.input, amplitude if k == at else 0.0)
+                read[j] = network.instances[point.instance].inputs[point.input]
+            if point.output is not None:
+                values[k] = network.signals[point.output]
             else:  # a component that waits reads its inputs in the last of these steps
                 values[k] = read[-1] if waits else read.mean()
         return values

@@ -1,4 +1,4 @@
-"""What a linearization writes and shows: margins or poles, how they were measured, Bode and Nyquist plots."""
+"""The report of a linearization: margins or poles, how they were measured, Bode and Nyquist plots."""
 
 import math
 from collections.abc import Iterator
@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 _BODE, _NYQUIST = "bode.png", "nyquist.png"
 
 _RADIUS = 3.0
-"""Largest |L| in a Nyquist plot; what is farther out decides no margin."""
+"""Largest |L| in a Nyquist plot; points farther out do not decide a margin."""
 
-_ROWS = (
+_MARGINS = (
     ("phase margin", "phase_deg", "phase_at", "°", 1.0),
     ("gain margin, up", "gain_up_dB", "gain_up_at", "dB", 1.0),
     ("gain margin, down", "gain_down_dB", "gain_down_at", "dB", 1.0),
@@ -33,8 +33,9 @@ def build_report(result: LinearizeResult) -> Report:
     """Return the report of a linearization."""
     notes = [f"Note: {text}" for text in result.remarks]
     if result.matrices is not None:
-        tables = [_point_table(result, result.matrices), _poles_table(result.matrices)]
-        return Report("Linearization", result.name, _facts(result), [Section(tables=tables, under=notes)])
+        tables = [_tabulate_point(result, result.matrices), _tabulate_poles(result.matrices)]
+        section = Section(tables=tables, under=notes)
+        return Report("Linearization", result.name, _list_facts(result), [section])
     how = "restored states" if result.rolled_back else "repeated runs, as not every FMU can restore its state"
     measured = [
         f"{name}: pulses of {m.amplitude:.3g}, nonlinearity {100.0 * m.nonlinearity:.2g} %"
@@ -46,19 +47,19 @@ def build_report(result: LinearizeResult) -> Report:
         _NYQUIST: "Loop gains near -1, with the circles that they may not enter",
     }
     under = [*notes, *measured, f"Measured with {how}"]
-    section = Section(tables=list(_margin_tables(result)), pictures=pictures, under=under)
-    return Report("Linearization", result.name, _facts(result), [section])
+    section = Section(tables=list(_tabulate_margins(result)), pictures=pictures, under=under)
+    return Report("Linearization", result.name, _list_facts(result), [section])
 
 
-def _facts(result: LinearizeResult) -> list[str]:
+def _list_facts(result: LinearizeResult) -> list[str]:
     return [f"t = {result.at:g} s", f"step {1e3 * result.step:g} ms"]
 
 
-def _margin_tables(result: LinearizeResult) -> Iterator[ReportTable]:
+def _tabulate_margins(result: LinearizeResult) -> Iterator[ReportTable]:
     for name, margins in result.margins.items():
         halved = result.responses[name].margins_at_half_step
         rows = list[list[str]]()
-        for label, value, at, unit, factor in _ROWS:
+        for label, value, at, unit, factor in _MARGINS:
             margin, frequency = getattr(margins, value), None if at is None else getattr(margins, at)
             is_finite = math.isfinite(margin)
             rows.append(
@@ -67,19 +68,19 @@ def _margin_tables(result: LinearizeResult) -> Iterator[ReportTable]:
                     f"{factor * margin:.4g}" if is_finite else "none",
                     unit if is_finite else "",
                     f"{frequency:.4g}" if is_finite and frequency is not None else "",
-                    "not judged" if halved is None else _change(factor * (getattr(halved, value) - margin)),
+                    "not judged" if halved is None else _format(factor * (getattr(halved, value) - margin)),
                 ]
             )
         header = ("", "margin", "", "at / Hz", "half step")
         yield ReportTable(f"{name}, t = {result.at:g} s", header, rows, texts=(0, 2))
 
 
-def _change(difference: float) -> str:
+def _format(difference: float) -> str:
     """Return the change of a margin as text; empty if there is no margin before or after."""
     return f"{difference:+.2g}" if math.isfinite(difference) else ""
 
 
-def _poles_table(matrices: StateSpace) -> ReportTable:
+def _tabulate_poles(matrices: StateSpace) -> ReportTable:
     rows = [
         [
             f"{pole.real:.5g}",
@@ -94,7 +95,7 @@ def _poles_table(matrices: StateSpace) -> ReportTable:
     return ReportTable("Poles", header, rows, texts=())
 
 
-def _point_table(result: LinearizeResult, matrices: StateSpace) -> ReportTable:
+def _tabulate_point(result: LinearizeResult, matrices: StateSpace) -> ReportTable:
     where = f"steady state near t = {result.at:g} s" if result.is_steady else f"t = {result.at:g} s"
     rows = [
         [kind.removesuffix("s"), name, f"{value:.6g}", matrices.units[name]]
@@ -110,14 +111,14 @@ def draw_bode(result: LinearizeResult) -> "Figure":
     gain, phase = axes[:, 0]
     labels = []
     for i, (name, measured) in enumerate(result.responses.items()):
-        response, known = measured.response, measured.response.error < 0.1
+        response, is_reliable = measured.response, measured.response.error < 0.1
         color = COLORS[i % len(COLORS)]
-        gain.semilogx(response.frequency, np.where(known, response.gain_dB, np.nan), color=color)
+        gain.semilogx(response.frequency, np.where(is_reliable, response.gain_dB, np.nan), color=color)
         phases = response.phase_deg
         if measured.margins is not None:  # turned so that -180 degrees are those of the phase margin
             crossing = int(np.argmin(np.abs(response.gain_dB)))
             phases = phases - 360.0 * np.round((phases[crossing] + 180.0) / 360.0)
-        phase.semilogx(response.frequency, np.where(known, phases, np.nan), color=color)
+        phase.semilogx(response.frequency, np.where(is_reliable, phases, np.nan), color=color)
         labels.append(f"{name} / ({response.unit})" if measured.margins is None else name)
     tidy_axes(gain, labels)
     if result.margins:
@@ -136,8 +137,8 @@ def draw_nyquist(result: LinearizeResult) -> "Figure":
     plot = axes[0, 0]
     for i, (name, margins) in enumerate(result.margins.items()):
         L, color = result[name].value, COLORS[i % len(COLORS)]
-        shown = np.where(np.abs(L) < 2.0 * _RADIUS, L, np.nan)
-        plot.plot(np.real(shown), np.imag(shown), color=color)
+        near = np.where(np.abs(L) < 2.0 * _RADIUS, L, np.nan)
+        plot.plot(np.real(near), np.imag(near), color=color)
         plot.add_patch(_circle(1.0 / margins.Ms, color))
     labels = [f"{name}, Ms = {m.Ms:.3g}" for name, m in result.margins.items()]
     tidy_axes(plot, labels)

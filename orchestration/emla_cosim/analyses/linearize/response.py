@@ -12,10 +12,10 @@ from ...base.extras import require_extra
 
 Complex = NDArray[np.complex128]
 
-_DECAYED = 1e-3
+_MAX_REMAINDER = 1e-3
 """Largest remainder of a response at its end, relative to its peak."""
 
-_END = 20
+_END_PARTS = 20
 """The last 1/20 of a response is its end."""
 
 
@@ -68,10 +68,10 @@ def import_control() -> Any:
 
 def count_integrators(samples: Vector) -> int | None:
     """Return how often a response must be differenced until it decays; None if that is more than twice."""
-    end = max(len(samples) // _END, 1)
+    end = max(len(samples) // _END_PARTS, 1)
     for order in range(3):
         sizes = np.abs(_difference(samples, order))
-        if sizes[-end:].max() <= _DECAYED * sizes.max():
+        if sizes[-end:].max() <= _MAX_REMAINDER * sizes.max():
             return order
     return None
 

@@ -80,13 +80,13 @@ class LinearizeResult(ReportedResult):
     @property
     def record(self) -> dict[str, Any]:
         """Content of `linearize.json`."""
-        found: dict[str, Any] = {"format": "emla-linearization", "scenario": self.name, "at_s": self.at}
+        content: dict[str, Any] = {"format": "emla-linearization", "scenario": self.name, "at_s": self.at}
         if self.matrices is not None:
-            found |= {"steady": self.is_steady, "matrices": self.matrices.record}
+            content |= {"steady": self.is_steady, "matrices": self.matrices.record}
         else:
-            responses = {n: _record(m) for n, m in self.responses.items()}
-            found |= {"sample_time_s": self.step, "rolled_back": self.rolled_back, "responses": responses}
-        return {**found, "remarks": list(self.remarks)}
+            responses = {n: _build_record(m) for n, m in self.responses.items()}
+            content |= {"sample_time_s": self.step, "rolled_back": self.rolled_back, "responses": responses}
+        return {**content, "remarks": list(self.remarks)}
 
     @property
     def table(self) -> polars.DataFrame:
@@ -109,7 +109,7 @@ class LinearizeResult(ReportedResult):
         )
 
 
-def _record(measured: Measured) -> dict[str, Any]:
+def _build_record(measured: Measured) -> dict[str, Any]:
     return {
         "amplitude": measured.amplitude,
         "nonlinearity": measured.nonlinearity,

@@ -21,11 +21,11 @@ from ...study.loading import load
 from ...system.fault import Fault
 from ...system.model import System, Value
 from ..frame.session import Session
+from .analysis_points import AnalysisPoint, default_openings, parse_opening
 from .continuous_system import ContinuousSystem
 from .matrices import compute_matrices, find_steady_state
 from .measurement import judge_step, measure
 from .perturbation import Perturbation, check_reached
-from .places import Place, default_openings, parse_opening
 from .report import OUTPUTS
 from .response import FrequencyResponse
 from .result import LinearizeResult, Measured
@@ -33,9 +33,9 @@ from .result import LinearizeResult, Measured
 SAMPLES = 2000
 """Default length of a response in steps."""
 
-_LEAST_SAMPLES = 20
+_MIN_SAMPLES = 20
 
-_SUSPECT_NONLINEARITY, _SUSPECT_DRIFT = 0.01, 0.02
+_REPORTED_NONLINEARITY, _REPORTED_DRIFT = 0.01, 0.02
 
 
 def linearize(
@@ -101,18 +101,18 @@ def linearize(
     scenario = load(source, **options)
     check_no_condition(scenario.options.stop_when, "linearize")
     if matrices:
-        if _texts(open) or duration is not None or amplitude is not None:
+        if _to_list(open) or duration is not None or amplitude is not None:
             raise CommandError(
                 "state matrices are not measured with pulses; leave out 'open', 'duration' and 'amplitude', "
                 "or 'matrices'."
             )
-        places, openings = [], []
+        points, openings = [], []
     elif steady or free:
         raise CommandError("a steady state is for state matrices only; set 'matrices', too.")
     else:
-        chosen = _texts(open), _texts(perturb), _texts(read)
-        openings = [] if any(chosen) else default_openings(scenario.system)
-        places = _places(scenario.system, openings or chosen[0], *chosen[1:])
+        texts = _to_list(open), _to_list(perturb), _to_list(read)
+        openings = [] if any(texts) else default_openings(scenario.system)
+        points = _list_points(scenario.system, openings or texts[0], *texts[1:])
     session = Session(
         OUTPUTS,
         output=output,
@@ -126,18 +126,18 @@ def linearize(
         values = ideal_sensors(scenario.system) | dict(scenario.options.set)
         if matrices:
             with scenario.prepare(session.progress, set=values) as simulation:
-                names = _texts(perturb), _texts(read), _texts(free)
+                names = _to_list(perturb), _to_list(read), _to_list(free)
                 result = _compute_matrices(scenario, simulation, *names, at, steady)
         else:
-            start, length = _stretch(scenario, at, duration)
+            start, length = _choose_interval(scenario, at, duration)
             ends = [
-                Fault(p.input, "offset", start=0.0, value=0.0) for p in places if _is_free(scenario.system, p)
+                Fault(p.input, "offset", start=0.0, value=0.0) for p in points if _is_free(scenario.system, p)
             ]
             faults = [*scenario.options.fault, *{f.signal: f for f in ends}.values()]
             with scenario.prepare(session.progress, fault=faults, set=values) as simulation:
                 try:
                     result = _measure_all(
-                        scenario.name, simulation, places, start, length, amplitude, session.progress
+                        scenario.name, simulation, points, start, length, amplitude, session.progress
                     )
                 except CommandError as error:
                     if not openings:
@@ -168,8 +168,8 @@ def measure_loops(
     Returns:
         What was measured for each loop, or the error that explains why there are no margins.
     """
-    start, length = _stretch(scenario, at, duration)
-    found = dict[str, Measured | CosimError]()
+    start, length = _choose_interval(scenario, at, duration)
+    measured = dict[str, Measured | CosimError]()
     try:
         with (
             scenario.prepare(set={**values, **ideal_sensors(scenario.system)}) as simulation,
@@ -177,12 +177,12 @@ def measure_loops(
         ):
             for loop in loops:
                 try:
-                    found[loop] = measure(perturbation, parse_opening(scenario.system, loop))
+                    measured[loop] = measure(perturbation, parse_opening(scenario.system, loop))
                 except CosimError as error:
-                    found[loop] = error
+                    measured[loop] = error
     except CosimError as error:
         return dict.fromkeys(loops, error)
-    return found
+    return measured
 
 
 def describe_missing_crossover(label: str, response: FrequencyResponse) -> str:
@@ -200,22 +200,22 @@ def describe_missing_crossover(label: str, response: FrequencyResponse) -> str:
     )
 
 
-def _texts(given: str | Sequence[str]) -> list[str]:
-    return [given] if isinstance(given, str) else list(given)
+def _to_list(names: str | Sequence[str]) -> list[str]:
+    return [names] if isinstance(names, str) else list(names)
 
 
-def _places(
+def _list_points(
     system: System, openings: Sequence[str], inputs: Sequence[str], outputs: Sequence[str]
-) -> list[Place]:
+) -> list[AnalysisPoint]:
     if bool(inputs) != bool(outputs):
         raise CommandError(
             "a frequency response needs an input and an output; set both 'perturb' and 'read'."
         )
-    pairs = [Place(f"{a} to {b}", a, b) for a in inputs for b in outputs]
-    places = [*(parse_opening(system, text) for text in openings), *pairs]
-    if not places:
-        raise CommandError("there is nothing to compute; set 'open', or 'perturb' and 'read'.")
-    return list({p.label: p for p in places}.values())
+    pairs = [AnalysisPoint(f"{a} to {b}", a, b) for a in inputs for b in outputs]
+    points = [*(parse_opening(system, text) for text in openings), *pairs]
+    if not points:
+        raise CommandError("nothing to compute; set 'open', or 'perturb' and 'read'.")
+    return list({p.label: p for p in points}.values())
 
 
 def _compute_matrices(
@@ -243,26 +243,26 @@ def _compute_matrices(
     states, shifts = system.read_states(), np.zeros(len(system.inputs))
     if steady:
         states, shifts = find_steady_state(system, free)
-    found, remarks = compute_matrices(system, states, shifts)
-    return LinearizeResult(scenario.name, at, times.step, False, {}, tuple(remarks), found, steady)
+    state_space, remarks = compute_matrices(system, states, shifts)
+    return LinearizeResult(scenario.name, at, times.step, False, {}, tuple(remarks), state_space, steady)
 
 
-def _is_free(system: System, place: Place) -> bool:
-    """Return whether nothing drives the input of a place."""
-    component, variable = system.split(place.input)
-    own = component.alias(variable).variable
-    return all(x.input != own for x in system.into(component.name))
+def _is_free(system: System, point: AnalysisPoint) -> bool:
+    """Return whether nothing drives the input of an analysis point."""
+    component, variable = system.split(point.input)
+    input_name = component.alias(variable).variable
+    return all(x.input != input_name for x in system.into(component.name))
 
 
-def _stretch(scenario: Scenario, at: float | None, duration: float | None) -> tuple[float, float]:
+def _choose_interval(scenario: Scenario, at: float | None, duration: float | None) -> tuple[float, float]:
     """Return the operating point in s, on a communication point, and the length of the responses in s."""
     times = run_times(scenario.options, scenario.name)
     default = min(SAMPLES, times.steps // 2)
     count = default if duration is None else round(duration / times.step)
     first = times.steps - count if at is None else round((at - times.start) / times.step)
-    if count < _LEAST_SAMPLES:
+    if count < _MIN_SAMPLES:
         raise CommandError(
-            f"a response of {count * times.step:g} s has {count} steps; it needs at least {_LEAST_SAMPLES}. "
+            f"a response of {count * times.step:g} s has {count} steps; it needs at least {_MIN_SAMPLES}. "
             "Choose a longer duration or a later stop time."
         )
     if not 0 <= first <= times.steps - count:
@@ -277,40 +277,40 @@ def _stretch(scenario: Scenario, at: float | None, duration: float | None) -> tu
 def _measure_all(
     name: str,
     simulation: Simulation,
-    places: Sequence[Place],
+    points: Sequence[AnalysisPoint],
     at: float,
     duration: float,
     amplitude: float | None,
     progress: Progress,
 ) -> LinearizeResult:
     with closing(Perturbation(simulation, at, duration)) as perturbation:
-        for place in places:
-            perturbation.resolve(place)  # report wrong names before anything is measured
-        progress.begin("measuring", 2 * len(places))
-        found = dict[str, Measured]()
-        for place in places:
-            found[place.label] = measure(perturbation, place, amplitude)
+        for point in points:
+            perturbation.resolve(point)  # report wrong names before anything is measured
+        progress.begin("measuring", 2 * len(points))
+        responses = dict[str, Measured]()
+        for point in points:
+            responses[point.label] = measure(perturbation, point, amplitude)
             progress.advance(1)
-    remarks = [text for label, m in found.items() for text in _remarks(label, m)]
-    found, judgement = judge_step(simulation, places, perturbation.at, duration, found)
-    progress.advance(len(places))
+    remarks = [text for label, m in responses.items() for text in _describe_limits(label, m)]
+    responses, judgement = judge_step(simulation, points, perturbation.at, duration, responses)
+    progress.advance(len(points))
     at, step, rolls_back = perturbation.at, perturbation.step, perturbation.rolls_back
-    return LinearizeResult(name, at, step, rolls_back, found, (*remarks, *judgement))
+    return LinearizeResult(name, at, step, rolls_back, responses, (*remarks, *judgement))
 
 
-def _remarks(label: str, measured: Measured) -> list[str]:
-    found = []
+def _describe_limits(label: str, measured: Measured) -> list[str]:
+    remarks = []
     if measured.margins is not None and not measured.margins.has_crossover:
-        found.append(describe_missing_crossover(label, measured.response))
-    if measured.nonlinearity > _SUSPECT_NONLINEARITY:
-        found.append(
+        remarks.append(describe_missing_crossover(label, measured.response))
+    if measured.nonlinearity > _REPORTED_NONLINEARITY:
+        remarks.append(
             f"{label} is not quite linear: effects of two pulses differ by "
             f"{100.0 * measured.nonlinearity:.2g} %."
         )
-    if measured.drift > _SUSPECT_DRIFT:
-        found.append(
+    if measured.drift > _REPORTED_DRIFT:
+        remarks.append(
             f"{label} changes with time: a pulse one step later has an effect that differs by "
             f"{100.0 * measured.drift:.2g} %. A component may sample more slowly than the step size, or the "
             "system moves quickly."
         )
-    return found
+    return remarks

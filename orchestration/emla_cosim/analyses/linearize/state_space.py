@@ -44,8 +44,8 @@ class StateSpace:
     @property
     def poles(self) -> Complex:
         """Poles in 1/s, slow ones first."""
-        found = np.linalg.eigvals(self.A).astype(np.complex128)
-        return found[np.lexsort((found.imag, np.abs(found).round(12)))]
+        poles = np.linalg.eigvals(self.A).astype(np.complex128)
+        return poles[np.lexsort((poles.imag, np.abs(poles).round(12)))]
 
     @property
     def damping(self) -> Vector:

@@ -13,8 +13,8 @@ from ...run.requirements import Requirement, parse_requirement
 from ...run.run_setup import run_times
 from ...run.scenarios.scenario import Scenario
 from ..execution.worker_payload import Preparation
+from ..linearize.analysis_points import parse_opening
 from ..linearize.margins import LARGEST_MS, LEAST_GAIN_DB, LEAST_PHASE_DEG
-from ..linearize.places import parse_opening
 from ..linearize.runner import measure_loops
 from ..variants.data import SimulationDescription
 from ..variants.factors import Factor, resolve_factors

@@ -1,4 +1,4 @@
-"""Where a perturbation enters a system, and where its effect is read."""
+"""Analysis points: where a perturbation enters a system, and where its effect is read."""
 
 from dataclasses import dataclass
 
@@ -12,7 +12,7 @@ from ...system.model import System
 
 
 @dataclass(frozen=True)
-class Place:
+class AnalysisPoint:
     """A pair of signals whose frequency response is measured.
 
     Attributes:
@@ -29,8 +29,8 @@ class Place:
 
 
 @dataclass(frozen=True)
-class ResolvedPlace:
-    """A place as positions in a network.
+class ResolvedPoint:
+    """An analysis point as positions in a network.
 
     Attributes:
         instance: Position of the FMU instance with the input.
@@ -45,7 +45,7 @@ class ResolvedPlace:
     output: int | None
 
 
-def find_described(network: Network, component: str) -> tuple[DescribedInstance, int, dict[str, int]]:
+def find_instance(network: Network, component: str) -> tuple[DescribedInstance, int, dict[str, int]]:
     """Return the instance of a component in a network, alone or in a group that is integrated together.
 
     Returns:
@@ -54,18 +54,18 @@ def find_described(network: Network, component: str) -> tuple[DescribedInstance,
     """
     for i, instance in enumerate(network.instances):
         members = instance.members if isinstance(instance, IntegratedInstance) else [instance]
-        for m, own in enumerate(members):
-            if own.name == component:
-                assert isinstance(own, DescribedInstance)
-                ends = [(m, k) for k in range(len(own.read))]
+        for m, member in enumerate(members):
+            if member.name == component:
+                assert isinstance(member, DescribedInstance)
+                ends = [(m, k) for k in range(len(member.read))]
                 if isinstance(instance, IntegratedGroup):
                     ends = instance.free
-                return own, i, {own.read[k].name: n for n, (at, k) in enumerate(ends) if at == m}
+                return member, i, {member.read[k].name: n for n, (at, k) in enumerate(ends) if at == m}
     raise ValueError(component)
 
 
-def parse_opening(system: System, text: str) -> Place:
-    """Return the place at which a text opens a loop.
+def parse_opening(system: System, text: str) -> AnalysisPoint:
+    """Return the analysis point at which a text opens a loop.
 
     Args:
         system: The system.
@@ -75,7 +75,7 @@ def parse_opening(system: System, text: str) -> Place:
     Raises:
         CommandError: The text is none of these.
     """
-    joints = _joints(system)
+    joints = _list_joints(system)
     if "->" not in text and text not in joints:
         hint = f", or a joint: {suggest_names(text, joints)}" if joints else "."
         raise CommandError(f"'{text}' is not a connection; write a.output->b.input{hint}", name=text)
@@ -88,67 +88,68 @@ def parse_opening(system: System, text: str) -> Place:
     driver = next((x for x in system.into(second.name) if x.ends[1] == ends[1]), None)
     label = f"{source} -> {target}"
     if driver is not None and driver.ends == ends:
-        return Place(label, target, "", is_loop=True)
+        return AnalysisPoint(label, target, "", is_loop=True)
     if first.name == second.name:
-        return Place(label, source, target, is_loop=True)
+        return AnalysisPoint(label, source, target, is_loop=True)
     if driver is not None:
-        now = f"{driver.source}.{driver.output} drives {target}."
+        hint = f"{driver.source}.{driver.output} drives {target}."
     else:
         wires = [f"{x.source}.{x.output}->{x.target}.{x.input}" for x in system.connections]
-        now = suggest_names(f"{source}->{target}", wires, most=6) if wires else "nothing is connected."
-    raise CommandError(f"there is no connection {label}: {now}", name=text)
+        hint = suggest_names(f"{source}->{target}", wires, most=6) if wires else "nothing is connected."
+    raise CommandError(f"there is no connection {label}: {hint}", name=text)
 
 
 def default_openings(system: System) -> list[str]:
     """Return where loops are opened by default: at the current reference of each joint."""
-    return [current_reference(joint) for joint in _joints(system)]
+    return [current_reference(joint) for joint in _list_joints(system)]
 
 
-def _joints(system: System) -> list[str]:
+def _list_joints(system: System) -> list[str]:
     return [c.branch for c in system.components if c.name == f"{c.branch}.observer"]
 
 
-def resolve_place(system: System, network: Network, place: Place) -> ResolvedPlace:
-    """Return the positions of a place.
+def resolve_point(system: System, network: Network, point: AnalysisPoint) -> ResolvedPoint:
+    """Return the positions of an analysis point.
 
     Args:
         system: The prepared system.
         network: Its network.
-        place: The place.
+        point: The analysis point.
 
     Raises:
-        CommandError: The input is no connected input, one of the signals does not exist, or is not Real.
+        CommandError: The input is not a connected input, or one of the signals does not exist or is not Real.
     """
-    component, variable = system.split(place.input)
-    instance, position, inputs = find_described(network, component.name)
+    component, variable = system.split(point.input)
+    instance, position, inputs = find_instance(network, component.name)
     read = {v.name: v for v in instance.read}
-    own = component.alias(variable).variable
-    if own not in read:
-        raise CommandError(f"{place.input} is no input; {suggest_names(variable, read)}", name=place.input)
-    if read[own].type != "Real":
+    input_name = component.alias(variable).variable
+    if input_name not in read:
+        hint = suggest_names(variable, read)
+        raise CommandError(f"{point.input} is not an input; {hint}", name=point.input)
+    if read[input_name].type != "Real":
         raise CommandError(
-            f"{place.input} is {read[own].type}; a frequency response needs a Real.", name=place.input
+            f"{point.input} is {read[input_name].type}; a frequency response needs a Real.", name=point.input
         )
-    if own not in inputs:
+    if input_name not in inputs:
         raise CommandError(
-            f"{place.input} is connected inside of components that are integrated together; set "
+            f"{point.input} is connected inside of components that are integrated together; set "
             "--no-together, or compute state matrices.",
-            name=place.input,
+            name=point.input,
         )
-    at, nominal = (position, inputs[own]), abs(float(read[own].nominal or 1.0))
-    if not place.output:
-        return ResolvedPlace(*at, nominal, None)
-    reached, variable = system.split(place.output)
-    output = reached.alias(variable).variable
-    full = f"{reached.name}.{output}"
-    if full not in network.names:
+    at, nominal = (position, inputs[input_name]), abs(float(read[input_name].nominal or 1.0))
+    if not point.output:
+        return ResolvedPoint(*at, nominal, None)
+    component_of_output, variable = system.split(point.output)
+    output = component_of_output.alias(variable).variable
+    output_name = f"{component_of_output.name}.{output}"
+    if output_name not in network.names:
         raise CommandError(
-            f"{place.output} is no Real output; {suggest_names(place.output, network.names)}",
-            name=place.output,
+            f"{point.output} is not a Real output; {suggest_names(point.output, network.names)}",
+            name=point.output,
         )
-    if place.is_loop and not instance.file.interface.direct.among({output}, own):
+    if point.is_loop and not instance.file.interface.direct.among({output}, input_name):
         raise CommandError(
-            f"{place.output} does not depend on {place.input} without delay, so no loop can be opened there.",
-            name=place.output,
+            f"{point.output} does not depend on {point.input} without delay, so no loop can be opened there.",
+            name=point.output,
         )
-    return ResolvedPlace(*at, nominal, network.names.index(full))
+    return ResolvedPoint(*at, nominal, network.names.index(output_name))
