@@ -49,8 +49,8 @@ def figure_values(result: SweepResult, figure: str) -> Vector:
         CommandError: The sweep does not have the figure.
     """
     if figure not in result.figures:
-        suggestion = suggest_names(str(figure), result.figures)
-        raise CommandError(f"the sweep '{result.name}' has no figure '{figure}'; {suggestion}", name=figure)
+        hint = suggest_names(str(figure), result.figures)
+        raise CommandError(f"the sweep '{result.name}' has no figure '{figure}'; {hint}", name=figure)
     values = _to_numbers(result.variants[figure])
     values[~result.is_done] = np.nan
     return values

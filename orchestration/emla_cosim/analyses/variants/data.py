@@ -24,7 +24,7 @@ RESERVED = (VARIANT, STATUS, PROBLEM, "end_s", "seed", "provenance", "time")
 
 @dataclass(frozen=True)
 class Variant:
-    """One variant: its number, its own options, and whether it runs with half the step of them."""
+    """One variant: its number, its options, and whether it runs with half the step of them."""
 
     number: int
     options: Mapping[str, Any]

@@ -22,8 +22,8 @@ FORMS = "LOW:HIGH, LOW:HIGH:N, A,B,C, ±10%, 80%:120% and NAME(...) such as norm
 _NUMBER = re.compile(
     r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?|[+-]?(nan|inf|infinity)", re.IGNORECASE
 )
-_WHOLE = re.compile(r"[+-]?[0-9]{1,30}")
-_NAMED = re.compile(r"([\w-]+)\s*\((.*)\)", re.DOTALL)
+_INTEGER = re.compile(r"[+-]?[0-9]{1,30}")
+_CALL = re.compile(r"([\w-]+)\s*\((.*)\)", re.DOTALL)
 
 
 _Fields = tuple[type[Distribution], Mapping[str, Any]]
@@ -57,11 +57,12 @@ def parse_distribution(value: Any, where: str, convert: Callable[[str], Any] | N
     if isinstance(value, Distribution):
         return value
     try:
-        kind, given = _parse(value.strip()) if isinstance(value, str) else _read(value)
-        if convert is not None and not given.get("relative"):
-            _check_units(kind, given, value)
-            given = {**given, **_map_values(kind, given, lambda x: convert(x) if _is_quantity(x) else x)}
-        return _make_distribution(kind, given)
+        kind, entries = _parse(value.strip()) if isinstance(value, str) else _read_table(value)
+        if convert is not None and not entries.get("relative"):
+            _check_units(kind, entries, value)
+            converted = _map_values(kind, entries, lambda x: convert(x) if _is_quantity(x) else x)
+            entries = {**entries, **converted}
+        return _make_distribution(kind, entries)
     except CommandError as error:
         if str(error).startswith(where):
             raise
@@ -69,32 +70,32 @@ def parse_distribution(value: Any, where: str, convert: Callable[[str], Any] | N
 
 
 def _map_values(
-    kind: type[Distribution], given: Mapping[str, Any], change: Callable[[Any], Any]
+    kind: type[Distribution], entries: Mapping[str, Any], change: Callable[[Any], Any]
 ) -> dict[str, Any]:
     """Return the fields in the unit of what varies, changed."""
     if kind is ValueList:
-        values = given.get("values")
+        values = entries.get("values")
         if isinstance(values, str) or not isinstance(values, Sequence):
             return {}
         return {"values": [change(value) for value in values]}
     factor = "deviation" if kind is LogNormal else ""
-    return {n: change(value) for n, value in given.items() if n not in ("points", "relative", factor)}
+    return {n: change(value) for n, value in entries.items() if n not in ("points", "relative", factor)}
 
 
-def _check_units(kind: type[Distribution], given: Mapping[str, Any], written: Any) -> None:
+def _check_units(kind: type[Distribution], entries: Mapping[str, Any], written: Any) -> None:
     """Raise CommandError if only some numbers have a unit; 0 needs none.
 
     In a text, a list of values must not look like a number with a decimal comma.
     """
-    if isinstance(written, str) and ":" not in written and (found := _LIST_OR_DECIMAL.search(written)):
-        whole, second, unit = (part.strip() for part in found.groups())
+    if isinstance(written, str) and ":" not in written and (match := _LIST_OR_DECIMAL.search(written)):
+        first, second, unit = (part.strip() for part in match.groups())
         raise CommandError(
-            f"'{found[0].strip()}' has two meanings; write '{whole}.{second} {unit}', or "
-            f"'{whole} {unit}, {second} {unit}' for two values.",
+            f"'{match[0].strip()}' has two meanings; write '{first}.{second} {unit}', or "
+            f"'{first} {unit}, {second} {unit}' for two values.",
             text=written,
         )
     values = list[Any]()
-    _map_values(kind, given, values.append)
+    _map_values(kind, entries, values.append)
     quantities = list(filter(_is_quantity, values))
     bare = [v for v in values if isinstance(v, (int, float)) and v != 0.0]
     if quantities and bare:
@@ -105,12 +106,12 @@ def _is_quantity(value: Any) -> bool:
     return has_unit(value) and not value.rstrip().endswith("%")
 
 
-def _read(value: Any) -> _Fields:
+def _read_table(value: Any) -> _Fields:
     if hasattr(value, "tolist"):
         value = value.tolist()  # NumPy
     match value:
         case {"distribution": name, **given}:
-            return _kind(name), given
+            return _find_kind(name), given
         case Mapping():
             raise CommandError(
                 f"the table has no distribution; write distribution = one of {join_names(DISTRIBUTIONS)}.",
@@ -127,21 +128,21 @@ def _read(value: Any) -> _Fields:
     )
 
 
-def _kind(name: Any) -> type[Distribution]:
+def _find_kind(name: Any) -> type[Distribution]:
     if isinstance(name, str) and name in DISTRIBUTIONS:
         return DISTRIBUTIONS[name]
-    meant = suggest_names(str(name), DISTRIBUTIONS)
-    raise CommandError(f"there is no distribution '{name}'; {meant}", name=name, choices=list(DISTRIBUTIONS))
+    hint = suggest_names(str(name), DISTRIBUTIONS)
+    raise CommandError(f"there is no distribution '{name}'; {hint}", name=name, choices=list(DISTRIBUTIONS))
 
 
-def _make_distribution(kind: type[Distribution], given: Mapping[str, Any]) -> Distribution:
-    known = [*_list_positional_fields(kind), "relative"]
-    if unknown := [key for key in given if key not in known]:
-        raise unknown_entry(kind.noun, unknown[0], known)
-    needed = [f.name for f in fields(kind) if f.default is MISSING]
-    if any(name not in given for name in needed):
-        raise CommandError(f"{kind.noun} needs {join_names(needed)}.", needed=needed)
-    return kind(**given)
+def _make_distribution(kind: type[Distribution], entries: Mapping[str, Any]) -> Distribution:
+    allowed = [*_list_positional_fields(kind), "relative"]
+    if unknown := [key for key in entries if key not in allowed]:
+        raise unknown_entry(kind.noun, unknown[0], allowed)
+    required = [f.name for f in fields(kind) if f.default is MISSING]
+    if any(name not in entries for name in required):
+        raise CommandError(f"{kind.noun} needs {join_names(required)}.", needed=required)
+    return kind(**entries)
 
 
 def _list_positional_fields(kind: type[Distribution]) -> list[str]:
@@ -149,18 +150,18 @@ def _list_positional_fields(kind: type[Distribution]) -> list[str]:
 
 
 def _parse(text: str) -> _Fields:
-    if named := _NAMED.fullmatch(text):
-        return _parse_call(_kind(named[1]), _parts(text, named[2], ",") if named[2].strip() else [])
+    if match := _CALL.fullmatch(text):
+        return _parse_call(_find_kind(match[1]), _split(text, match[2], ",") if match[2].strip() else [])
     if "(" in text or ")" in text:
         _refuse(text)
     if text.startswith(("±", "+-")):
         return _parse_tolerance(text)
     if ":" in text:
         return _parse_range(text)
-    parts = _parts(text, text, ",")
-    factors = [p for p in map(_percent, parts) if p is not None]
+    parts = _split(text, text, ",")
+    factors = [p for p in map(_read_percent, parts) if p is not None]
     if not factors:
-        return ValueList, {"values": [_value(part) for part in parts]}
+        return ValueList, {"values": [_read_value(part) for part in parts]}
     if len(factors) < len(parts):
         _refuse(text)
     return ValueList, {"values": factors, "relative": True}
@@ -168,10 +169,10 @@ def _parse(text: str) -> _Fields:
 
 def _parse_call(kind: type[Distribution], arguments: Sequence[str]) -> _Fields:
     """Parse the arguments of NAME(...): first those without a name."""
-    named = [tuple(map(str.strip, a.split("=", 1))) for a in arguments if "=" in a]
-    plain = [_value(a) for a in arguments if "=" not in a]
+    keywords = [tuple(map(str.strip, a.split("=", 1))) for a in arguments if "=" in a]
+    plain = [_read_value(a) for a in arguments if "=" not in a]
     if any("=" in a for a in arguments[: len(plain)]):
-        raise CommandError(f"{kind.noun} takes arguments without a name first, then those with one.")
+        raise CommandError(f"{kind.noun}: positional arguments must precede keyword arguments.")
     names = _list_positional_fields(kind)
     if kind is ValueList:
         plain = [plain] if plain else []
@@ -179,17 +180,17 @@ def _parse_call(kind: type[Distribution], arguments: Sequence[str]) -> _Fields:
         raise CommandError(
             f"{kind.noun} takes {len(names)} arguments at most: {join_names(names)}; here are {len(plain)}."
         )
-    given: dict[str, Any] = dict(zip(names, plain, strict=False))
-    for name, value in named:
-        if name in given:
-            raise CommandError(f"{kind.noun} has {name} twice; once is right.", name=name)
-        given[name] = _value(value)
-    return kind, given
+    entries: dict[str, Any] = dict(zip(names, plain, strict=False))
+    for name, value in keywords:
+        if name in entries:
+            raise CommandError(f"{kind.noun} has {name} twice; remove one.", name=name)
+        entries[name] = _read_value(value)
+    return kind, entries
 
 
 def _parse_tolerance(text: str) -> _Fields:
     """Parse ±10%."""
-    number = _value(text.removeprefix("±").removeprefix("+-").removesuffix("%").strip())
+    number = _read_value(text.removeprefix("±").removeprefix("+-").removesuffix("%").strip())
     if not text.endswith("%") or isinstance(number, (bool, str)):
         _refuse(text)
     if number <= 0:
@@ -199,17 +200,17 @@ def _parse_tolerance(text: str) -> _Fields:
 
 def _parse_range(text: str) -> _Fields:
     """Parse LOW:HIGH and LOW:HIGH:N."""
-    low, high, *points = _parts(text, text, ":")
+    low, high, *points = _split(text, text, ":")
     if len(points) > 1:
         _refuse(text)
-    relative = any(_percent(end) is not None for end in (low, high))
-    numbers = [*map(_percent if relative else _value, (low, high)), *map(_value, points)]
-    if any(n is None or isinstance(n, (bool, str)) for n in numbers if relative or not has_unit(n)):
+    is_relative = any(_read_percent(end) is not None for end in (low, high))
+    numbers = [*map(_read_percent if is_relative else _read_value, (low, high)), *map(_read_value, points)]
+    if any(n is None or isinstance(n, (bool, str)) for n in numbers if is_relative or not has_unit(n)):
         _refuse(text)
-    return Uniform, dict(zip(("low", "high", "points"), numbers, strict=False)) | {"relative": relative}
+    return Uniform, dict(zip(("low", "high", "points"), numbers, strict=False)) | {"relative": is_relative}
 
 
-def _parts(text: str, inner: str, separator: str) -> list[str]:
+def _split(text: str, inner: str, separator: str) -> list[str]:
     """Split at separators. No part may be empty."""
     parts = [part.strip() for part in inner.split(separator)]
     if not all(parts):
@@ -217,17 +218,17 @@ def _parts(text: str, inner: str, separator: str) -> list[str]:
     return parts
 
 
-def _value(text: str) -> Value:
+def _read_value(text: str) -> Value:
     if text in ("true", "false"):
         return text == "true"
-    if _WHOLE.fullmatch(text):
+    if _INTEGER.fullmatch(text):
         return int(text)
     return float(text) if _NUMBER.fullmatch(text) else text
 
 
-def _percent(text: str) -> float | None:
+def _read_percent(text: str) -> float | None:
     """Return a percentage as a factor; None if the text is not a percentage."""
-    value = _value(text.removesuffix("%").strip())
+    value = _read_value(text.removesuffix("%").strip())
     if not text.endswith("%") or isinstance(value, (bool, str)):
         return None
     return value / 100

@@ -34,8 +34,8 @@ class Factor:
 
     def value(self, drawn: Value | None) -> Value | None:
         """Return the value in the table of variants for a drawn one; None for the nominal value."""
-        alone = self.targets[0].nominal if len(self.targets) == 1 else None
-        return drawn if drawn is None or alone is None else alone * float(drawn)
+        nominal = self.targets[0].nominal if len(self.targets) == 1 else None
+        return drawn if drawn is None or nominal is None else nominal * float(drawn)
 
     def options(self, value: Value | None) -> dict[str, Any]:
         """Return the options that set a value of the table in a run; none for None."""
@@ -51,17 +51,15 @@ def resolve_factors(
         CommandError: A name does not exist, is driven or occurs twice, or a value is not a distribution.
     """
     factors, names = list[Factor](), Names(system, interfaces)
-    for name, given in vary.items():
-        factors += _FactorResolver(str(name), f"'{name}' of {where}", system, names).factors(given)
-    taken, owners = set[str](), dict[str, str]()
+    for name, entry in vary.items():
+        factors += _FactorResolver(str(name), f"'{name}' of {where}", system, names).resolve(entry)
+    names_in_use, owners = set[str](), dict[str, str]()
     for factor in factors:
         if (name := factor.name) in RESERVED:
-            raise CommandError(
-                f"'{name}' of {where} needs another name: every table of variants has this column."
-            )
-        if name in taken:
+            raise CommandError(f"'{name}' of {where} is a reserved column name; rename it.")
+        if name in names_in_use:
             raise CommandError(f"{where} has two factors '{name}'; rename one of them.")
-        taken.add(name)
+        names_in_use.add(name)
         for target in factor.targets:
             if (owner := owners.setdefault(target.name, name)) != name:
                 text = f"{where} varies {target.name} twice: as {owner} and as {name}."
@@ -104,30 +102,31 @@ class _FactorResolver:
     system: System
     names: Names
 
-    def factors(self, given: Any) -> list[Factor]:
+    def resolve(self, entry: Any) -> list[Factor]:
         """Return a factor for each match of the name, or a single one for all names in `of`."""
         of = None
-        if isinstance(given, Mapping) and "of" in given:
-            of = convert_value(given["of"], Sequence[str], f"'of' in {self.label}")
+        if isinstance(entry, Mapping) and "of" in entry:
+            of = convert_value(entry["of"], Sequence[str], f"'of' in {self.label}")
             if not of:
                 raise CommandError(f"'of' in {self.label} is empty; it must be a list of names.")
-            given = {key: value for key, value in given.items() if key != "of"}
+            entry = {key: value for key, value in entry.items() if key != "of"}
         joints = self.system.branches
         if of is None and self.name.partition(".")[0] == ACTUATOR and ACTUATOR not in joints:
-            return [self._of_actuator(given, joints)]
-        in_si = parse_distribution(
-            given,
+            return [self._resolve_actuator(entry, joints)]
+        distribution = parse_distribution(
+            entry,
             self.label,  # a number in SI units keeps the order of values
             lambda text: read_si_number(
                 text, f"{self.label}: {text}", (i.units for i in self.names.interfaces.values())
             ),
         )
         if of is None:
-            return [self._factor(s.name, [s], given) for s in self._subjects(self.name, in_si)]
-        subjects = {s.name: s for pattern in of for s in self._subjects(pattern, in_si)}
-        return [self._factor(self.name, list(subjects.values()), given)]
+            subjects = self._find_subjects(self.name, distribution)
+            return [self._make_factor(s.name, [s], entry) for s in subjects]
+        unique = {s.name: s for pattern in of for s in self._find_subjects(pattern, distribution)}
+        return [self._make_factor(self.name, list(unique.values()), entry)]
 
-    def _of_actuator(self, given: Any, joints: Sequence[str]) -> Factor:
+    def _resolve_actuator(self, given: Any, joints: Sequence[str]) -> Factor:
         """Return the factor of `actuator[.JOINT]` or `actuator[.JOINT].TABLE.ENTRY`."""
         parts = self.name.split(".")[1:]
         if parts and parts[0] in joints:
@@ -151,17 +150,17 @@ class _FactorResolver:
             units.add(unit)
             return number
 
-        distributed = parse_distribution(given, self.label, convert)
+        distribution = parse_distribution(given, self.label, convert)
         if len(units) > 1:
             raise CommandError(f"{self.label} has values in different units: {join_names(sorted(units))}.")
-        if distributed.relative:
+        if distribution.relative:
             raise CommandError(
                 f"{self.label} is relative; entries of data sheets need values with their units."
             )
         unit = "".join(units)
-        return Factor(self.name, [Target(".".join([joint, *entry]), SHEET, unit=unit)], distributed, unit)
+        return Factor(self.name, [Target(".".join([joint, *entry]), SHEET, unit=unit)], distribution, unit)
 
-    def _subjects(self, name: str, distributed: Distribution) -> list[_Subject]:
+    def _find_subjects(self, name: str, distribution: Distribution) -> list[_Subject]:
         """Return the option, component or start value of a name, or the start values of a pattern."""
         options = list_options()
         if name in options:
@@ -173,10 +172,10 @@ class _FactorResolver:
         if name in components:
             return [_Subject(name, FMU, takes_text=True)]
         if "." not in name and not self.names.match(name):
-            meant = suggest_names(name, [*options, *components], "write it as component.variable.")
-            raise CommandError(f"{self.label} is not an option, component or start value; {meant}", name=name)
-        is_whole = not distributed.relative and all(isinstance(end, int) for end in distributed.ends)
-        types = ("Real", "Integer") if is_whole else ("Real",)
+            hint = suggest_names(name, [*options, *components], "write it as component.variable.")
+            raise CommandError(f"{self.label} is not an option, component or start value; {hint}", name=name)
+        is_integer = not distribution.relative and all(isinstance(end, int) for end in distribution.ends)
+        types = ("Real", "Integer") if is_integer else ("Real",)
         variables = self.names.resolve(name, self.label, "varied", lambda v: v.variable.type in types)
         if variables[0].is_structural:
             raise CommandError(
@@ -189,7 +188,7 @@ class _FactorResolver:
             _Subject(v.full_name, START, v.unit, v.variable.type in texts, v.start_number) for v in variables
         ]
 
-    def _factor(self, name: str, subjects: Sequence[_Subject], given: Any) -> Factor:
+    def _make_factor(self, name: str, subjects: Sequence[_Subject], entry: Any) -> Factor:
         """Return a factor with its distribution in the common unit of the subjects."""
         units = {subject.unit for subject in subjects}
 
@@ -200,8 +199,8 @@ class _FactorResolver:
             return read_quantity(text, label, next(iter(units)))
 
         takes_text = any(subject.takes_text for subject in subjects)
-        distributed = parse_distribution(given, self.label, None if takes_text else convert)
-        relative = distributed.relative
+        distribution = parse_distribution(entry, self.label, None if takes_text else convert)
+        relative = distribution.relative
         for subject in subjects:
             if relative and not subject.number:
                 reason = "has no number in" if subject.number is None else "is 0 in"
@@ -213,4 +212,4 @@ class _FactorResolver:
         if len(targets) > 1 and any(t.kind != START for t in targets):
             raise CommandError(f"{self.label} varies several names at once; only start values can do that.")
         unit = units.pop() if len(units) == 1 and not (relative and len(targets) > 1) else None
-        return Factor(name, targets, distributed, "" if unit is None else str(unit))
+        return Factor(name, targets, distribution, "" if unit is None else str(unit))

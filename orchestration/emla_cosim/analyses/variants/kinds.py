@@ -17,10 +17,10 @@ from ...system.model import Value
 MOST_LEVELS = 1000
 """Most integers that are levels of a grid; a longer range has no levels."""
 
-_OUTERMOST = 2.0**-53
+_MIN_Q = 2.0**-53
 """Quantile used instead of 0 (and its complement instead of 1) without a bound; random numbers reach 0."""
 
-_LEAST_PROBABILITY = 1e-15
+_MIN_PROBABILITY = 1e-15
 """A truncation that leaves less probability than this is refused."""
 
 
@@ -107,7 +107,7 @@ class ValueList(Distribution):
 
     def at(self, quantiles: Vector) -> list[Value]:
         """Return the value whose share of 0 to 1 holds each quantile."""
-        return [self.values[i] for i in _choose(quantiles, len(self.values)).tolist()]
+        return [self.values[i] for i in _find_share(quantiles, len(self.values)).tolist()]
 
     @property
     def level_count(self) -> int:
@@ -148,7 +148,7 @@ class Integers(Distribution):
 
     def at(self, quantiles: Vector) -> list[Value]:
         """Return the value whose share of 0 to 1 holds each quantile."""
-        return (self.low + _choose(quantiles, self.high - self.low + 1)).tolist()
+        return (self.low + _find_share(quantiles, self.high - self.low + 1)).tolist()
 
     @property
     def level_count(self) -> int | None:
@@ -163,7 +163,7 @@ class Integers(Distribution):
             self.refuse(f"needs low <= high; {self.low} to {self.high} is an empty range.")
 
 
-def _choose(quantiles: Vector, count: int) -> np.ndarray:
+def _find_share(quantiles: Vector, count: int) -> np.ndarray:
     """Return the position of each quantile among `count` equal shares of 0 to 1."""
     return np.clip(np.floor(np.asarray(quantiles) * count), 0, count - 1).astype(np.int64)
 
@@ -182,14 +182,14 @@ class _Continuous(Distribution):
     def at(self, quantiles: Vector) -> list[Value]:
         """Return the inverse distribution function, exact at the bounds."""
         low, high = self.low, self.high
-        given = np.asarray(quantiles, dtype=np.float64)
-        inner = np.clip(given, _OUTERMOST if low is None else 0, 1 - _OUTERMOST if high is None else 1)
+        q = np.asarray(quantiles, dtype=np.float64)
+        inner = np.clip(q, _MIN_Q if low is None else 0, 1 - _MIN_Q if high is None else 1)
         with np.errstate(over="ignore"):
             values = np.array(self._inverse(inner))
         if low is not None:
-            values = np.where(given <= 0, low, np.maximum(values, low))
+            values = np.where(q <= 0, low, np.maximum(values, low))
         if high is not None:
-            values = np.where(given >= 1, high, np.minimum(values, high))
+            values = np.where(q >= 1, high, np.minimum(values, high))
         return values.tolist()
 
     @property
@@ -269,32 +269,32 @@ class _Truncated(_Continuous):
     deviation: float
 
     @abstractmethod
-    def _standard(self, value: float) -> float:
+    def _standardize(self, value: float) -> float:
         """Return how many standard deviations a value is above the middle."""
 
-    def _bounds_and_probability(self) -> tuple[float, float, float]:
+    def _standardize_bounds(self) -> tuple[float, float, float]:
         """Return the bounds as standard deviations above the middle, and the probability between them."""
         from scipy.special import ndtr  # slow to import, and most sweeps have no normal distribution
 
-        low = -math.inf if self.low is None else self._standard(self.low)
-        high = math.inf if self.high is None else self._standard(self.high)
+        low = -math.inf if self.low is None else self._standardize(self.low)
+        high = math.inf if self.high is None else self._standardize(self.high)
         return low, high, float(ndtr(-low) - ndtr(-high) if low > 0 else ndtr(high) - ndtr(low))
 
-    def _away(self, q: Vector) -> Vector:
+    def _find_deviations(self, q: Vector) -> Vector:
         """Return how far quantiles are above the middle.
 
         It uses the probability below in the lower half and above in the upper half, to resolve both tails.
         """
         from scipy.special import ndtr, ndtri
 
-        low, high, probability = self._bounds_and_probability()
+        low, high, probability = self._standardize_bounds()
         below = ndtr(low) + q * probability
         above = ndtr(-high) + (1 - q) * probability
         return self.deviation * np.where(below < 0.5, ndtri(below), -ndtri(above))
 
     def _check(self) -> None:
         super()._check()
-        if self._bounds_and_probability()[2] < _LEAST_PROBABILITY:
+        if self._standardize_bounds()[2] < _MIN_PROBABILITY:
             self.refuse("has no values between its low and high; choose bounds nearer to its middle.")
         if not np.isfinite(self.at(np.array([0.0, 1.0]))).all():
             self.refuse("as wide as this exceeds 1.8e308; reduce the deviation, or set low and high.")
@@ -313,11 +313,11 @@ class Normal(_Truncated):
     low: float | None = None
     high: float | None = None
 
-    def _standard(self, value: float) -> float:
+    def _standardize(self, value: float) -> float:
         return (value - self.mean) / self.deviation
 
     def _inverse(self, q: Vector) -> Vector:
-        return self.mean + self._away(q)
+        return self.mean + self._find_deviations(q)
 
 
 @dataclass(frozen=True)
@@ -336,11 +336,11 @@ class LogNormal(_Truncated):
     low: float | None = None
     high: float | None = None
 
-    def _standard(self, value: float) -> float:
+    def _standardize(self, value: float) -> float:
         return (math.log(value) - math.log(self.median)) / self.deviation
 
     def _inverse(self, q: Vector) -> Vector:
-        return np.exp(math.log(self.median) + self._away(q))
+        return np.exp(math.log(self.median) + self._find_deviations(q))
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from .data import RESERVED
 Metric = str | Callable[[Result], Any]
 """A name or pattern of registered figures, an expression over signals, or a function of a result."""
 
-_NAMED = re.compile(r"\s*([^=<>!()]+?)\s*=(?!=)\s*(.+)", re.DOTALL)
+_EXPRESSION = re.compile(r"\s*([^=<>!()]+?)\s*=(?!=)\s*(.+)", re.DOTALL)
 _TIME = "time"
 
 
@@ -43,9 +43,9 @@ class MetricRequest:
         if isinstance(metrics, str) or not isinstance(metrics, (Mapping, Sequence)):
             raise CommandError(f"the metrics of {where} are {metrics!r}; they must be a list or a table.")
         is_table = isinstance(metrics, Mapping)
-        named: Any = metrics.items() if is_table else [(None, metric) for metric in metrics]
+        entries: Any = metrics.items() if is_table else [(None, metric) for metric in metrics]
         figures, expressions, functions = list[Any](), dict[str, Any](), dict[str, Any]()
-        for name, metric in named:
+        for name, metric in entries:
             if callable(metric):
                 name = name or getattr(metric, "__name__", type(metric).__name__)
             elif not isinstance(metric, str) or not metric.strip():
@@ -53,7 +53,7 @@ class MetricRequest:
                     f"a metric of {where} is {metric!r}; it must be the name of a figure, "
                     "'name = expression', or in Python a function of a Result."
                 )
-            elif name is None and (match := _NAMED.fullmatch(metric)):
+            elif name is None and (match := _EXPRESSION.fullmatch(metric)):
                 name, metric = match.groups()
             if name is None:
                 figures.append(metric)
@@ -64,14 +64,14 @@ class MetricRequest:
 
     def identity(self, signals: Sequence[str]) -> list[Any]:
         """Return everything that determines the figures, as plain data."""
-        functions = [(name, _source(function)) for name, function in self.functions.items()]
+        functions = [(name, _describe_source(function)) for name, function in self.functions.items()]
         return [list(self.figures), list(self.expressions.items()), functions, list(signals), HELD]
 
 
-def _source(function: Callable[..., Any]) -> str:
+def _describe_source(function: Callable[..., Any]) -> str:
     """Return the source of a function, or its name if there is no source; and the plain values it uses."""
     if isinstance(function, partial):
-        return f"{_source(function.func)} {function.args!r} {function.keywords!r}"
+        return f"{_describe_source(function.func)} {function.args!r} {function.keywords!r}"
     try:
         source = inspect.getsource(function)
     except (OSError, TypeError):
@@ -84,8 +84,8 @@ def _source(function: Callable[..., Any]) -> str:
     return f"{source} {plain!r}" if plain else source
 
 
-def _check_name(name: str, taken: Sequence[str], where: str) -> None:
-    if name in taken or name in RESERVED:
+def _check_name(name: str, existing: Sequence[str], where: str) -> None:
+    if name in existing or name in RESERVED:
         raise CommandError(f"{where} has two columns '{name}'; give the metric another name.", name=name)
     if name.rpartition(".")[2] == HELD:
         raise CommandError(
@@ -133,15 +133,15 @@ class Measures:
             MeasureError: An expression or function fails.
         """
         figures = list_figures(result.metrics)
-        found: dict[str, Any] = {n: figures[n].value if n in figures else None for n in self.figures}
+        values: dict[str, Any] = {n: figures[n].value if n in figures else None for n in self.figures}
         if self.expressions:
-            found |= _evaluate(self.expressions, polars.DataFrame(result.read([_TIME, *self.read])))
+            values |= _evaluate(self.expressions, polars.DataFrame(result.read([_TIME, *self.read])))
         for name, function in self.functions.items():
             try:
-                found[name] = _number(function(result))
+                values[name] = _to_number(function(result))
             except BaseException as error:  # also SystemExit, which would end the worker's thread
                 raise MeasureError(f"the metric '{name}' raised {error!r}.") from error
-        return found
+        return values
 
     def series(self, result: Result) -> polars.DataFrame:
         """Return the signals to keep over time."""
@@ -153,44 +153,44 @@ class MeasureError(Exception):
 
 
 def resolve_measures(
-    asked: MetricRequest,
+    request: MetricRequest,
     figures: Mapping[str, Figure],
     signals: Sequence[str],
     further: Sequence[str],
-    kept: Sequence[str],
+    recorded: Sequence[str],
     where: str,
 ) -> Measures:
     """Resolve the patterns of metrics. Without metrics, keep all figures.
 
     Args:
-        asked: The metrics of the plan.
+        request: The metrics of the plan.
         figures: All figures of the scenario by name.
         signals: All signals of the scenario, which functions can read.
         further: Other variables that expressions can name.
-        kept: Signals to keep over time.
+        recorded: Signals to keep over time.
         where: Name of the plan in messages.
 
     Raises:
         CommandError: A figure does not exist, or an expression cannot be computed.
     """
-    chosen = list(figures)
-    if asked.figures or asked.expressions or asked.functions:
+    names = list(figures)
+    if request.figures or request.expressions or request.functions:
         try:
-            chosen = select_names(asked.figures, chosen, "metric")
+            names = select_names(request.figures, names, "metric")
         except CommandError as error:
             hint = "" if figures else " Use an expression."
             raise CommandError(f"{where}: {error}{hint}", **error.fields) from error
-    for name in (*asked.expressions, *asked.functions):
-        _check_name(name, chosen, where)
-    quoted, used, known = dict[str, str](), set[str](), [*signals, *further]
-    for name, text in asked.expressions.items():
-        quoted[name], inside = _quote_signals(text, known)
+    for name in (*request.expressions, *request.functions):
+        _check_name(name, names, where)
+    expressions, used, allowed = dict[str, str](), set[str](), [*signals, *further]
+    for name, text in request.expressions.items():
+        expressions[name], inside = _quote_signals(text, allowed)
         used |= inside
-    read = sorted({*kept, *used, *(signals if asked.functions else ())})
-    measures = Measures(chosen, quoted, asked.functions, list(kept), read)
-    tried = _check_expressions(measures, asked.expressions, known, where)
-    truths = [name for name in chosen if figures[name].is_boolean]
-    return replace(measures, truths=[*truths, *(n for n, value in tried.items() if isinstance(value, bool))])
+    read = sorted({*recorded, *used, *(signals if request.functions else ())})
+    measures = Measures(names, expressions, request.functions, list(recorded), read)
+    trial = _check_expressions(measures, request.expressions, allowed, where)
+    truths = [name for name in names if figures[name].is_boolean]
+    return replace(measures, truths=[*truths, *(n for n, value in trial.items() if isinstance(value, bool))])
 
 
 def with_verdicts(measures: Measures, figures: Mapping[str, Figure]) -> Measures:
@@ -223,22 +223,22 @@ def _check_expressions(
     measures: Measures, as_written: Mapping[str, str], signals: Sequence[str], where: str
 ) -> dict[str, float | bool | None]:
     """Evaluate all expressions for two rows of zeros. Raise CommandError if one fails."""
-    found: dict[str, float | bool | None] = {}
+    values: dict[str, float | bool | None] = {}
     frame = polars.DataFrame({name: [0.0, 0.0] for name in (_TIME, *measures.read)})
     for name, expression in measures.expressions.items():
         try:
-            found |= _evaluate({name: expression}, frame)
+            values |= _evaluate({name: expression}, frame)
         except MeasureError as error:
             text = as_written[name]
             words = {w for w in re.findall(r"[A-Za-z_][\w.\[\],]*", text) if "." in w and w not in signals}
-            near = [n for word in sorted(words) for n in difflib.get_close_matches(word, signals, 2, 0.6)]
-            meant = f" Did you mean {' or '.join(near)}?" if near else ""
-            raise CommandError(f"the metric of {where}: {error}{meant}", name=name, near=near) from error
-    return found
+            similar = [n for word in sorted(words) for n in difflib.get_close_matches(word, signals, 2, 0.6)]
+            hint = f" Did you mean {' or '.join(similar)}?" if similar else ""
+            raise CommandError(f"the metric of {where}: {error}{hint}", name=name, near=similar) from error
+    return values
 
 
 def _evaluate(expressions: Mapping[str, str], frame: polars.DataFrame) -> dict[str, float | bool | None]:
-    found = {}
+    results = {}
     for name, expression in expressions.items():
         try:
             values = frame.select(polars.sql_expr(expression).alias(name))[name]
@@ -246,14 +246,14 @@ def _evaluate(expressions: Mapping[str, str], frame: polars.DataFrame) -> dict[s
                 raise MeasureError(
                     f"'{name} = {expression}' gives a value for each row; apply max, min, avg or last to it."
                 )
-            found[name] = _number(values[0])
+            results[name] = _to_number(values[0])
         except (PolarsError, TypeError, ValueError) as error:
             reason = str(error).splitlines()[0] if str(error) else type(error).__name__
             raise MeasureError(f"'{name} = {expression}' cannot be computed: {reason}.") from error
-    return found
+    return results
 
 
-def _number(value: Any) -> float | bool | None:
+def _to_number(value: Any) -> float | bool | None:
     """Return a number, Boolean or None. Raise TypeError for anything else."""
     if hasattr(value, "item") and getattr(value, "size", 1) == 1:
         value = value.item()

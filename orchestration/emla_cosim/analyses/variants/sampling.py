@@ -14,7 +14,7 @@ from ...base.values import convert_value
 from ...system.model import Value
 from .kinds import Distribution
 
-_MOST_SOBOL_RUNS, _MOST_SOBOL_DIMENSIONS = 2**30, 21201
+_MAX_SOBOL_RUNS, _MAX_SOBOL_DIMENSIONS = 2**30, 21201
 """Length and dimensions of SciPy's Sobol sequence."""
 
 Columns = list[list[Value | None]]
@@ -88,7 +88,7 @@ def _check_method(method: str, distributions: Sequence[Distribution], runs: Any)
     if sampling.own_size:
         if runs is not None:
             raise CommandError(
-                f"the sampling '{method}' has no number of runs: {sampling.own_size}.",
+                f"the sampling '{method}' does not accept a number of runs: {sampling.own_size}.",
                 method=method,
                 runs=runs,
             )
@@ -96,14 +96,14 @@ def _check_method(method: str, distributions: Sequence[Distribution], runs: Any)
         raise CommandError(f"the sampling '{method}' needs a number of runs, 1 or more.", method=method)
     elif convert_value(runs, int, "the number of runs") < 1:
         raise CommandError(f"the number of runs is {runs}; it must be 1 or more.", runs=runs)
-    elif dimensions and runs > _MOST_SOBOL_RUNS:
+    elif dimensions and runs > _MAX_SOBOL_RUNS:
         raise CommandError(
-            f"the sampling '{method}' has at most {_MOST_SOBOL_RUNS} runs, the length of Sobol's sequence; "
+            f"the sampling '{method}' has at most {_MAX_SOBOL_RUNS} runs, the length of Sobol's sequence; "
             f"the plan has {runs}.",
             runs=runs,
         )
-    if dimensions > _MOST_SOBOL_DIMENSIONS:
-        most = _MOST_SOBOL_DIMENSIONS // sampling.dimensions
+    if dimensions > _MAX_SOBOL_DIMENSIONS:
+        most = _MAX_SOBOL_DIMENSIONS // sampling.dimensions
         raise CommandError(
             f"the sampling '{method}' can vary at most {most} factors, as Sobol's sequence has no more "
             f"dimensions; the plan has {len(distributions)}.",
@@ -112,11 +112,11 @@ def _check_method(method: str, distributions: Sequence[Distribution], runs: Any)
     return sampling
 
 
-def _at(distributions: Sequence[Distribution], quantiles: Vector) -> Columns:
+def _invert(distributions: Sequence[Distribution], quantiles: Vector) -> Columns:
     return [list(d.at(column)) for d, column in zip(distributions, quantiles.T, strict=True)]
 
 
-def _grid_count(distributions: Sequence[Distribution], _runs: int) -> int:
+def _count_levels(distributions: Sequence[Distribution], _runs: int) -> int:
     for i, distribution in enumerate(distributions):
         if distribution.level_count is None:
             raise CommandError(
@@ -127,43 +127,43 @@ def _grid_count(distributions: Sequence[Distribution], _runs: int) -> int:
     return math.prod(d.level_count or 0 for d in distributions)
 
 
-def _grid(distributions: Sequence[Distribution], _runs: int, _seed: int) -> Columns:
-    _grid_count(distributions, 0)
+def _draw_grid(distributions: Sequence[Distribution], _runs: int, _seed: int) -> Columns:
+    _count_levels(distributions, 0)
     rows = list(itertools.product(*(d.levels or () for d in distributions)))
     return [[row[i] for row in rows] for i in range(len(distributions))]
 
 
-def _random(distributions: Sequence[Distribution], runs: int, seed: int) -> Columns:
-    return _at(distributions, np.random.default_rng(seed).random((runs, len(distributions))))
+def _draw_random(distributions: Sequence[Distribution], runs: int, seed: int) -> Columns:
+    return _invert(distributions, np.random.default_rng(seed).random((runs, len(distributions))))
 
 
-def _latin_hypercube(distributions: Sequence[Distribution], runs: int, seed: int) -> Columns:
+def _draw_latin_hypercube(distributions: Sequence[Distribution], runs: int, seed: int) -> Columns:
     from scipy.stats import qmc  # takes a second, which a grid does not need
 
-    return _at(distributions, qmc.LatinHypercube(len(distributions), rng=seed).random(runs))
+    return _invert(distributions, qmc.LatinHypercube(len(distributions), rng=seed).random(runs))
 
 
-def _sobol_points(dimensions: int, runs: int, seed: int) -> Vector:
+def _draw_sobol_points(dimensions: int, runs: int, seed: int) -> Vector:
     from scipy.stats import qmc
 
     return qmc.Sobol(dimensions, rng=seed).random_base2((runs - 1).bit_length())[:runs]
 
 
-def _sobol(distributions: Sequence[Distribution], runs: int, seed: int) -> Columns:
-    return _at(distributions, _sobol_points(len(distributions), runs, seed))
+def _draw_sobol(distributions: Sequence[Distribution], runs: int, seed: int) -> Columns:
+    return _invert(distributions, _draw_sobol_points(len(distributions), runs, seed))
 
 
-def _saltelli(distributions: Sequence[Distribution], runs: int, seed: int) -> Columns:
+def _draw_saltelli(distributions: Sequence[Distribution], runs: int, seed: int) -> Columns:
     factors = len(distributions)
-    base = _sobol_points(2 * factors, runs, seed)  # two matrices A and B, side by side
+    base = _draw_sobol_points(2 * factors, runs, seed)  # two matrices A and B, side by side
     rows = np.repeat(base[:, None, :factors], factors + 2, axis=1)
     for i in range(factors):
         rows[:, 1 + i, i] = base[:, factors + i]
     rows[:, -1] = base[:, factors:]
-    return _at(distributions, rows.reshape(-1, factors))
+    return _invert(distributions, rows.reshape(-1, factors))
 
 
-def _one_at_a_time(distributions: Sequence[Distribution], _runs: int, _seed: int) -> Columns:
+def _draw_one_at_a_time(distributions: Sequence[Distribution], _runs: int, _seed: int) -> Columns:
     rows = 2 * len(distributions) + 1
     columns: Columns = [[None] * rows for _ in distributions]
     for i, distribution in enumerate(distributions):
@@ -172,15 +172,15 @@ def _one_at_a_time(distributions: Sequence[Distribution], _runs: int, _seed: int
 
 
 SAMPLINGS: dict[str, Sampling] = {
-    "grid": Sampling(_grid, _grid_count, own_size="a grid is as large as its levels make it"),
-    "random": Sampling(_random),
-    "latin-hypercube": Sampling(_latin_hypercube),
-    "sobol": Sampling(_sobol, dimensions=1),
+    "grid": Sampling(_draw_grid, _count_levels, own_size="a grid is as large as its levels make it"),
+    "random": Sampling(_draw_random),
+    "latin-hypercube": Sampling(_draw_latin_hypercube),
+    "sobol": Sampling(_draw_sobol, dimensions=1),
     "saltelli": Sampling(
-        _saltelli, lambda distributions, runs: runs * (len(distributions) + 2), dimensions=2
+        _draw_saltelli, lambda distributions, runs: runs * (len(distributions) + 2), dimensions=2
     ),
     "one-at-a-time": Sampling(
-        _one_at_a_time,
+        _draw_one_at_a_time,
         lambda distributions, _: 2 * len(distributions) + 1,
         own_size="it runs the nominal variant and two for each factor",
     ),
@@ -202,8 +202,8 @@ def draw_seeds(entropy: int | list[int], count: int, without: Collection[int] = 
     Returns:
         Whole numbers from 1 to `LARGEST_SEED` - 1.
     """
-    random, found = np.random.default_rng(entropy), dict[int, None]()
-    while len(found) < count:
+    random, seeds = np.random.default_rng(entropy), dict[int, None]()
+    while len(seeds) < count:
         if (drawn := int(random.integers(1, LARGEST_SEED))) not in without:
-            found[drawn] = None
-    return list(found)
+            seeds[drawn] = None
+    return list(seeds)

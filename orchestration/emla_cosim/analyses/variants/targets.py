@@ -36,46 +36,46 @@ def needs_preparation(target: Target) -> bool:
 
 def changed_in_run(options: Mapping[str, Any]) -> dict[str, Any]:
     """Return the options that a run of a prepared simulation accepts."""
-    known = list_options()
-    return {name: value for name, value in options.items() if not known[name].is_prepared}
+    declared = list_options()
+    return {name: value for name, value in options.items() if not declared[name].is_prepared}
 
 
 def assign_value(targets: Sequence[Target], value: Value | None) -> dict[str, Any]:
     """Return the options that set these targets to a value of the table of variants; none for None."""
-    found: dict[str, Any] = {}
+    options: dict[str, Any] = {}
     if value is None:
-        return found
+        return options
     for target in targets:
-        given = value
+        assigned = value
         if target.nominal is not None and len(targets) > 1:
-            given = target.nominal * float(value)
+            assigned = target.nominal * float(value)
         if target.unit:
-            given = f"{float(value)!r} {target.unit}"
+            assigned = f"{float(value)!r} {target.unit}"
         if target.kind == OPTION:
             takes_several = get_origin(list_options()[target.name].type) is Sequence
-            found[target.name] = [given] if takes_several else given
+            options[target.name] = [assigned] if takes_several else assigned
         else:
-            found.setdefault(target.kind, {})[target.name] = given
-    return found
+            options.setdefault(target.kind, {})[target.name] = assigned
+    return options
 
 
 def merge_options(parts: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
     """Merge the options of several factors for one run."""
-    found: dict[str, Any] = {}
+    merged: dict[str, Any] = {}
     for part in parts:
         for name, value in part.items():
-            found[name] = {**found.get(name, {}), **value} if isinstance(value, Mapping) else value
-    return found
+            merged[name] = {**merged.get(name, {}), **value} if isinstance(value, Mapping) else value
+    return merged
 
 
 def format_arguments(options: Mapping[str, Any]) -> list[str] | None:
     """Return options as arguments of `emla run`; None if one is an object that only Python has."""
-    known = list_options(SWEEP)
-    parts = [_arguments(known[name], value) for name, value in select_repeatable(options).items()]
+    declared = list_options(SWEEP)
+    parts = [_format_option(declared[name], value) for name, value in select_repeatable(options).items()]
     return None if None in parts else [text for part in parts for text in part or ()]
 
 
-def _arguments(option: Option, value: Any) -> list[str] | None:
+def _format_option(option: Option, value: Any) -> list[str] | None:
     flag = option.flag
     if value is None or (value is False and option.type is not bool):
         return []
@@ -87,20 +87,20 @@ def _arguments(option: Option, value: Any) -> list[str] | None:
         arguments = list[str]()
         for name, inner in value.items():
             is_fmu = isinstance(inner, Replacement)
-            arguments += [flag, f"{name}={inner.fmu if is_fmu else _text(inner)}"]
+            arguments += [flag, f"{name}={inner.fmu if is_fmu else _format_value(inner)}"]
             if is_fmu and inner.mapping is not None:
                 arguments += ["--mapping", f"{name}={inner.mapping}"]
         return arguments
     if isinstance(value, (list, tuple)):
         if option.parse is not None:
-            return [flag, ",".join(map(_text, value))]
+            return [flag, ",".join(map(_format_value, value))]
         if any(isinstance(inner, Input) and not inner.is_text for inner in value):
             return None
-        return [text for inner in value for text in (flag, _text(inner))]
-    return [flag, _text(value)] if isinstance(value, (str, int, float, Path)) else None
+        return [text for inner in value for text in (flag, _format_value(inner))]
+    return [flag, _format_value(value)] if isinstance(value, (str, int, float, Path)) else None
 
 
-def _text(value: Any) -> str:
+def _format_value(value: Any) -> str:
     if isinstance(value, FileOrObject):
         return str(value.file)
     if isinstance(value, bool):

@@ -244,8 +244,8 @@ BAD: list[tuple[Any, str]] = [
     ("normal()", "a normal distribution needs mean and deviation."),
     ("normal(10%, 1%)", "mean of a normal distribution is '10%'; it must be a number."),
     ("normal(0, 1, 2, 3, 4)", "takes 4 arguments at most: mean, deviation, low and high; here are 5."),
-    ("normal(mean=0, 1)", "takes arguments without a name first, then those with one."),
-    ("normal(0, deviation=1, deviation=2)", "a normal distribution has deviation twice; once is right."),
+    ("normal(mean=0, 1)", "positional arguments must precede keyword arguments."),
+    ("normal(0, deviation=1, deviation=2)", "a normal distribution has deviation twice; remove one."),
     ("values()", "a list of values needs values."),
 ]
 

@@ -126,7 +126,7 @@ def test_bands_of_many_rows_are_the_same_in_parts(monkeypatch: pytest.MonkeyPatc
     kept = series({"s": lambda i, own: np.sin(own + i)}, [t] * 50)
     result = swept({"a": range(50)}, {}, signals=["s"], series=kept.reverse())  # parts come in any order
     whole = compute_bands(result, "s")
-    monkeypatch.setattr(bands_module, "_ROWS_AT_ONCE", 3500)
+    monkeypatch.setattr(bands_module, "_MAX_ROWS", 3500)
     parts = compute_bands(result, "s")
     assert len(whole.times) == 400
     assert whole.times[[0, -1]].tolist() == [0.0, 1.0]

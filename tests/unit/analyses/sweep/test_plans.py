@@ -64,7 +64,7 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "unknown in expression": ({"metrics": ["a = max(lift.plant.i_qq)"]}, "Did you mean lift.plant.i_q"),
     "unknown signal": ({"signals": ["lift.plant.x_LL"]}, "did you mean lift.plant.x_L"),
     "seed": ({"seed": -1}, "'seed' of the sweep of .* is -1; it must be at least 0"),
-    "runs of a grid": ({"runs": 3, "sampling": "grid"}, "has no number of runs"),
+    "runs of a grid": ({"runs": 3, "sampling": "grid"}, "does not accept a number of runs"),
     "workers": ({"workers": 0}, "at least 1"),
     "scheduler": ({"scheduler": 3}, "the scheduler is 3"),
     "many levels": ({"vary": {R_S: "0.1:0.2:1000000000000"}}, "1000000000000 variants;"),
