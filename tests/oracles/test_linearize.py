@@ -133,7 +133,7 @@ def test_margins_of_a_delayed_double_integrator() -> None:
         ({"perturb": "cart.force"}, "set both"),
         ({}, "nothing to compute"),
         ({"perturb": "cart.position", "read": "cart.speed"}, "is not an input"),
-        ({"perturb": "cart.force", "read": "cart.nothing"}, "no Real output"),
+        ({"perturb": "cart.force", "read": "cart.nothing"}, "not a Real output"),
         ({"open": "gain.force->cart.force", "at": 19.0}, "too short"),
         ({"open": "gain.force->cart.force", "duration": 0.05}, "at least 20"),
     ],
