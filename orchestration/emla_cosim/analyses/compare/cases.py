@@ -35,19 +35,19 @@ class ComparisonCase:
     def faults(self, joints: Sequence[str]) -> list[Fault]:
         """Return the faults of this case for each of the joints."""
         return [
-            Fault(**{**one, "signal": one["signal"].replace("*", joint, 1)})
+            Fault(**{**entry, "signal": entry["signal"].replace("*", joint, 1)})
             for joint in joints
-            for one in self.fault
+            for entry in self.fault
         ]
 
     def resolve_start_values(self, prepared: Preparation) -> dict[str, Value] | None:
         """Return the start values of the case by full name; None if the system has no such variable."""
-        fixed = [dict.fromkeys(_start_values(name, prepared), value) for name, value in self.set.items()]
+        fixed = [dict.fromkeys(_find_start_values(name, prepared), value) for name, value in self.set.items()]
         scaled = [_scale_values(pattern, factor, prepared) for pattern, factor in self.scale.items()]
-        moved = [] if self.start_error is None else [_shift_start(self.start_error, prepared)]
-        if not all((*fixed, *moved)) or (scaled and not any(scaled)):
+        shifted = [] if self.start_error is None else [_shift_start(self.start_error, prepared)]
+        if not all((*fixed, *shifted)) or (scaled and not any(scaled)):
             return None
-        return {name: value for change in (*fixed, *scaled, *moved) for name, value in change.items()}
+        return {name: value for change in (*fixed, *scaled, *shifted) for name, value in change.items()}
 
 
 @dataclass(frozen=True)
@@ -107,14 +107,14 @@ def _read(name: str) -> dict[str, Any]:
     return read_toml((files("emla_cosim.study") / "cases" / f"{name}.toml").read_text(encoding="utf-8"), name)
 
 
-def _start_values(pattern: str, prepared: Preparation) -> dict[str, float | None]:
+def _find_start_values(pattern: str, prepared: Preparation) -> dict[str, float | None]:
     return find_start_values(pattern, prepared.system, prepared.interfaces)
 
 
 def _scale_values(pattern: str, factor: float, prepared: Preparation) -> dict[str, Value]:
     """Return the values that match a pattern times the factor, limited to the bounds of each variable."""
     scaled, names = dict[str, Value](), Names(prepared.system, prepared.interfaces)
-    for name, value in _start_values(pattern, prepared).items():
+    for name, value in _find_start_values(pattern, prepared).items():
         if value is not None:
             declared = names.find(name).variable
             low = -math.inf if declared.min is None else float(declared.min)
@@ -125,10 +125,10 @@ def _scale_values(pattern: str, factor: float, prepared: Preparation) -> dict[st
 
 def _shift_start(error: float, prepared: Preparation) -> dict[str, Value]:
     """Return start values that move plants and observers `error` in m away from their reference."""
-    moved = dict[str, Value]()
-    for name, begin in _start_values("*.reference.waypoint[1]", prepared).items():
+    shifted = dict[str, Value]()
+    for name, start in _find_start_values("*.reference.waypoint[1]", prepared).items():
         joint = name.removesuffix(".reference.waypoint[1]")
-        for end in ("plant.start.x_L", "observer.start.x_hat"):
-            if begin is not None and _start_values(f"{joint}.{end}", prepared):
-                moved[f"{joint}.{end}"] = begin + error
-    return moved
+        for state in ("plant.start.x_L", "observer.start.x_hat"):
+            if start is not None and _find_start_values(f"{joint}.{state}", prepared):
+                shifted[f"{joint}.{state}"] = start + error
+    return shifted

@@ -32,8 +32,8 @@ class SetCertificate:
     @property
     def table(self) -> ReportTable:
         """Constants, predicted bounds and simulated values, with a column for each joint."""
-        found = build_certificate_rows(self.joints)
-        rows = [[label, *(f"{value:.4g}" for value in values), unit] for label, unit, values in found]
+        figures = build_certificate_rows(self.joints)
+        rows = [[label, *(f"{value:.4g}" for value in values), unit] for label, unit, values in figures]
         header = ["", *(joint.joint for joint in self.joints), "unit"]
         title = f"Certificate of {self.gains}: bounds of the proof beside the run, from 0.3 s on"
         return ReportTable(title, header, rows, texts=(0, len(header) - 1))
@@ -55,18 +55,18 @@ class CertificateResult:
     def rows(self) -> polars.DataFrame:
         """A row for each set of gains and figure, with its unit, and a column for each joint."""
         return polars.DataFrame(
-            {"gains": each.gains, "figure": label, "unit": unit}
-            | dict(zip((joint.joint for joint in each.joints), values, strict=True))
-            for each in self.sets
-            for label, unit, values in build_certificate_rows(each.joints)
+            {"gains": item.gains, "figure": label, "unit": unit}
+            | dict(zip((joint.joint for joint in item.joints), values, strict=True))
+            for item in self.sets
+            for label, unit, values in build_certificate_rows(item.joints)
         )
 
     def markdown(self) -> str:
         """Return the tables and remarks of all sets as Markdown."""
         lines = list[str]()
-        for each in self.sets:
-            lines += [f"## {each.gains}", "", f"{each.problem}\n" if each.problem else each.table.markdown()]
-            for joint in each.joints:
+        for item in self.sets:
+            lines += [f"## {item.gains}", "", f"{item.problem}\n" if item.problem else item.table.markdown()]
+            for joint in item.joints:
                 lines += [f"{joint.joint}:", "", *(f"- {remark}" for remark in joint.remarks), ""]
         return "\n".join(lines)
 
@@ -119,13 +119,13 @@ def certify_gains(
 def build_report(result: CertificateResult) -> Report:
     """Return the report of certificates."""
     sections = list[Section]()
-    for each in result.sets:
-        problem = [] if each.problem is None else [f"{each.gains}: {each.problem}"]
-        sections.append(Section(each.gains, problem, [each.table] if each.joints else []))
-        remarks = [f"{joint.joint}: {remark}" for joint in each.joints for remark in joint.remarks]
+    for item in result.sets:
+        problem = [] if item.problem is None else [f"{item.gains}: {item.problem}"]
+        sections.append(Section(item.gains, problem, [item.table] if item.joints else []))
+        remarks = [f"{joint.joint}: {remark}" for joint in item.joints for remark in joint.remarks]
         if remarks:
-            sections.append(Section(f"Assumptions of {each.gains} that are not met", remarks, is_detail=True))
-    return Report("Certificate", result.name, [f"gains {each.gains}" for each in result.sets], sections)
+            sections.append(Section(f"Assumptions of {item.gains} that are not met", remarks, is_detail=True))
+    return Report("Certificate", result.name, [f"gains {item.gains}" for item in result.sets], sections)
 
 
 OUTPUTS = Outputs[CertificateResult](

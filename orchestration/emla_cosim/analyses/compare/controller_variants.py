@@ -54,30 +54,30 @@ def select_variants(
     Raises:
         CommandError: A controller or a set does not exist, or no compared controller has the set.
     """
-    names = list(dict.fromkeys(_controllers(controllers)))
-    chosen = {controller: choose_controller(controller, None, preferred) for controller in names}
-    sets = {controller: list(default.controller.gains) for controller, default in chosen.items()}
-    defaults = {controller: default.gain_set for controller, default in chosen.items()}
+    names = list(dict.fromkeys(_check_controllers(controllers)))
+    choices = {controller: choose_controller(controller, None, preferred) for controller in names}
+    sets = {controller: list(default.controller.gains) for controller, default in choices.items()}
+    defaults = {controller: default.gain_set for controller, default in choices.items()}
     texts = convert_value(gains or (), Sequence[str], "the list of gains to compare")
-    named = _find_sets(texts, sets, defaults)
+    selected = _find_sets(texts, sets, defaults)
     if not gains:
         for controller in (c for c in names if c in CONTROLLERS):
-            named[controller] = {defaults[controller], *also}
+            selected[controller] = {defaults[controller], *also}
     return [
         ControllerVariant(controller, gain_set)
         for controller in names
-        for gain_set in ([s for s in sets[controller] if s in named[controller]] or [defaults[controller]])
+        for gain_set in ([s for s in sets[controller] if s in selected[controller]] or [defaults[controller]])
     ]
 
 
 def list_other_variants(compared: Sequence[ControllerVariant]) -> list[str]:
     """Return sets of gains of the compared controllers that are not compared, as CONTROLLER/SET."""
-    taken = set(map(str, compared))
-    ours = dict.fromkeys(variant.label for variant in compared if variant.controller in CONTROLLERS)
-    return [s for c in ours for s in (f"{c}/{g}" for g in CONTROLLERS[c].gains) if s not in taken]
+    labels = set(map(str, compared))
+    controllers = dict.fromkeys(variant.label for variant in compared if variant.controller in CONTROLLERS)
+    return [s for c in controllers for s in (f"{c}/{g}" for g in CONTROLLERS[c].gains) if s not in labels]
 
 
-def _controllers(controllers: Sequence[Choice] | None) -> list[Choice]:
+def _check_controllers(controllers: Sequence[Choice] | None) -> list[Choice]:
     if controllers is None:
         return list(CONTROLLERS)
     if isinstance(controllers, (str, type)) or not isinstance(controllers, Sequence) or not controllers:
@@ -93,7 +93,7 @@ def _find_sets(
     gains: Sequence[str], sets: Mapping[Choice, Sequence[str]], defaults: Mapping[Choice, str]
 ) -> dict[Choice, set[str]]:
     """Return the named sets of each controller."""
-    named: dict[Choice, set[str]] = {controller: set() for controller in sets}
+    selected: dict[Choice, set[str]] = {controller: set() for controller in sets}
     for text in gains:
         label, slash, gain_set = text.rpartition("/")
         owners = [c for c in sets if label_controller(c) == label] if slash else list(sets)
@@ -104,21 +104,21 @@ def _find_sets(
                 name=text,
             )
         keywords = {ALL: sets, RECOMMENDED: {c: [default] for c, default in defaults.items()}}
-        chosen = {
+        matches = {
             c: keywords[gain_set][c] if gain_set in keywords else {gain_set} & {*sets[c]} for c in owners
         }
-        if not any(chosen.values()):
-            there = list(dict.fromkeys(name for c in owners for name in sets[c]))
+        if not any(matches.values()):
+            existing = list(dict.fromkeys(name for c in owners for name in sets[c]))
             raise CommandError(
-                f"the controller {label} has no set of gains '{gain_set}'; it has {join_names(there)}."
+                f"the controller {label} has no set of gains '{gain_set}'; it has {join_names(existing)}."
                 if slash
                 else f"no controller that is compared has the set of gains '{gain_set}'; there "
-                f"{_join_with_verb(there)}.",
+                f"{_join_with_verb(existing)}.",
                 name=text,
             )
-        for controller, names in chosen.items():
-            named[controller] |= set(names)
-    return named
+        for controller, names in matches.items():
+            selected[controller] |= set(names)
+    return selected
 
 
 def _join_with_verb(names: Sequence[str]) -> str:

@@ -46,10 +46,10 @@ COLUMNS: Mapping[str, Any] = {
 }
 """Columns. A figure is null if nothing limits it, or if `..._problem` says why there is none."""
 
-_DURATION = 1500
+_SAMPLES = 1500
 """Length of responses in steps."""
 
-_LATER, _CONSTANT = (0, 100, 200), 0.01
+_DELAYS, _MAX_CHANGE = (0, 100, 200), 0.01
 """Steps to wait for a point at which the loop is constant, and the largest change of one that is. Margins
 measured during a larger change differed by 20 degrees from those around it.
 """
@@ -83,7 +83,7 @@ def measure_margins(
             break
         for joint in run.joints:
             _, at = fastest.get((run.scenario, joint), (0.0, None))
-            rows.append(run.labels(joint) | _measure(plan.groups[run.group], joint, at, run.own["set"]))
+            rows.append(run.labels(joint) | _measure(plan.groups[run.group], joint, at, run.changes["set"]))
         progress.advance(1)
     return polars.DataFrame(rows, schema=dict(COLUMNS), orient="row")
 
@@ -101,41 +101,41 @@ def _measure(
     if fastest_at is None:
         return row | {f"{loop}_{PROBLEM}": "no run reached the motion" for loop in LOOPS}
     times = run_times(part.options, part.name)
-    count = min(_DURATION, times.steps // 2)
+    count = min(_SAMPLES, times.steps // 2)
     first = round((fastest_at - times.start) / times.step)
     scenario = Scenario(part.name, "", part.system, part.options, resources=part.resources)
-    opened = {loop: place.format(joint) for loop, place in LOOPS.items()}
+    opened = {loop: opening.format(joint) for loop, opening in LOOPS.items()}
     best, at = dict[str, Measured | CosimError](), 0.0
-    for later in _LATER:
+    for later in _DELAYS:
         point = times.point(max(0, min(first + later, times.steps - count)))
-        found = measure_loops(scenario, list(opened.values()), point, count * times.step, values)
-        if not best or _change(found) < _change(best):
-            best, at = found, point
-        if _change(best) < _CONSTANT:
+        responses = measure_loops(scenario, list(opened.values()), point, count * times.step, values)
+        if not best or _find_change(responses) < _find_change(best):
+            best, at = responses, point
+        if _find_change(best) < _MAX_CHANGE:
             break
-    for loop, place in opened.items():
-        row |= {f"{loop}_{name}": value for name, value in _figures(best[place]).items()}
+    for loop, opening in opened.items():
+        row |= {f"{loop}_{name}": value for name, value in _list_figures(best[opening]).items()}
     return row | {AT: at}
 
 
-def _change(found: Mapping[str, Measured | CosimError]) -> float:
-    """Return how much pulses of another size or a step later change the effect, relative to it."""
+def _find_change(responses: Mapping[str, Measured | CosimError]) -> float:
+    """Return the relative change of the effect by pulses of another size or a step later."""
     return max(
-        math.inf if isinstance(one, CosimError) else max(one.drift, one.nonlinearity)
-        for one in found.values()
+        math.inf if isinstance(response, CosimError) else max(response.drift, response.nonlinearity)
+        for response in responses.values()
     )
 
 
-def _figures(found: Measured | CosimError) -> dict[str, Any]:
+def _list_figures(response: Measured | CosimError) -> dict[str, Any]:
     """Return the figures of a loop, or the problem in words."""
-    if isinstance(found, CosimError):
-        problem = found.fields.get("reason", "run ended" if isinstance(found, RunError) else str(found))
-        return {PROBLEM: problem}
-    margins = found.margins
+    if isinstance(response, CosimError):
+        default = "run ended" if isinstance(response, RunError) else str(response)
+        return {PROBLEM: response.fields.get("reason", default)}
+    margins = response.margins
     assert margins is not None
     if not margins.has_crossover:
-        return {PROBLEM: f"gain stays {'above' if found.response.gain_dB[0] > 0.0 else 'below'} 1"}
-    if found.drift > NONLINEAR:
+        return {PROBLEM: f"gain stays {'above' if response.response.gain_dB[0] > 0.0 else 'below'} 1"}
+    if response.drift > NONLINEAR:
         return {PROBLEM: "changes with time"}
     values = (margins.phase_deg, margins.gain_up_dB, margins.gain_down_dB, margins.Ms, margins.delay_s)
     finite = (value if math.isfinite(value) else None for value in values)
@@ -161,13 +161,13 @@ def build_margin_tables(result: CompareResult) -> list[ReportTable]:
 
 def _build_table(scenario: str, joint: str, rows: list[Row]) -> ReportTable:
     body, lines = list[list[Text | str]](), list[int]()
-    found = group_by_variant(rows)
-    errors, observers = mark_winner(found, choose_position_error(rows)), name_observers(rows)
-    for name, one in found.items():
+    statistics = group_by_variant(rows)
+    errors, observers = mark_winner(statistics, choose_position_error(rows)), name_observers(rows)
+    for name, summary in statistics.items():
         lines.append(len(body))
         heads = [(name, errors[name]), (observers[name], "")]
         for loop, head in zip(LOOPS, heads, strict=True):
-            body.append([*head, loop.removesuffix("_loop"), *_cells(one.rows[0], loop)])
+            body.append([*head, loop.removesuffix("_loop"), *_list_cells(summary.rows[0], loop)])
     times = sorted({row[AT] for row in rows if row[AT] is not None})
     delay = next((row[DELAY] for row in rows if row[DELAY] is not None), None)
     when = f" at t = {' and '.join(f'{at:.4g}' for at in times)} s" if times else ""
@@ -181,7 +181,7 @@ def _build_table(scenario: str, joint: str, rows: list[Row]) -> ReportTable:
     return ReportTable(f"{joint} of {scenario}: stability margins{when}", _HEADER, body, under, lines)
 
 
-def _cells(row: Row, loop: str) -> list[Text | str]:
+def _list_cells(row: Row, loop: str) -> list[Text | str]:
     """Return margins and conditions of a loop, or the reason in words why there are none."""
     problem = row[f"{loop}_{PROBLEM}"]
     figures = {name: row[f"{loop}_{name}"] for name in FIGURES}

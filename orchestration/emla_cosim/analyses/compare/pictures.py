@@ -41,12 +41,12 @@ PICTURES = {
 """What the pictures show, by their names."""
 
 _BARS = ("position_error_m", "velocity_error_m_s", "torque_effort_N_m")
-_WIDE = {"load_position_error_m", "position_error_m", "velocity_error_m_s"}
+_LOGARITHMIC = {"load_position_error_m", "position_error_m", "velocity_error_m_s"}
 """Figures on logarithmic axes, drawn as points: bars have no beginning there."""
 _SHADES = ("#12355f", "#2f6db3", "#8fb4d9", "#e4eef8")
 """Colours of errors, the smallest error first."""
-_HOLDS, _LOST = "#cfe0f1", "#b0413e"
-_SMALLEST = 1e-9
+_HOLDS, _NOT_HELD = "#cfe0f1", "#b0413e"
+_MIN_ERROR_M = 1e-9
 """Errors in m below this limit are drawn at the limit, since a logarithm has no zero."""
 _COLORS = (BLUE, ORANGE, GREEN, RED, PURPLE, GREY, "#1d8a99", "#c77cae", "#8c6d31", "#444444")
 
@@ -56,14 +56,14 @@ def draw_pictures(result: CompareResult) -> "dict[str, Figure]":
     if not len(result.rows):
         return {}
     if result.table == ROBUSTNESS:
-        return {CASES: _robustness(result)}
+        return {CASES: _draw_cases(result)}
     if result.table == STABILITY:
-        return _maps(result)
-    pictures = {FIGURES: _bars(result)}
+        return _draw_maps(result)
+    pictures = {FIGURES: _draw_figures(result)}
     if result.errors:
-        pictures[ERRORS] = _errors(result)
+        pictures[ERRORS] = _draw_errors(result)
     if result.motions:
-        pictures[MOTION] = _motions(result)
+        pictures[MOTION] = _draw_motions(result)
     return pictures
 
 
@@ -71,7 +71,7 @@ def _color(result: CompareResult, variant: str) -> str:
     return _COLORS[list(result.entrants).index(variant) % len(_COLORS)]
 
 
-def _bars(result: CompareResult) -> "Figure":
+def _draw_figures(result: CompareResult) -> "Figure":
     """Draw a bar for each joint, figure and controller, and a line for the RSBA of the paper.
 
     Bars are means over seeds, with their standard deviations.
@@ -87,7 +87,7 @@ def _bars(result: CompareResult) -> "Figure":
             if all(row[name] is None for row in rows):  # a rigid load beside one that is not
                 axes.set_axis_off()
                 continue
-            printed = _printed(scenario, joint, name) if result.table == PAPER else None
+            printed = _find_printed(scenario, joint, name) if result.table == PAPER else None
             _draw_bars(axes, result, group_by_variant(rows), displays[name], printed)
             if axes is not axes_row[0]:
                 axes.set_yticklabels([])
@@ -105,19 +105,19 @@ def _draw_bars(
     axes: "Axes",
     result: CompareResult,
     variants: Mapping[str, SeedStatistics],
-    shown: MetricDisplay,
+    display: MetricDisplay,
     printed: float | None,
 ) -> None:
     """Draw one figure of a joint with each controller; `printed` is that of the paper's RSBA."""
-    is_wide, ranking = shown.name in _WIDE, rank(variants, shown)
-    largest = shown.factor * (printed or 0.0)
+    is_wide, ranking = display.name in _LOGARITHMIC, rank(variants, display)
+    largest = display.factor * (printed or 0.0)
     axes.set_yticks(range(len(variants)), list(variants))
     axes.set_ylim(len(variants) - 0.4, -0.6)
     across = axes.get_yaxis_transform()
     for position, (variant, summary) in enumerate(variants.items()):
         color = _color(result, variant)
-        value = shown.factor * (summary.mean(shown.name) or 0.0) if summary.is_held else 0.0
-        spread = shown.factor * summary.spread(shown.name) if summary.is_held else 0.0
+        value = display.factor * (summary.mean(display.name) or 0.0) if summary.is_held else 0.0
+        spread = display.factor * summary.spread(display.name) if summary.is_held else 0.0
         largest = max(largest, value)
         if not is_wide:
             axes.barh(position, value, xerr=spread, color=color, height=0.7)
@@ -128,13 +128,13 @@ def _draw_bars(
                 axes.plot(ends, [position, position], color=color, lw=1.5)
                 axes.plot([value], [position], "o", color=color)
         if ranking and ranking.is_winner and ranking.best == variant:
-            axes.text(0.98, position, "wins", transform=across, **_WINS)
+            axes.text(0.98, position, "wins", transform=across, **_WINNER_STYLE)
         if not summary.is_held:
-            axes.text(0.02, position, format_lost(summary, shown), transform=across, **_NOTED)
+            axes.text(0.02, position, format_lost(summary, display), transform=across, **_NOTE_STYLE)
         elif is_wide and not value:  # a logarithmic axis has no zero
-            axes.text(0.02, position, "0", transform=across, **_NOTED)
+            axes.text(0.02, position, "0", transform=across, **_NOTE_STYLE)
     if printed is not None:
-        axes.axvline(shown.factor * printed, color="black", lw=1.0, ls=":")
+        axes.axvline(display.factor * printed, color="black", lw=1.0, ls=":")
     tidy_axes(axes)
     if not is_wide:
         axes.set_xlim(0.0, 1.15 * largest or 1.0)
@@ -156,18 +156,18 @@ def _label_decades(axes: "Axes") -> None:
     axes.xaxis.set_minor_formatter(NullFormatter())
 
 
-_NOTED: dict[str, Any] = {"va": "center", "fontsize": 7, "color": _LOST}
-_WINS: dict[str, Any] = {"va": "center", "ha": "right", "fontsize": 7, "fontweight": "bold"}
+_NOTE_STYLE: dict[str, Any] = {"va": "center", "fontsize": 7, "color": _NOT_HELD}
+_WINNER_STYLE: dict[str, Any] = {"va": "center", "ha": "right", "fontsize": 7, "fontweight": "bold"}
 
 
-def _printed(scenario: str, joint: str, figure: str) -> float | None:
+def _find_printed(scenario: str, joint: str, figure: str) -> float | None:
     for table in PRINTED:
         if (scenario, joint) in table.cells:
             return getattr(table.cells[scenario, joint]["rsba"], figure)
     return None
 
 
-def _errors(result: CompareResult) -> "Figure":
+def _draw_errors(result: CompareResult) -> "Figure":
     """Draw the position error of each joint over time, for each controller."""
     joints = result.group("scenario", "joint")
     figure, grid = new_figure(len(joints), 1, 8.0, 1.9, sharex="none")
@@ -175,10 +175,10 @@ def _errors(result: CompareResult) -> "Figure":
         for row in rows:
             if (errors := result.errors.get(row["run"])) is not None:
                 time, error = errors["time"].to_numpy(), np.abs(errors[joint].to_numpy())
-                every = max(len(time) // 400, 1)  # the largest error of those that share a dot
-                whole = len(time) // every * every
-                largest = 1e6 * np.fmax(error[:whole].reshape(-1, every).max(axis=1), _SMALLEST)
-                axes.plot(time[:whole:every], largest, color=_color(result, label_variant(row)), lw=1.0)
+                stride = max(len(time) // 400, 1)  # the largest error of those that share a dot
+                count = len(time) // stride * stride
+                largest = 1e6 * np.fmax(error[:count].reshape(-1, stride).max(axis=1), _MIN_ERROR_M)
+                axes.plot(time[:count:stride], largest, color=_color(result, label_variant(row)), lw=1.0)
         axes.set_yscale("log")
         axes.set_ylim(1e-2, 1e5)
         subject = "load error" if choose_position_error(rows).name.startswith("load") else "error"
@@ -195,7 +195,7 @@ def _errors(result: CompareResult) -> "Figure":
     return figure
 
 
-def _motions(result: CompareResult) -> "Figure":
+def _draw_motions(result: CompareResult) -> "Figure":
     """Draw reference and load of each joint over time; both are the same for all controllers."""
     has_load = any("load" in motion.columns for motion in result.motions.values())
     figure, grid = new_figure(len(result.motions), 1 + has_load, 4.0, 1.5, sharex="none")
@@ -213,17 +213,17 @@ def _motions(result: CompareResult) -> "Figure":
     return figure
 
 
-def _robustness(result: CompareResult) -> "Figure":
+def _draw_cases(result: CompareResult) -> "Figure":
     """Draw for each joint a table of cases and controllers, shaded by the position error."""
     from matplotlib.colors import LinearSegmentedColormap, LogNorm
 
-    joints, shown = result.group("scenario", "joint"), choose_position_error(result.rows.rows(named=True))
+    joints, display = result.group("scenario", "joint"), choose_position_error(result.rows.rows(named=True))
     cases, columns = list(dict.fromkeys(result.rows["case"])), list(result.entrants)
     height = 0.6 + 0.24 * len(cases)
     figure, grid = new_figure(1, len(joints), 1.2 + 0.62 * len(columns), height, sharex="none")
-    shades = LinearSegmentedColormap.from_list("error", _SHADES).with_extremes(bad=_LOST)
-    held = result.rows.filter(polars.col(HELD))[shown.name].drop_nulls().drop_nans().to_numpy()
-    low, high = (np.fmax(end(held), _SMALLEST) if len(held) else 1.0 for end in (np.min, np.max))
+    shades = LinearSegmentedColormap.from_list("error", _SHADES).with_extremes(bad=_NOT_HELD)
+    errors = result.rows.filter(polars.col(HELD))[display.name].drop_nulls().drop_nans().to_numpy()
+    low, high = (np.fmax(end(errors), _MIN_ERROR_M) if len(errors) else 1.0 for end in (np.min, np.max))
     norm = LogNorm(1e6 * low, 1e6 * max(high, 10.0 * low))
     picture: Any = None
     for axes, ((_, joint), rows) in zip(grid[0], joints.items(), strict=True):
@@ -231,10 +231,10 @@ def _robustness(result: CompareResult) -> "Figure":
         for (case,), group in group_rows(rows, "case").items():
             for variant, summary in group_by_variant(group).items():
                 y, x = cases.index(case), columns.index(variant)
-                text, mean = format_lost(summary, shown), summary.mean(shown.name)
+                text, mean = format_lost(summary, display), summary.mean(display.name)
                 text = text.replace(" in ", "\nin ").replace(" (", "\n").removesuffix(")")
                 if summary.is_held:
-                    values[y, x] = np.nan if mean is None else 1e6 * max(mean, _SMALLEST)
+                    values[y, x] = np.nan if mean is None else 1e6 * max(mean, _MIN_ERROR_M)
                     text = format_rounded(values[y, x])
                 is_dark = not summary.is_held or norm(values[y, x]) < 0.45
                 style = {"fontsize": 6, "color": "white" if is_dark else "black"}
@@ -251,12 +251,12 @@ def _robustness(result: CompareResult) -> "Figure":
         axes.set_title(joint, fontsize=10)
         axes.set_facecolor("#eeeeee")
     bar = figure.colorbar(picture, ax=grid[0, -1])
-    bar.set_label(f"{shown.label} / µm; red: not held", fontsize=9)
+    bar.set_label(f"{display.label} / µm; red: not held", fontsize=9)
     bar.ax.tick_params(labelsize=8)
     return figure
 
 
-def _maps(result: CompareResult) -> "dict[str, Figure]":
+def _draw_maps(result: CompareResult) -> "dict[str, Figure]":
     """Draw for each map a panel for each joint and controller that shows which points hold."""
     figures = {}
     for number, grid_map in enumerate(stability_maps(), start=1):
@@ -287,7 +287,7 @@ def _draw_map(axes: "Axes", rows: Sequence[Row]) -> None:
         point = y.index(row["y"]), x.index(row["x"])
         table[point] = np.fmin(table[point], row[HELD])  # the worst of several seeds
     if rows:
-        style = {"cmap": ListedColormap([_LOST, _HOLDS]), "edgecolors": "white", "lw": 0.5}
+        style = {"cmap": ListedColormap([_NOT_HELD, _HOLDS]), "edgecolors": "white", "lw": 0.5}
         axes.pcolormesh(x, y, np.ma.masked_invalid(table), vmin=0.0, vmax=1.0, **style)
     axes.tick_params(labelsize=7)
     axes.spines[:].set_visible(False)

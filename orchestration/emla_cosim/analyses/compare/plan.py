@@ -38,7 +38,7 @@ class ComparisonRun:
     """One run: a controller in one case, in an independent subsystem with these joints.
 
     Attributes:
-        own: The options that make the case.
+        changes: The options that make the case.
         group: The position of the prepared simulation.
         seed: The held-out seed of the random sequences; None for those of the scenario.
         is_random: Whether random sequences affect the run.
@@ -50,7 +50,7 @@ class ComparisonRun:
     controller_variant: ControllerVariant
     case: ComparisonCase
     joints: Sequence[str]
-    own: Mapping[str, Any]
+    changes: Mapping[str, Any]
     group: int
     seed: int | None = None
     is_random: bool = False
@@ -58,7 +58,7 @@ class ComparisonRun:
     reserves: str = ""
 
     def labels(self, joint: str) -> dict[str, str]:
-        """Return what tells the row of a joint from those of other runs, except for seeds."""
+        """Return the labels that distinguish the row of a joint from other rows, except for seeds."""
         variant = self.controller_variant
         return dict(
             zip(LABELS, (self.scenario, self.case.name, joint, variant.label, variant.gains), strict=True)
@@ -82,19 +82,19 @@ class ComparisonPlan:
     @property
     def jobs(self) -> list[Job]:
         """All runs for the workers."""
-        return [Job(changed_in_run(run.own), run.group) for run in self.runs]
+        return [Job(changed_in_run(run.changes), run.group) for run in self.runs]
 
     def command(self, number: int) -> list[str] | None:
         """Return the command that repeats a run; None if an option is a Python object."""
         run = self.runs[number]
-        own = {"controller": run.controller_variant.controller, "gains": run.controller_variant.gains}
-        arguments = format_arguments(merge_options([self.options, own, run.own]))
+        controller = {"controller": run.controller_variant.controller, "gains": run.controller_variant.gains}
+        arguments = format_arguments(merge_options([self.options, controller, run.changes]))
         return None if arguments is None else ["emla", "run", run.scenario, *arguments]
 
 
 @dataclass(frozen=True)
 class ComparisonTerms:
-    """What all runs have in common.
+    """The terms that all runs share.
 
     Attributes:
         seeds: The number of held-out seeds for runs with random sequences; 0 for the seeds of the scenario.
@@ -129,26 +129,27 @@ def plan_runs(
     for scenario in scenarios:
         for variant in variants:
             try:
-                parts = list(_cases(scenario, variant, cases, terms, progress))
+                parts = list(_prepare_cases(scenario, variant, cases, terms, progress))
             except CommandError as error:
                 if not (terms.skips_missing_gains and "gains" in error.fields and "joint" in error.fields):
                     raise
                 joint = error.fields["joint"]
                 lacking.append(f"{scenario} runs without {variant}: the joint {joint} has no such gains.")
                 continue
-            for part, case, own in parts:
+            for part, case, changes in parts:
                 if not groups or groups[-1] is not part:
                     groups.append(part)
-                described = describe_reserves(part, own["set"])
+                described = describe_reserves(part, changes["set"])
                 reserves.setdefault(str(variant), {})[described] = None
                 if terms.reserves is not None and not reserve_values(part, terms.reserves):
                     fixed[str(variant)] = None
-                joints, sequences = _joints(part), random_seeds(part, own["set"])
-                observers = list_observers(part, joints, own["set"])
+                joints, sequences = _list_joints(part), random_seeds(part, changes["set"])
+                observers = list_observers(part, joints, changes["set"])
                 names = [name for name in sequences if name not in (terms.options.get("set") or {})]
-                for seed in (held_out.drawn if names else ()) or [None]:  # seeds of the user are kept
+                for seed in (held_out.seeds if names else ()) or [None]:  # seeds of the user are kept
                     drawn = {} if seed is None else {"set": held_out.values(names, seed)}
-                    position = scenario, variant, case, joints, merge_options([own, drawn]), len(groups) - 1
+                    options, group = merge_options([changes, drawn]), len(groups) - 1
+                    position = scenario, variant, case, joints, options, group
                     runs.append(ComparisonRun(*position, seed, bool(sequences), observers, described))
     planned = {(run.scenario, run.case.name) for run in runs}
     notes = list[str]()
@@ -180,7 +181,7 @@ def _suggest_equal_observers(runs: Sequence[ComparisonRun], options: Mapping[str
             yield f"Equal observers in {scenario}: --gains {shlex.quote(','.join(map(str, equal)))}."
 
 
-def _cases(
+def _prepare_cases(
     scenario: str,
     variant: ControllerVariant,
     cases: Sequence[ComparisonCase],
@@ -189,13 +190,13 @@ def _cases(
 ) -> Iterator[tuple[Preparation, ComparisonCase, Mapping[str, Any]]]:
     """Yield the subsystems of a scenario, each with a case that it can run and the options of the case."""
 
-    def prepare(own: Mapping[str, Any]) -> list[Preparation]:
+    def prepare(changes: Mapping[str, Any]) -> list[Preparation]:
         """Return the subsystems that have joints, with this controller."""
-        given: dict[str, Any] = {"controller": variant.controller, "gains": variant.gains}
-        chosen = load(scenario, **{**terms.options, **given, **own})
-        plan_run(chosen.options, chosen.name)
-        parts = find_independent_subsystems(Preparation.of(chosen, progress))
-        return [part for part in parts if _joints(part)]
+        controller_options: dict[str, Any] = {"controller": variant.controller, "gains": variant.gains}
+        planned = load(scenario, **{**terms.options, **controller_options, **changes})
+        plan_run(planned.options, planned.name)
+        parts = find_independent_subsystems(Preparation.of(planned, progress))
+        return [part for part in parts if _list_joints(part)]
 
     nominal = prepare({})
     if not nominal:
@@ -204,18 +205,18 @@ def _cases(
         )
     pairs: list[tuple[Preparation, ComparisonCase, dict[str, Any]]]
     pairs = [(part, case, {}) for part in nominal for case in cases if not case.fault]
-    joints = [joint for part in nominal for joint in _joints(part)]
+    joints = [joint for part in nominal for joint in _list_joints(part)]
     for case in cases:
         if case.fault:  # faults become part of the system before it is prepared
-            own = {"fault": [*terms.options.get("fault", ()), *case.faults(joints)]}
-            pairs += [(part, case, own) for part in prepare(own)]
-    for part, case, own in pairs:
+            changes = {"fault": [*terms.options.get("fault", ()), *case.faults(joints)]}
+            pairs += [(part, case, changes) for part in prepare(changes)]
+    for part, case, changes in pairs:
         if (values := case.resolve_start_values(part)) is not None:
             common = {} if terms.reserves is None else reserve_values(part, terms.reserves)
-            yield part, case, {**own, "set": {**values, **common}}
+            yield part, case, {**changes, "set": {**values, **common}}
 
 
-def _joints(part: Preparation) -> list[str]:
+def _list_joints(part: Preparation) -> list[str]:
     return find_joints(part.system)
 
 
@@ -226,19 +227,19 @@ def find_independent_subsystems(prepared: Preparation) -> list[Preparation]:
     branch = {c.name: c.branch for c in system.components}
     graph.add_nodes_from(branch.values())
     graph.add_edges_from((branch[x.source], branch[x.target]) for x in system.connections)
-    found = list(networkx.connected_components(graph))
-    return [prepared] if len(found) == 1 else [_make_subsystem(prepared, branches) for branches in found]
+    groups = list(networkx.connected_components(graph))
+    return [prepared] if len(groups) == 1 else [_make_subsystem(prepared, branches) for branches in groups]
 
 
 def _make_subsystem(prepared: Preparation, branches: set[str]) -> Preparation:
     system = prepared.system
     components = tuple(c for c in system.components if c.branch in branches)
     names = {c.name for c in components}
-    others = {c.name for c in system.components} - names
+    removed = {c.name for c in system.components} - names
     bonds = {name: bond for name, bond in system.bonds.items() if system.split(bond.effort)[0].name in names}
     fmus = {name: sha for name, sha in prepared.fmus.items() if name in names}
     layers = [
-        {name: _remove_components(value, others) for name, value in layer.items()}
+        {name: _remove_components(value, removed) for name, value in layer.items()}
         for layer in prepared.options.resolution.layers
     ]
     return replace(
@@ -246,7 +247,7 @@ def _make_subsystem(prepared: Preparation, branches: set[str]) -> Preparation:
         system=System(components, tuple(x for x in system.connections if x.source in names), bonds),
         options=replace(prepared.options, resolution=resolve(layers)),
         fmus=fmus,
-        interfaces={name: one for name, one in prepared.interfaces.items() if name in names},
+        interfaces={name: interface for name, interface in prepared.interfaces.items() if name in names},
         files={sha: path for sha, path in prepared.files.items() if sha in fmus.values()},
     )
 
@@ -254,7 +255,7 @@ def _make_subsystem(prepared: Preparation, branches: set[str]) -> Preparation:
 def _remove_components(value: Any, components: set[str]) -> Any:
     """Return the value of an option without the components that it names."""
     if isinstance(value, Mapping):
-        return {name: one for name, one in value.items() if name not in components}
+        return {name: x for name, x in value.items() if name not in components}
     if isinstance(value, Sequence) and not isinstance(value, str):
-        return [one for one in value if one not in components]
+        return [x for x in value if x not in components]
     return value

@@ -1,4 +1,4 @@
-"""What a comparison writes and shows: lost joints, tables, pictures of all controllers, and equal terms."""
+"""The report of a comparison: joints that are not held, tables, pictures, and equal terms."""
 
 import shlex
 from typing import Any
@@ -12,7 +12,7 @@ from .pictures import MOTION, PICTURES
 from .result import CompareResult
 from .tables import describe_lost_joints
 
-_MOST_LOST = 12
+_MAX_FAILURES = 12
 """Most joints that were not held to show in the terminal; the files have all of them."""
 
 
@@ -28,16 +28,16 @@ def build_report(result: CompareResult) -> Report:
     ]
     if result.motions:
         sections.insert(1, Section("Motion and load", pictures=motion))
-    if lost := describe_lost_joints(result):
+    if failures := describe_lost_joints(result):
         count = Text(f"Not held: {result.lost.height} of {result.rows.height}.", is_failure=True)
-        sections.insert(0, Section("Joints that are not held", [count, *lost], most=1 + _MOST_LOST))
+        sections.insert(0, Section("Joints that are not held", [count, *failures], most=1 + _MAX_FAILURES))
     if not result.complete:
         facts.append("interrupted")
     return Report("Comparison", result.name, facts, sections)
 
 
-def _record(result: CompareResult) -> dict[str, Any]:
-    """Return what repeats the comparison: versions, options, systems, and the start values of each run."""
+def _build_record(result: CompareResult) -> dict[str, Any]:
+    """Return the record: versions, options, systems, and the start values of each run."""
     plan = result.plan
     assert plan is not None
     return {
@@ -60,8 +60,8 @@ def _record(result: CompareResult) -> dict[str, Any]:
                 "gains": run.controller_variant.gains,
                 "seed": run.seed,
                 "system": run.group,
-                "set": to_plain(run.own["set"]),
-                "fault": [str(fault) for fault in run.own.get("fault", ())],
+                "set": to_plain(run.changes["set"]),
+                "fault": [str(fault) for fault in run.changes.get("fault", ())],
                 "command": shlex.join(command) if (command := plan.command(number)) else None,
             }
             for number, run in enumerate(plan.runs)
@@ -72,7 +72,7 @@ def _record(result: CompareResult) -> dict[str, Any]:
 OUTPUTS = Outputs[CompareResult](
     what="comparison",
     name="compare",
-    record=_record,
+    record=_build_record,
     record_file="comparison.json",
     tables={
         "comparison.csv": lambda result: result.rows.write_csv(),

@@ -122,8 +122,8 @@ class CompareResult(ReportedResult):
 
         tables = "\n".join(grid.markdown() for grid in self.grids)
         lines = "".join(f"- {line}\n" for line in describe_lost_joints(self))
-        lost = f"\nNot held:\n\n{lines}" if lines else ""
-        return tables + lost + "".join(f"\n{note}\n" for note in self.notes)
+        failures = f"\nNot held:\n\n{lines}" if lines else ""
+        return tables + failures + "".join(f"\n{note}\n" for note in self.notes)
 
     def figures(self) -> "dict[str, Figure]":
         """Return the pictures by name, as matplotlib figures."""
@@ -134,7 +134,7 @@ class CompareResult(ReportedResult):
 
 def choose_displays(rows: Sequence[Row]) -> Mapping[str, MetricDisplay]:
     """Return how to show figures: those of screws are called so beside loads that are not rigid."""
-    return SHOWN | {shown.name: shown for shown in SHOWN_WITH_LOAD if _has_load(rows)}
+    return SHOWN | {display.name: display for display in SHOWN_WITH_LOAD if _has_load(rows)}
 
 
 def choose_position_error(rows: Sequence[Row]) -> MetricDisplay:

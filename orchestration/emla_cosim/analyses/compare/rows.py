@@ -1,4 +1,4 @@
-"""What is measured of each compared run, and the rows with its outcome."""
+"""The measures of each compared run, and the rows with its outcome."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -73,15 +73,15 @@ def _measure_motion(result: Result, joint: str, reference: str) -> dict[str, Any
         return {}
     speed = np.abs(np.gradient(signals[reference], time))
     k = int(np.argmax(speed))
-    every = -(-len(time) // _POINTS)
+    stride = -(-len(time) // _POINTS)
     return {
         LARGEST_SPEED: float(speed[k]),
         FASTEST_AT: float(time[k]),
-        MOTION: {name: signals[full_name][::every].tolist() for name, full_name in names.items()},
+        MOTION: {name: signals[full_name][::stride].tolist() for name, full_name in names.items()},
     }
 
 
-FIGURES_ALONE = JointMeasures()
+FIGURES_ONLY = JointMeasures()
 """Figures only."""
 
 WITH_ERRORS = JointMeasures(signals=["errors"], read=list_role_patterns("x_L", "x_load", "x_c", "x_s", "F_L"))

@@ -24,7 +24,7 @@ from .margins import add_margins, measure_margins
 from .plan import ComparisonPlan, ComparisonTerms, plan_runs
 from .report import OUTPUTS
 from .result import MARGINS, PAPER, ROBUSTNESS, STABILITY, TABLES, CompareResult
-from .rows import FIGURES_ALONE, WITH_ERRORS, build_rows, collect_motions
+from .rows import FIGURES_ONLY, WITH_ERRORS, build_rows, collect_motions
 from .statistics import FEWEST_SEEDS
 from .terms import parse_reserves
 
@@ -100,8 +100,8 @@ def compare(
     if seeds is None:
         seeds = 0 if table == STABILITY else SEEDS
     all_sets = [ALL] if table == PAPER and gains is None else gains
-    also = ROBUSTNESS_SETS if table == ROBUSTNESS else ()
-    chosen = select_variants(controllers, all_sets, also, _preferred_set(str(scenario), overrides))
+    further = ROBUSTNESS_SETS if table == ROBUSTNESS else ()
+    variants = select_variants(controllers, all_sets, further, _prefer_set(str(scenario), overrides))
     session = Session(
         OUTPUTS,
         output=output,
@@ -115,9 +115,9 @@ def compare(
     if table == STABILITY:
         overrides = {"stop_time": stability_stop_time(), **overrides}
     terms = ComparisonTerms(seeds, parse_reserves(reserves), overrides, ALL in (all_sets or ()))
-    scenarios, cases = _scenarios(str(scenario), table), _cases(table, resolution)
+    scenarios, cases = _choose_scenarios(str(scenario), table), _choose_cases(table, resolution)
     with session.with_workers():
-        plan = plan_runs(scenarios, chosen, cases, terms, session.progress)
+        plan = plan_runs(scenarios, variants, cases, terms, session.progress)
         session.check_unread([group.read for group in plan.groups])
         result = _run(plan, Path(scenario).stem, table, session)
         session.keep(result)
@@ -129,18 +129,18 @@ def _run(
 ) -> CompareResult:
     """Run all planned runs, or those that end before an interrupt."""
     progress, margins = session.progress, None
-    measures = FIGURES_ALONE if table in (ROBUSTNESS, STABILITY) else WITH_ERRORS
+    measures = FIGURES_ONLY if table in (ROBUSTNESS, STABILITY) else WITH_ERRORS
     with session.open_runs(plan.groups) as runs:
         for group in {run.scenario: run.group for run in reversed(plan.runs)}.values():
             runs.describe(group)  # raises the error that prevents every run
         progress.begin("comparing", len(plan.runs), "runs")
-        began = time.monotonic()
+        start = time.monotonic()
         outcomes = runs.run(plan.jobs, measures, lambda chunk: progress.advance(len(chunk.outcomes)))
         ended, complete = outcomes.by_job, outcomes.complete
         if table == MARGINS:
             margins = measure_margins(plan, ended, runs.interrupted, progress)
             complete = complete and not runs.interrupted()
-        wall_s = time.monotonic() - began
+        wall_s = time.monotonic() - start
     if ended and all(outcome.status == REFUSED for outcome in ended.values()):
         raise RunError(str(next(iter(ended.values())).problem))
     compared = list(dict.fromkeys(run.controller_variant for run in plan.runs))
@@ -167,23 +167,23 @@ def _check(table: str | None, resolution: int | None, seeds: int | None, options
         check_choice("table", table, TABLES)
     if resolution is not None and table != STABILITY:
         raise CommandError(f"only the table {STABILITY} has a resolution; remove the option.")
-    for value, what, least, most in (
+    for value, noun, low, high in (
         (resolution, "the resolution of the map", 2, 100),
         (seeds, "the number of seeds", 0, 1000),
     ):
-        if value is not None and not least <= convert_value(value, int, what) <= most:
-            raise CommandError(f"{what} is {value}; it must be from {least} to {most}.")
-    allowed = {name for name, one in list_options(COMPARE).items() if one.stage != SHOWING}
+        if value is not None and not low <= convert_value(value, int, noun) <= high:
+            raise CommandError(f"{noun} is {value}; it must be from {low} to {high}.")
+    allowed = {name for name, option in list_options(COMPARE).items() if option.stage != SHOWING}
     if wrong := [name for name in options if name in list_options() and name not in allowed]:
         raise CommandError(f"comparisons do not support the option {wrong[0]}; remove it.")
 
 
-def _preferred_set(scenario: str, options: Mapping[str, Any]) -> str | None:
+def _prefer_set(scenario: str, options: Mapping[str, Any]) -> str | None:
     """Return the set of gains for loads that are not rigid if it is that of the scenario."""
     return COMPLIANT if load(scenario, **options).options.gains == COMPLIANT else None
 
 
-def _scenarios(scenario: str, table: str | None) -> list[str]:
+def _choose_scenarios(scenario: str, table: str | None) -> list[str]:
     """Return the scenarios to run; raise CommandError for a scenario that is not in the paper's tables."""
     if table != PAPER:
         return [scenario]
@@ -194,7 +194,7 @@ def _scenarios(scenario: str, table: str | None) -> list[str]:
     return [s for s in printed if s in SCENARIOS]
 
 
-def _cases(table: str | None, resolution: int | None) -> list[ComparisonCase]:
+def _choose_cases(table: str | None, resolution: int | None) -> list[ComparisonCase]:
     if table == ROBUSTNESS:
         return robustness_cases()
     if table == STABILITY:

@@ -1,4 +1,4 @@
-"""Statistics over seeds: means and spreads, winners seed by seed, and what is not equal."""
+"""Statistics over seeds: means and spreads, winners seed by seed, and unequal terms."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -29,7 +29,7 @@ LEVEL = 0.05
 FEWEST_SEEDS = math.ceil(1.0 - math.log2(LEVEL))
 """Smallest number of seeds with which a winner can be significant: winning all of n has 2 / 2^n by chance."""
 
-_EFFORT, _MORE = "torque_effort_N_m", 1.05
+_EFFORT, _MAX_RATIO = "torque_effort_N_m", 1.05
 """The figure of torque effort, and the ratio from which it is not equal: 5 %, about the spread of tilt."""
 
 
@@ -45,7 +45,7 @@ class SeedStatistics:
         return all(row[HELD] for row in self.rows)
 
     @property
-    def lost(self) -> list[Row]:
+    def failures(self) -> list[Row]:
         """The runs in which the joint was not held."""
         return [row for row in self.rows if not row[HELD]]
 
@@ -139,9 +139,9 @@ def fewest_wins(seeds: int) -> int | None:
     return next((wins for wins in range(seeds // 2, seeds + 1) if is_significant(wins, seeds)), None)
 
 
-def _is_below(value: float, other: float, figure: MetricDisplay) -> bool:
+def _is_below(value: float, limit: float, figure: MetricDisplay) -> bool:
     """Return whether a figure is below another one by at least a unit of the last digit that tables show."""
-    a, b = figure.factor * value, figure.factor * other
+    a, b = figure.factor * value, figure.factor * limit
     last_digit = min(1.0, 10.0 ** (math.floor(math.log10(abs(b))) - 2)) if b else 0.0  # as `format_rounded`
     return b > a and b - a >= (1.0 - 1e-9) * last_digit
 
@@ -173,8 +173,8 @@ def format_mean(summary: SeedStatistics, figure: MetricDisplay) -> str:
 
 def format_lost(summary: SeedStatistics, figure: MetricDisplay) -> str:
     """Return a text for joints that were not held: in how many runs, and the largest value of a figure."""
-    of = "" if len(summary.rows) == 1 else f" in {len(summary.lost)} of {len(summary.rows)}"
-    largest = max((row[figure.name] for row in summary.lost if _is_known(row[figure.name])), default=None)
+    of = "" if len(summary.rows) == 1 else f" in {len(summary.failures)} of {len(summary.rows)}"
+    largest = max((row[figure.name] for row in summary.failures if _is_known(row[figure.name])), default=None)
     return f"not held{of}" + ("" if largest is None else f" ({format_rounded(figure.factor * largest)})")
 
 
@@ -208,16 +208,16 @@ def _describe_winners(rows: Sequence[Row]) -> list[str]:
 
 
 def describe_confidence(rows: Sequence[Row]) -> list[str]:
-    """Return what the drawn seeds say about all others; empty if no joint ran with several seeds."""
+    """Return what the drawn seeds imply for all seeds; empty if no joint ran with several seeds."""
     drawn = [row for row in rows if row[RANDOM] and row[SEED] is not None]
     groups = group_rows(drawn, *LABELS).values()
     counts = {(sum(not row[HELD] for row in runs), len(runs)) for runs in groups if len(runs) > 1}
-    shares = "; ".join(describe_share(lost, total, "not held") for lost, total in sorted(counts))
+    shares = "; ".join(describe_share(count, total, "not held") for count, total in sorted(counts))
     return [f"For a joint with one controller, of all seeds that could be drawn: {shares}."] if shares else []
 
 
 def describe_inequality(rows: Sequence[Row]) -> list[str]:
-    """Return what differs between the controllers beside their gains; empty for equal terms."""
+    """Return the differences between the controllers beside their gains; empty for equal terms."""
     observers, reserves, effort = dict[str, list[str]](), list[str](), list[str]()
     for (joint,), of_joint in group_rows(rows, "joint").items():
         by_observer = group_rows(of_joint, OBSERVER)
@@ -246,8 +246,8 @@ def _describe_effort(joint: str, variants: Mapping[str, SeedStatistics]) -> Iter
     if ranking is None or not ranking.is_winner or not (effort := variants[ranking.best].mean(_EFFORT)):
         return
     efforts = {name: summary.mean(_EFFORT) for name, summary in variants.items() if summary.is_held}
-    ratios = {name: effort / other for name, other in efforts.items() if other}
-    more = [f"{name} ({100.0 * (ratio - 1.0):.0f} %)" for name, ratio in ratios.items() if ratio > _MORE]
+    ratios = {name: effort / reference for name, reference in efforts.items() if reference}
+    more = [f"{name} ({100.0 * (ratio - 1.0):.0f} %)" for name, ratio in ratios.items() if ratio > _MAX_RATIO]
     if more:
         yield (
             f"{ranking.best} wins the {error.label} of {joint} with more torque effort than "

@@ -34,7 +34,7 @@ class HeldOutSeeds:
 
     def __init__(self, count: int) -> None:
         self._without = list_tuning_seeds()
-        self.drawn = draw_seeds(_ENTROPY, count, self._without)
+        self.seeds = draw_seeds(_ENTROPY, count, self._without)
 
     def values(self, names: Sequence[str], seed: int) -> dict[str, Value]:
         """Return the start values of the random sequences for one held-out seed, by full name.
@@ -103,7 +103,7 @@ def reserve_values(prepared: Preparation, reserves: Reserves) -> dict[str, Value
     parts = {CURRENT: reserves.current, VOLTAGE: reserves.voltage}
     return {
         f"{controller}.{name}": float(part)
-        for controller in _controllers(prepared)
+        for controller in _list_controllers(prepared)
         for name, part in parts.items()
         if name in prepared.interfaces[controller].variables and part is not None
     }
@@ -112,11 +112,11 @@ def reserve_values(prepared: Preparation, reserves: Reserves) -> dict[str, Value
 def describe_reserves(prepared: Preparation, values: Mapping[str, Value]) -> str:
     """Return the reserves of the controllers of a system as text; `values` has start values of the run."""
     value = read_start_values(prepared, values)
-    reserves = (_read_reserves(controller, value) for controller in _controllers(prepared))
+    reserves = (_read_reserves(controller, value) for controller in _list_controllers(prepared))
     return ", ".join(dict.fromkeys(str(each or "not stated") for each in reserves))
 
 
-def _controllers(prepared: Preparation) -> list[str]:
+def _list_controllers(prepared: Preparation) -> list[str]:
     return [c.name for c in prepared.system.components if c.name.rpartition(".")[2] == "controller"]
 
 
@@ -160,6 +160,6 @@ def find_equal_gains(
                 observers = [c.parameters for c in components if c.name.endswith(".observer")]
                 rules = tuple(describe_observer(parameters.get) for parameters in observers)
                 by_observers[-1].setdefault(rules, ControllerVariant(controller, gains))
-    first, *others = by_observers
-    shared = next((rules for rules in first if all(rules in sets for sets in others)), None)
+    first, *remaining = by_observers
+    shared = next((rules for rules in first if all(rules in sets for sets in remaining)), None)
     return [] if shared is None else [sets[shared] for sets in by_observers]

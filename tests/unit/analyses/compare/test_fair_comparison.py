@@ -65,9 +65,9 @@ def test_comparison_seeds_differ_from_tuning_seeds() -> None:
         used |= {int(random.integers(1, 2**31 - 2)) for _ in range(plan["training"] + plan["validation"])}
     assert len(used) == 5 and used == list_tuning_seeds()
     many, few = HeldOutSeeds(200), HeldOutSeeds(5)
-    assert len(set(many.drawn)) == 200 and not used & set(many.drawn) and many.drawn[:5] == few.drawn
+    assert len(set(many.seeds)) == 200 and not used & set(many.seeds) and many.seeds[:5] == few.seeds
     names = [f"{joint}.plant.sensor.seed" for joint in ("lift", "tilt")]
-    values = [few.values(names, seed)[name] for seed in few.drawn for name in names]
+    values = [few.values(names, seed)[name] for seed in few.seeds for name in names]
     assert len(set(values)) == 10 and not used & set(values)
 
 
@@ -102,7 +102,7 @@ def compared(
 
 def test_joints_without_noise_run_once(compared: ec.CompareResult) -> None:
     assert compared.entrants == ["rsba/damped", "foc/damped"]
-    seeds = HeldOutSeeds(3).drawn
+    seeds = HeldOutSeeds(3).seeds
     for joint, controller in itertools.product(("lift", "tilt", "telescope"), ("rsba", "foc")):
         found = compared.rows.filter(joint=joint, controller=controller)
         assert found["seed"].to_list() == (seeds if joint == "tilt" else [None])
@@ -115,7 +115,7 @@ def test_controllers_get_the_same_random_sequences(compared: ec.CompareResult, f
     runs = json.loads((compared.folder / "comparison.json").read_text())["runs"]
     sets = {(r["controller"], r["seed"]): r["set"] for r in runs if r["joints"] == ["tilt"]}
     assert len(sets) == 6
-    assert all(sets["rsba", seed] == sets["foc", seed] for seed in HeldOutSeeds(3).drawn)
+    assert all(sets["rsba", seed] == sets["foc", seed] for seed in HeldOutSeeds(3).seeds)
     run = next(r for r in runs if r["joints"] == ["tilt"] and r["controller"] == "foc")
     scenario = load("tilt", controller="foc", gains="damped", set=run["set"], stop_time=0.4, fmus=fmu_folder)
     alone = scenario.prepare().run().metrics["joints"]["tilt"]
