@@ -15,22 +15,22 @@ _CHUNK_S = 1.0
 _CHUNK_S_PER_THREAD = 0.02
 """The same for each thread, so that this process can keep up with collecting chunks."""
 
-_SHARE = 3
+_MIN_CHUNKS_PER_THREAD = 3
 """A chunk has at most 1 / _SHARE of a thread's part of the rest, so that all threads end together."""
 
-_SHORTEST_S = 0.1
+_MIN_CHUNK_S = 0.1
 """Least duration of a chunk in s, also near the end."""
 
 _OVERRUN = 2.0
 """Factor of its expected duration after which a chunk comes back with what it has."""
 
-_AHEAD = 6
+_CHUNKS_AHEAD = 6
 """Chunks to submit for each thread: threads never wait, and adaptive clusters see that more would help."""
 
-_SPARE = 4
+_SPARE_VARIANTS = 4
 """Variants to submit beyond one for each thread while their duration is unknown, for the same reason."""
 
-_TRIES = 2
+_MAX_TRIES = 2
 """Number of processes, or of workers, that a variant may end."""
 
 
@@ -41,14 +41,14 @@ class WorkPackage:
     Attributes:
         group: Position of their preparation.
         variants: Their numbers.
-        suspect: Whether their worker was lost; there is one variant then.
-        alone: Whether the variant needs a process that runs no other: one may have ended for it.
+        is_suspect: Whether their worker was lost; there is one variant then.
+        is_exclusive: Whether the variant needs a process that runs no other: one may have ended for it.
     """
 
     group: int
     variants: Sequence[int]
-    suspect: bool = False
-    alone: bool = False
+    is_suspect: bool = False
+    is_exclusive: bool = False
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class ChunkRequest:
         has_signals: Whether signals are kept.
         seconds: Time in s after which no further variant begins.
         timeout: Longest time of a variant in s; None without a limit.
-        alone: Whether a process runs these variants and no others.
+        is_exclusive: Whether a process runs these variants and no others.
     """
 
     group: int
@@ -71,12 +71,12 @@ class ChunkRequest:
     has_signals: bool
     seconds: float
     timeout: float | None
-    alone: bool = False
+    is_exclusive: bool = False
 
 
 @dataclass(frozen=True)
 class ChunkAnswer:
-    """What came out of a chunk. The variants without outcome did not run.
+    """The outcomes of a chunk. Variants without an outcome did not run.
 
     Attributes:
         outcomes: Outcomes, each pickled, in the order of the variants.
@@ -105,10 +105,10 @@ class ChunkQueue:
     def __init__(self, work: Sequence[WorkPackage], most: int, timeouts: Sequence[float | None] = ()) -> None:
         self._waiting = deque(work)
         self._suspects = deque[WorkPackage]()
-        self._left = sum(len(w.variants) for w in work)
-        self._most, self._timeouts = most, timeouts
+        self._remaining = sum(len(w.variants) for w in work)
+        self._max_length, self._timeouts = most, timeouts
         self._seconds: dict[int, float] = {}
-        self._ended, self._lost = Counter[int](), Counter[int]()
+        self._end_counts, self._loss_counts = Counter[int](), Counter[int]()
 
     def __bool__(self) -> bool:
         return bool(self._waiting or self._suspects)
@@ -130,9 +130,9 @@ class ChunkQueue:
             return bool(self._suspects) and not flying
         group = self._waiting[0].group
         if group not in self._seconds:
-            return flying < threads + _SPARE
-        is_whole = self._chunk_length(group, threads) <= self._fair(threads)
-        return flying < (_AHEAD * threads if is_whole else threads)
+            return flying < threads + _SPARE_VARIANTS
+        is_whole = self._find_length(group, threads) <= self._find_fair_length(threads)
+        return flying < (_CHUNKS_AHEAD * threads if is_whole else threads)
 
     def next(self, threads: int) -> tuple[WorkPackage, float]:
         """Return the variants to run next, and the time in s after which they come back."""
@@ -140,28 +140,28 @@ class ChunkQueue:
         if not self._waiting:
             return self._suspects.popleft(), _OVERRUN * _CHUNK_S
         first = self._waiting.popleft()
-        count = self._count(first.group, threads)
+        count = self._choose_length(first.group, threads)
         chunk = replace(first, variants=first.variants[:count])
-        self._left -= len(chunk.variants)
+        self._remaining -= len(chunk.variants)
         if rest := first.variants[count:]:
             self._waiting.appendleft(WorkPackage(first.group, rest))
         expected = count * self._seconds[first.group] if first.group in self._seconds else _CHUNK_S
-        return chunk, _OVERRUN * max(expected, _SHORTEST_S)
+        return chunk, _OVERRUN * max(expected, _MIN_CHUNK_S)
 
-    def _count(self, group: int, threads: int) -> int:
+    def _choose_length(self, group: int, threads: int) -> int:
         """Return the number of variants of a chunk; 1 while their duration is unknown."""
         if group not in self._seconds:
             return 1
-        fair = max(self._fair(threads), int(_SHORTEST_S / self._each(group)))
-        return max(min(self._chunk_length(group, threads), fair, self._most), 1)
+        fair = max(self._find_fair_length(threads), int(_MIN_CHUNK_S / self._find_duration(group)))
+        return max(min(self._find_length(group, threads), fair, self._max_length), 1)
 
-    def _chunk_length(self, group: int, threads: int) -> int:
-        return int(max(_CHUNK_S, _CHUNK_S_PER_THREAD * threads) / self._each(group))
+    def _find_length(self, group: int, threads: int) -> int:
+        return int(max(_CHUNK_S, _CHUNK_S_PER_THREAD * threads) / self._find_duration(group))
 
-    def _fair(self, threads: int) -> int:
-        return math.ceil(self._left / (_SHARE * threads))
+    def _find_fair_length(self, threads: int) -> int:
+        return math.ceil(self._remaining / (_MIN_CHUNKS_PER_THREAD * threads))
 
-    def _each(self, group: int) -> float:
+    def _find_duration(self, group: int) -> float:
         return max(self._seconds[group], 1e-6)
 
     def take_answer(self, chunk: WorkPackage, answer: ChunkAnswer) -> list[Chunk]:
@@ -172,46 +172,46 @@ class ChunkQueue:
         """
         outcomes = [cast(VariantOutcome, pickle.loads(outcome)) for outcome in answer.outcomes]
         if outcomes:
-            each = answer.wall_s / len(outcomes)
-            self._seconds[chunk.group] = 0.5 * (self._seconds.get(chunk.group, each) + each)
-        ran = {outcome.number for outcome in outcomes}
+            duration = answer.wall_s / len(outcomes)
+            self._seconds[chunk.group] = 0.5 * (self._seconds.get(chunk.group, duration) + duration)
+        done_numbers = {outcome.number for outcome in outcomes}
         if answer.timed_out is not None:
             limit = self._timeouts[chunk.group] or 0.0
             reason = f"it took more than {limit:g} s; see --timeout."
             outcomes.append(VariantOutcome(answer.timed_out, TIMED_OUT, reason))
-            ran.add(answer.timed_out)
+            done_numbers.add(answer.timed_out)
         if answer.ended is not None:
-            number, how = answer.ended
-            ran.add(number)
-            self._ended[number] += 1
-            if (times := self._ended[number]) >= _TRIES:
+            number, cause = answer.ended
+            done_numbers.add(number)
+            self._end_counts[number] += 1
+            if (times := self._end_counts[number]) >= _MAX_TRIES:
                 reason = (
-                    f"its process ended {times} times ({how}): an FMU crashed it, or it ran out of memory."
+                    f"its process ended {times} times ({cause}): an FMU crashed it, or it ran out of memory."
                 )
                 outcomes.append(VariantOutcome(number, DIED, reason))
             else:
-                self._wait(WorkPackage(chunk.group, [number], alone=True), first=False)
+                self._put_back(WorkPackage(chunk.group, [number], is_exclusive=True), first=False)
             before = chunk.variants[: chunk.variants.index(number)][-1:]
-            if not ran.issuperset(before):  # its signals are lost; else it could end the process of another
-                ran.update(before)
-                self._wait(WorkPackage(chunk.group, before, alone=True), first=False)
-        if rest := [number for number in chunk.variants if number not in ran]:
-            self._wait(WorkPackage(chunk.group, rest), first=True)
+            if not done_numbers.issuperset(before):  # its signals are lost; it could end another process, too
+                done_numbers.update(before)
+                self._put_back(WorkPackage(chunk.group, before, is_exclusive=True), first=False)
+        if rest := [number for number in chunk.variants if number not in done_numbers]:
+            self._put_back(WorkPackage(chunk.group, rest), first=True)
         return [Chunk(outcomes, answer.series)] if outcomes else []
 
     def take_loss(self, chunk: WorkPackage, workers: int) -> list[Chunk]:
         """Return the results of a chunk that lost its workers: none, unless one variant is to blame."""
-        if not chunk.suspect:
-            self._suspects.extend(WorkPackage(chunk.group, [n], suspect=True) for n in chunk.variants)
+        if not chunk.is_suspect:
+            self._suspects.extend(WorkPackage(chunk.group, [n], is_suspect=True) for n in chunk.variants)
             return []
         number = chunk.variants[0]
-        self._lost[number] += workers
-        if (times := self._lost[number]) < _TRIES:
+        self._loss_counts[number] += workers
+        if (times := self._loss_counts[number]) < _MAX_TRIES:
             self._suspects.append(chunk)
             return []
         reason = f"its worker ended {times} times: it ran out of memory, or its machine was lost."
         return [Chunk([VariantOutcome(number, DIED, reason)])]
 
-    def _wait(self, package: WorkPackage, first: bool) -> None:
+    def _put_back(self, package: WorkPackage, first: bool) -> None:
         (self._waiting.appendleft if first else self._waiting.append)(package)
-        self._left += len(package.variants)
+        self._remaining += len(package.variants)

@@ -25,13 +25,13 @@ from .worker_payload import WorkerPayload
 _CONNECT_S = 15.0
 """Seconds to wait for an answer of a scheduler."""
 
-_QUIET_S = 1.0
-"""Seconds without workers after which a note says what is waited for."""
+_REPORT_DELAY_S = 1.0
+"""Seconds without workers after which a note reports this."""
 
-_LOOK_S = 0.2
+_LOOK_INTERVAL_S = 0.2
 """Seconds between two looks at the number of workers."""
 
-_GONE = (CommClosedError, OSError, CancelledError, TimeoutError)
+_CONNECTION_ERRORS = (CommClosedError, OSError, CancelledError, TimeoutError)
 """Exceptions if no scheduler answers."""
 
 
@@ -48,7 +48,8 @@ class DaskWorkers:
         self._client, self._key, self._patience = client, payload.key, payload.patience
         self._report, self._address = report, str(cast(Any, client.scheduler).addr)
         self._calls = itertools.count()
-        self._known, self._looked, self._seen, self._reported = 0, -math.inf, time.monotonic(), False
+        self._thread_count, self._last_look = 0, -math.inf
+        self._last_worker, self._is_reported = time.monotonic(), False
         self.slow = SimpleQueue[tuple[int, float]]()
 
     def load(self, payload: WorkerPayload) -> None:
@@ -61,24 +62,24 @@ class DaskWorkers:
     def threads(self) -> int:
         """Return how many chunks can run at once. Raise RunError if there were none for too long."""
         now = time.monotonic()
-        if now - self._looked < _LOOK_S:
-            return self._known
+        if now - self._last_look < _LOOK_INTERVAL_S:
+            return self._thread_count
         threads: Any = self._client.nthreads()
-        self._known, self._looked = sum(dict(threads).values()), now
-        if self._known:
-            self._seen, self._reported = now, False
-        elif now - self._seen > self._patience:
+        self._thread_count, self._last_look = sum(dict(threads).values()), now
+        if self._thread_count:
+            self._last_worker, self._is_reported = now, False
+        elif now - self._last_worker > self._patience:
             raise RunError(
                 f"the scheduler at {self._address} had no workers for {self._patience:g} s; start workers, "
                 "or wait longer with --patience."
             )
-        elif not self._reported and now - self._seen > _QUIET_S:
-            self._reported = True
+        elif not self._is_reported and now - self._last_worker > _REPORT_DELAY_S:
+            self._is_reported = True
             self._report(
                 f"Waiting for workers: the scheduler at {self._address} has none. --patience limits the time "
                 f"to {self._patience:g} s."
             )
-        return self._known
+        return self._thread_count
 
     def submit(self, method: str, argument: Any) -> Future:
         """Call a method of the host of a worker."""
@@ -99,7 +100,7 @@ class DaskWorkers:
 
     def explain(self, error: Exception) -> RunError | None:
         """Return the message on an exception that concerns all variants; None for any other."""
-        if isinstance(error, _GONE):
+        if isinstance(error, _CONNECTION_ERRORS):
             return RunError(f"the scheduler at {self._address} does not answer: {first_line(error)}.")
         if isinstance(error, UNFIT):
             return RunError(
@@ -118,12 +119,12 @@ class DaskWorkers:
             self._client.unregister_scheduler_plugin(self._key)
 
 
-def _make_plugin(key: str, needed: str, files: Mapping[str, bytes], content: bytes) -> WorkerPlugin:
+def _make_plugin(key: str, required: str, files: Mapping[str, bytes], content: bytes) -> WorkerPlugin:
     """Return what prepares a worker for an analysis.
 
     Args:
         key: Name of the analysis.
-        needed: The version of emla-cosim that workers need.
+        required: The version of emla-cosim that workers need.
         files: See `WorkerPayload`.
         content: See `WorkerPayload`.
     """
@@ -141,9 +142,9 @@ def _make_plugin(key: str, needed: str, files: Mapping[str, bytes], content: byt
                 from emla_cosim.analyses.execution.variant_host import VariantHost
                 from emla_cosim.base.errors import CommandError
 
-                if (there := version("emla-cosim")) != needed:
+                if (there := version("emla-cosim")) != required:
                     raise CommandError(
-                        f"the worker {worker.address} has emla-cosim {there}, not {needed}; install that."
+                        f"the worker {worker.address} has emla-cosim {there}, not {required}; install that."
                     )
                 # Dask removes its folder even if the worker is killed
                 self.folder = Path(mkdtemp(prefix="emla-variants-", dir=worker.local_directory)).resolve()

@@ -35,19 +35,19 @@ Scheduler: TypeAlias = Union[str, "Client", VariantHost, None]
 Task: TypeAlias = Any
 """A call that has been submitted: a future of Python's or of Dask's."""
 
-_MOST_BYTES = 64 * 2**20
+_MAX_BYTES = 64 * 2**20
 """Largest size of the signals of a chunk in bytes."""
 
 _SLOW = 5.0
 """A variant is slow if it takes this multiple of the average."""
 
-_NOTE_S = 10.0
+_NOTE_INTERVAL_S = 10.0
 """Least time in s between two notes on slow variants."""
 
-_NAMED = 3
+_MAX_NAMES = 3
 """Most slow variants that a note names."""
 
-_POLL = 0.2
+_POLL_S = 0.2
 """Seconds between two checks for an interruption."""
 
 
@@ -56,7 +56,7 @@ UNFIT = (ImportError, AttributeError, RuntimeError)
 
 
 class WorkersLostError(Exception):
-    """So many workers, the argument, were lost with a chunk, which no other worker gets."""
+    """A chunk is not sent again: the argument is the number of workers that were lost with it."""
 
 
 class LocalWorkers:
@@ -121,11 +121,11 @@ class Executor:
                     self._workers.threads()
                     if interrupted():
                         raise RunError("interrupted before the first run.")
-                    time.sleep(_POLL / 40)
+                    time.sleep(_POLL_S / 40)
                 return pickle.loads(self._workers.answer(task))
             except WorkersLostError as error:
                 raise RunError(
-                    "the worker that prepares the scenario ended: memory ran out, or its machine is lost."
+                    "the worker that prepares the scenario ended: out of memory, or its machine was lost."
                 ) from error
             except Exception as error:
                 if isinstance(error, CosimError) or self._workers.explain(error) is not None:
@@ -158,7 +158,7 @@ class Executor:
         Raises:
             RunError: The cluster is lost.
         """
-        chunks = ChunkQueue(work, max(_MOST_BYTES // max(bytes_each, 1), 1), self._timeouts)
+        chunks = ChunkQueue(work, max(_MAX_BYTES // max(bytes_each, 1), 1), self._timeouts)
         ended, tasks = SimpleQueue[Task](), dict[Task, WorkPackage]()
 
         def submit() -> None:
@@ -171,7 +171,7 @@ class Executor:
                     bool(measures.signals),
                     seconds,
                     self._timeouts[chunk.group],
-                    chunk.alone or chunk.suspect,
+                    chunk.is_exclusive or chunk.is_suspect,
                 )
                 task = self._workers.submit("run", request)
                 tasks[task] = chunk
@@ -179,7 +179,7 @@ class Executor:
 
         def collect() -> list[Chunk]:
             try:
-                task = ended.get(timeout=_POLL)
+                task = ended.get(timeout=_POLL_S)
             except Empty:  # a callback is lost where memory for its thread is missing
                 task = next((t for t in tasks if t.done()), None)
             if task is None or task not in tasks:
@@ -236,10 +236,10 @@ class _SlowVariants:
         slow = [n for n in sorted(running & self._seconds.keys()) if self._seconds[n] > _SLOW * average_s]
         if not slow:
             return None
-        self._next_note = now + _NOTE_S
-        names = [f"variant {number} for {self._seconds[number]:.0f} s" for number in slow[:_NAMED]]
-        if len(slow) > _NAMED:
-            names.append(f"{len(slow) - _NAMED} more")
+        self._next_note = now + _NOTE_INTERVAL_S
+        names = [f"variant {number} for {self._seconds[number]:.0f} s" for number in slow[:_MAX_NAMES]]
+        if len(slow) > _MAX_NAMES:
+            names.append(f"{len(slow) - _MAX_NAMES} more")
         return f"Still running: {join_names(names)}."
 
 

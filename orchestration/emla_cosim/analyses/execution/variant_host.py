@@ -88,27 +88,27 @@ class VariantHost:
         """
         outcomes, numbers, work_s = list[bytes](), request.numbers, 0.0
         limit = math.inf if request.timeout is None else request.timeout
-        with self._pool.member(request.alone) as child:
+        with self._pool.member(request.is_exclusive) as child:
             try:
                 child.send(("run", request))
                 _receive(child)  # the simulation is prepared, which may take any time
                 while len(outcomes) < len(numbers):
-                    began = time.monotonic()
+                    start = time.monotonic()
                     kind, content = _receive(child, limit, partial(report_slow, numbers[len(outcomes)]))
                     if kind == ANSWER:
                         return ChunkAnswer(outcomes, *content)
                     outcomes.append(content)
-                    work_s += time.monotonic() - began
+                    work_s += time.monotonic() - start
                 return ChunkAnswer(outcomes, *_receive(child)[1])
             except TimeoutError:
                 child.kill()
                 ended, timed_out = None, numbers[len(outcomes)]
             except ChildEndedError as error:
                 if self._pool.is_closed:
-                    raise RunError("the analysis was ended.") from error
-                done = min(len(outcomes), len(numbers) - 1)  # it may end after its last variant
-                ended, timed_out = (numbers[done], str(error)), None
-                del outcomes[done:]
+                    raise RunError("the analysis was cancelled.") from error
+                crashed = min(len(outcomes), len(numbers) - 1)  # it may end after its last variant
+                ended, timed_out = (numbers[crashed], str(error)), None
+                del outcomes[crashed:]
         if request.has_signals:  # they are lost with the process
             outcomes.clear()
         return ChunkAnswer(outcomes, work_s, ended=ended, timed_out=timed_out)
@@ -118,13 +118,13 @@ class VariantHost:
         self._pool.close(_CLOSE_S if self._is_loaded else 0.0)
 
     def _start(self) -> Child:
-        do = f"{__package__}.variant_process:run_variants"  # loads more than this process needs
+        function = f"{__package__}.variant_process:run_variants"  # loads more than this process needs
         environment = {
             "POLARS_MAX_THREADS": os.environ.get("POLARS_MAX_THREADS", "1"),  # each process has one core
             "TMPDIR": str(self._folder),  # for what is unpacked and what FMUs leave: it ends with the folder
         }
         try:
-            return Child(do, str(self._folder), environment=environment)
+            return Child(function, str(self._folder), environment=environment)
         except OSError as error:
             raise RunError(f"no process can be started on {platform.node()}: {error.strerror}.") from error
 
@@ -137,17 +137,17 @@ def _receive(
     Raises:
         TimeoutError: There is none for `limit` seconds.
     """
-    began, next_report = time.monotonic(), _SLOW_S
+    start, next_report = time.monotonic(), _SLOW_S
     while True:
-        spent = time.monotonic() - began
-        if spent >= limit:
+        elapsed = time.monotonic() - start
+        if elapsed >= limit:
             raise TimeoutError
-        if spent >= next_report:
+        if elapsed >= next_report:
             next_report *= 2.0
             if report_slow is not None:
-                report_slow(spent)
+                report_slow(elapsed)
         with suppress(TimeoutError):
-            kind, content = child.receive(min(next_report, limit) - spent)
+            kind, content = child.receive(min(next_report, limit) - elapsed)
             break
     if kind == ERROR:
         raise pickle.loads(content)

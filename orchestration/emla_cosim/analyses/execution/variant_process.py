@@ -44,7 +44,7 @@ from .chunk_queue import ChunkRequest
 from .variant_host import ANSWER, ERROR, OUTCOME, PAYLOAD, READY
 from .worker_payload import REGISTRIES
 
-_PREPARED_AT_MOST = 8
+_MAX_SIMULATIONS = 8
 """Most simulations that a process keeps. The least recently used one is closed."""
 
 Send = Callable[[tuple[str, Any]], None]
@@ -76,29 +76,29 @@ class VariantProcess:
     def _load(self) -> None:
         self._groups, registered = pickle.loads((self._folder / PAYLOAD).read_bytes())
         register()
-        for kind, known in REGISTRIES.items():
-            known.update(registered[kind])
+        for kind, registry in REGISTRIES.items():
+            registry.update(registered[kind])
 
-    def _simulation(self, group: int) -> Simulation:
+    def _get_simulation(self, group: int) -> Simulation:
         """Return the simulation of a group. Raise CosimError if it cannot be prepared."""
-        found = self._simulations.pop(group, None)
-        if found is not None and found.is_dead:  # of a variant before
-            found.close()
-            found = None
-        if found is None:
-            if len(self._simulations) >= _PREPARED_AT_MOST:
+        simulation = self._simulations.pop(group, None)
+        if simulation is not None and simulation.is_dead:  # of a variant before
+            simulation.close()
+            simulation = None
+        if simulation is None:
+            if len(self._simulations) >= _MAX_SIMULATIONS:
                 self._simulations.pop(next(iter(self._simulations))).close()
             name, system, options = self._groups[group]
             components = [replace(c, fmu=self._folder / str(c.fmu)) for c in system.components]
             system = replace(system, components=tuple(components))
             options = replace(options, threads=1)  # other processes use the other cores
-            found = Simulation(system, options, name, unpacked=self._folder)
-        self._simulations[group] = found
-        return found
+            simulation = Simulation(system, options, name, unpacked=self._folder)
+        self._simulations[group] = simulation
+        return simulation
 
     def _describe(self, group: int) -> bytes:
         """Return the pickled `SimulationDescription` of a group. Raise CosimError if this fails."""
-        simulation = self._simulation(group)
+        simulation = self._get_simulation(group)
         simulation.start(recorders=[])  # variants may run although the scenario itself fails in a step
         result = simulation.so_far()
         figures = list_figures(result.metrics, result.shown)
@@ -119,19 +119,19 @@ class VariantProcess:
         variants, measures = pickle.loads(request.content)
         series = list[polars.DataFrame]()
         with contextlib.suppress(CosimError):  # every variant reports it as its outcome
-            self._simulation(request.group)
+            self._get_simulation(request.group)
         send((READY, None))
-        began = time.perf_counter()  # without the preparation, which happens once
+        start = time.perf_counter()  # without the preparation, which happens once
         for variant in variants:
             outcome, result = self._run_one(request.group, variant, measures)
             if measures.signals and result is not None and result.table is not None:
                 number = polars.lit(variant.number, polars.Int64).alias(VARIANT)
                 series.append(measures.series(result).select(number, polars.all()))
             send((OUTCOME, cloudpickle.dumps(outcome)))
-            if time.perf_counter() - began > request.seconds:
+            if time.perf_counter() - start > request.seconds:
                 break
-        kept = to_parquet(polars.concat(series)) if series else None
-        return time.perf_counter() - began, kept
+        signals = to_parquet(polars.concat(series)) if series else None
+        return time.perf_counter() - start, signals
 
     def _run_one(
         self, group: int, variant: Variant, measures: Measures
@@ -141,7 +141,7 @@ class VariantProcess:
         status, problem, half = DONE, None, None
         try:
             try:
-                simulation, options = self._simulation(group), variant.options
+                simulation, options = self._get_simulation(group), variant.options
                 if variant.is_halved:
                     half = halve_step(simulation, options)
                     options = {**options, **half.options}
@@ -153,7 +153,7 @@ class VariantProcess:
             except RunError as error:
                 if "result" not in error.fields:
                     raise
-                result, status, problem = error.fields["result"], _status(error), str(error)
+                result, status, problem = error.fields["result"], _find_status(error), str(error)
             if status == DONE and (diverged := describe_divergence(result.signals)) is not None:
                 status, problem = DIVERGED, diverged
             remarks = *describe_lost_values(result.record), result.record["coupling"].get("remark")
@@ -172,7 +172,7 @@ class VariantProcess:
             return VariantOutcome(variant.number, FAILED, f"the run raised {error!r}."), None
 
 
-def _status(error: RunError) -> str:
+def _find_status(error: RunError) -> str:
     """Return the status of a failed run that has a result."""
     if isinstance(error.__cause__, DiscardedStepError):
         return DIVERGED

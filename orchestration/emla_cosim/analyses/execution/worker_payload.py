@@ -32,12 +32,12 @@ from ...run.scenarios.scenario import Scenario
 from ...system.model import System
 
 
-def _by_name(module: ModuleType) -> tuple[Any, tuple[str]]:
+def _reduce(module: ModuleType) -> tuple[Any, tuple[str]]:
     return import_module, (module.__name__,)
 
 
 if (_kind := type(sys.modules[__name__.partition(".")[0]])) is not ModuleType:
-    copyreg.pickle(_kind, _by_name)  # lazy_loader's module type; else functions that use it cannot be sent
+    copyreg.pickle(_kind, _reduce)  # lazy_loader's module type; else functions that use it cannot be sent
 
 
 def _find_sentinel(sentinel: object) -> str:
@@ -76,30 +76,30 @@ class Preparation:
         options, progress = limit_to_data_end(scenario.options), progress or Progress()
         with show_paths_relative_to(scenario.unpacked), accept_faults(options.lenient) as faults:
             faults.merge(scenario.accepted)
-            held = list[str]()
+            constant_inputs = list[str]()
             for source in options.input:
                 times = run_times(options, scenario.name)
                 span = DataSpan.of(source, times.start)
                 span.check_overlap(times.start, times.stop)
-                held += filter(None, [span.describe_held(times.start, times.stop, times.step)])
+                constant_inputs += filter(None, [span.describe_held(times.start, times.stop, times.step)])
             prepared = prepare_system(scenario.system, options, progress)
             hashes = {path: hash_file(path) for path in dict.fromkeys(prepared.fmus.values())}
         for remark in (
             *describe_disabled_event_mode(prepared.system),
-            *held,
+            *constant_inputs,
             *faults.remarks(scenario.unpacked),
         ):
             progress.note(f"Note: {remark}")
         progress.advance(1)
-        usual, known = Options(), options_of(Options)
-        done = {o.name for o in known if o.stage in (BUILDING, PREPARING)}
+        defaults, options_of_runs = Options(), options_of(Options)
+        reset = {o.name for o in options_of_runs if o.stage in (BUILDING, PREPARING)}
         if not options.follow_models:
-            done.add("set")  # else it tells a variant which parameters must not follow its own values
-        done |= {o.name for o in known if o.in_sweep == LEFT_OUT}
+            reset.add("set")  # else it tells a variant which parameters must not follow its own values
+        reset |= {o.name for o in options_of_runs if o.in_sweep == LEFT_OUT}
         return cls(
             scenario.name,
             prepared.system,
-            replace(options, **{name: getattr(usual, name) for name in done}),
+            replace(options, **{name: getattr(defaults, name) for name in reset}),
             {name: hashes[path] for name, path in prepared.fmus.items()},
             prepared.interfaces,
             {hashes[path]: path for path in hashes},

@@ -1,4 +1,4 @@
-"""An analysis at work: its folder, its notes, its workers and their runs."""
+"""The session of an analysis: its folder, notes, workers and their runs."""
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence

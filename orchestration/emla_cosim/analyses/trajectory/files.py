@@ -37,38 +37,38 @@ class MotionFiles:
         self, path: Path, problem: MotionProblem, source: object, overwrite: bool, plots: bool, report: bool
     ) -> None:
         if (suffix := path.suffix.lower()) in (".png", ".html"):
-            what = "pictures do" if suffix == ".png" else "page does"
-            raise CommandError(f"the trajectory '{path}' must not end in {suffix}, as its {what}.")
+            subject = "pictures do" if suffix == ".png" else "page does"
+            raise CommandError(f"the trajectory '{path}' must not end in {suffix}, as its {subject}.")
         if report:
             require_extra("plots", "a page")
         drawn = [path.with_name(f"{path.stem}-{name}.png") for name in PICTURES]
         pictures = drawn if plots and has_extra("plots") else []
         page = path.with_suffix(".html")
-        self._drawn = [*drawn, page]
+        self._possible = [*drawn, page]
         used = {Path(source): "the problem"} if isinstance(source, (str, Path)) else {}
         check_output_files({path: WHAT} | dict.fromkeys(pictures, "the picture"), used)
         self._path, self._overwrite = path, overwrite
         check_trajectory(path, overwrite)
-        self._pictures = [OutputFile(one, "the picture", is_picture, overwrite) for one in pictures]
+        self._pictures = [OutputFile(picture, "the picture", is_picture, overwrite) for picture in pictures]
         self._page = self._payload = None
         if report:
             self._page = OutputFile(page, "the page", is_page, overwrite)
         if len(problem.loads) > 1:
-            place = path.with_name(f"{path.stem}-payload.csv")
+            payload = path.with_name(f"{path.stem}-payload.csv")
             is_ours = has_mark(_PAYLOAD_MARK.encode())
-            self._payload = OutputFile(place, "the payload", is_ours, overwrite)
+            self._payload = OutputFile(payload, "the payload", is_ours, overwrite)
 
     @property
     def paths(self) -> list[Path]:
         """All files, the trajectory first."""
-        beside = [self._payload, *self._pictures, self._page]
-        return [self._path, *(file.path for file in beside if file is not None)]
+        further = [self._payload, *self._pictures, self._page]
+        return [self._path, *(file.path for file in further if file is not None)]
 
     def write(self, result: TrajectoryResult) -> None:
         """Write all files, and remove pictures and pages of the motion before. Raises RunError."""
         result.save(self._path, self._overwrite)
         with report_write_errors(self._path.parent):
-            for path in self._drawn:
+            for path in self._possible:
                 if path not in self.paths and is_drawn(path):
                     path.unlink()
         if self._payload is not None:

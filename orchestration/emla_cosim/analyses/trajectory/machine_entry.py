@@ -77,11 +77,11 @@ def read_machine(value: Any, at: Location, folder: Path | None) -> ProblemMachin
         )
     entries = _flatten(value)
     name = entries.pop(FILE, PAPER)
-    table, label, folder = _load(str(name), folder)
+    table, label, folder = _load_table(str(name), folder)
     machine = name_numbers(build_machine(table, label, folder))
     numbers = dict[str, float]()
     for key, number in entries.items():
-        numbers |= _numbers(machine, key, number, at)
+        numbers |= _read_numbers(machine, key, number, at)
     try:
         model = MachineModel(machine, numbers)
     except MachineError as error:
@@ -91,13 +91,13 @@ def read_machine(value: Any, at: Location, folder: Path | None) -> ProblemMachin
     emlas = [joint for joint in joints if joint is not None]
     if len(emlas) < len(joints):
         return ProblemMachine(str(name), model)
-    speeds, forces = zip(*((joint.emla.v_max, _held_force(joint)) for joint in emlas), strict=True)
+    speeds, forces = zip(*((joint.emla.v_max, _find_continuous_force(joint)) for joint in emlas), strict=True)
     return ProblemMachine(str(name), model, speeds, forces)
 
 
-def names_machine(given: str | Path) -> bool:
+def names_machine(name: str | Path) -> bool:
     """Return whether this is the name of a machine that comes with the study, not the path of a file."""
-    path = Path(given)
+    path = Path(name)
     return not path.suffix and path.parent == Path() and not path.exists()
 
 
@@ -108,8 +108,8 @@ def _check_triangles(machine: MachineModel, at: Location) -> None:
     for ends, bounds in (("lower", machine.q_LB), ("upper", machine.q_UB)):
         rows = np.tile(machine.start, (len(bounds), 1))
         np.fill_diagonal(rows, bounds)
-        places = np.hstack([*machine.points(rows).values()])
-        for joint, row in zip(machine.names, places, strict=True):
+        positions = np.hstack([*machine.points(rows).values()])
+        for joint, row in zip(machine.names, positions, strict=True):
             if not np.isfinite(row).all():
                 raise CommandError(
                     f"{at.table}: the machine cannot close at the {ends} end of '{joint}', the others "
@@ -117,7 +117,7 @@ def _check_triangles(machine: MachineModel, at: Location) -> None:
                 )
 
 
-def _load(name: str, folder: Path | None) -> tuple[MachineTable, str, Path]:
+def _load_table(name: str, folder: Path | None) -> tuple[MachineTable, str, Path]:
     """Return the table of a machine file, what messages call it, and the folder of its relative paths."""
     if name.lower().endswith(".toml"):
         path = (folder or Path()) / name
@@ -127,35 +127,35 @@ def _load(name: str, folder: Path | None) -> tuple[MachineTable, str, Path]:
     return convert_value(read_toml(text, label), MachineTable, label, folder), label, folder
 
 
-def _held_force(joint: JointFile) -> float:
+def _find_continuous_force(joint: JointFile) -> float:
     """Return the force in N that an actuator holds: continuously, if its data sheet has such a current."""
     emla, sheet = joint.emla, joint.actuator
     torque = 1.5 * emla.N_p * emla.Phi_PM * sheet.i_N if sheet.i_N else emla.tau_max
     return min(torque / abs(emla.D_eq), sheet.values.get("screw.F_max", np.inf))
 
 
-def _numbers(machine: Machine, key: str, value: Any, at: Location) -> dict[str, float]:
+def _read_numbers(machine: Machine, key: str, value: Any, at: Location) -> dict[str, float]:
     """Return the numbers of an entry by name; the elements of a list have names with [1] and so on."""
     name, bracket, rest = key.partition("[")
-    full = f"{FORMER_NAMES.get(name, name)}{bracket}{rest}"
-    elements = [n for n in machine.parameters if n.partition("[")[0] == full]
-    names = [full] if full in machine.parameters else elements
+    full_name = f"{FORMER_NAMES.get(name, name)}{bracket}{rest}"
+    elements = [n for n in machine.parameters if n.partition("[")[0] == full_name]
+    names = [full_name] if full_name in machine.parameters else elements
     if not names:
         existing = [f"machine.{n}" for n in machine.parameters]
         raise CommandError(f"a problem has no 'machine.{key}'; {suggest_names(f'machine.{key}', existing)}")
     values = value.tolist() if hasattr(value, "tolist") else value
-    given: Sequence[Any] = values if isinstance(values, (list, tuple)) else [values]
-    if len(given) != len(names) or not all(_is_number(x) for x in given):
-        wanted = f"a list of {len(names)} numbers" if len(names) > 1 else "a number"
-        raise CommandError(f"{at.entry(key).label} is {value!r}; it must be {wanted}.")
-    for n, x in zip(names, given, strict=True):
+    numbers: Sequence[Any] = values if isinstance(values, (list, tuple)) else [values]
+    if len(numbers) != len(names) or not all(_is_number(x) for x in numbers):
+        expected = f"a list of {len(names)} numbers" if len(names) > 1 else "a number"
+        raise CommandError(f"{at.entry(key).label} is {value!r}; it must be {expected}.")
+    for n, x in zip(names, numbers, strict=True):
         low, high = machine.parameters[n].minimum, machine.parameters[n].maximum
         if (low is not None and x < low) or (high is not None and x > high):
             bounds = " to ".join(
                 f"{b:.9g}" if b is not None else end for b, end in ((low, "-inf"), (high, "inf"))
             )
             raise CommandError(f"{at.table}: {n} = {x:.9g} is outside its range, {bounds}.")
-    return dict(zip(names, map(float, given), strict=True))
+    return dict(zip(names, map(float, numbers), strict=True))
 
 
 def _is_number(x: object) -> bool:
@@ -164,10 +164,10 @@ def _is_number(x: object) -> bool:
 
 def _flatten(table: Mapping[str, Any]) -> dict[str, Any]:
     """Return entries by their full name, which TOML nests at each dot."""
-    found = dict[str, Any]()
+    entries = dict[str, Any]()
     for key, value in table.items():
         if isinstance(value, Mapping):
-            found |= {f"{key}.{inner}": x for inner, x in _flatten(value).items()}
+            entries |= {f"{key}.{inner}": x for inner, x in _flatten(value).items()}
         else:
-            found[key] = value
-    return found
+            entries[key] = value
+    return entries

@@ -41,40 +41,40 @@ class _PanelRow(NamedTuple):
 def draw_pictures(result: TrajectoryResult) -> "dict[str, Figure]":
     """Return the pictures by name."""
     times = np.linspace(result.spline.start, result.spline.end, _POINTS)
-    seen, problem = result.course(times), result.problem
-    rows = (_forces_and_speeds(seen, problem), _positions_and_accelerations(seen, problem))
+    course, problem = result.course(times), result.problem
+    rows = (_list_forces_and_speeds(course, problem), _list_positions_and_accelerations(course, problem))
     *by_joint, path = PICTURES
-    figures = {name: _picture(problem.names, times, some) for name, some in zip(by_joint, rows, strict=True)}
-    return {**figures, path: _draw_path(result, seen)}
+    figures = {name: _draw_picture(problem.names, times, x) for name, x in zip(by_joint, rows, strict=True)}
+    return {**figures, path: _draw_path(result, course)}
 
 
-def _forces_and_speeds(seen: Course, problem: MotionProblem) -> tuple[_PanelRow, _PanelRow]:
+def _list_forces_and_speeds(course: Course, problem: MotionProblem) -> tuple[_PanelRow, _PanelRow]:
     forces = [[x / 1e3 for x in bounds] for bounds in (problem.f_LB, problem.f_UB)]
     speeds = [[x * 1e3 for x in bounds] for bounds in (problem.v_LB, problem.v_UB)]
     return (
-        _PanelRow("force / kN", seen.force / 1e3, (forces[0], forces[1])),
-        _PanelRow("speed / mm/s", seen.v * 1e3, (speeds[0], speeds[1])),
+        _PanelRow("force / kN", course.force / 1e3, (forces[0], forces[1])),
+        _PanelRow("speed / mm/s", course.v * 1e3, (speeds[0], speeds[1])),
     )
 
 
-def _positions_and_accelerations(seen: Course, problem: MotionProblem) -> tuple[_PanelRow, ...]:
+def _list_positions_and_accelerations(course: Course, problem: MotionProblem) -> tuple[_PanelRow, ...]:
     machine = problem.machine
     accelerations, jerks = (
         [[x * 1e3 for x in bounds] for bounds in pair if bounds is not None]
         for pair in ((problem.a_LB, problem.a_UB), (problem.j_LB, problem.j_UB))
     )
     return (
-        _PanelRow("stroke / m", seen.q, (machine.q_LB, machine.q_UB)),
-        _PanelRow("acceleration / mm/s²", seen.a * 1e3, accelerations),
-        _PanelRow("jerk / mm/s³", seen.j * 1e3, jerks),
+        _PanelRow("stroke / m", course.q, (machine.q_LB, machine.q_UB)),
+        _PanelRow("acceleration / mm/s²", course.a * 1e3, accelerations),
+        _PanelRow("jerk / mm/s³", course.j * 1e3, jerks),
     )
 
 
-def _picture(joints: Sequence[str], times: Vector, rows: Sequence[_PanelRow]) -> "Figure":
+def _draw_picture(joints: Sequence[str], times: Vector, rows: Sequence[_PanelRow]) -> "Figure":
     figure, axes = new_figure(len(rows), len(joints), 3.2)
     for i, row in enumerate(rows):
         for j, joint in enumerate(joints):
-            _panel(axes[i, j], times, row, j)
+            _draw_panel(axes[i, j], times, row, j)
             if i == 0:
                 axes[i, j].set_title(joint, fontsize=10)
             if i == len(rows) - 1:
@@ -84,19 +84,19 @@ def _picture(joints: Sequence[str], times: Vector, rows: Sequence[_PanelRow]) ->
     return figure
 
 
-def _panel(axes: "Axes", times: Vector, row: _PanelRow, joint: int) -> None:
+def _draw_panel(axes: "Axes", times: Vector, row: _PanelRow, joint: int) -> None:
     axes.plot(times, row.values[:, joint], color=BLUE, linewidth=1.4)
     for bounds in row.bounds:
         axes.axhline(bounds[joint], color=RED, linewidth=0.9, linestyle="--")
     tidy_axes(axes)
 
 
-def _draw_path(result: TrajectoryResult, seen: Course) -> "Figure":
+def _draw_path(result: TrajectoryResult, course: Course) -> "Figure":
     """Return a figure of the tip's path, and the machine at start and end; in space from two sides."""
     problem, machine = result.problem, result.problem.machine
     parts, colors = MachineParts(machine), actuator_colors(machine.names)
-    path = machine.tip(seen.q, payload=seen.payload)
-    start, end = parts.postures(seen.q[[0, -1]], seen.payload[[0, -1]])
+    path = machine.tip(course.q, payload=course.payload)
+    start, end = parts.postures(course.q[[0, -1]], course.payload[[0, -1]])
     views = (PLANE,) if machine.dimensions == 2 else THREE_SIDES[:2]
     figure, grid = new_figure(1, len(views), 7.0 / len(views), 5.2)
     for axes, view in zip(grid[0], views, strict=True):
@@ -110,9 +110,9 @@ def _draw_path(result: TrajectoryResult, seen: Course) -> "Figure":
         axes.plot(*line.T, color=RED, linewidth=1.8, zorder=5, label="path of the tip")
         axes.plot(*line[0], "o", color=GREY, markersize=5, zorder=5, label="start, faint")
         for i, via in enumerate(problem.via):
-            place = view.flatten(np.array([via.tip]))[0]
-            axes.plot(*place, "o", color=ORANGE, markersize=5, zorder=6)
-            axes.annotate(f"{i + 1}", place, (6, 5), textcoords="offset points", fontsize=9)
+            position = view.flatten(np.array([via.tip]))[0]
+            axes.plot(*position, "o", color=ORANGE, markersize=5, zorder=6)
+            axes.annotate(f"{i + 1}", position, (6, 5), textcoords="offset points", fontsize=9)
         axes.set_aspect("equal")
         axes.margins(0.05)
         if problem.ground_clearance is not None:

@@ -51,12 +51,12 @@ def paper_problem(**changes: Any) -> MotionProblem:
 
 
 def load_problem(
-    given: MotionProblem | Mapping[str, Any] | str | Path | None, texts: Mapping[str, str] | None = None
+    source: MotionProblem | Mapping[str, Any] | str | Path | None, texts: Mapping[str, str] | None = None
 ) -> MotionProblem:
     """Return the problem of an object, a table or a file.
 
     Args:
-        given: The problem; a machine by name or by its file is the problem with that machine. None is the
+        source: The problem; a machine by name or by its file is the problem with that machine. None is the
             problem of the paper.
         texts: Other values by name (q_E, q_E[3], machine.lift.a, via[1].tip): a number, or several with
             commas.
@@ -64,26 +64,26 @@ def load_problem(
     Raises:
         CommandError: A name does not exist, or a value is missing or invalid.
     """
-    if isinstance(given, MotionProblem):
-        return given
-    label, folder, table = _read_table(given)
+    if isinstance(source, MotionProblem):
+        return source
+    label, folder, table = _read_table(source)
     values = list_given(convert_value(table, PROBLEM, label, folder))
     machine = values.get(_MACHINE) or read_machine(PAPER, Location(label, label), folder)
     if not texts:
-        return _build(_defaults(machine) | values, machine, label)
+        return _build_problem(_list_defaults(machine) | values, machine, label)
     label = "the problem"
-    of_machine = {name: text for name, text in texts.items() if name.partition(".")[0] == _MACHINE}
-    if of_machine:
+    machine_texts = {name: text for name, text in texts.items() if name.partition(".")[0] == _MACHINE}
+    if machine_texts:
         changes = {
-            name.partition(".")[2] or FILE: _read_text(name, text) for name, text in of_machine.items()
+            name.partition(".")[2] or FILE: _read_text(name, text) for name, text in machine_texts.items()
         }
-        before = machine.record if FILE not in changes else {}
-        machine = read_machine(before | changes, Location(label, label).entry(_MACHINE), folder)
-    entries = _defaults(machine) | {name: x for name, x in table.items() if name != _MACHINE}
+        numbers = machine.record if FILE not in changes else {}
+        machine = read_machine(numbers | changes, Location(label, label).entry(_MACHINE), folder)
+    entries = _list_defaults(machine) | {name: x for name, x in table.items() if name != _MACHINE}
     for name, text in texts.items():
-        if name not in of_machine:
+        if name not in machine_texts:
             _override(entries, name, text)
-    return _build(list_given(convert_value(entries, PROBLEM, label, folder)), machine, label)
+    return _build_problem(list_given(convert_value(entries, PROBLEM, label, folder)), machine, label)
 
 
 def describe_problem(problem: MotionProblem) -> dict[str, Any]:
@@ -95,14 +95,14 @@ def describe_problem(problem: MotionProblem) -> dict[str, Any]:
 
 
 def _read_table(
-    given: Mapping[str, Any] | str | Path | None,
+    source: Mapping[str, Any] | str | Path | None,
 ) -> tuple[str, Path | None, Mapping[str, Any]]:
     """Return label, folder of relative paths, and content of a problem."""
-    if given is None or isinstance(given, Mapping):
-        return "the problem", None, given or {}
-    if names_machine(given):
-        return "the problem", None, {_MACHINE: str(given)}
-    path = Path(given)
+    if source is None or isinstance(source, Mapping):
+        return "the problem", None, source or {}
+    if names_machine(source):
+        return "the problem", None, {_MACHINE: str(source)}
+    path = Path(source)
     label = f"the problem '{path}'"
     table = read_toml(read_text(path, "the problem"), label)
     if table.get("kind") == KIND:
@@ -110,7 +110,7 @@ def _read_table(
     return label, path.parent, table
 
 
-def _defaults(machine: ProblemMachine) -> dict[str, Any]:
+def _list_defaults(machine: ProblemMachine) -> dict[str, Any]:
     """Return the values that a problem with a machine need not have."""
     if machine.name == PAPER:
         return {**_TABLE_II, "payload": machine.model.payload}
@@ -127,7 +127,7 @@ def _override(entries: dict[str, Any], name: str, text: str) -> None:
     """Change a value, an element of one, or an entry of a way-point or an obstacle."""
     if item := _ITEM.fullmatch(name):
         key = item["list"]
-        entries[key] = _with_item(
+        entries[key] = _change_item(
             entries.get(key, ()), item["number"], item["field"], _read_text(name, text), key
         )
         return
@@ -152,7 +152,7 @@ def _override(entries: dict[str, Any], name: str, text: str) -> None:
     entries[field] = [*before[:i], value, *before[i + 1 :]]
 
 
-def _with_item(before: Sequence[Any], number: str, field: str, value: Any, name: str) -> list[Any]:
+def _change_item(before: Sequence[Any], number: str, field: str, value: Any, name: str) -> list[Any]:
     """Return tables with another value in one of them, counted from 1, or with a further one."""
     i = int(number) - 1
     if i > len(before):
@@ -208,28 +208,28 @@ PROBLEM = extend_struct(
 """The struct of a file with a problem; entries that a file of the paper's machine lacks are the paper's."""
 
 
-def _build(values: Mapping[str, Any], machine: ProblemMachine, label: str) -> MotionProblem:
+def _build_problem(values: Mapping[str, Any], machine: ProblemMachine, label: str) -> MotionProblem:
     """Return a problem with these values, and others that follow from them."""
     joints = machine.model.names
-    found = {name: value for name, value in values.items() if name != _MACHINE}
-    found |= {name: None for name in CAN_BE_OFF if found.get(name) == _OFF}
-    found |= {name: tuple(found[name]) for name in ("via", "obstacles") if name in found}
+    entries = {name: value for name, value in values.items() if name != _MACHINE}
+    entries |= {name: None for name in CAN_BE_OFF if entries.get(name) == _OFF}
+    entries |= {name: tuple(entries[name]) for name in ("via", "obstacles") if name in entries}
     if len(joints) == 1:
-        alone = {name: found[name] for name in STROKES if isinstance(found.get(name), (int, float))}
-        found |= {name: (value,) for name, value in alone.items()}
+        scalars = {name: entries[name] for name in STROKES if isinstance(entries.get(name), (int, float))}
+        entries |= {name: (value,) for name, value in scalars.items()}
     for low, high in _SYMMETRIC.items():
-        if low not in found and isinstance(found.get(high), tuple):
-            found[low] = tuple(-x for x in found[high])
-    if found.get("tip_E") is not None:
-        found.setdefault("q_E", found["q_S"])
-    missing = [name for name in ("v_UB", "f_UB", "t_M") if name not in found]
-    missing += [] if "q_E" in found else ["q_E or tip_E"]
+        if low not in entries and isinstance(entries.get(high), tuple):
+            entries[low] = tuple(-x for x in entries[high])
+    if entries.get("tip_E") is not None:
+        entries.setdefault("q_E", entries["q_S"])
+    missing = [name for name in ("v_UB", "f_UB", "t_M") if name not in entries]
+    missing += [] if "q_E" in entries else ["q_E or tip_E"]
     if missing:
         raise CommandError(
             f"{label} of the machine '{machine.name}' lacks {join_names(missing)}; lists have a number for "
             f"each of {', '.join(joints)}."
         )
     try:
-        return MotionProblem(machine=machine.model, machine_name=machine.name, **found)
+        return MotionProblem(machine=machine.model, machine_name=machine.name, **entries)
     except TrajectoryError as error:
         raise CommandError(f"{label}: {error}") from error

@@ -29,7 +29,7 @@ from .result import TrajectoryResult
 _RANGES = {"degree": (3, 5), "points": (3, 50), "starts": (1, 100), "subdivisions": (1, 64)}
 """Smallest and largest values of the sizes; from degree 3 on, the acceleration has no jumps."""
 
-_LEAST_COEFFICIENTS = 6
+_MIN_COEFFICIENTS = 6
 """Two at either end for position and speed, and two free ones between."""
 
 
@@ -79,19 +79,29 @@ def trajectory(
         RunError: no motion keeps all bounds; the message names those that are in the way.
     """
     reporter, reading = progress or Progress(), _parse_reading(end_speed)
-    given = load_problem(problem)
-    sizes = _sizes(degree, knots, points)
-    how = Discretisation(*sizes, _weight(tie_break), _size("subdivisions", subdivisions))
+    stated = load_problem(problem)
+    sizes = _check_sizes(degree, knots, points)
+    weight, parts = _check_weight(tie_break), _check_size("subdivisions", subdivisions)
+    discretisation = Discretisation(*sizes, weight, parts)
     files = None
     if output is not None:
         path = convert_value(output, Path, "the output file")
-        files = MotionFiles(path, given, problem, overwrite, plots, report)
+        files = MotionFiles(path, stated, problem, overwrite, plots, report)
         if plots and not has_extra("plots"):
             reporter.note(f"Note: {LEFT_OUT}.")
-    read = _resolve_contradictions(given, reading)
-    best, figures = _find_best(read, how, _size("starts", starts), reporter)
-    spline, contradictions = best.spline(how), find_contradictions(given)
-    result = TrajectoryResult(spline, figures, given, read, reading, contradictions, how, best, starts)
+    read = _resolve_contradictions(stated, reading)
+    best, figures = _find_best(read, discretisation, _check_size("starts", starts), reporter)
+    result = TrajectoryResult(
+        best.spline(discretisation),
+        figures,
+        stated,
+        read,
+        reading,
+        find_contradictions(stated),
+        discretisation,
+        best,
+        starts,
+    )
     if files is not None:
         files.write(result)
     return result
@@ -102,40 +112,40 @@ def _parse_reading(name: str) -> EndSpeed:
     return EndSpeed(name)
 
 
-def _sizes(degree: int, knots: int, points: int) -> tuple[int, int, int]:
-    most, least = COEFFICIENTS + 1 - _size("degree", degree), _LEAST_COEFFICIENTS + 1 - degree
-    if not _is_whole(knots) or not max(least, 2) <= knots <= most:
+def _check_sizes(degree: int, knots: int, points: int) -> tuple[int, int, int]:
+    most, least = COEFFICIENTS + 1 - _check_size("degree", degree), _MIN_COEFFICIENTS + 1 - degree
+    if not _is_integer(knots) or not max(least, 2) <= knots <= most:
         raise CommandError(
             f"knots is {knots!r}; with degree {degree}, it must be a whole number from {max(least, 2)} to "
             f"{most}: the block Trajectory has room for {COEFFICIENTS} coefficients, which are knots + "
             "degree - 1."
         )
-    return degree, knots, _size("points", points)
+    return degree, knots, _check_size("points", points)
 
 
-def _size(name: str, value: int) -> int:
+def _check_size(name: str, value: int) -> int:
     least, most = _RANGES[name]
-    if not _is_whole(value) or not least <= value <= most:
+    if not _is_integer(value) or not least <= value <= most:
         raise CommandError(f"{name} is {value!r}; it must be a whole number from {least} to {most}.")
     return value
 
 
-def _is_whole(value: object) -> bool:
+def _is_integer(value: object) -> bool:
     return isinstance(value, int) and not isinstance(value, bool)
 
 
-def _weight(tie_break: float) -> float:
-    found = convert_value(tie_break, float, "the tie-break weight")
-    if not 0.0 <= found <= 1e3:
-        raise CommandError(f"the tie-break weight is {found:g}; it must be from 0 to 1000.")
-    return found
+def _check_weight(tie_break: float) -> float:
+    weight = convert_value(tie_break, float, "the tie-break weight")
+    if not 0.0 <= weight <= 1e3:
+        raise CommandError(f"the tie-break weight is {weight:g}; it must be from 0 to 1000.")
+    return weight
 
 
-def _resolve_contradictions(given: MotionProblem, reading: EndSpeed) -> MotionProblem:
+def _resolve_contradictions(problem: MotionProblem, reading: EndSpeed) -> MotionProblem:
     """Return the problem with its end speeds read; raise CommandError if it still contradicts itself."""
-    read = given.read_as(reading)
-    left = read if reading != EndSpeed.EXEMPT else read.read_as(EndSpeed.CLIP)
-    if sentences := find_contradictions(left):
+    read = problem.read_as(reading)
+    remaining = read if reading != EndSpeed.EXEMPT else read.read_as(EndSpeed.CLIP)
+    if sentences := find_contradictions(remaining):
         raise CommandError(f"the problem contradicts itself: {'; '.join(sentences)}.")
     return read
 
@@ -144,17 +154,17 @@ def _find_best(
     problem: MotionProblem, how: Discretisation, starts: int, reporter: Progress
 ) -> tuple[Solution, Assessment]:
     """Return the best of the motions from several starts, with its figures."""
-    found = list[Solution]()
+    solutions = list[Solution]()
     for i in range(starts):
-        begin = None if i == 0 else detour(problem, how, i)
+        guess = None if i == 0 else detour(problem, how, i)
         reporter.begin("optimising" if starts == 1 else f"start {i + 1}", MOST_ITERATIONS, "iterations")
         try:
-            found.append(solved(problem, how, begin, lambda: reporter.advance(1)))
+            solutions.append(solved(problem, how, guess, lambda: reporter.advance(1)))
         except NoMotionError as error:
-            if not found and i + 1 == starts:
+            if not solutions and i + 1 == starts:
                 raise RunError(str(error)) from error
         reporter.finish()
-    best = min(found, key=lambda solution: solution.cost)
+    best = min(solutions, key=lambda solution: solution.cost)
     figures = assessed(best.spline(how), problem, how.tie_break)
     if not figures.within_bounds:
         reporter.begin("narrower bounds", MOST_ITERATIONS, "iterations")

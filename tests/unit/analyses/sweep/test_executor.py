@@ -40,7 +40,7 @@ class Process:
     def run(self, chunk: WorkPackage, limit: float) -> ChunkAnswer:
         """Stop at what ends it, at what hangs, and at the limit."""
         done = list[int]()
-        if chunk.alone or chunk.suspect:
+        if chunk.is_exclusive or chunk.is_suspect:
             self.before = -1
         for number in chunk.variants:
             spent = self.seconds * len(done)
@@ -54,7 +54,7 @@ class Process:
                 break
             done.append(number)
             self.before = number
-        if chunk.alone or chunk.suspect:
+        if chunk.is_exclusive or chunk.is_suspect:
             self.before = -1
         return answer_of(done, self.seconds * len(done))
 
@@ -95,7 +95,7 @@ def test_every_variant_ends_once_and_only_killers_die(
         while chunks.may_submit(sum(map(len, workers)), threads):
             chunk, limit = chunks.next(threads)
             assert 1 <= len(chunk.variants) <= 50
-            assert not chunk.suspect or not any(workers), "something else would be blamed, too"
+            assert not chunk.is_suspect or not any(workers), "something else would be blamed, too"
             min(workers, key=len).append((chunk, limit))
         worker, process = choices.choice([(w, p) for w, p in zip(workers, processes, strict=True) if w])
         lost = not worker_killers.isdisjoint(worker[0][0].variants)

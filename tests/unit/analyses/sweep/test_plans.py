@@ -53,7 +53,7 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "no levels": ({"vary": {R_S: "normal(0.1, 0.01)"}}, f"'{R_S}' of .* a grid needs levels"),
     "varied twice": ({"vary": {**ONE, "r": {"of": [R_S], **VALUES}}}, f"varies {R_S} twice"),
     "pattern again": ({"vary": {**ONE, "lift.plant.motor.R*": [1.0]}}, "two factors"),
-    "a column's name": ({"vary": {"status": {"of": [R_S], **VALUES}}}, "is a reserved column name; rename it"),
+    "a column's name": ({"vary": {"status": {"of": [R_S], **VALUES}}}, "is a reserved column name"),
     "fixed option": ({"vary": {"isolate": [True]}}, "isolate cannot vary between variants"),
     "relative to nothing": ({"vary": {"gains": "90%,110%"}}, "no number in the scenario"),
     "nothing varies": ({"vary": {}}, "varies nothing"),
