@@ -15,10 +15,23 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import emla_cosim as ec
-from emla_cosim.analyses.size import motor, screw
+from emla_cosim.analyses.size import motor
 from emla_cosim.analyses.size.cycle import Cycle
-from emla_cosim.analyses.size.figures import SizingFigures, brake_power, compute_figures
-from emla_cosim.analyses.size.limits import Requirements, examine, link_capacity
+from emla_cosim.analyses.size.figures import (
+    SizingFigures,
+    brake_power,
+    compute_figures,
+    life_turns,
+    mean_load,
+)
+from emla_cosim.analyses.size.limits import (
+    SPEED_SAFETY,
+    Requirements,
+    buckling_load,
+    critical_speed,
+    examine,
+    link_capacity,
+)
 from emla_cosim.analyses.size.motor import continuous_torque, peak_torque
 from emla_cosim.analyses.size.pictures import draw_motor
 from emla_cosim.analyses.size.report import build_report
@@ -79,20 +92,20 @@ FIXED_SUPPORTED = ENDS.index("fixed-supported")
 
 def test_life_equals_the_example_of_misumi() -> None:
     """MISUMI, Selection of Ball Screws 3, P. 1678: C = 4400 N, Pm = 250 N, fw = 1.2, 2118 rpm, 24824 h."""
-    hours = screw.life_turns(4400.0, 250.0, 1.2) / (60.0 * 2118.0)
+    hours = life_turns(4400.0, 250.0, 1.2) / (60.0 * 2118.0)
     assert hours == pytest.approx(24824.0, rel=2e-4)  # its own formula gives 24826, so it was rounded before
 
 
 def test_buckling_equals_the_example_of_misumi() -> None:
     """MISUMI, Selection of Ball Screws 2, P. 1676: d = 12.5 mm, 820 mm, fixed-supported, 3630 N."""
-    assert screw.buckling_load(12.5e-3, 0.82, FIXED_SUPPORTED) == pytest.approx(3630.0, rel=0.02)
+    assert buckling_load(12.5e-3, 0.82, FIXED_SUPPORTED) == pytest.approx(3630.0, rel=0.02)
 
 
 @pytest.mark.parametrize(("ends", "printed"), [("fixed-fixed", 18.0), ("supported-supported", 8.0)])
 def test_resonance_equals_the_example_of_a_white_paper(ends: str, printed: float) -> None:
     """10 Steps to Achieve Optimal Ball Screw Selection: 100 in long, 1 in thick, "about" 18 and 8 Hz."""
-    permitted = screw.critical_speed(INCH, 100.0 * INCH, ENDS.index(ends))
-    assert permitted / screw.SPEED_SAFETY / (2.0 * math.pi) == pytest.approx(printed, rel=0.02)
+    permitted = critical_speed(INCH, 100.0 * INCH, ENDS.index(ends))
+    assert permitted / SPEED_SAFETY / (2.0 * math.pi) == pytest.approx(printed, rel=0.02)
 
 
 def test_mean_load_equals_the_example_of_exlar() -> None:
@@ -101,7 +114,7 @@ def test_mean_load_equals_the_example_of_exlar() -> None:
     ends = np.concatenate([[0.0], np.cumsum(ways)])  # one inch per second
     time = np.column_stack([ends[:-1], ends[1:] - 1e-9]).ravel()
     force = np.repeat(forces, 2)
-    found = screw.mean_load(force, np.ones_like(time), time)
+    found = mean_load(force, np.ones_like(time), time)
     assert found == pytest.approx(217.0, rel=0.02)
     assert found == pytest.approx(float(np.cbrt((forces**3 * ways).sum() / ways.sum())), rel=1e-6)
 
@@ -120,7 +133,7 @@ def test_critical_speed_equals_that_of_a_beam(ends: str, equation: Any, between:
     d, length = 0.02, 0.9
     stiffness = 2.06e11 * math.pi / 64.0 * d**4
     expected = 0.8 * (wave / length) ** 2 * math.sqrt(stiffness / (7850.0 * math.pi / 4.0 * d**2))
-    assert screw.critical_speed(d, length, ENDS.index(ends)) == pytest.approx(expected, rel=2e-4)
+    assert critical_speed(d, length, ENDS.index(ends)) == pytest.approx(expected, rel=2e-4)
 
 
 # ---- Temperature -------------------------------------------------------------------------------------

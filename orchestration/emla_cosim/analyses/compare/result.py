@@ -10,7 +10,7 @@ import polars
 from ...recorders.metrics import HELD, MetricDisplay
 from ...study.loads import LoadFigures, LoadMetrics
 from ...study.metrics import CONVERGENCE_TIME, SHOWN_WITH_LOAD, JointFigures, JointMetrics
-from ..frame.report import Report, ReportTable
+from ..frame.report import ReportTable
 from ..frame.reported import ReportedResult
 
 if TYPE_CHECKING:
@@ -94,11 +94,6 @@ class CompareResult(ReportedResult):
     wall_s: float = 0.0
     folder: Path | None = None
     plan: "ComparisonPlan | None" = field(default=None, compare=False)
-
-    def _build_report(self) -> Report:
-        from .report import build_report  # it needs this class
-
-        return build_report(self)
 
     def group(self, *by: str) -> dict[tuple[Any, ...], list[Row]]:
         """Return the rows, grouped by the values of these columns."""

@@ -1,5 +1,6 @@
 """The files of the result of an analysis: record, tables, pictures and page, in one folder."""
 
+from base64 import b64encode
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -132,8 +133,6 @@ class AnalysisFolder(Folder, Generic[R]):
         for name in names:
             self.write(name, pictures[name])
         if self._report:
-            from .page import render_page  # importing it loads jinja2
-
             self.write(outputs.page_name, render_page(outputs.report(result), pictures))
             names.append(outputs.page_name)
         possible = (*self.pictures, *outputs.list_pictures(result))
@@ -142,3 +141,12 @@ class AnalysisFolder(Folder, Generic[R]):
     def remove_drawn(self, names: Iterable[str]) -> None:
         """Remove pictures and pages of emla with these names. Raises RunError."""
         self.remove(name for name in names if is_drawn(self.path / name))
+
+
+def render_page(report: Report, pictures: Mapping[str, bytes]) -> bytes:
+    """Return the self-contained page of a report, with its pictures (PNG) by file name."""
+    from ...pages.page import Plots, render_template  # importing it loads jinja2
+
+    images = {name: f"data:image/png;base64,{b64encode(png).decode()}" for name, png in pictures.items()}
+    page = render_template(__package__ or "", "page.html", Plots(), report=report, pictures=images)
+    return page.encode("utf-8", "replace")

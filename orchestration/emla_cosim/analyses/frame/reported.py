@@ -1,18 +1,18 @@
 """What Python shows of the result of an analysis: its report, as the terminal and the page have it."""
 
-from abc import ABC, abstractmethod
+from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from .report import Report
 
 
-class ReportedResult(ABC):
-    """Base of results with a report."""
+class ReportedResult:
+    """Base of results with a report: that of `build_report` in the module `report` beside their class."""
 
-    @abstractmethod
     def _build_report(self) -> "Report":
-        """Return the report of this result."""
+        # imported on first use: it needs the class of the result, and loads what only reports need
+        return import_module(".report", type(self).__module__.rpartition(".")[0]).build_report(self)
 
     def __repr__(self) -> str:
         """Return one line: the kind of analysis, its name, and short facts."""

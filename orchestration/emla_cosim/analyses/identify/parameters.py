@@ -166,9 +166,9 @@ class Parameters:
 
     def options(self, point: Vector) -> dict[str, Any]:
         """Return the options that set the parameters when a scenario is loaded."""
-        chosen = zip(self.items, point, strict=True)
+        pairs = zip(self.items, point, strict=True)
         return merge_options(
-            item.factor.options(item.value(float(x))) for item, x in chosen if item.factor is not None
+            item.factor.options(item.value(float(x))) for item, x in pairs if item.factor is not None
         )
 
     def start_values(self, point: Vector, experiment: int) -> dict[str, Value]:

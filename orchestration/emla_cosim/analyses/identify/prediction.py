@@ -63,7 +63,7 @@ class Predictor:
     signals: Sequence[str]
     rows: int
     failures: Counter[str] = field(default_factory=Counter)
-    lost: str = ""
+    start_value_remark: str = ""
     half_steps: dict[int, HalfStep] = field(default_factory=dict)
     _cache: dict[Task, Prediction] = field(default_factory=dict)
 
@@ -121,7 +121,7 @@ class Predictor:
         for position, task in enumerate(tasks):
             outcome, series = outcomes.by_job[position], outcomes.series.get(position)
             if tells_lost_values(outcome.problem):
-                self.lost = self.lost or str(outcome.problem)
+                self.start_value_remark = self.start_value_remark or str(outcome.problem)
             if outcome.half_step is not None:
                 self.half_steps[task[0]] = outcome.half_step
             if outcome.status != DONE or series is None:

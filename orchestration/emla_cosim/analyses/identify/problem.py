@@ -172,8 +172,8 @@ class Problem:
         self.blocked.update(i for i, responses in enumerate(rungs) if not any(r.sides for r in responses))
         uneven = [
             i
-            for i, (short, long) in enumerate(rungs)
-            if _length(long.slope - short.slope) >= UNSURE * _length(long.slope) and long.sides
+            for i, (half, full) in enumerate(rungs)
+            if _length(full.slope - half.slope) >= UNSURE * _length(full.slope) and full.sides
         ]  # without any change the step may be shorter than the rounding
         longer = [(i, step) for i in uneven for f in _LONGER_STEPS if (step := f * first[i]) <= _MAX_STEP]
         for (i, _), rung in zip(longer, self._try_steps(point, residuals, longer), strict=True):
@@ -255,16 +255,16 @@ class _StepResponse:
         """The derivative between both sides, or that of the only side."""
         if not self.sides:
             return np.zeros_like(self.residuals)
-        (at, values), (bt, other), *_ = *self.sides, (0.0, self.residuals)
-        return (values - other) / (at - bt)
+        (at, values), (bt, other_residuals), *_ = *self.sides, (0.0, self.residuals)
+        return (values - other_residuals) / (at - bt)
 
     @property
     def bend(self) -> Vector:
         """Half the difference between the derivatives of both sides; zero if there is only one."""
         if len(self.sides) < 2:
             return np.zeros_like(self.residuals)
-        right, left = ((values - self.residuals) / at for at, values in self.sides)
-        return 0.5 * (right - left)
+        right_slope, left_slope = ((values - self.residuals) / at for at, values in self.sides)
+        return 0.5 * (right_slope - left_slope)
 
 
 def _choose_step(rungs: Sequence[_StepResponse]) -> tuple[Vector, Vector, float]:

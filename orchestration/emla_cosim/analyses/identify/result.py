@@ -19,8 +19,6 @@ from .residuals import Fit
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ..frame.report import Report
-
 
 SAMPLES = {"experiment": str, "signal": str, "time": float, "measured": float, "predicted": float}
 """Columns of the table of samples."""
@@ -73,11 +71,6 @@ class IdentificationResult(ReportedResult):
     plan: Mapping[str, Any] = field(default_factory=dict)
     systems: Sequence[Mapping[str, Any]] = ()
     scenario: Mapping[str, Any] = field(default_factory=dict)
-
-    def _build_report(self) -> "Report":
-        from .report import build_report  # it needs this class
-
-        return build_report(self)
 
     def __getitem__(self, name: str) -> Estimate:
         """Return the estimate of a parameter. Raises KeyError."""

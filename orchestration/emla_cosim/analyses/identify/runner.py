@@ -159,7 +159,7 @@ class _Identification:
     task: IdentificationTask
     session: Session[IdentificationResult]
     predictor: Predictor
-    began: float = field(default_factory=time.monotonic)
+    start_time: float = field(default_factory=time.monotonic)
     saved: float = 0.0
 
     def __post_init__(self) -> None:
@@ -302,7 +302,7 @@ class _Identification:
 
     def _describe_failures(self) -> list[str]:
         """Return notes on start values that were not taken, and on runs that failed."""
-        notes = [self.predictor.lost] if self.predictor.lost else []
+        notes = [self.predictor.start_value_remark] if self.predictor.start_value_remark else []
         if failures := self.predictor.failures:
             ((reason, _),) = failures.most_common(1)
             notes.append(f"{format_count(failures.total(), 'run')} failed, most because: {reason}")
@@ -321,7 +321,7 @@ class _Identification:
             name=self.task.plan.name,
             history=polars.DataFrame(self.estimator.history),
             runs=self.predictor.runs.count,
-            wall_s=time.monotonic() - self.began,
+            wall_s=time.monotonic() - self.start_time,
             folder=self.session.path,
             data_notes=self.task.notes,
             plan=self.task.plan.record,

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import polars
 
@@ -10,9 +10,6 @@ from ..frame.reported import ReportedResult
 from .margins import Margins
 from .response import FrequencyResponse
 from .state_space import StateSpace
-
-if TYPE_CHECKING:
-    from ..frame.report import Report
 
 
 @dataclass(frozen=True)
@@ -62,11 +59,6 @@ class LinearizeResult(ReportedResult):
     remarks: tuple[str, ...] = ()
     matrices: StateSpace | None = None
     is_steady: bool = False
-
-    def _build_report(self) -> "Report":
-        from .report import build_report  # it needs this class
-
-        return build_report(self)
 
     def __getitem__(self, name: str) -> FrequencyResponse:
         """Return a response by name."""

@@ -1,5 +1,6 @@
 """Figures of a joint over a cycle that repeats, with what the brake resistor takes, and their losses."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -8,10 +9,12 @@ import numpy as np
 
 from ...base.arrays import Vector
 from ...base.wording import format_rounded
-from . import screw
 from .cycle import Cycle
 from .motor import Winding, cycles_until_warm, time_until_rise
 from .plant import JointPlant
+
+RATED_TURNS = 1e6
+"""Turns for which a dynamic load rating holds (ISO 3408-5)."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +84,7 @@ def compute_figures(
     torque = _find_peak(cycle.torque)
     brake = brake_power(cycle.time, power, capacity)
     burnt = float(brake @ np.diff(cycle.time))
-    load = screw.mean_load(force, cycle.v, cycle.time)
+    load = mean_load(force, cycle.v, cycle.time)
     speed = cycle.mean(np.abs(cycle.v))
     further: dict[str, Any] = {}
     if isinstance(winding, Winding) and rise is not None:
@@ -92,7 +95,7 @@ def compute_figures(
             "trip_time_s": time_until_rise(cycle.time, rise, winding.tau_th, winding.trip_rise),
         }
     if "screw.C_a" in values:
-        turns = screw.life_turns(values["screw.C_a"], load, values.get("screw.f_w", 1.0))
+        turns = life_turns(values["screw.C_a"], load, values.get("screw.f_w", 1.0))
         travel = turns * values["screw.lead"]
         life = travel / speed if speed > 0.0 else np.inf
         further |= {"life_turns": turns, "life_travel_m": travel, "life_s": life}
@@ -137,6 +140,19 @@ def _compute_voltage(cycle: Cycle) -> Vector:
 
 def _find_peak(values: Vector) -> float:
     return float(np.abs(values).max())
+
+
+def mean_load(force: Vector, speed: Vector, time: Vector) -> float:
+    """Return the equivalent mean load in N: the cubic mean of |force| over the travel (ISO 3408-5)."""
+    travel = np.trapezoid(np.abs(speed), time)
+    if not travel > 0.0:
+        return 0.0
+    return float(np.cbrt(np.trapezoid(np.abs(force) ** 3 * np.abs(speed), time) / travel))
+
+
+def life_turns(C_a: float, load: float, f_w: float = 1.0) -> float:
+    """Return the nominal life L10 in turns of the screw, infinity without load; `f_w` is for shocks."""
+    return RATED_TURNS * (C_a / (f_w * load)) ** 3 if load > 0.0 else math.inf
 
 
 def brake_power(time: Vector, power: Vector, capacity: float) -> Vector:

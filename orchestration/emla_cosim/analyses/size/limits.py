@@ -10,12 +10,23 @@ from ...base.wording import format_rounded
 from ...study.actuator import derived
 from ...study.actuator.entries import ROOT_2, ROOT_3, TURN
 from ...study.limits import format_distinct
-from . import screw
 from .cycle import Cycle
 from .figures import SizingFigures
 from .motor import Winding, continuous_torque
 
 _ROUNDING = 1e-9
+
+YOUNG, DENSITY = 2.06e11, 7850.0
+"""Of steel, in Pa and kg/m3, as in catalogues."""
+
+SPEED_SAFETY, BUCKLING_SAFETY = 0.8, 0.5
+"""Permissible fractions of critical speed and buckling load, as in the catalogues of THK and MISUMI."""
+
+_EIGENVALUES = (1.8751, math.pi, 3.9266, 4.7300)
+"""First eigenvalues of a beam, by the bearings of `ENDS`."""
+
+_EULER = (0.25, 1.0, 2.0, 4.0)
+"""Factors of Euler's buckling load, by the bearings of `ENDS`."""
 
 Values = Mapping[str, float]
 
@@ -176,10 +187,10 @@ def _examine_screw(values: Values, figures: SizingFigures, life: float | None) -
     else:
         d_root, length, ends = (values[entry] for entry in shape)
         turning = TURN * figures.speed_peak_m_s / values["screw.lead"]
-        permitted = screw.critical_speed(d_root, length, round(ends))
+        permitted = critical_speed(d_root, length, round(ends))
         source = "screw.d_root, L_free, ends"
         yield _utilise("screw critical speed", turning, permitted, "rpm", 60.0 / TURN, source)
-        load = screw.buckling_load(d_root, length, round(ends))
+        load = buckling_load(d_root, length, round(ends))
         yield _utilise("screw buckling", figures.compression_peak_N, load, "kN", 1e-3, source)
     if figures.life_s is None:
         yield Unexamined("screw life", "screw.C_a")
@@ -195,3 +206,15 @@ def link_capacity(values: Values) -> float:
         return 0.0
     normal = ROOT_3 * derived.voltage(values)
     return 0.5 * values["inverter.C_DC"] * max(values["inverter.U_brake"] ** 2 - normal**2, 0.0)
+
+
+def critical_speed(d_root: float, length: float, ends: int) -> float:
+    """Return the permissible speed in rad/s: `SPEED_SAFETY` of the first resonance of a round shaft."""
+    wave = (_EIGENVALUES[ends] / length) ** 2
+    return SPEED_SAFETY * wave * 0.25 * d_root * math.sqrt(YOUNG / DENSITY)
+
+
+def buckling_load(d_root: float, length: float, ends: int) -> float:
+    """Return the permissible compressive force in N: `BUCKLING_SAFETY` of Euler's load."""
+    inertia = math.pi / 64.0 * d_root**4
+    return BUCKLING_SAFETY * _EULER[ends] * math.pi**2 * YOUNG * inertia / length**2

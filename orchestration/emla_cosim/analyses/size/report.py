@@ -170,9 +170,9 @@ def _tabulate_figures(sizing: JointSizing) -> ReportTable:
 
 def _tabulate_limits(sizing: JointSizing) -> ReportTable:
     rows = list[list[Text | str]]()
-    for one in sizing.limits:
-        used, limit = format_value(one.used), f"{format_value(one.limit)} {one.unit}"
-        rows.append([_mark_limit(one), format_percent(one.fraction), used, limit, one.source])
+    for limit in sizing.limits:
+        used, bound = format_value(limit.used), f"{format_value(limit.limit)} {limit.unit}"
+        rows.append([_mark_limit(limit), format_percent(limit.fraction), used, bound, limit.source])
     rows += [[x.name, "?", "", "", f"not examined: needs {x.missing}"] for x in sizing.unexamined]
     title = f"Limits of {sizing.joint}, the most used first"
     return ReportTable(title, ("", "%", "used", "limit", "from"), rows, texts=(0, 4))

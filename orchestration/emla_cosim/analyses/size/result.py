@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import polars
@@ -16,9 +16,6 @@ from .figures import Losses, SizingFigures
 from .limits import Unexamined, Utilisation, format_percent
 from .motor import Winding
 from .tolerances import Tolerances, list_reasons
-
-if TYPE_CHECKING:
-    from ..frame.report import Report
 
 _MAX_ROWS = 20_000
 """Most rows of a table of a cycle."""
@@ -205,11 +202,6 @@ class SizeResult(ReportedResult):
     ambient: float
     life: float | None
     lead_in: float
-
-    def _build_report(self) -> "Report":
-        from .report import build_report  # it needs this class
-
-        return build_report(self)
 
     def __getitem__(self, joint: str) -> JointSizing:
         """Return the sizing of a joint.

@@ -23,7 +23,6 @@ from ..variants.targets import Target, assign_value, format_arguments, merge_opt
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ..frame.report import Report
     from .sensitivity import SobolIndices
 
 NOT_HELD = "not held"
@@ -89,11 +88,6 @@ class SweepResult(ReportedResult):
     notes: Sequence[str] = ()
     record: Mapping[str, Any] = field(default_factory=dict)
     resources: object = field(default=None, compare=False)
-
-    def _build_report(self) -> "Report":
-        from .report import build_report  # it needs this class
-
-        return build_report(self)
 
     @property
     def is_done(self) -> Mask:

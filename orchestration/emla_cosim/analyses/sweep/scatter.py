@@ -118,7 +118,7 @@ def _draw_panel(
     groups: Sequence[_OutcomeGroup],
 ) -> None:
     scaled, is_boolean = display_of(result, name).factor * values, is_truth(result, name)
-    x, y = _place(factor, 0), _spread(scaled, 1) if is_boolean else scaled
+    x, y = _spread_levels(factor, 0), _spread(scaled, 1) if is_boolean else scaled
     crowding = 1.0 / np.sqrt(max(len(x), 1))
     size, alpha = float(np.clip(90.0 * crowding, 1.2, 5.0)), float(np.clip(20.0 * crowding, 0.25, 0.9))
     missing = np.isnan(scaled)
@@ -139,7 +139,7 @@ def _draw_panel(
         scale(axes, axes.yaxis, scaled)
 
 
-def _place(factor: FactorColumn, axis: int) -> Vector:
+def _spread_levels(factor: FactorColumn, axis: int) -> Vector:
     return _spread(factor.values, axis) if factor.levels else factor.values
 
 
@@ -256,7 +256,7 @@ def _draw_cells(
 def _draw_points(
     axes: "Axes", across: FactorColumn, up: FactorColumn, values: Vector, groups: Sequence[_OutcomeGroup]
 ) -> Any:
-    x, y = _place(across, 0), _place(up, 1)
+    x, y = _spread_levels(across, 0), _spread_levels(up, 1)
     size = float(np.clip(4000.0 / max(len(x), 1), 8.0, 40.0))
     good = next((variants for name, variants, _ in groups if name == DONE), np.zeros(len(x), bool))
     axes.scatter(x[good], y[good], s=size, color=_SHADES[0], linewidths=0)

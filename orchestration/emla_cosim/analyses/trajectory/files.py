@@ -10,7 +10,7 @@ from ...base.files import check_output_files, report_write_errors
 from ...base.output_files import OutputFile, has_mark, is_page
 from ...study.trajectory_file import WHAT, check_trajectory
 from ...views.plots.style import is_picture, to_png
-from ..frame.outputs import is_drawn
+from ..frame.outputs import is_drawn, render_page
 from .pictures import PICTURES, draw_pictures
 from .report import build_report
 from .result import TrajectoryResult
@@ -78,8 +78,6 @@ class MotionFiles:
         for file, picture in zip(self._pictures, pictures.values(), strict=False):
             file.write(picture)
         if self._page is not None:
-            from ..frame.page import render_page  # importing it loads jinja2
-
             self._page.write(render_page(build_report(result), pictures))
 
 

@@ -22,7 +22,6 @@ from .problem import describe_problem
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ..frame.report import Report
 
 _TOOLS = ("casadi", "emla-cosim", "numpy", "scipy")
 """Packages that the motion depends on."""
@@ -53,11 +52,6 @@ class TrajectoryResult(ReportedResult):
     discretisation: Discretisation
     solution: Solution
     starts: int = 1
-
-    def _build_report(self) -> "Report":
-        from .report import build_report  # it needs this class
-
-        return build_report(self)
 
     def course(self, times: Vector) -> Course:
         """Return strokes, speeds, accelerations and forces at times in s."""

@@ -16,8 +16,6 @@ from .score import Score
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ..frame.report import Report
-
 
 @dataclass(frozen=True)
 class Tuned:
@@ -90,11 +88,6 @@ class TuneResult(ReportedResult):
     plan: Mapping[str, Any] = field(default_factory=dict)
     system: Mapping[str, Any] = field(default_factory=dict)
     scenario: Mapping[str, Any] | None = field(default=None)
-
-    def _build_report(self) -> "Report":
-        from .report import build_report  # it needs this class
-
-        return build_report(self)
 
     @property
     def set(self) -> dict[str, Any]:

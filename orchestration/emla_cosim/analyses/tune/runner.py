@@ -201,7 +201,7 @@ class _Tuning:
     session: Session[TuneResult]
     notes: Sequence[str]
     rows: list[dict[str, Any]] = field(default_factory=list)
-    began: float = field(default_factory=time.monotonic)
+    start_time: float = field(default_factory=time.monotonic)
     remarks: Sequence[str] = ()
 
     def run(self) -> TuneResult:
@@ -297,7 +297,7 @@ class _Tuning:
             plan.tolerance,
             complete,
             self.evaluation.runs.count,
-            time.monotonic() - self.began,
+            time.monotonic() - self.start_time,
             self.session.path,
             self.notes,
             self.remarks,

@@ -120,7 +120,7 @@ class Objective:
         """
         objectives = dict[str, float]()
         worst = dict[str, Mapping[str, Any]]()
-        violation, lost, runs = 0.0, 0, 0
+        violation, lost_runs, runs = 0.0, 0, 0
         met = np.ones(len(outcomes[0]), dtype=bool)
         for case, required, by_seed in zip(self.cases, self.required, outcomes, strict=True):
             values = [self._find_objective(case, outcome) for outcome in by_seed]
@@ -128,7 +128,7 @@ class Objective:
             objectives[case.name] = float(np.mean(values)) if case.weight else math.nan
             violations = [self._rate_run(o, required, x) for o, x in zip(by_seed, missing, strict=True)]
             violation += sum(violations) / len(violations)
-            lost += sum(missing)
+            lost_runs += sum(missing)
             runs += len(by_seed)
             met &= [
                 not is_missing and all(r.met_by(outcome.figures.get(r.figure)) for r in required)
@@ -138,7 +138,7 @@ class Objective:
         total = sum(case.weight for case in self.cases)
         objective = sum(c.weight * objectives[c.name] for c in self.cases if c.weight) / total
         by_case = {name: value for name, value in objectives.items() if value == value}
-        return Score(objective, violation, lost, runs, int(met.sum()), by_case, worst)
+        return Score(objective, violation, lost_runs, runs, int(met.sum()), by_case, worst)
 
     def meets_measured(self, outcomes: Sequence[Sequence[VariantOutcome]]) -> bool:
         """Return whether runs meet all conditions on figures that they have; margins come later."""
@@ -225,13 +225,13 @@ class _TrackingErrorMetrics(Metrics):
         self._sums, self._rows = dict(memory["sums"]), int(memory["rows"])
 
 
-def tracking_error(outline: Outline) -> Metrics | None:
+def tracking_error(layout: Outline) -> Metrics | None:
     """Return the metrics of all joints of a run; None if it has none."""
-    column = {name: i + 1 for i, name in enumerate(outline.names)}
+    column = {name: i + 1 for i, name in enumerate(layout.names)}
     columns = {
         joint: (column[position], column[reference])
         for find in TRACKED.values()
-        for joint, (position, reference) in find(column, outline.roles).items()
+        for joint, (position, reference) in find(column, layout.roles).items()
     }
     return _TrackingErrorMetrics(columns) if columns else None
 

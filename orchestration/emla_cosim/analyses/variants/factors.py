@@ -126,23 +126,23 @@ class _FactorResolver:
         unique = {s.name: s for pattern in of for s in self._find_subjects(pattern, distribution)}
         return [self._make_factor(self.name, list(unique.values()), entry)]
 
-    def _resolve_actuator(self, given: Any, joints: Sequence[str]) -> Factor:
+    def _resolve_actuator(self, entry: Any, joints: Sequence[str]) -> Factor:
         """Return the factor of `actuator[.JOINT]` or `actuator[.JOINT].TABLE.ENTRY`."""
         parts = self.name.split(".")[1:]
         if parts and parts[0] in joints:
-            joint, *entry = parts
+            joint, *path = parts
         elif len(joints) == 1 and len(parts) in (0, 2):
-            joint, entry = joints[0], parts
+            joint, path = joints[0], parts
         else:
-            joint, entry = "", []
-        if not joint or len(entry) not in (0, 2):
+            joint, path = "", []
+        if not joint or len(path) not in (0, 2):
             raise CommandError(
                 f"{self.label} is not an actuator or an entry of its data sheet; write actuator.JOINT or "
                 "actuator.JOINT.TABLE.ENTRY.",
                 name=self.name,
             )
-        if not entry:
-            return Factor(self.name, [Target(joint, ACTUATOR)], parse_distribution(given, self.label))
+        if not path:
+            return Factor(self.name, [Target(joint, ACTUATOR)], parse_distribution(entry, self.label))
         units = set[str]()
 
         def convert(text: str) -> float:
@@ -150,7 +150,7 @@ class _FactorResolver:
             units.add(unit)
             return number
 
-        distribution = parse_distribution(given, self.label, convert)
+        distribution = parse_distribution(entry, self.label, convert)
         if len(units) > 1:
             raise CommandError(f"{self.label} has values in different units: {join_names(sorted(units))}.")
         if distribution.relative:
@@ -158,7 +158,7 @@ class _FactorResolver:
                 f"{self.label} is relative; entries of data sheets need values with their units."
             )
         unit = "".join(units)
-        return Factor(self.name, [Target(".".join([joint, *entry]), SHEET, unit=unit)], distribution, unit)
+        return Factor(self.name, [Target(".".join([joint, *path]), SHEET, unit=unit)], distribution, unit)
 
     def _find_subjects(self, name: str, distribution: Distribution) -> list[_Subject]:
         """Return the option, component or start value of a name, or the start values of a pattern."""

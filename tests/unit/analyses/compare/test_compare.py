@@ -28,7 +28,7 @@ from emla_cosim.analyses.compare.plan import (
 from emla_cosim.analyses.compare.report import OUTPUTS, build_report
 from emla_cosim.analyses.compare.tables import describe_lost_joints
 from emla_cosim.analyses.execution.worker_payload import Preparation
-from emla_cosim.analyses.frame.page import render_page
+from emla_cosim.analyses.frame.outputs import render_page
 from emla_cosim.analyses.frame.report import Report, Section
 from emla_cosim.base.errors import CommandError
 from emla_cosim.base.progress import Progress
