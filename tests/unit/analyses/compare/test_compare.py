@@ -43,18 +43,18 @@ from tests.support.whole_files import names as names_in
 pytestmark = pytest.mark.usefixtures("on_one_cluster")
 
 FILES = {"comparison.csv", "comparison.md", "comparison.json"}
-SHORT = ("--stop-time", "0.4", "--workers", "1", "--no-plots")
+SHORT_RUN = ("--stop-time", "0.4", "--workers", "1", "--no-plots")
 
 
 def names(controllers: list[Any] | None, *gains: str, also: Sequence[str] = ()) -> list[str]:
-    return [str(one) for one in select_variants(controllers, gains or None, also)]
+    return [str(variant) for variant in select_variants(controllers, gains or None, also)]
 
 
 def test_selection_of_controllers_and_gains() -> None:
     """Without gains the recommended set of each, which is declared in one place."""
     recommended = ["rsba/damped", "foc/damped", "cac/damped", "anatc/damped"]
     assert names(None) == names(None, "recommended") == recommended
-    assert recommended == [f"{name}/{one.recommended}" for name, one in ec.CONTROLLERS.items()]
+    assert recommended == [f"{name}/{entry.recommended}" for name, entry in ec.CONTROLLERS.items()]
     assert names(["rsba"]) == ["rsba/damped"]
     assert names(["foc", "rsba"], "recommended", "rule") == ["foc/damped", "foc/rule", "rsba/damped"]
     assert names(["rsba"], "all") == [f"rsba/{s}" for s in ec.CONTROLLERS["rsba"].gains]
@@ -69,10 +69,10 @@ def test_selection_of_controllers_and_gains() -> None:
 
 def test_selection_for_loads_that_are_not_rigid() -> None:
     """Their set is the recommended one of each controller that has it."""
-    chosen = partial(select_variants, ["foc", FocController], preferred="compliant")
+    select = partial(select_variants, ["foc", FocController], preferred="compliant")
     names_of = ["foc/compliant", "FocController/compensated"]
-    assert list(map(str, chosen())) == list(map(str, chosen(["recommended"]))) == names_of
-    assert list(map(str, chosen(["foc/rule"]))) == ["foc/rule", "FocController/compensated"]
+    assert list(map(str, select())) == list(map(str, select(["recommended"]))) == names_of
+    assert list(map(str, select(["foc/rule"]))) == ["foc/rule", "FocController/compensated"]
 
 
 @pytest.mark.parametrize(
@@ -98,9 +98,9 @@ def test_selection_for_loads_that_are_not_rigid() -> None:
 def test_invalid_options_give_one_message(
     arguments: tuple[str, ...], words: str, emla: Emla, tmp_path: Path
 ) -> None:
-    place = tmp_path / "place"
-    assert words in sentence(emla("compare", "lift", *arguments, "--output", str(place)), 2)
-    assert not place.exists()
+    folder = tmp_path / "place"
+    assert words in sentence(emla("compare", "lift", *arguments, "--output", str(folder)), 2)
+    assert not folder.exists()
 
 
 def test_output_folder_that_is_a_file_is_reported(emla: Emla, tmp_path: Path) -> None:
@@ -159,9 +159,9 @@ def test_table_marks_figures_of_lost_joints(compared: ec.CompareResult) -> None:
     lift = {row["gains"]: row for row in compared.rows.filter(joint="lift").rows(named=True)}
     assert grid.cells[3][column].text == f"not held ({lift['published']['torque_peak_N_m']:.3g})"
     assert grid.cells[0][column - 1].text == f"{1e6 * lift['robust']['position_error_m']:.3g}"
-    others = compared.rows.filter(joint="lift", held=True)["position_error_m"]
+    held_errors = compared.rows.filter(joint="lift", held=True)["position_error_m"]
     best = [c.text for c in grid.cells[0] if c.is_best]
-    assert best == [f"{1e6 * others.min():.3g}"]  # type: ignore[operator]
+    assert best == [f"{1e6 * held_errors.min():.3g}"]  # type: ignore[operator]
 
 
 def test_command_in_the_folder_repeats_a_run(compared: ec.CompareResult, emla: Emla, tmp_path: Path) -> None:
@@ -174,9 +174,9 @@ def test_command_in_the_folder_repeats_a_run(compared: ec.CompareResult, emla: E
     (run,) = (r for r in record["runs"] if r["gains"] == "robust" and r["joints"] == ["telescope"])
     words = shlex.split(run["command"])[1:]
     assert emla(*words, "--no-plots", "--output", str(tmp_path)).exit_code == 0
-    again = json.loads((tmp_path / "metrics.json").read_text())["joints"]["telescope"]
+    repeated = json.loads((tmp_path / "metrics.json").read_text())["joints"]["telescope"]
     row = compared.rows.filter(run=run["run"]).row(0, named=True)
-    assert again["position_error_m"] == row["position_error_m"]
+    assert repeated["position_error_m"] == row["position_error_m"]
 
 
 def test_errors_over_time_agree_with_metrics(compared: ec.CompareResult) -> None:
@@ -223,20 +223,20 @@ def test_terminal_shows_a_part_of_many_lost_joints(capsys: pytest.CaptureFixture
 
 
 def test_command_reports_lost_joints_first(emla: Emla, tmp_path: Path) -> None:
-    arguments = ("--controllers", "rsba", "--gains", "published", *SHORT, "--output", str(tmp_path))
+    arguments = ("--controllers", "rsba", "--gains", "published", *SHORT_RUN, "--output", str(tmp_path))
     result = emla("compare", "lift", *arguments)
     assert result.exit_code == 0
-    lost = "lift with rsba/published: lift tripped on its current"
-    assert result.stdout.startswith(f"Not held: 1 of 1.\n{lost}")
+    message = "lift with rsba/published: lift tripped on its current"
+    assert result.stdout.startswith(f"Not held: 1 of 1.\n{message}")
     assert names_in(tmp_path) == FILES
 
 
 def test_values_of_a_case_override_common_values() -> None:
     """As the run itself has: a case is for a value that `--set` gives to all."""
     options = {"set": {"a.b": 1.0, "a.c": 2.0}, "stop_time": 0.4, "step_size": 1e-3, "gains": "soft"}
-    own = {"set": {"a.b": 3.0}, "step_size": 1e-4}
+    overrides = {"set": {"a.b": 3.0}, "step_size": 1e-4}
     variant, case = ControllerVariant("rsba", "robust"), ComparisonCase("heavy")
-    run = ComparisonRun("lift", variant, case, ["lift"], own, 0)
+    run = ComparisonRun("lift", variant, case, ["lift"], overrides, 0)
     words = ComparisonPlan([run], [], options, []).command(0) or []
     assert words[:3] == ["emla", "run", "lift"]
     assert set(zip(words[3::2], words[4::2], strict=True)) == {
@@ -263,7 +263,7 @@ def test_cases_change_start_values_of_the_plant(prepared: Preparation) -> None:
     )
     step = cases["load from -F to F at 0.5 s"]
     assert (step["tilt.disturbance.load.level[1]"], step["tilt.disturbance.load.start[2]"]) == (-25e3, 0.5)
-    assert all(found or case == "nominal" or "encoder" in case for case, found in cases.items())
+    assert all(values or case == "nominal" or "encoder" in case for case, values in cases.items())
     for case in (ComparisonCase("rain", **{how: {"*.weather.rain": 1.0}}) for how in ("set", "scale")):
         assert case.resolve_start_values(prepared) is None  # without its variable it is omitted
     (freezing,) = (c for c in robustness_cases() if c.name == "encoder freezes at 0.5 s for 1 ms")
@@ -273,8 +273,8 @@ def test_cases_change_start_values_of_the_plant(prepared: Preparation) -> None:
 
 
 def test_map_has_all_points_of_its_grid() -> None:
-    one = stability_maps()[0]
-    cases = one.cases(3)
+    stability_map = stability_maps()[0]
+    cases = stability_map.cases(3)
     assert [case.at for case in cases] == [(x, y) for y in (0.4, 1.0, 1.6) for x in (0.0, 0.3, 0.6)]
     assert cases[-1].set == {"*.plant.inverter.delay": pytest.approx(6e-4)}
     assert cases[-1].scale == {"*.plant.motor.L_?": pytest.approx(1.6)}
@@ -286,8 +286,8 @@ def test_stability_map_separates_stable_and_unstable_corners(fmu_folder: Path) -
         "lift", ["rsba"], table="stability", resolution=2, stop_time=0.4, fmus=fmu_folder, workers=1
     )
     of_map = result.rows.filter(polars.col("case").str.starts_with("delay and inductance"))
-    held = {(row["x"], row["y"]): row["held"] for row in of_map.rows(named=True)}
-    assert held[0.0, 1.6] and not held[0.6, 0.4]
+    verdicts = {(row["x"], row["y"]): row["held"] for row in of_map.rows(named=True)}
+    assert verdicts[0.0, 1.6] and not verdicts[0.6, 0.4]
     assert list(result.figures()) == ["comparison-stability-1", "comparison-stability-2"]
 
 
@@ -296,10 +296,10 @@ def test_averages_of_the_paper_are_ratios_of_means(table: Any, count: int) -> No
     """All but two of the printed ones, those of the speed in Table VI."""
     assert len(table.cells) == count
     for controller, printed in table.averages.items():
-        found = table.recomputed(controller)
-        for name, ours, theirs in zip(found.__struct_fields__, found, printed, strict=True):
+        recomputed = table.recomputed(controller)
+        for name, value, printed_value in zip(recomputed.__struct_fields__, recomputed, printed, strict=True):
             wrong = table is TABLE_VI and name == "velocity_error_m_s" and controller != "rsba"
-            assert math.isclose(ours, theirs, abs_tol=0.006) != wrong, (controller, name)
+            assert math.isclose(value, printed_value, abs_tol=0.006) != wrong, (controller, name)
 
 
 def test_all_sets_leave_out_joints_that_lack_one() -> None:

@@ -20,8 +20,8 @@ FASTEST = 0.402  # s: half of the move of 0.803 s, on the grid
 STOP = 0.6  # s
 
 
-def compare_margins(controller: str, gains: str, **given: Any) -> ec.CompareResult:
-    options = {"table": "margins", "seeds": 0, "set": DELAY, "stop_time": STOP, **given}
+def compare_margins(controller: str, gains: str, **fields: Any) -> ec.CompareResult:
+    options = {"table": "margins", "seeds": 0, "set": DELAY, "stop_time": STOP, **fields}
     return ec.compare("lift", [controller], gains=[gains], **options)
 
 
@@ -37,8 +37,8 @@ def check_margins(row: dict[str, Any], fmus: Path) -> None:
     """Compare the margins of a row with those of the equations."""
     assert row["margins_at_s"] == pytest.approx(FASTEST, abs=0.0015)
     assert row["computing_delay_s"] == STEP
-    given = {"controller": row["controller"], "gains": row["gains"], "set": DELAY, "stop_time": STOP}
-    with ec.load("lift", **given, fmus=fmus).prepare() as run:
+    options = {"controller": row["controller"], "gains": row["gains"], "set": DELAY, "stop_time": STOP}
+    with ec.load("lift", **options, fmus=fmus).prepare() as run:
         run.advance(row["margins_at_s"])
         v, i_q, i_d = (run[f"lift.plant.{n}"] for n in ("v_L", "i_q_measured", "i_d_measured"))
     frequency = np.geomspace(20.0, 4999.0, 2000)
@@ -66,24 +66,24 @@ def test_margins_of_current_loops_equal_those_of_linearize(
     compared: ec.CompareResult, fmu_folder: Path
 ) -> None:
     (row,) = compared.rows.rows(named=True)
-    place = "lift.controller.u_q -> lift.plant.u_q"
+    opening = "lift.controller.u_q -> lift.plant.u_q"
     options = {"controller": "rsba", "gains": "compensated", "set": DELAY, "stop_time": STOP}
     at = {"at": row["margins_at_s"], "duration": 0.15, "fmus": fmu_folder}
-    result = ec.linearize("lift", open=place, **at, **options)
-    assert row["current_loop_phase_margin_deg"] == pytest.approx(result.margins[place].phase_deg, rel=1e-6)
-    assert row["current_loop_Ms"] == pytest.approx(result.margins[place].Ms, rel=1e-6)
+    result = ec.linearize("lift", open=opening, **at, **options)
+    assert row["current_loop_phase_margin_deg"] == pytest.approx(result.margins[opening].phase_deg, rel=1e-6)
+    assert row["current_loop_Ms"] == pytest.approx(result.margins[opening].Ms, rel=1e-6)
 
 
 @pytest.mark.slow
 def test_lost_joint_has_a_problem_instead_of_margins(fmu_folder: Path, scheduler: Client) -> None:
-    found = compare_margins("rsba", "published", fmus=fmu_folder, scheduler=scheduler)
-    (row,) = found.rows.rows(named=True)
+    compared = compare_margins("rsba", "published", fmus=fmu_folder, scheduler=scheduler)
+    (row,) = compared.rows.rows(named=True)
     assert not row["held"]
     for loop in ("position_loop", "current_loop"):
         problems = ("not linear", "gain stays below 1", "unstable", "not decayed", "run ended")
         assert row[f"{loop}_problem"] in problems
         assert all(row[f"{loop}_{name}"] is None for name in FIGURES)
-    (grid,) = found.grids
+    (grid,) = compared.grids
     (cells,) = ([cell.text for cell in row] for row in grid.cells if row[0].text == "rsba/published")
     assert cells[1].startswith("not held") and cells[-1] == "not met"
 

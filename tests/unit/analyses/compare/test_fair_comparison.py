@@ -32,7 +32,7 @@ from fmublock import Block, Input, Output, clamp
 
 pytestmark = pytest.mark.usefixtures("on_one_cluster")
 
-HELD = {"held": True, "reason": None}
+HELD_VERDICT = {"held": True, "reason": None}
 SWINGS = {"held": False, "reason": "it swings.", "oscillation": {"time_s": 0.4}}
 TRIPPED = {"held": False, "reason": "it tripped.", "trip": {"time_s": 0.2}}
 
@@ -40,11 +40,11 @@ TRIPPED = {"held": False, "reason": "it tripped.", "trip": {"time_s": 0.2}}
 @pytest.mark.parametrize(
     ("figures", "status", "expected"),
     [
-        (HELD, "done", (True, None, None)),
+        (HELD_VERDICT, "done", (True, None, None)),
         (SWINGS, "done", (False, 0.4, "it swings")),
         (TRIPPED, "diverged", (False, 0.2, "it tripped")),
         ({"held": False, "reason": "not settled.", "trip": None}, "done", (False, 0.7, "not settled")),
-        (HELD, "diverged", (False, 0.7, "another joint ended")),
+        (HELD_VERDICT, "diverged", (False, 0.7, "another joint ended")),
         ({}, "died", (False, 0.7, "its process ended")),
         ({}, "done", (False, 0.7, "it has no figures")),
     ],
@@ -104,8 +104,8 @@ def test_joints_without_noise_run_once(compared: ec.CompareResult) -> None:
     assert compared.entrants == ["rsba/damped", "foc/damped"]
     seeds = HeldOutSeeds(3).seeds
     for joint, controller in itertools.product(("lift", "tilt", "telescope"), ("rsba", "foc")):
-        found = compared.rows.filter(joint=joint, controller=controller)
-        assert found["seed"].to_list() == (seeds if joint == "tilt" else [None])
+        selected = compared.rows.filter(joint=joint, controller=controller)
+        assert selected["seed"].to_list() == (seeds if joint == "tilt" else [None])
     tilt = compared.rows.filter(joint="tilt")
     assert tilt["torque_effort_N_m"].n_unique() == 6
 
@@ -118,8 +118,8 @@ def test_controllers_get_the_same_random_sequences(compared: ec.CompareResult, f
     assert all(sets["rsba", seed] == sets["foc", seed] for seed in HeldOutSeeds(3).seeds)
     run = next(r for r in runs if r["joints"] == ["tilt"] and r["controller"] == "foc")
     scenario = load("tilt", controller="foc", gains="damped", set=run["set"], stop_time=0.4, fmus=fmu_folder)
-    alone = scenario.prepare().run().metrics["joints"]["tilt"]
-    assert alone["position_error_m"] == compared.rows.filter(run=run["run"])["position_error_m"][0]
+    single_run = scenario.prepare().run().metrics["joints"]["tilt"]
+    assert single_run["position_error_m"] == compared.rows.filter(run=run["run"])["position_error_m"][0]
 
 
 def test_controllers_meet_equal_noise_and_disturbances(fmu_folder: Path) -> None:
@@ -151,13 +151,13 @@ def test_table_shows_mean_and_spread(compared: ec.CompareResult) -> None:
 
 
 def test_notes_state_reserves_and_offer_other_sets(compared: ec.CompareResult) -> None:
-    reserves, equal, others = compared.notes
+    reserves, equal, other_sets = compared.notes
     assert reserves == ("Reserves of current and voltage: rsba/damped 2 % and 20 %; foc/damped 0 % and 5 %.")
     assert equal == "Equal observers in study: --gains rsba/robust,foc/rule."
-    left = (
+    expected = (
         "rsba/compensated, rsba/robust, rsba/published, rsba/compliant, foc/tuned, foc/rule and foc/compliant"
     )
-    assert others.startswith(f"Further sets of gains: {left}")
+    assert other_sets.startswith(f"Further sets of gains: {expected}")
 
 
 @pytest.mark.parametrize("controller", list(CONTROLLERS))
@@ -178,9 +178,9 @@ def test_gains_without_limits_have_no_reserve(gains: str, words: str, fmu_folder
 
 def test_reserve_reduces_the_peak_torque(fmu_folder: Path) -> None:
     """The lift starts at its limit of current: with a reserve the peak of the torque is that much less."""
-    own = {"stop_time": 0.4, "fmus": fmu_folder, "workers": 1}
-    usual = compare("lift", ["foc"], **own)
-    less = compare("lift", ["foc"], reserves=(0.3, 0.05), **own)
+    options = {"stop_time": 0.4, "fmus": fmu_folder, "workers": 1}
+    usual = compare("lift", ["foc"], **options)
+    less = compare("lift", ["foc"], reserves=(0.3, 0.05), **options)
     assert less.notes[0] == "Reserves of current and voltage: foc/damped 30 % and 5 %."
     ratio = less.rows["torque_peak_N_m"][0] / usual.rows["torque_peak_N_m"][0]
     assert 0.65 < ratio < 0.8 and less.rows["held"][0]

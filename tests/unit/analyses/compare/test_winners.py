@@ -31,18 +31,18 @@ from emla_cosim.study.observers import describe_observer
 ERROR = MetricDisplay("position_error_m", "position error", 1e6, "µm", "m")
 
 
-def rows(controller: str, *errors: float, held: bool = True) -> list[dict[str, Any]]:
+def rows(controller: str, *errors: float, is_held: bool = True) -> list[dict[str, Any]]:
     """Runs of a controller that differ in their seeds, with these position errors in µm."""
-    common = {"controller": controller, "gains": "own", "held": held, "random": True, "joint": "tilt"}
+    common = {"controller": controller, "gains": "own", "held": is_held, "random": True, "joint": "tilt"}
     common |= {"scenario": "own", "case": "nominal", "observer": "robust", "reserves": "0 % and 5 %"}
     return [common | {"seed": i, "position_error_m": 1e-6 * e} for i, e in enumerate(errors)]
 
 
 def winner(*runs: list[dict[str, Any]]) -> str | None:
     """The winner of the position error, which is the only marked cell."""
-    found = group_by_variant([row for of_controller in runs for row in of_controller])
-    ranking = rank(found, ERROR)
-    marked = [name for name, cell in mark_winner(found, ERROR).items() if cell.is_best]
+    variants = group_by_variant([row for of_controller in runs for row in of_controller])
+    ranking = rank(variants, ERROR)
+    marked = [name for name, cell in mark_winner(variants, ERROR).items() if cell.is_best]
     assert marked == ([ranking.best] if ranking and ranking.is_winner else [])
     return next(iter(marked), None)
 
@@ -50,10 +50,10 @@ def winner(*runs: list[dict[str, Any]]) -> str | None:
 def test_unanimous_seeds_win_although_spreads_overlap() -> None:
     """The seeds differ by ten times the difference between the controllers."""
     errors = np.linspace(1.0, 2.0, 20)
-    found = group_by_variant([*rows("a", *errors)[::-1], *rows("b", *(errors + 0.1))])
-    assert rank(found, ERROR) == ("a/own", 20, 20, True)
-    assert found["a/own"].spread("position_error_m") > 3e-7  # m, beside a difference of 1e-7 m
-    assert mark_winner(found, ERROR)["a/own"] == ("1.5 ± 0.31, wins 20 of 20", True, False)
+    variants = group_by_variant([*rows("a", *errors)[::-1], *rows("b", *(errors + 0.1))])
+    assert rank(variants, ERROR) == ("a/own", 20, 20, True)
+    assert variants["a/own"].spread("position_error_m") > 3e-7  # m, beside a difference of 1e-7 m
+    assert mark_winner(variants, ERROR)["a/own"] == ("1.5 ± 0.31, wins 20 of 20", True, False)
 
 
 def test_half_of_the_seeds_is_no_win() -> None:
@@ -65,8 +65,8 @@ def test_half_of_the_seeds_is_no_win() -> None:
 
 def test_a_win_is_a_seed_below_all_others() -> None:
     """Below each of two others in 6 of 8 seeds, below both in 4."""
-    other, third = [2.0] * 6 + [0.9] * 2, [0.9] * 2 + [2.0] * 6
-    assert winner(rows("a", *[1.0] * 8), rows("b", *other), rows("c", *third)) is None
+    second, third = [2.0] * 6 + [0.9] * 2, [0.9] * 2 + [2.0] * 6
+    assert winner(rows("a", *[1.0] * 8), rows("b", *second), rows("c", *third)) is None
     assert winner(rows("a", *[1.0] * 8), rows("b", *[2.0] * 8), rows("c", *[2.0] * 8)) == "a/own"
 
 
@@ -123,24 +123,24 @@ def test_equal_figures_and_a_single_controller_have_no_winner() -> None:
 
 
 def test_lost_joints_cannot_win() -> None:
-    lost = [*rows("a", *[0.1] * 5), *[row | {"seed": 5} for row in rows("a", 6040.0, held=False)]]
-    others = [*rows("b", *[1.0] * 6), *rows("c", *[3.0] * 6)]
-    assert winner(lost, others) == "b/own"
-    cells = mark_winner(group_by_variant([*lost, *others]), ERROR)
+    not_held = [*rows("a", *[0.1] * 5), *[row | {"seed": 5} for row in rows("a", 6040.0, is_held=False)]]
+    held_rows = [*rows("b", *[1.0] * 6), *rows("c", *[3.0] * 6)]
+    assert winner(not_held, held_rows) == "b/own"
+    cells = mark_winner(group_by_variant([*not_held, *held_rows]), ERROR)
     assert cells["a/own"] == ("not held in 1 of 6 (6040)", False, True)
-    assert format_lost(SeedStatistics(rows("a", 6040.0, held=False)), ERROR) == "not held (6040)"
-    assert format_lost(SeedStatistics(rows("a", float("nan"), held=False)), ERROR) == "not held"
+    assert format_lost(SeedStatistics(rows("a", 6040.0, is_held=False)), ERROR) == "not held (6040)"
+    assert format_lost(SeedStatistics(rows("a", float("nan"), is_held=False)), ERROR) == "not held"
 
 
 def test_interrupted_seeds_are_compared_in_pairs() -> None:
-    found = group_by_variant([*rows("a", *[1.0] * 9), *rows("b", *[2.0] * 7)])
-    assert rank(found, ERROR) == ("a/own", 7, 7, True)
+    variants = group_by_variant([*rows("a", *[1.0] * 9), *rows("b", *[2.0] * 7)])
+    assert rank(variants, ERROR) == ("a/own", 7, 7, True)
 
 
 def test_unequal_terms_stand_below_the_ranking() -> None:
     runs = [row | {"torque_effort_N_m": 11.0} for row in rows("a", *[1.0] * 6)]
-    others = [row | {"torque_effort_N_m": 10.0} for row in rows("b", *[2.0] * 6)]
-    (_, effort) = describe_ranking([*runs, *others])
+    with_less_effort = [row | {"torque_effort_N_m": 10.0} for row in rows("b", *[2.0] * 6)]
+    (_, effort) = describe_ranking([*runs, *with_less_effort])
     won = "a/own wins the position error of tilt"
     assert effort == f"Not equal: {won} with more torque effort than b/own (10 %)."
     reserved = [row | {"controller": "b", "observer": "none", "reserves": "2 % and 20 %"} for row in runs]
@@ -188,25 +188,29 @@ def robustness() -> ec.CompareResult:
     """A table of two cases with six seeds, in which one controller loses one run of twelve."""
     common = {"run": 0, "joint": "lift", "saturated_after_settling": 0.01, "torque_peak_N_m": 100.0}
     ends = {False: {"lost_at_s": 0.5, "why": "lift tripped on its speed at t = 0.5 s"}, True: {}}
-    found = [
+    table_rows = [
         row | common | {"case": case} | ends[row["held"]]
-        for case, held in (("nominal", True), ("noise", False))
-        for runs in (rows("a", *[1.0, 1.1] * 3), rows("b", *[2.0] * 5), rows("b", *[2.4] * 6, held=held)[5:])
+        for case, is_held in (("nominal", True), ("noise", False))
+        for runs in (
+            rows("a", *[1.0, 1.1] * 3),
+            rows("b", *[2.0] * 5),
+            rows("b", *[2.4] * 6, is_held=is_held)[5:],
+        )
         for row in runs
     ]
-    table = polars.DataFrame(found, schema=dict(COLUMNS), orient="row")
+    table = polars.DataFrame(table_rows, schema=dict(COLUMNS), orient="row")
     return ec.CompareResult("own", "robustness", table, ["a/own", "b/own"])
 
 
 def test_robustness_table_has_means_and_counts_held_runs() -> None:
-    cases, held = robustness().grids
+    cases, counts = robustness().grids
     first, second = ([cell.text for cell in row] for row in cases.cells)
     assert first == ["nominal", "1.05 ± 0.055, wins 6 of 6 / 100 / 1", "2.07 ± 0.16 / 100 / 1"]
     assert second[1:] == ["1.05 ± 0.055 / 100 / 1", "not held in 1 of 6 (2.4)"]
     assert [cell.is_best for cell in cases.cells[0]] == [False, True, False]
     assert not any(cell.is_best for cell in cases.cells[1])  # there is only one left
-    assert [[cell.text for cell in row] for row in held.cells] == [["lift", "2 of 2", "1 of 2"]]
-    assert held.under == [
+    assert [[cell.text for cell in row] for row in counts.cells] == [["lift", "2 of 2", "1 of 2"]]
+    assert counts.under == [
         "For a joint with one controller, of all seeds that could be drawn: "
         "0 of 6 not held: below 39.3 % with 95 % confidence; "
         "1 of 6 not held: 16.7 %, 0.42 % to 64.1 % with 95 % confidence."

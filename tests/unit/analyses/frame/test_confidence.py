@@ -36,8 +36,8 @@ def test_quantiles_are_between_the_same_order_statistics_as_scipys(count: int, q
 
 def test_an_interval_of_a_quantile_holds_it_as_often_as_it_says() -> None:
     draws = np.random.default_rng(1).uniform(size=(2000, 80))
-    held = [low <= 0.9 <= high for low, high in (quantile_interval(row, 0.9) for row in draws)]
-    assert 0.95 - 0.015 <= np.mean(held)
+    is_inside = [low <= 0.9 <= high for low, high in (quantile_interval(row, 0.9) for row in draws)]
+    assert 0.95 - 0.015 <= np.mean(is_inside)
 
 
 @pytest.mark.parametrize(

@@ -40,30 +40,30 @@ def test_minimum_equals_that_of_scipy(loss: str) -> None:
     values = noisy()
     values[::25] += 0.5  # outliers
     solved = problem(NEAR, [[measured(TIME, values)]], decay, sigma=0.02)
-    found = search(solved, loss).estimate([Parameters(NEAR).start])
+    solution = search(solved, loss).estimate([Parameters(NEAR).start])
     expected = least_squares(
         lambda x: (x[0] * np.exp(-x[1] * TIME) - values) / 0.02, [1.7, 3.5], loss=loss, xtol=1e-12, ftol=1e-12
     )
-    got = Parameters(NEAR).values(found.point)
+    got = Parameters(NEAR).values(solution.point)
     assert [got["a"], got["b"]] == pytest.approx(expected.x, rel=2e-4)
-    assert found.cost == pytest.approx(expected.cost, rel=1e-6) and found.converged
+    assert solution.cost == pytest.approx(expected.cost, rel=1e-6) and solution.converged
 
 
 def test_outliers_do_not_widen_the_deviation() -> None:
     values = noisy(1)
     values[::20] += 1.0
     solved = problem(DECAY, [[measured(TIME, values)]], decay)
-    found = search(solved, "cauchy").estimate([Parameters(DECAY).start], free=["y"])
+    solution = search(solved, "cauchy").estimate([Parameters(DECAY).start], free=["y"])
     assert solved.sigma["y"] == pytest.approx(0.01, rel=0.15)
-    assert Parameters(DECAY).values(found.point) == pytest.approx({"a": 2.0, "b": 3.0}, rel=0.01)
+    assert Parameters(DECAY).values(solution.point) == pytest.approx({"a": 2.0, "b": 3.0}, rel=0.01)
 
 
 def test_fixed_deviations_stay() -> None:
-    def both(p: Mapping[str, float]) -> list[dict[str, np.ndarray]]:
+    def simulate(p: Mapping[str, float]) -> list[dict[str, np.ndarray]]:
         return [decay(p)[0] | {"v": decay(p)[0]["y"]}]
 
     signals = [measured(TIME, noisy(1)), measured(TIME, noisy(2, 0.1), "v")]
-    solved = problem(DECAY, [signals], both, sigma=0.5)
+    solved = problem(DECAY, [signals], simulate, sigma=0.5)
     search(solved).estimate([Parameters(DECAY).start], free=["v"])
     assert solved.sigma == pytest.approx({"y": 0.5, "v": 0.1}, rel=0.15)
 
@@ -74,8 +74,8 @@ def test_values_with_failing_runs_are_avoided() -> None:
 
     space = [parameter("a", 0.0, 5.0, 1.0), parameter("b", 0.1, 20.0, 3.4)]
     solved = problem(space, [[measured(TIME, noisy())]], fails)
-    found = search(solved).estimate([np.array([0.2, 0.9]), Parameters(space).start])
-    assert Parameters(space).values(found.point)["b"] == pytest.approx(3.0, rel=0.02)
+    solution = search(solved).estimate([np.array([0.2, 0.9]), Parameters(space).start])
+    assert Parameters(space).values(solution.point)["b"] == pytest.approx(3.0, rel=0.02)
     with pytest.raises(RunError, match=r"all starting points fail: the step failed\."):
         search(solved).estimate([np.array([0.2, 0.9])])
 
@@ -90,9 +90,9 @@ def test_uneven_valley_is_followed_to_its_end() -> None:
     values = uneven({"a": 2.0, "b": 5.0})[0]["y"] + 1e-3 * np.random.default_rng(0).standard_normal(len(TIME))
     space = [parameter("a", 0.0, 10.0, 6.5), parameter("b", 0.0, 10.0, 0.5)]
     solved = problem(space, [[measured(TIME, values)]], uneven, sigma=1e-3)
-    found = search(solved).estimate([Parameters(space).start])
-    assert 2.0 * found.cost / len(TIME) < 1.2
-    assert Parameters(space).values(found.point) == pytest.approx({"a": 2.0, "b": 5.0}, abs=0.05)
+    solution = search(solved).estimate([Parameters(space).start])
+    assert 2.0 * solution.cost / len(TIME) < 1.2
+    assert Parameters(space).values(solution.point) == pytest.approx({"a": 2.0, "b": 5.0}, abs=0.05)
 
 
 def uneven(kind: str, size: float) -> Callable[[Mapping[str, float]], list[dict[str, np.ndarray]]]:
@@ -118,13 +118,13 @@ def test_intervals_contain_true_values_of_uneven_responses(kind: str, size: floa
     for seed in range(runs):
         solved = problem(NEAR, [[measured(TIME, noisy(seed, 0.01 + size))]], uneven(kind, size))
         searching = search(solved)
-        found, slopes = searching.differentiate(searching.estimate([Parameters(NEAR).start], free=["y"]))
+        solution, slopes = searching.differentiate(searching.estimate([Parameters(NEAR).start], free=["y"]))
         excess.append(slopes.cost_tolerance)
         assert solved.fixed_steps.keys() >= slopes.steps.keys()
         for counted, cost_tolerance in ((inside, slopes.cost_tolerance), (naive, 0.0)):
             got = judge(
-                Parameters(NEAR), found.point, found.residuals, slopes.matrix, [len(TIME)], slopes.change,
-                cost_tolerance=cost_tolerance,
+                Parameters(NEAR), solution.point, solution.residuals, slopes.matrix, [len(TIME)],
+                slopes.change, cost_tolerance=cost_tolerance,
             )  # fmt: skip
             counted += contain(got.estimates, (2.0, 3.0))
     assert np.median(excess) > 0.2
@@ -136,11 +136,11 @@ def test_profile_of_an_uneven_response_has_ends(seed: int) -> None:
     """Searches that begin elsewhere end in other dents; ends are beyond the deepest ones."""
     solved = problem(NEAR, [[measured(TIME, noisy(seed, 0.013))]], uneven("noisy", 0.003))
     searching = search(solved)
-    found, slopes = searching.differentiate(searching.estimate([Parameters(NEAR).start], free=["y"]))
+    solution, slopes = searching.differentiate(searching.estimate([Parameters(NEAR).start], free=["y"]))
     for i in range(2):
-        low, high = profile(solved, found.point, i, None, lambda n: None, slopes.cost_tolerance)
+        low, high = profile(solved, solution.point, i, None, lambda n: None, slopes.cost_tolerance)
         assert low is not None and high is not None
-        assert 0.0 < low < found.point[i] - 1e-4 < found.point[i] + 1e-4 < high < 1.0
+        assert 0.0 < low < solution.point[i] - 1e-4 < solution.point[i] + 1e-4 < high < 1.0
 
 
 def test_longer_steps_average_an_uneven_response() -> None:
@@ -152,14 +152,16 @@ def test_longer_steps_average_an_uneven_response() -> None:
 
     solved = problem([parameter("a", 0.0, 1.0)], [[measured(TIME, 0.5 * slope + 0.02)]], rounded, sigma=0.01)
     solved.steps[0] = 1e-3
-    found = solved.differentiate(np.array([0.5]))
+    derivatives = solved.differentiate(np.array([0.5]))
     true = slope / 0.01
-    assert np.linalg.norm(found.matrix[:, 0] - true) < 0.05 * np.linalg.norm(true)
-    assert found.steps[0] >= 0.016 and found.doubts[0] < 0.1
+    assert np.linalg.norm(derivatives.matrix[:, 0] - true) < 0.05 * np.linalg.norm(true)
+    assert derivatives.steps[0] >= 0.016 and derivatives.doubts[0] < 0.1
     first = solved.jacobian(np.array([0.5]), central=True)[:, 0]
     assert np.linalg.norm(first - true) > 0.5 * np.linalg.norm(true)
     # the estimated error is that of the derivative, neither far too small nor far too large
-    assert 0.3 < np.linalg.norm(found.change[:, 0]) / np.linalg.norm(found.matrix[:, 0] - true) < 5.0
+    assert (
+        0.3 < np.linalg.norm(derivatives.change[:, 0]) / np.linalg.norm(derivatives.matrix[:, 0] - true) < 5.0
+    )
 
 
 def test_curvature_limits_the_step() -> None:
@@ -172,10 +174,10 @@ def test_curvature_limits_the_step() -> None:
     values = 0.5 * slope + 1e-3 * np.random.default_rng(0).standard_normal(len(TIME))
     solved = problem([parameter("a", 0.0, 1.0)], [[measured(TIME, values)]], curved, sigma=1e-3)
     solved.steps[0] = 3e-4
-    found = solved.differentiate(np.array([0.5]))
+    derivatives = solved.differentiate(np.array([0.5]))
     true = slope / 1e-3
-    assert np.linalg.norm(found.matrix[:, 0] - true) < 0.03 * np.linalg.norm(true)
-    assert 0.0 < found.steps[0] < 0.03
+    assert np.linalg.norm(derivatives.matrix[:, 0] - true) < 0.03 * np.linalg.norm(true)
+    assert 0.0 < derivatives.steps[0] < 0.03
 
 
 def test_steps_change_outputs_by_more_than_rounding() -> None:
@@ -195,12 +197,12 @@ def test_steps_change_outputs_by_more_than_rounding() -> None:
 def test_smooth_response_keeps_its_steps() -> None:
     solved = problem(EXACT, [[measured(TIME, noisy())]], decay, sigma=0.01)
     point = Parameters(EXACT).start
-    found = solved.differentiate(point)
-    assert not found.steps and found.cost_tolerance < 1e-3 and (found.doubts < 0.01).all()
+    derivatives = solved.differentiate(point)
+    assert not derivatives.steps and derivatives.cost_tolerance < 1e-3 and (derivatives.doubts < 0.01).all()
     a, b = 2.0, 3.0
     by_b = -a * TIME * np.exp(-b * TIME) / 0.01 * (b * np.log(200.0))
     exact = np.column_stack([5.0 * np.exp(-b * TIME) / 0.01, by_b])
-    assert found.matrix == pytest.approx(exact, rel=1e-3, abs=0.01)
+    assert derivatives.matrix == pytest.approx(exact, rel=1e-3, abs=0.01)
 
 
 def test_perfect_fit_is_even() -> None:
@@ -217,13 +219,15 @@ def test_kink_has_no_derivative() -> None:
     values = 0.05 * TIME + 0.01 * np.random.default_rng(0).standard_normal(len(TIME))
     solved = problem(space, [[measured(TIME, values)]], corner, sigma=0.01)
     point = np.array([0.5])
-    found = solved.differentiate(point)
-    assert found.doubts[0] > 1.0
+    derivatives = solved.differentiate(point)
+    assert derivatives.doubts[0] > 1.0
     (residuals,) = solved.residuals([point])
     assert residuals is not None
-    got = judge(Parameters(space), point, residuals, found.matrix, [len(TIME)], found.change)
-    (one,) = got.estimates
-    assert one.problem is not None and "runs with almost equal values differ too much" in one.problem
+    got = judge(Parameters(space), point, residuals, derivatives.matrix, [len(TIME)], derivatives.change)
+    (estimate,) = got.estimates
+    assert (
+        estimate.problem is not None and "runs with almost equal values differ too much" in estimate.problem
+    )
 
 
 def test_several_starts_find_the_lowest_minimum() -> None:
@@ -233,9 +237,9 @@ def test_several_starts_find_the_lowest_minimum() -> None:
     space = [parameter("w", 10.0, 90.0, 12.0)]
     solved = problem(space, [[measured(TIME, np.sin(60.0 * TIME))]], wave)
     start = Parameters(space).start
-    one = search(solved).estimate([start])
+    single = search(solved).estimate([start])
     several = search(solved).estimate(draw_starting_points(start, 30, 0))
-    assert one.cost > 1.0
+    assert single.cost > 1.0
     assert Parameters(space).values(several.point)["w"] == pytest.approx(60.0)
 
 
@@ -265,15 +269,15 @@ def test_blocked_parameter_has_its_own_problem() -> None:
     (residuals,) = solved.residuals([point])
     assert residuals is not None and solved.blocked == {1}
     got = judge(Parameters(space), point, residuals, jacobian, [len(TIME)], blocked=solved.blocked)
-    assert [one.problem for one in got.estimates] == [None, "runs with other values of it fail"]
+    assert [estimate.problem for estimate in got.estimates] == [None, "runs with other values of it fail"]
 
 
 @pytest.mark.parametrize("place", [0.0, 1.0, 0.5])
-def test_derivatives_equal_those_of_the_model(place: float) -> None:
+def test_derivatives_equal_those_of_the_model(fraction: float) -> None:
     space = [parameter("a", 1.0, 3.0), parameter("b", 2.0, 4.0)]
     solved = problem(space, [[measured(TIME, noisy())]], decay, sigma=0.1)
-    point = np.array([place, 0.5])
-    a, b = 1.0 + 2.0 * place, 3.0
+    point = np.array([fraction, 0.5])
+    a, b = 1.0 + 2.0 * fraction, 3.0
     expected = np.column_stack([2.0 * np.exp(-b * TIME), -2.0 * a * TIME * np.exp(-b * TIME)]) / 0.1
     assert solved.jacobian(point, central=True) == pytest.approx(expected, abs=0.02)
     assert solved.jacobian(point) == pytest.approx(expected, abs=0.05)

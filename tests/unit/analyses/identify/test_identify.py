@@ -58,9 +58,9 @@ def lines(force: np.ndarray) -> list[tuple[float, float]]:
     return list(pairwise(np.interp(np.linspace(0.0, 2.0, round(2.0 / STEP) + 1), TIME, force).tolist()))
 
 
-def held(force: np.ndarray) -> list[tuple[float, float]]:
+def hold(force: np.ndarray) -> list[tuple[float, float]]:
     """The force of each step, if it is held."""
-    return [(one, one) for one in force.tolist()]
+    return [(x, x) for x in force.tolist()]
 
 
 LINES = lines(FORCE)
@@ -116,33 +116,33 @@ def identify(fmu: Path, scheduler: Client) -> Identify:
 
 def test_estimates_and_errors_equal_those_of_scipy(identify: Identify) -> None:
     x = noisy()
-    found = identify(RANGES, **data(x))
+    result = identify(RANGES, **data(x))
     expected = least_squares(
         lambda p: motion(*p) - x, [1.5, 0.8, 0.5], "3-point", diff_step=1e-3, xtol=1e-12, ftol=1e-12
     )
     variance = 2.0 * expected.cost / (len(x) - 3)
     errors = np.sqrt(np.diag(variance * np.linalg.inv(expected.jac.T @ expected.jac)))
     for name, value, error in zip(RANGES, expected.x, errors, strict=True):
-        one = found[name]
-        assert one.value == pytest.approx(value, abs=0.05 * error)
-        assert one.error == pytest.approx(error, rel=0.2) and one.problem is None
-        assert one.interval is not None and one.interval[0] < TRUE[name[-1]] < one.interval[1]
-    (fit,) = found.fits
+        estimate = result[name]
+        assert estimate.value == pytest.approx(value, abs=0.05 * error)
+        assert estimate.error == pytest.approx(error, rel=0.2) and estimate.problem is None
+        assert estimate.interval is not None and estimate.interval[0] < TRUE[name[-1]] < estimate.interval[1]
+    (fit,) = result.fits
     assert fit.rms == pytest.approx(np.sqrt(2.0 * expected.cost / len(x)), rel=1e-3)
     assert fit.is_white and fit.related_input is None and not fit.outliers
-    assert found.notes == []
-    assert found.is_identified and found.converged
-    assert found.sigma["Cart.x"] == pytest.approx(fit.rms, rel=0.03)
+    assert result.notes == []
+    assert result.is_identified and result.converged
+    assert result.sigma["Cart.x"] == pytest.approx(fit.rms, rel=0.03)
 
 
 def test_run_ends_where_the_measurement_ends(fmu: Path, identify: Identify, scheduler: Client) -> None:
     """Data for inputs need a stop time; without any it is that of the measured data."""
-    asked = {"set": {"Cart.b": TRUE["b"], "Cart.c": TRUE["c"]}, **data(noisy())}
+    options = {"set": {"Cart.b": TRUE["b"], "Cart.c": TRUE["c"]}, **data(noisy())}
     system = ec.System([ec.Component("Cart", fmu=fmu)], ())
     ranges = {"Cart.m": "0.2:10"}
-    found = ec.identify(system, ranges, scheduler=scheduler, step_size=STEP, **asked)
-    assert found.samples["time"].max() == 2.0
-    assert found["Cart.m"].value == identify(ranges, **asked)["Cart.m"].value
+    result = ec.identify(system, ranges, scheduler=scheduler, step_size=STEP, **options)
+    assert result.samples["time"].max() == 2.0
+    assert result["Cart.m"].value == identify(ranges, **options)["Cart.m"].value
 
 
 def wave(time: np.ndarray) -> np.ndarray:
@@ -169,7 +169,7 @@ def driven(fmu: Path, tmp_path_factory: pytest.TempPathFactory) -> ec.System:
 
 def fitted(x: np.ndarray, step: float) -> np.ndarray:
     """Estimates of SciPy with the force of the end of each step."""
-    forces = held(wave(step * np.arange(1, round(2.0 / step) + 1)))
+    forces = hold(wave(step * np.arange(1, round(2.0 / step) + 1)))
     return least_squares(
         lambda p: motion(*p, forces, step) - x, list(TRUE.values()), "3-point", xtol=1e-12, ftol=1e-12
     ).x
@@ -180,22 +180,22 @@ def test_change_by_half_the_step_equals_that_of_another_fit(
 ) -> None:
     fine = 1e-4
     force = wave(fine * (np.arange(round(2.0 / fine)) + 0.5))
-    x = motion(**TRUE, forces=held(force), step=fine) + 2e-4 * np.random.default_rng(7).standard_normal(
+    x = motion(**TRUE, forces=hold(force), step=fine) + 2e-4 * np.random.default_rng(7).standard_normal(
         len(TIME)
     )
     measured = [ec.Input(data={"time": TIME, "x": x}, signals={"Cart.x": "x"})]
-    given: dict[str, Any] = {**RUN, "measured": measured, "scheduler": scheduler}
-    found = ec.identify(driven, RANGES, **given)
-    changes = [found[name].step_change for name in RANGES]
+    options: dict[str, Any] = {**RUN, "measured": measured, "scheduler": scheduler}
+    result = ec.identify(driven, RANGES, **options)
+    changes = [result[name].step_change for name in RANGES]
     moves = fitted(x, 0.5 * STEP) - fitted(x, STEP)
-    errors = [found[name].error for name in RANGES]
+    errors = [result[name].error for name in RANGES]
     assert changes == pytest.approx([a / b for a, b in zip(moves, errors, strict=True)], rel=0.05, abs=0.02)
     assert max(map(abs, changes)) > 1.5
-    (note,) = (note for note in found.notes if "the step, not the machine" in note)
+    (note,) = (note for note in result.notes if "the step, not the machine" in note)
     suggested = re.search(r"--step-size (\S+) or --extrapolation fmu", note)
     assert suggested is not None
     for remedy in ({"step_size": float(suggested[1])}, {"extrapolation": "fmu"}):
-        better = ec.identify(driven, RANGES, **{**given, **remedy})
+        better = ec.identify(driven, RANGES, **{**options, **remedy})
         assert all(abs(better[name].step_change) < 1.0 for name in RANGES), remedy
         assert not any("the step" in note for note in better.notes)
 
@@ -203,7 +203,7 @@ def test_change_by_half_the_step_equals_that_of_another_fit(
 @pytest.mark.slow
 def test_step_is_not_judged_without_reason(driven: ec.System, scheduler: Client) -> None:
     """An exact fit has no standard errors worth the name; half a controlled step is none."""
-    forces = held(wave(STEP * np.arange(1, round(2.0 / STEP) + 1)))
+    forces = hold(wave(STEP * np.arange(1, round(2.0 / STEP) + 1)))
     exact = motion(**TRUE, forces=forces)
     wrong = exact + 1e-4 * np.random.default_rng(1).standard_normal(len(TIME))
     for x, options, reason in (
@@ -211,42 +211,42 @@ def test_step_is_not_judged_without_reason(driven: ec.System, scheduler: Client)
         (wrong, {"error_tolerance": 1e-3}, "the step size is controlled"),
     ):
         measured = [ec.Input(data={"time": TIME, "x": x}, signals={"Cart.x": "x"})]
-        found = ec.identify(driven, RANGES, measured=measured, scheduler=scheduler, **{**RUN, **options})
-        assert found["Cart.m"].step_change is None and found.complete
-        assert any(note.startswith(f"the step is not judged: {reason}") for note in found.notes)
+        result = ec.identify(driven, RANGES, measured=measured, scheduler=scheduler, **{**RUN, **options})
+        assert result["Cart.m"].step_change is None and result.complete
+        assert any(note.startswith(f"the step is not judged: {reason}") for note in result.notes)
 
 
 def test_incomplete_model_is_reported_and_fails_on_other_data(identify: Identify) -> None:
-    other = 4.0 * np.sin(2.0 * TIME)
-    held_out = data(motion(**TRUE, forces=lines(other)), other)
+    second_force = 4.0 * np.sin(2.0 * TIME)
+    held_out = data(motion(**TRUE, forces=lines(second_force)), second_force)
     second = ec.Experiment("second", held_out["measured"], {"input": held_out["input"]}, held_out=True)
     without = {name: RANGES[name] for name in ("Cart.m", "Cart.b")}
     x = noisy()
     for vary, good in ((RANGES, True), (without, False)):
-        found = identify(vary, experiments=[second], **data(x))
-        first, last = found.fits
+        result = identify(vary, experiments=[second], **data(x))
+        first, last = result.fits
         assert last.held_out and last.samples == len(TIME)
         assert first.is_white == good and (last.fit > 0.999) == good
-        assert any("the model lacks something" in note for note in found.notes) != good
-        assert not any("second" in note for note in found.notes)
+        assert any("the model lacks something" in note for note in result.notes) != good
+        assert not any("second" in note for note in result.notes)
 
 
 def test_held_out_experiments_run_once(identify: Identify) -> None:
     first = data(noisy())
     second = ec.Experiment("second", first["measured"], {"input": first["input"]}, held_out=True)
-    given = {"sigma": {"Cart.x": 1e-3}, **first}
-    alone, both = (identify({"Cart.m": "0.2:10"}, experiments=more, **given) for more in ([], [second]))
-    assert both.runs == alone.runs + 1 and both.set == alone.set
+    options = {"sigma": {"Cart.x": 1e-3}, **first}
+    single, pair = (identify({"Cart.m": "0.2:10"}, experiments=more, **options) for more in ([], [second]))
+    assert pair.runs == single.runs + 1 and pair.set == single.set
 
 
 @pytest.mark.slow
 def test_unidentifiable_parameters_have_a_problem(identify: Identify) -> None:
     vary = {"Cart.m": "0.2:10", "Cart.b": "0:5", "Cart.idle": "0:2", "Cart.gain": "0.1:10"}
-    found = identify(vary, **data(noisy(c=0.0)))
-    assert found["Cart.idle"].problem == "it has no influence on the measured signals"
+    result = identify(vary, **data(noisy(c=0.0)))
+    assert result["Cart.idle"].problem == "it has no influence on the measured signals"
     for name in ("Cart.m", "Cart.b", "Cart.gain"):  # the whole equation times a factor
-        assert "do not tell it from a combination of" in str(found[name].problem), found[name]
-    assert not found.is_identified and np.isnan(found.correlations).all()
+        assert "do not tell it from a combination of" in str(result[name].problem), result[name]
+    assert not result.is_identified and np.isnan(result.correlations).all()
 
 
 def test_sensors_are_estimated_with_the_model(identify: Identify) -> None:
@@ -255,22 +255,23 @@ def test_sensors_are_estimated_with_the_model(identify: Identify) -> None:
     x = late + 1e-4 * np.random.default_rng(0).standard_normal(len(TIME))
     vary = {"Cart.m": "0.2:10", "Cart.b": "0:5", "offset(Cart.x)": "-10cm:10cm", "delay(Cart.x)": "0:100ms"}
     options = data(x / 1.05 + 0.02 * (1 - 1 / 1.05))
-    found = identify(vary, sigma={"Cart.x": "0.1 mm"}, **options)
-    assert found["offset(Cart.x)"].value == pytest.approx(0.02, abs=2e-4)
-    assert found["delay(Cart.x)"].value == pytest.approx(0.03, abs=1e-3)
-    assert found["Cart.m"].value == pytest.approx(1.3, rel=0.02)
-    assert "offset(Cart.x)" not in found.set and set(found.set) == {"Cart.m", "Cart.b"}
+    result = identify(vary, sigma={"Cart.x": "0.1 mm"}, **options)
+    assert result["offset(Cart.x)"].value == pytest.approx(0.02, abs=2e-4)
+    assert result["delay(Cart.x)"].value == pytest.approx(0.03, abs=1e-3)
+    assert result["Cart.m"].value == pytest.approx(1.3, rel=0.02)
+    assert "offset(Cart.x)" not in result.set and set(result.set) == {"Cart.m", "Cart.b"}
 
 
 def test_experiments_are_ranked_by_information(identify: Identify) -> None:
     def experiment(name: str, force: np.ndarray) -> ec.Experiment:
         return ec.Experiment(name, (), {"input": data(FORCE, force)["input"]})
 
-    asked = [experiment("still", 1e-9 * FORCE), experiment("weak", 0.1 * FORCE), experiment("strong", FORCE)]
+    forces = {"still": 1e-9 * FORCE, "weak": 0.1 * FORCE, "strong": FORCE}
+    planned = [experiment(name, force) for name, force in forces.items()]
     vary = {"Cart.m": "0.5:4", "Cart.b": "0.1:5"}
-    found = identify(vary, experiments=asked, sigma={"Cart.x": 1e-3}, design=True)
-    assert [one.experiment for one in found.candidates] == ["strong", "weak", "still"]
-    strong, weak, _ = found.candidates
+    result = identify(vary, experiments=planned, sigma={"Cart.x": 1e-3}, design=True)
+    assert [candidate.experiment for candidate in result.candidates] == ["strong", "weak", "still"]
+    strong, weak, _ = result.candidates
     for name in vary:  # a linear model: ten times the force, a tenth of the error
         assert weak.intervals[name] == pytest.approx(10.0 * strong.intervals[name], rel=1e-3)
     assert strong.information - weak.information == pytest.approx(4.0 * np.log2(10.0), rel=1e-3)
@@ -314,23 +315,23 @@ BAD: list[tuple[dict[str, Any], str]] = [
 
 @pytest.mark.parametrize(("changed", "message"), BAD)
 def test_invalid_requests_are_refused(changed: dict[str, Any], message: str, identify: Identify) -> None:
-    asked = dict(changed)
-    times = np.asarray(asked.pop("times", TIME))
-    x = np.asarray(asked.pop("x", FORCE))[: len(times)]
-    signals, settings = asked.pop("signals", {"Cart.x": "x"}), asked.pop("settings", {})
-    names = asked.pop("names", ("time", "x"))
-    one = ec.Input(data=dict(zip(names, (times, x), strict=True)), signals=signals, **settings)
-    vary = asked.pop("vary", RANGES)
+    options = dict(changed)
+    times = np.asarray(options.pop("times", TIME))
+    x = np.asarray(options.pop("x", FORCE))[: len(times)]
+    signals, settings = options.pop("signals", {"Cart.x": "x"}), options.pop("settings", {})
+    names = options.pop("names", ("time", "x"))
+    measured = ec.Input(data=dict(zip(names, (times, x), strict=True)), signals=signals, **settings)
+    vary = options.pop("vary", RANGES)
     with pytest.raises(CommandError, match=message):
-        identify(vary, measured=[one], **asked)
+        identify(vary, measured=[measured], **options)
 
 
 @pytest.mark.slow
 def test_failing_runs_are_avoided(identify: Identify) -> None:
     """A negative drag makes the position grow beyond all numbers."""
-    found = identify({"Cart.m": "0.01:10", "Cart.b": "-500:5"}, starts=4, **data(noisy(c=0.0)))
-    assert found["Cart.m"].value == pytest.approx(1.3, rel=0.02)
-    assert any("failed, most because: " in note for note in found.notes)
+    result = identify({"Cart.m": "0.01:10", "Cart.b": "-500:5"}, starts=4, **data(noisy(c=0.0)))
+    assert result["Cart.m"].value == pytest.approx(1.3, rel=0.02)
+    assert any("failed, most because: " in note for note in result.notes)
     with pytest.raises(RunError, match="runs of all starting points fail"):
         identify({"Cart.b": "-900:-600"}, **data(noisy()))
 
@@ -339,34 +340,34 @@ def test_columns_with_names_of_signals_are_compared(identify: Identify) -> None:
     x, progress = noisy(), Interrupting()
     columns = {"time": TIME, "Cart.x": x, "Cart.v": np.gradient(x, TIME), "remark": ["as usual"] * len(TIME)}
     driven = {"time": TIME, "Cart.F": FORCE, "remark": ["as usual"] * len(TIME)}
-    for chosen, signals in ((("Cart.x",), {"Cart.x"}), ((), {"Cart.x", "Cart.v"})):
-        options = {"measured": [ec.Input(data=columns, columns=chosen)], "input": [ec.Input(data=driven)]}
-        given = {"Cart.b": TRUE["b"], "Cart.c": TRUE["c"]}
-        found = identify({"Cart.m": "0.2:10"}, progress=progress, set=given, **options)
-        assert {one.signal for one in found.fits} == signals
+    for selection, signals in ((("Cart.x",), {"Cart.x"}), ((), {"Cart.x", "Cart.v"})):
+        options = {"measured": [ec.Input(data=columns, columns=selection)], "input": [ec.Input(data=driven)]}
+        values = {"Cart.b": TRUE["b"], "Cart.c": TRUE["c"]}
+        result = identify({"Cart.m": "0.2:10"}, progress=progress, set=values, **options)
+        assert {fit.signal for fit in result.fits} == signals
     assert any("columns that were not compared: remark" in note for note in progress.notes)
 
 
 def test_short_names_of_a_single_fmu_become_full_names(identify: Identify) -> None:
-    one = ec.Input(data={"time": TIME, "place": noisy()}, signals={"x": "place"})
+    measured = ec.Input(data={"time": TIME, "place": noisy()}, signals={"x": "place"})
     vary = {"Cart.m": "0.2:10", "offset(x)": "-0.1:0.1"}
     options = {"set": {"Cart.b": TRUE["b"], "Cart.c": TRUE["c"]}, "input": data(FORCE)["input"]}
-    found = identify(vary, measured=[one], sigma={"x": 1e-3}, **options)
-    assert found.fits[0].signal == "Cart.x" and found.sigma == {"Cart.x": 1e-3}
-    assert found["Cart.m"].value == pytest.approx(1.3, rel=0.01)
+    result = identify(vary, measured=[measured], sigma={"x": 1e-3}, **options)
+    assert result.fits[0].signal == "Cart.x" and result.sigma == {"Cart.x": 1e-3}
+    assert result["Cart.m"].value == pytest.approx(1.3, rel=0.01)
 
 
 def test_negative_delay_of_a_sensor_is_estimated(identify: Identify) -> None:
     """The run goes on after the last sample, which was taken later than its time says."""
-    early = TIME <= 1.9
-    x = np.interp(TIME[early] + 0.05, TIME, motion(**TRUE))
-    one = ec.Input(data={"time": TIME[early], "x": x}, signals={"Cart.x": "x"})
+    is_early = TIME <= 1.9
+    x = np.interp(TIME[is_early] + 0.05, TIME, motion(**TRUE))
+    measured = ec.Input(data={"time": TIME[is_early], "x": x}, signals={"Cart.x": "x"})
     driven = data(x, FORCE)["input"]
     vary = {"Cart.m": "0.2:10", "delay(Cart.x)": "-0.1:0.1"}
     options = {"set": {"Cart.b": TRUE["b"], "Cart.c": TRUE["c"]}}
-    found = identify(vary, measured=[one], input=driven, **options)
-    assert found["delay(Cart.x)"].value == pytest.approx(-0.05, abs=1e-3)
-    assert found["Cart.m"].value == pytest.approx(1.3, rel=2e-3) and found.fits[0].rms < 1e-4
+    result = identify(vary, measured=[measured], input=driven, **options)
+    assert result["delay(Cart.x)"].value == pytest.approx(-0.05, abs=1e-3)
+    assert result["Cart.m"].value == pytest.approx(1.3, rel=2e-3) and result.fits[0].rms < 1e-4
 
 
 @pytest.mark.parametrize("value", ["NaN", '"a lot"', "null", "1e999"])
@@ -386,20 +387,20 @@ def test_lost_start_values_are_reported(tmp_path: Path) -> None:
     run = ec.load(careless, stop_time=1.0, step_size=0.01).prepare().run()
     signal = run.names[0]
     values = run[signal] + 1e-3 * np.sin(50.0 * run.time)
-    one = ec.Input(data={"time": run.time, "y": values}, signals={signal: "y"})
+    measured = ec.Input(data={"time": run.time, "y": values}, signals={signal: "y"})
     options = {"stop_time": 1.0, "step_size": 0.01, "set": {f"{name}.stubborn": True}}
-    found = ec.identify(careless, {f"{name}.gain": "0.5:20"}, measured=[one], **options)
-    assert any("did not take" in note for note in found.notes), found.notes
+    result = ec.identify(careless, {f"{name}.gain": "0.5:20"}, measured=[measured], **options)
+    assert any("did not take" in note for note in result.notes), result.notes
 
 
 class Interrupting(Progress):
     """Ends the search after some evaluations, as Ctrl-C does."""
 
     def __init__(self) -> None:
-        self.done, self.notes = 0, list[str]()
+        self.count, self.notes = 0, list[str]()
 
     def advance(self, count: int) -> None:
-        self.done += count
+        self.count += count
 
     def note(self, sentence: str) -> None:
         self.notes.append(sentence)
@@ -410,24 +411,24 @@ def test_interrupted_search_can_be_continued(
 ) -> None:
     from emla_cosim.analyses.identify import prediction
 
-    x, place, whole = noisy(), tmp_path / "out", prediction.Predictor.predict
+    x, folder, predict = noisy(), tmp_path / "out", prediction.Predictor.predict
 
-    def limited(self: prediction.Predictor, *asked: Any, **how: Any) -> Any:
+    def limited(self: prediction.Predictor, *arguments: Any, **how: Any) -> Any:
         if self.runs.count > 12:
             raise prediction.InterruptedRunsError
-        return whole(self, *asked, **how)
+        return predict(self, *arguments, **how)
 
     monkeypatch.setattr(prediction.Predictor, "predict", limited)
-    found = identify(RANGES, output=place, **data(x))
-    assert not found.complete and found["Cart.m"].problem == "interrupted"
-    record = json.loads((place / "identify.json").read_text())
-    assert record["status"] == "unfinished" and record["estimates"][0]["value"] == found["Cart.m"].value
-    monkeypatch.setattr(prediction.Predictor, "predict", whole)
+    result = identify(RANGES, output=folder, **data(x))
+    assert not result.complete and result["Cart.m"].problem == "interrupted"
+    record = json.loads((folder / "identify.json").read_text())
+    assert record["status"] == "unfinished" and record["estimates"][0]["value"] == result["Cart.m"].value
+    monkeypatch.setattr(prediction.Predictor, "predict", predict)
     progress = Interrupting()
-    again = identify(RANGES, output=place, progress=progress, **data(x))
+    continued = identify(RANGES, output=folder, progress=progress, **data(x))
     assert any("continued from the unfinished result" in note for note in progress.notes)
-    assert again.complete and again["Cart.m"].value == pytest.approx(1.3, rel=0.02)
-    assert json.loads((place / "identify.json").read_text())["status"] == "completed"
+    assert continued.complete and continued["Cart.m"].value == pytest.approx(1.3, rel=0.02)
+    assert json.loads((folder / "identify.json").read_text())["status"] == "completed"
 
 
 @pytest.mark.slow
@@ -461,16 +462,18 @@ def test_command_writes_a_scenario_that_runs(
     names = {p.name for p in Path("found").iterdir() if not p.name.startswith(".")}
     assert names == {"identified.toml", "identify.json", "samples.csv", "history.csv", "fit.png",
                      "certainty.png", "identify.html"}  # fmt: skip
-    found = {one["name"]: one for one in json.loads(Path("found/identify.json").read_text())["estimates"]}
-    assert found["Cart.m"]["value"] == pytest.approx(1.3, rel=0.02) and found["Cart.m"]["unit"] == "kg"
+    record = json.loads(Path("found/identify.json").read_text())
+    estimates = {entry["name"]: entry for entry in record["estimates"]}
+    assert estimates["Cart.m"]["value"] == pytest.approx(1.3, rel=0.02)
+    assert estimates["Cart.m"]["unit"] == "kg"
     samples = polars.read_csv("found/samples.csv")
     assert samples["measured"].to_numpy() == pytest.approx(x)
     assert np.std(samples["predicted"].to_numpy() - motion(**TRUE)) < 3e-4
     with ec.load("found/identified.toml").prepare() as simulation:
-        assert simulation.run().parameters["Cart.m"] == found["Cart.m"]["value"]
+        assert simulation.run().parameters["Cart.m"] == estimates["Cart.m"]["value"]
     assert sentence(emla("identify", "plan.toml", "--workers", "1", "--vary", "Cart.q=1:2"), 2)
-    both = ("--measured", "found/samples.csv:Cart.x=measured", "--output", "found")
-    message = sentence(emla("identify", str(fmu), "--vary", "Cart.m=1:2", *both), 2)
+    arguments = ("--measured", "found/samples.csv:Cart.x=measured", "--output", "found")
+    message = sentence(emla("identify", str(fmu), "--vary", "Cart.m=1:2", *arguments), 2)
     assert "samples.csv" in message and "measured data" in message
     Path("mine").mkdir()
     Path("mine/identify.json").write_text("{}")

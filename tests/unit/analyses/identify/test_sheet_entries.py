@@ -27,23 +27,23 @@ def prepared(options: dict[str, Any]) -> dict[str, Any]:
 def test_entry_changes_the_same_start_values_as_loading(fmu_folder: Path) -> None:
     """Values that an experiment sets itself stay, and those that follow from these with `follow_models`."""
     common: dict[str, Any] = {"fmus": fmu_folder}
-    own: list[dict[str, Any]] = [
+    start_values: list[dict[str, Any]] = [
         {},
         {"set": {LEAD: "15 mm"}},
         {"set": {"prototype.plant.screw.le*": 0.015, "prototype.observer.model.A_eq": 19.0}},
         {"set": {LEAD: 0.015}, "follow_models": True},
     ]
-    experiments = [ec.Experiment(str(i), options=options) for i, options in enumerate(own)]
+    experiments = [ec.Experiment(str(i), options=options) for i, options in enumerate(start_values)]
     plan = IdentificationPlan("p", "prototype", {"x": "0:1"}, experiments, options=common)
-    entries = SheetEntries(plan, [Preparation.of(load_planned(plan, options)) for options in own])
+    entries = SheetEntries(plan, [Preparation.of(load_planned(plan, options)) for options in start_values])
     for value in ("9 mm", "0.018 m"):
-        for i, options in enumerate(own):
-            found = entries.start_values(i, {ENTRY: value})
+        for i, options in enumerate(start_values):
+            changed = entries.start_values(i, {ENTRY: value})
             before = prepared({**common, **options})
             after = prepared({**common, **options, "sheet": {ENTRY: value}})
-            assert {**before, **found} == after
-            assert found and all(before[name] != x for name, x in found.items())
-            assert (LEAD in found) == (i == 0)
+            assert {**before, **changed} == after
+            assert changed and all(before[name] != x for name, x in changed.items())
+            assert (LEAD in changed) == (i == 0)
 
 
 @pytest.mark.slow
@@ -52,7 +52,7 @@ def test_entry_is_estimated(fmu_folder: Path, scheduler: Client, tmp_path: Path)
     common: dict[str, Any] = {"fmus": fmu_folder, "stop_time": 0.1, "set": {F_C: 300.0}}
     run = ec.load("prototype", **common, sheet={ENTRY: "15.2 mm"}).prepare().run()
     x, i_q = "prototype.plant.x_L", "prototype.plant.i_q"
-    found = ec.identify(
+    result = ec.identify(
         "prototype",
         {f"actuator.{ENTRY}": "14 mm:18.1 mm"},
         measured=[ec.Input(data={"time": run.time, x: run[x], i_q: run[i_q]}, signals={x: x, i_q: i_q})],
@@ -62,13 +62,13 @@ def test_entry_is_estimated(fmu_folder: Path, scheduler: Client, tmp_path: Path)
         plots=False,
         **common,
     )
-    estimate = found[f"actuator.{ENTRY}"]
+    estimate = result[f"actuator.{ENTRY}"]
     assert estimate.unit == "mm" and estimate.value == pytest.approx(15.2, rel=1e-4)
     assert estimate.error is not None
-    assert found.set[LEAD] == pytest.approx(0.0152, rel=1e-4) and len(found.set) > 5
-    again = ec.load(str(tmp_path / "found/identified.toml"), fmus=fmu_folder)
-    assert set(again.options.set) == {F_C}
-    assert again.prepare().run()[x] == pytest.approx(run[x], abs=1e-7)
+    assert result.set[LEAD] == pytest.approx(0.0152, rel=1e-4) and len(result.set) > 5
+    reloaded = ec.load(str(tmp_path / "found/identified.toml"), fmus=fmu_folder)
+    assert set(reloaded.options.set) == {F_C}
+    assert reloaded.prepare().run()[x] == pytest.approx(run[x], abs=1e-7)
 
 
 @pytest.mark.slow
@@ -77,7 +77,7 @@ def test_invalid_values_of_entries_are_avoided(fmu_folder: Path, scheduler: Clie
     common: dict[str, Any] = {"fmus": fmu_folder, "stop_time": 0.1}
     run = ec.load("prototype", **common, sheet={"prototype.gearbox.efficiency": 0.8}).prepare().run()
     i_q, name = "prototype.plant.i_q", "actuator.prototype.gearbox.efficiency"
-    found = ec.identify(
+    result = ec.identify(
         "prototype",
         {name: "0.5:1.9"},
         measured=[ec.Input(data={"time": run.time, i_q: run[i_q]}, signals={i_q: i_q})],
@@ -86,9 +86,9 @@ def test_invalid_values_of_entries_are_avoided(fmu_folder: Path, scheduler: Clie
         starts=4,
         **common,
     )
-    assert found[name].start == pytest.approx(1.2)
-    assert found[name].value == pytest.approx(0.8, rel=1e-3)
-    assert any("failed, most because: the actuator with changes cannot be used" in x for x in found.notes)
+    assert result[name].start == pytest.approx(1.2)
+    assert result[name].value == pytest.approx(0.8, rel=1e-3)
+    assert any("failed, most because: the actuator with changes cannot be used" in x for x in result.notes)
 
 
 DATA = {"time": [0.0, 0.1, 0.2, 0.3], "x": [0.0, 1.0, 2.0, 3.0]}
@@ -112,7 +112,7 @@ def test_invalid_entries_are_reported(vary: dict[str, Any], words: str, fmu_fold
 
 
 def test_overridden_entry_is_reported(fmu_folder: Path) -> None:
-    kept = {name: x for name, x in prepared({"fmus": fmu_folder}).items() if not name.endswith("x_L")}
-    fixed = [ec.Experiment("fixed", [POSITION], {"set": kept})]
+    others = {name: x for name, x in prepared({"fmus": fmu_folder}).items() if not name.endswith("x_L")}
+    fixed = [ec.Experiment("fixed", [POSITION], {"set": others})]
     with pytest.raises(CommandError, match="changes no start value of the experiment 'fixed'"):
         ec.identify("prototype", {f"actuator.{ENTRY}": "14 mm:18 mm"}, experiments=fixed, fmus=fmu_folder)

@@ -20,8 +20,8 @@ from tests.support.paths import ROOT
 
 SHEET = ROOT / "docs/roller-screw.toml"
 
-SHORT: dict[str, Any] = {"stop_time": 0.4, "lead_in": 0.1}
-RUN = SHORT | {"actuator": {"prototype": SHEET}}
+SHORT_RUN: dict[str, Any] = {"stop_time": 0.4, "lead_in": 0.1}
+RUN = SHORT_RUN | {"actuator": {"prototype": SHEET}}
 
 LOAD, MASS = "prototype.disturbance.load.level[1]", "prototype.plant.screw.M_BS"
 LIGHT = {LOAD: 1000.0}
@@ -49,10 +49,10 @@ def test_ends_equal_a_loop_over_sizings(size: Callable[..., ec.SizeResult]) -> N
     for draw, (load, mass, ambient) in zip(joint.tolerances.draws, ends, strict=True):
         assert list(draw.values.values()) == pytest.approx([load, mass, ambient])
         values = {name: draw.values[name] for name in (LOAD, MASS)}
-        alone = size(set=values, ambient=draw.values["ambient"], **RUN)["prototype"]
-        assert list(fractions(draw.limits).items()) == list(fractions(alone.limits).items())
-        assert draw.reasons == alone.reasons
-        assert draw.holds is alone.holds
+        single = size(set=values, ambient=draw.values["ambient"], **RUN)["prototype"]
+        assert list(fractions(draw.limits).items()) == list(fractions(single.limits).items())
+        assert draw.reasons == single.reasons
+        assert draw.holds is single.holds
     for limit in joint.tolerances.limits(joint.limits):
         used = {id(draw): fractions(draw.limits)[limit.worst.name] for draw in joint.tolerances.draws}
         assert limit.worst.fraction == max(used.values()) == used[id(limit.at)]
@@ -66,9 +66,9 @@ def test_each_candidate_has_its_own_draws(size: Callable[..., ec.SizeResult]) ->
     heavy = ec.Actuator.read(SHEET).changed({"screw": {"M_BS": "60 lb"}}, "heavy")
     assert "30 lb" in text
     vary = {MASS: "50%,150%", "actuator.screw.F_max": "6 kN,12 kN"}
-    result = size(candidates={"prototype": [str(SHEET), heavy]}, vary=vary, set=LIGHT, **SHORT)
-    for one, pounds in zip(result.candidates, (30.0, 60.0), strict=True):
-        sizing = one.joints["prototype"]
+    result = size(candidates={"prototype": [str(SHEET), heavy]}, vary=vary, set=LIGHT, **SHORT_RUN)
+    for candidate, pounds in zip(result.candidates, (30.0, 60.0), strict=True):
+        sizing = candidate.joints["prototype"]
         assert sizing.tolerances is not None
         masses = [draw.values[MASS] for draw in sizing.tolerances.draws]
         assert masses == pytest.approx([f * pounds * 0.45359237 for f in (0.5, 0.5, 1.5, 1.5)])
@@ -76,8 +76,8 @@ def test_each_candidate_has_its_own_draws(size: Callable[..., ec.SizeResult]) ->
         assert weak == pytest.approx(2.0 * strong)
     draw = result["prototype"].tolerances.draws[0]  # type: ignore[union-attr]
     changed = ec.Actuator.read(SHEET).changed({"screw": {"F_max": "6 kN"}}, "weak")
-    alone = size(set=LIGHT | {MASS: draw.values[MASS]}, **(RUN | {"actuator": {"prototype": changed}}))
-    assert fractions(draw.limits) == fractions(alone["prototype"].limits)
+    single = size(set=LIGHT | {MASS: draw.values[MASS]}, **(RUN | {"actuator": {"prototype": changed}}))
+    assert fractions(draw.limits) == fractions(single["prototype"].limits)
 
 
 def test_a_failing_draw_decides(emla: Emla, tmp_path: Path) -> None:
@@ -125,16 +125,16 @@ def test_an_interrupt_in_the_draws_keeps_the_rest(
 
 
 def test_random_draws_state_their_confidence(size: Callable[..., ec.SizeResult]) -> None:
-    study, again = (
+    study, repeated = (
         size(vary={"ambient": "20degC:60degC"}, runs=59, seed=3, set=LIGHT, **RUN)["prototype"].tolerances
         for _ in range(2)
     )
-    assert study is not None and again is not None
+    assert study is not None and repeated is not None
     assert study.sentence == "0 of 59 do not hold: below 5 % with 95 % confidence"
     ambient = [float(draw.values["ambient"]) for draw in study.draws]
-    assert ambient == [draw.values["ambient"] for draw in again.draws]
+    assert ambient == [draw.values["ambient"] for draw in repeated.draws]
     assert 293.15 < min(ambient) < 300.0 and 326.0 < max(ambient) < 333.15
-    hot = next(one for one in study.limits(()) if one.worst.name == "winding temperature")
+    hot = next(use for use in study.limits(()) if use.worst.name == "winding temperature")
     assert hot.at.values["ambient"] == max(ambient)
     assert hot.quantile == sorted(fractions(d.limits)["winding temperature"] for d in study.draws)[56]
     assert hot.quantile_interval[0] < hot.quantile <= hot.worst.fraction
@@ -143,8 +143,8 @@ def test_random_draws_state_their_confidence(size: Callable[..., ec.SizeResult])
 def test_failed_runs_are_beyond_any_quantile() -> None:
     limit = Utilisation("speed", 1.0, 2.0, "m/s", 0.5, "screw.v_max")
     draws = [Draw({"x": float(i)}, [limit] if i else (), None if i else "it broke.") for i in range(10)]
-    (found,) = Tolerances({"x": ""}, True, 0, draws).limits([limit])
-    assert found.worst.fraction == 0.5 and found.quantile == math.inf
+    (use,) = Tolerances({"x": ""}, True, 0, draws).limits([limit])
+    assert use.worst.fraction == 0.5 and use.quantile == math.inf
     assert Tolerances({"x": ""}, True, 0, draws).failures == draws[:1]
     assert draws[0].reasons == ["it broke"]
 
@@ -152,19 +152,21 @@ def test_failed_runs_are_beyond_any_quantile() -> None:
 def test_plots_have_all_candidates_and_their_worst_draws(size: Callable[..., ec.SizeResult]) -> None:
     heavy = ec.Actuator.read(SHEET).changed({"screw": {"F_max": "6 kN"}}, "weak")
     candidates, vary = {"prototype": [str(SHEET), heavy]}, {LOAD: [1000.0, 2000.0]}
-    result = size(candidates=candidates, vary=vary, set=LIGHT, **SHORT)
-    sizings = {one.label: one.joints["prototype"] for one in result.candidates}
+    result = size(candidates=candidates, vary=vary, set=LIGHT, **SHORT_RUN)
+    sizings = {candidate.label: candidate.joints["prototype"] for candidate in result.candidates}
     axes: Any = draw_limits(sizings).axes[0]
     row = [label.get_text() for label in axes.get_yticklabels()].index("axial force")
     bars = [bar.get_width() for bar in axes.patches if abs(bar.get_y() + 0.5 * bar.get_height() - row) < 0.45]
-    used = [100.0 * fractions(one.limits)["axial force"] for one in sizings.values()]
+    used = [100.0 * fractions(candidate.limits)["axial force"] for candidate in sizings.values()]
     assert bars == pytest.approx(used)
     assert used[1] == pytest.approx(12.01 / 6.0 * used[0], rel=1e-3)
     ends = {line.get_xdata()[1] for line in axes.lines if abs(line.get_ydata()[0] - row) < 0.45}
-    for one in sizings.values():
-        assert one.tolerances is not None
-        assert max(100.0 * fractions(draw.limits)["axial force"] for draw in one.tolerances.draws) in ends
-    assert [len(one.lines) for one in draw_motion(sizings).axes] == [2, 2, 2]
+    for candidate in sizings.values():
+        assert candidate.tolerances is not None
+        assert (
+            max(100.0 * fractions(draw.limits)["axial force"] for draw in candidate.tolerances.draws) in ends
+        )
+    assert [len(candidate.lines) for candidate in draw_motion(sizings).axes] == [2, 2, 2]
 
 
 @pytest.mark.parametrize(
@@ -188,6 +190,8 @@ def test_plots_have_all_candidates_and_their_worst_draws(size: Callable[..., ec.
         ({"vary": {LOAD: "1:2"}, "runs": 0}, "it must be 1 or more"),
     ],
 )
-def test_invalid_tolerances(given: dict[str, Any], message: str, size: Callable[..., ec.SizeResult]) -> None:
+def test_invalid_tolerances(
+    options: dict[str, Any], message: str, size: Callable[..., ec.SizeResult]
+) -> None:
     with pytest.raises(ec.CommandError, match=message):
-        size(**given, **RUN)
+        size(**options, **RUN)

@@ -13,7 +13,7 @@ from tests.support.rigid_load import Half
 pytestmark = pytest.mark.usefixtures("on_one_cluster")
 
 SHEET = ROOT / "docs/actuator.toml"
-SHORT: dict[str, Any] = {"stop_time": 0.4}
+SHORT_RUN: dict[str, Any] = {"stop_time": 0.4}
 
 
 def edited(folder: Path, name: str, before: str, after: str) -> Path:
@@ -25,7 +25,7 @@ def edited(folder: Path, name: str, before: str, after: str) -> Path:
 
 
 def peak(file: Path, fmus: Path) -> float:
-    result = ec.load("prototype", actuator={"prototype": file}, fmus=fmus, **SHORT).prepare().run()
+    result = ec.load("prototype", actuator={"prototype": file}, fmus=fmus, **SHORT_RUN).prepare().run()
     return result.metrics["joints"]["prototype"]["torque_peak_N_m"]
 
 
@@ -33,22 +33,22 @@ def test_derived_values_vary_with_an_entry(fmu_folder: Path, tmp_path: Path) -> 
     """A lead changes plant, models of controller and observer, limits and gains."""
     lead = 'lead = "10 mm"'
     files = [edited(tmp_path, f"{mm}.toml", lead, f'lead = "{mm} mm"') for mm in (10, 14)]
-    base = {"actuator": {"prototype": SHEET}, "fmus": fmu_folder, **SHORT}
-    found = ec.sweep("prototype", {"actuator.screw.lead": "10mm:14mm:2"}, **base)
-    assert found.variants["actuator.screw.lead"].to_list() == [10.0, 14.0]
-    peaks = found.variants["prototype.torque_peak_N_m"].to_list()
+    base = {"actuator": {"prototype": SHEET}, "fmus": fmu_folder, **SHORT_RUN}
+    result = ec.sweep("prototype", {"actuator.screw.lead": "10mm:14mm:2"}, **base)
+    assert result.variants["actuator.screw.lead"].to_list() == [10.0, 14.0]
+    peaks = result.variants["prototype.torque_peak_N_m"].to_list()
     assert peaks == pytest.approx([peak(file, fmu_folder) for file in files], rel=1e-12)
     assert peaks[0] != pytest.approx(peaks[1], rel=0.01)
-    assert found.options(1)["sheet"] == {"prototype.screw.lead": "14.0 mm"}
+    assert result.options(1)["sheet"] == {"prototype.screw.lead": "14.0 mm"}
 
 
 def test_files_vary_like_entries(fmu_folder: Path, tmp_path: Path) -> None:
     files = [edited(tmp_path, f"{n}.toml", 'M_BS = "60 kg"', f'M_BS = "{n} kg"') for n in (60, 200)]
-    given = ",".join(map(str, files))
-    found = ec.sweep("prototype", {"actuator.prototype": given}, fmus=fmu_folder, **SHORT)
-    peaks = found.variants["prototype.torque_peak_N_m"].to_list()
+    names = ",".join(map(str, files))
+    result = ec.sweep("prototype", {"actuator.prototype": names}, fmus=fmu_folder, **SHORT_RUN)
+    peaks = result.variants["prototype.torque_peak_N_m"].to_list()
     assert peaks == pytest.approx([peak(file, fmu_folder) for file in files], rel=1e-12)
-    assert found.variants["actuator.prototype"].to_list() == [str(file) for file in files]
+    assert result.variants["actuator.prototype"].to_list() == [str(file) for file in files]
 
 
 def test_entries_of_one_actuator_vary_together(fmu_folder: Path) -> None:
@@ -57,8 +57,8 @@ def test_entries_of_one_actuator_vary_together(fmu_folder: Path) -> None:
         "actuator.gearbox.ratio": "4,5",
     }
     base = {"actuator": {"prototype": SHEET}, "stop_time": 0.01, "fmus": fmu_folder}
-    found = ec.sweep("prototype", vary, **base)
-    assert [found.options(i)["sheet"] for i in range(4)] == [
+    result = ec.sweep("prototype", vary, **base)
+    assert [result.options(i)["sheet"] for i in range(4)] == [
         {"prototype.motor.R": f"{R} Ohm line to line", "prototype.gearbox.ratio": ratio}
         for R in (2.0, 3.0)
         for ratio in (4, 5)
@@ -99,5 +99,5 @@ def test_entry_of_a_single_run(emla: Emla) -> None:
 def test_component_named_actuator_keeps_its_parameters() -> None:
     """Other people's systems have such components."""
     system = ec.System.of({"actuator": Half, "other": Half}, [])
-    found = ec.sweep(system, {"actuator.k": "100:400:2"}, step_size=1e-2, stop_time=1e-2)
-    assert [found.options(i)["set"] for i in range(2)] == [{"actuator.k": 100.0}, {"actuator.k": 400.0}]
+    result = ec.sweep(system, {"actuator.k": "100:400:2"}, step_size=1e-2, stop_time=1e-2)
+    assert [result.options(i)["set"] for i in range(2)] == [{"actuator.k": 100.0}, {"actuator.k": 400.0}]

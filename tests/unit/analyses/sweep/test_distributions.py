@@ -57,7 +57,7 @@ def test_quantiles_equal_those_of_scipy(text: str, expected: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    ("given", "values"),
+    ("form", "values"),
     [
         ([3, 2, "x", True], [3, 2, "x", True]),
         ("integers(-3, 4)", list(range(-3, 5))),
@@ -65,8 +65,8 @@ def test_quantiles_equal_those_of_scipy(text: str, expected: Any) -> None:
         (["a", "a", "b"], ["a", "a", "b"]),
     ],
 )
-def test_values_have_equal_shares(given: Any, values: list[Any]) -> None:
-    drawn = parse_distribution(given, "x")
+def test_values_have_equal_shares(form: Any, values: list[Any]) -> None:
+    drawn = parse_distribution(form, "x")
     count = len(values)
     assert drawn.at(np.arange(count) / count + 1e-9) == values
     assert drawn.at((np.arange(count) + 1) / count - 1e-9) == values
@@ -192,8 +192,8 @@ def test_short_forms_are_read_as_tables(text: str, plain: Any) -> None:
 
 
 def test_values_keep_their_types() -> None:
-    def types(given: Any) -> list[type]:
-        return [type(v) for v in parse_distribution(given, "x").levels or ()]
+    def types(form: Any) -> list[type]:
+        return [type(v) for v in parse_distribution(form, "x").levels or ()]
 
     assert types("1,2") == [int, int] and types("1,2.0") == types([1, 0.5]) == [float, float]
     assert types("1,true,x") == [int, bool, str] and types([1, 2.0, "x"]) == [int, float, str]
@@ -253,10 +253,10 @@ NO_FORM = ["", " ", "1:", ":", "a:b", "1:2:3:4", "1:true", "80%:120", "80:120%",
 NO_FORM += ["1,", "±10", "±", "+-x%", "±true%", "90%,1", "normal(0, 1", "0, 1)", "normal(0,,1)", "(1, 2)"]
 
 
-@pytest.mark.parametrize(("given", "hint"), BAD)
-def test_invalid_distributions_give_one_message(given: Any, hint: str) -> None:
+@pytest.mark.parametrize(("form", "hint"), BAD)
+def test_invalid_distributions_give_one_message(form: Any, hint: str) -> None:
     with pytest.raises(CommandError) as caught:
-        parse_distribution(given, "R_s in plan.toml")
+        parse_distribution(form, "R_s in plan.toml")
     text = str(caught.value)
     assert text.startswith("R_s in plan.toml: ") and hint in text
     assert text.endswith((".", "?")) and "\n" not in text

@@ -39,24 +39,24 @@ class Process:
 
     def run(self, chunk: WorkPackage, limit: float) -> ChunkAnswer:
         """Stop at what ends it, at what hangs, and at the limit."""
-        done = list[int]()
+        finished = list[int]()
         if chunk.is_exclusive or chunk.is_suspect:
             self.before = -1
         for number in chunk.variants:
-            spent = self.seconds * len(done)
+            spent = self.seconds * len(finished)
             if self.before in self.late or number in self.killers:
                 self.before, self.ends = -1, self.ends + 1
-                return answer_of([] if self.has_signals else done, spent, ended=(number, "SIGSEGV"))
+                return answer_of([] if self.has_signals else finished, spent, ended=(number, "SIGSEGV"))
             if number in self.hangs:
                 self.before = -1
-                return answer_of([] if self.has_signals else done, spent, timed_out=number)
+                return answer_of([] if self.has_signals else finished, spent, timed_out=number)
             if spent > limit:
                 break
-            done.append(number)
+            finished.append(number)
             self.before = number
         if chunk.is_exclusive or chunk.is_suspect:
             self.before = -1
-        return answer_of(done, self.seconds * len(done))
+        return answer_of(finished, self.seconds * len(finished))
 
 
 @given(
@@ -98,12 +98,12 @@ def test_every_variant_ends_once_and_only_killers_die(
             assert not chunk.is_suspect or not any(workers), "something else would be blamed, too"
             min(workers, key=len).append((chunk, limit))
         worker, process = choices.choice([(w, p) for w, p in zip(workers, processes, strict=True) if w])
-        lost = not worker_killers.isdisjoint(worker[0][0].variants)
-        coming = worker[:] if lost else worker[:1]
-        process.before = -1 if lost else process.before
+        is_lost = not worker_killers.isdisjoint(worker[0][0].variants)
+        coming = worker[:] if is_lost else worker[:1]
+        process.before = -1 if is_lost else process.before
         del worker[: len(coming)]
         for chunk, limit in coming:
-            if lost:
+            if is_lost:
                 came = chunks.take_loss(chunk, choices.choice([1, 4]))
             else:
                 came = chunks.take_answer(chunk, process.run(chunk, limit))
@@ -157,12 +157,12 @@ def makespan(durations: Sequence[float], threads: int) -> float:
             flying += 1
         while waiting and free:
             chunk, limit = waiting.popleft()
-            done, spent = 0, 0.0
-            while done < len(chunk.variants) and (not done or spent <= limit):
-                spent += durations[chunk.variants[done]]
-                done += 1
-            answer = answer_of(chunk.variants[:done], spent)
-            heapq.heappush(ends, (now + spent + OVERHEAD, next(order), chunk, answer))
+            finished, busy = 0, 0.0
+            while finished < len(chunk.variants) and (not finished or busy <= limit):
+                busy += durations[chunk.variants[finished]]
+                finished += 1
+            answer = answer_of(chunk.variants[:finished], busy)
+            heapq.heappush(ends, (now + busy + OVERHEAD, next(order), chunk, answer))
             free -= 1
         now, _, chunk, answer = heapq.heappop(ends)
         free, flying = free + 1, flying - 1

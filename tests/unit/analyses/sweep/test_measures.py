@@ -23,7 +23,7 @@ TIMES = np.array([0.0, 0.1, 0.2, 0.3])
 VALUES = {name: np.array([1.0, -3.0, 2.0, 0.5]) * (k + 1) for k, name in enumerate(SIGNALS)}
 
 
-def kept(metrics: Any, signals: tuple[str, ...] = ()) -> Measures:
+def resolve(metrics: Any, signals: tuple[str, ...] = ()) -> Measures:
     return resolve_measures(MetricRequest.of(metrics, "the plan"), FIGURES, SIGNALS, [], signals, "the plan")
 
 
@@ -35,16 +35,16 @@ def result(lift: dict[str, Any] | None = None) -> Any:
 
 
 def test_without_metrics_all_figures_are_kept() -> None:
-    measures = kept([])
+    measures = resolve([])
     assert measures.names == list(FIGURES)
     assert measures.truths == ["lift.held"]
     assert measures.read == []
-    found = measures.of(result({"error_m": 1.0, "held": True}))
-    assert found == {"lift.error_m": 1.0, "lift.held": True, "tilt.error_m": None}
+    figures = measures.of(result({"error_m": 1.0, "held": True}))
+    assert figures == {"lift.error_m": 1.0, "lift.held": True, "tilt.error_m": None}
 
 
 def test_patterns_keep_the_order_of_the_plan_and_each_figure_once() -> None:
-    assert kept(["tilt.*", "*.error_m"]).names == ["tilt.error_m", "lift.error_m"]
+    assert resolve(["tilt.*", "*.error_m"]).names == ["tilt.error_m", "lift.error_m"]
 
 
 @pytest.mark.parametrize(
@@ -65,22 +65,23 @@ def test_patterns_keep_the_order_of_the_plan_and_each_figure_once() -> None:
     ],
 )
 def test_expressions_use_signals_by_name(expression: str, value: float | bool | None) -> None:
-    measures = kept([f"mine = {expression}"])
+    measures = resolve([f"mine = {expression}"])
     assert measures.names == ["mine"]
     assert measures.of(result()) == {"mine": value if value is None else pytest.approx(value)}
     assert measures.truths == (["mine"] if isinstance(value, bool) else [])
 
 
 def test_only_the_signals_of_expressions_are_recorded() -> None:
-    assert kept(["mine = max(lift.plant.x_d)"]).read == ["lift.plant.x_d"]
-    assert kept(["mine = max(lift.plant.x_d)"], ("lift.plant.x",)).read == ["lift.plant.x", "lift.plant.x_d"]
-    assert kept({"mine": lambda r: 1.0}).read == sorted(SIGNALS)
+    assert resolve(["mine = max(lift.plant.x_d)"]).read == ["lift.plant.x_d"]
+    signals = ["lift.plant.x", "lift.plant.x_d"]
+    assert resolve(["mine = max(lift.plant.x_d)"], ("lift.plant.x",)).read == signals
+    assert resolve({"mine": lambda r: 1.0}).read == sorted(SIGNALS)
 
 
 @given(st.sampled_from(SIGNALS), st.sampled_from(SIGNALS))
 def test_any_two_signals_can_be_combined(one: str, other: str) -> None:
-    found = kept({"mine": f"sum({one}) + 2 * max({other})"}).of(result())["mine"]
-    assert found == pytest.approx(sum(VALUES[one]) + 2 * max(VALUES[other]))
+    value = resolve({"mine": f"sum({one}) + 2 * max({other})"}).of(result())["mine"]
+    assert value == pytest.approx(sum(VALUES[one]) + 2 * max(VALUES[other]))
 
 
 @pytest.mark.parametrize(
@@ -105,21 +106,21 @@ def test_any_two_signals_can_be_combined(one: str, other: str) -> None:
 )
 def test_invalid_metrics_give_one_message(metrics: Any, words: str) -> None:
     with pytest.raises(CommandError, match=words):
-        kept(metrics)
+        resolve(metrics)
 
 
 def test_functions_return_numbers_booleans_or_none() -> None:
     functions = {"a": lambda r: np.float32(2.5), "b": lambda r: np.bool_(True), "c": lambda r: 10**400}
-    assert kept(functions).of(result()) == {"a": 2.5, "b": True, "c": np.inf}
-    assert kept({"none": lambda r: None}).of(result()) == {"none": None}
+    assert resolve(functions).of(result()) == {"a": 2.5, "b": True, "c": np.inf}
+    assert resolve({"none": lambda r: None}).of(result()) == {"none": None}
 
     def fails(_: Any) -> float:
         raise ValueError("mine")
 
     with pytest.raises(MeasureError, match=r"the metric 'fails' raised ValueError\('mine'\)"):
-        kept([fails]).of(result())
+        resolve([fails]).of(result())
     with pytest.raises(MeasureError, match="neither a number nor a Boolean"):
-        kept({"text": lambda r: "x"}).of(result())
+        resolve({"text": lambda r: "x"}).of(result())
 
 
 LIMIT = 1.0

@@ -20,19 +20,19 @@ class Watching(Progress):
 
     def __init__(self) -> None:
         self._processes = [psutil.Process()]
-        self._done = 0
+        self._count = 0
         self.sizes: list[tuple[int, list[int]]] = []
 
     def begin(self, task: str, total: int, unit: str = "") -> None:
-        self._done = 0
+        self._count = 0
         if unit == "variants":
             command = "emla_cosim.analyses.execution.variant_process:run_variants"
             self._processes += [p for p in psutil.Process().children() if command in p.cmdline()]
 
     def advance(self, count: int) -> None:
-        self._done += count
+        self._count += count
         if len(self._processes) > 1:
-            self.sizes.append((self._done, [process.memory_info().rss for process in self._processes]))
+            self.sizes.append((self._count, [process.memory_info().rss for process in self._processes]))
 
 
 @pytest.mark.slow
@@ -50,7 +50,7 @@ def test_many_variants_need_no_more_memory_than_a_few(fmu_folder: Path) -> None:
         progress=watching,
     )
     assert result.variants.height == VARIANTS
-    early = [sizes for done, sizes in watching.sizes if 0 < done <= VARIANTS // 5][-1]
-    grown = np.subtract(watching.sizes[-1][1], early)
+    first_sizes = [sizes for count, sizes in watching.sizes if 0 < count <= VARIANTS // 5][-1]
+    grown = np.subtract(watching.sizes[-1][1], first_sizes)
     print(f"{VARIANTS} variants: caller and process grew by {grown / 2**20} MiB")
     assert grown.max() < MOST

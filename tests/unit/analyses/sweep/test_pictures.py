@@ -31,13 +31,13 @@ def wide(sampling: str = "random", count: int = 100) -> SweepResult:
     factors = {f"{j}.{name}": rng.random(count) for j in JOINTS for name in NAMES}
     x = np.array(list(factors.values()))
     status = np.where(x[0] > 0.95, "diverged", "done").tolist()
-    figures, shown = {}, {}
+    figures, displays = {}, {}
     for i, j in enumerate(JOINTS):
         figures[f"{j}.held"] = x[1 + i] < 0.9
-        shown[f"{j}.held"] = MetricDisplay("held", "held")
+        displays[f"{j}.held"] = MetricDisplay("held", "held")
         for k in range(4):
             figures[f"{j}.observer_error_{k}_m_s"] = 1e-6 * 10 ** (3 * x[k + i] + x[k])
-            shown[f"{j}.observer_error_{k}_m_s"] = MetricDisplay(
+            displays[f"{j}.observer_error_{k}_m_s"] = MetricDisplay(
                 f"observer_error_{k}_m_s", f"observer speed error {k}", 1e3, "mm/s"
             )
     signals = [f"{j}.plant.{s}" for j in JOINTS for s in ("x_L", "v_L", "i_q")]
@@ -50,7 +50,7 @@ def wide(sampling: str = "random", count: int = 100) -> SweepResult:
         signals=signals,
         series=series({s: lambda i, t: np.sin(6 * t) + x[0, i] for s in signals}, times),
         units=dict.fromkeys([*factors, *signals], "N.m.s/rad"),
-        shown=shown,
+        shown=displays,
     )
 
 
@@ -58,11 +58,11 @@ def texts(figure: Any) -> list[Any]:
     """Everything that is written in a figure and to be seen."""
     from matplotlib.text import Text
 
-    found = [t for t in figure.findobj(Text) if t.get_visible() and t.get_text().strip()]
+    visible = [t for t in figure.findobj(Text) if t.get_visible() and t.get_text().strip()]
     hidden = [axes for axes in figure.axes if not axes.get_visible()]
-    shown = [t for t in found if t.axes not in hidden]
+    in_panels = [t for t in visible if t.axes not in hidden]
     ticks = {id(label) for ax in figure.axes for axis in (ax.xaxis, ax.yaxis) for label in outside(axis)}
-    return [t for t in shown if id(t) not in ticks]
+    return [t for t in in_panels if id(t) not in ticks]
 
 
 def outside(axis: Any) -> list[Any]:
@@ -78,7 +78,7 @@ def overlapping(figure: Any) -> list[tuple[str, str]]:
     """Pairs of texts of which one lies over the other."""
     figure.draw_without_rendering()
     boxes = [(t.get_text(), t.get_window_extent().padded(-1)) for t in texts(figure)]
-    return [(a, b) for (a, one), (b, other) in combinations(boxes, 2) if one.overlaps(other)]
+    return [(a, b) for (a, box), (b, other_box) in combinations(boxes, 2) if box.overlaps(other_box)]
 
 
 KINDS = ["bands", "figures", "sobol", "tornado", "map"]
@@ -89,8 +89,8 @@ KINDS = ["bands", "figures", "sobol", "tornado", "map"]
 def test_labels_do_not_overlap_and_no_panel_is_empty(kind: str) -> None:
     samplings = {"sobol": ("saltelli", 14 * 20), "tornado": ("one-at-a-time", 25)}
     sampling, count = samplings.get(kind, ("random", 100))
-    named = ["tilt.held", "lift.observer_error_1_m_s"] if kind == "figures" else []
-    figure = wide(sampling, count).plot(kind, *named)
+    names = ["tilt.held", "lift.observer_error_1_m_s"] if kind == "figures" else []
+    figure = wide(sampling, count).plot(kind, *names)
     assert overlapping(figure) == []
     panels = [axes for axes in figure.axes if axes.get_visible()]
     assert len(panels) == {"bands": 9, "figures": 12, "sobol": 12, "tornado": 12, "map": 2}[kind]
@@ -105,50 +105,50 @@ def test_bands_are_percentiles_of_running_variants() -> None:
     t = np.linspace(0, 2, 11)
     values = np.random.default_rng(1).normal(size=(40, 11))
     lengths = [11 if i % 3 else 4 for i in range(40)]
-    kept = series({"s": lambda i, own: values[i, : len(own)]}, [t[:n] for n in lengths])
-    found = compute_bands(swept({"a": range(40)}, {}, signals=["s"], series=kept), "s")
-    assert np.array_equal(found.times, t)
+    signals = series({"s": lambda i, own: values[i, : len(own)]}, [t[:n] for n in lengths])
+    bands = compute_bands(swept({"a": range(40)}, {}, signals=["s"], series=signals), "s")
+    assert np.array_equal(bands.times, t)
     running = [[values[i, k] for i in range(40) if k < lengths[i]] for k in range(11)]
     expected = np.transpose([np.percentile(column, PERCENTILES) for column in running])
-    assert np.allclose(found.values, expected, rtol=1e-12)
+    assert np.allclose(bands.values, expected, rtol=1e-12)
 
 
 def test_bands_of_variants_with_other_times_are_interpolated() -> None:
     times = [np.linspace(0, 1, 5 + 2 * i) for i in range(7)]
-    kept = series({"s": lambda i, t: i * t}, times)
-    found = compute_bands(swept({"a": range(7)}, {}, signals=["s"], series=kept), "s")
-    assert np.array_equal(found.times, times[-1])
-    assert np.allclose(found.values, np.outer(np.percentile(range(7), PERCENTILES), times[-1]))
+    signals = series({"s": lambda i, t: i * t}, times)
+    bands = compute_bands(swept({"a": range(7)}, {}, signals=["s"], series=signals), "s")
+    assert np.array_equal(bands.times, times[-1])
+    assert np.allclose(bands.values, np.outer(np.percentile(range(7), PERCENTILES), times[-1]))
 
 
 def test_bands_of_many_rows_are_the_same_in_parts(monkeypatch: pytest.MonkeyPatch) -> None:
     t = np.linspace(0, 1, 1001)
-    kept = series({"s": lambda i, own: np.sin(own + i)}, [t] * 50)
-    result = swept({"a": range(50)}, {}, signals=["s"], series=kept.reverse())  # parts come in any order
-    whole = compute_bands(result, "s")
+    signals = series({"s": lambda i, own: np.sin(own + i)}, [t] * 50)
+    result = swept({"a": range(50)}, {}, signals=["s"], series=signals.reverse())  # parts come in any order
+    bands = compute_bands(result, "s")
     monkeypatch.setattr(bands_module, "_MAX_ROWS", 3500)
     parts = compute_bands(result, "s")
-    assert len(whole.times) == 400
-    assert whole.times[[0, -1]].tolist() == [0.0, 1.0]
-    assert np.array_equal(whole.values, parts.values)
-    assert np.allclose(whole.values[2], np.median([np.sin(whole.times + i) for i in range(50)], axis=0))
+    assert len(bands.times) == 400
+    assert bands.times[[0, -1]].tolist() == [0.0, 1.0]
+    assert np.array_equal(bands.values, parts.values)
+    assert np.allclose(bands.values[2], np.median([np.sin(bands.times + i) for i in range(50)], axis=0))
 
 
 def test_bands_ignore_invalid_numbers() -> None:
-    kept = series({"s": lambda i, t: [1.0, np.nan, np.inf, 1e200][i] + 0 * t}, [np.arange(3.0)] * 4)
-    found = compute_bands(swept({"a": range(4)}, {}, signals=["s"], series=kept), "s")
-    assert np.array_equal(found.values, np.ones((5, 3)))
+    signals = series({"s": lambda i, t: [1.0, np.nan, np.inf, 1e200][i] + 0 * t}, [np.arange(3.0)] * 4)
+    bands = compute_bands(swept({"a": range(4)}, {}, signals=["s"], series=signals), "s")
+    assert np.array_equal(bands.values, np.ones((5, 3)))
 
 
 def test_map_of_a_grid_has_a_cell_for_each_variant() -> None:
     error = np.arange(20.0) + 1
-    held = np.arange(20) % 7 != 3
+    is_held = np.arange(20) % 7 != 3
     status = ["done"] * 18 + ["diverged"] * 2
-    figures = {"x.held": held, "x.error": error}
-    shown = {"x.error": MetricDisplay("error", "error", 2.0)}
-    figure: Any = swept(GRID, figures, "grid", status, shown=shown).plot("map")
+    figures = {"x.held": is_held, "x.error": error}
+    displays = {"x.error": MetricDisplay("error", "error", 2.0)}
+    figure: Any = swept(GRID, figures, "grid", status, shown=displays).plot("map")
     shades = figure.axes[0].collections[-1].get_array()
-    expected = np.where(held & (np.arange(20) < 18), 2 * error, np.nan).reshape(5, 4).T
+    expected = np.where(is_held & (np.arange(20) < 18), 2 * error, np.nan).reshape(5, 4).T
     assert np.array_equal(shades.filled(np.nan), expected, equal_nan=True)
     legend = [text.get_text() for text in figure.legends[0].get_texts()]
     assert legend == ["held (15)", "not held (3)", "diverged (2)"]
@@ -211,7 +211,7 @@ def nasty() -> dict[str, tuple[SweepResult, list[str]]]:
         name=NASTY,
     )
     flat = {"signals": ["s"], "series": series({"s": lambda i, t: 0 * t}, [np.arange(3.0)] * 20)}
-    lost = {"signals": ["s"], "series": series({"s": lambda i, t: np.nan * t}, [np.arange(3.0)] * 20)}
+    no_values = {"signals": ["s"], "series": series({"s": lambda i, t: np.nan * t}, [np.arange(3.0)] * 20)}
     two = {"a": range(20), "b": np.sin(range(20))}
     failed, none = ["diverged"] * 9 + ["died"] * 11, {"f": [None] * 20}
     return {
@@ -221,7 +221,7 @@ def nasty() -> dict[str, tuple[SweepResult, list[str]]]:
         "one cell": (swept({"a": [1.0], "b": ["x"]}, {"f": [2.0]}, "grid"), []),
         "all failed": (swept(two, none, status=failed, **flat), ["bands", "map"]),
         "all failed in a grid": (swept(GRID, none, "grid", failed), ["map"]),
-        "all NaN": (swept(two, {"f": [np.nan] * 20}, **lost), []),
+        "all NaN": (swept(two, {"f": [np.nan] * 20}, **no_values), []),
         "constant": (swept(two, {"f": [1.0] * 20}, **flat), ["bands"]),
         "constant, saltelli": (swept(two, {"f": [1.0] * 20}, "saltelli"), []),
         "constant, one at a time": (swept(two, {"f": [1.0] * 20}, "one-at-a-time"), []),
@@ -248,9 +248,9 @@ def test_names_are_not_parsed_as_formulas() -> None:
     for kind in ("bands", "figures", "map"):
         figure = result.plot(kind)
         figure.draw_without_rendering()
-        named = [t for t in texts(figure) if set(t.get_text()) & set("ax$<[")]
-        assert named
-        assert not any(t.get_parse_math() for t in named if "mathdefault" not in t.get_text())
+        with_symbols = [t for t in texts(figure) if set(t.get_text()) & set("ax$<[")]
+        assert with_symbols
+        assert not any(t.get_parse_math() for t in with_symbols if "mathdefault" not in t.get_text())
 
 
 def test_impossible_pictures_give_one_message() -> None:
@@ -266,9 +266,9 @@ def test_impossible_pictures_give_one_message() -> None:
     ):
         with pytest.raises(CommandError, match=sentence):
             result.plot(kind, *names)
-    kept = swept({"a": [1]}, {}, signals=["s"], series=series({"s": lambda i, t: t}, [np.arange(2.0)]))
+    one_variant = swept({"a": [1]}, {}, signals=["s"], series=series({"s": lambda i, t: t}, [np.arange(2.0)]))
     with pytest.raises(CommandError, match="there is no stored signal 'x'; choose from s"):
-        kept.plot("bands", "x")
+        one_variant.plot("bands", "x")
 
 
 def test_long_texts_are_shortened_and_wrapped() -> None:

@@ -29,7 +29,7 @@ from tests.support.commands import Emla, sentence
 from tests.support.odd_files import ODD
 
 R_S = "lift.plant.motor.R_s"
-ONE: dict[str, Any] = {R_S: [0.1, 0.2]}
+ONE_FACTOR: dict[str, Any] = {R_S: [0.1, 0.2]}
 RUN: dict[str, Any] = {"stop_time": 0.002}
 
 
@@ -51,8 +51,8 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "driven": ({"vary": {"lift.plant.u_q": [0.1]}}, "driven by lift.controller.u_q"),
     "empty range": ({"vary": {R_S: "0.3:0.1:5"}}, "0.3 to 0.1 is an empty range"),
     "no levels": ({"vary": {R_S: "normal(0.1, 0.01)"}}, f"'{R_S}' of .* a grid needs levels"),
-    "varied twice": ({"vary": {**ONE, "r": {"of": [R_S], **VALUES}}}, f"varies {R_S} twice"),
-    "pattern again": ({"vary": {**ONE, "lift.plant.motor.R*": [1.0]}}, "two factors"),
+    "varied twice": ({"vary": {**ONE_FACTOR, "r": {"of": [R_S], **VALUES}}}, f"varies {R_S} twice"),
+    "pattern again": ({"vary": {**ONE_FACTOR, "lift.plant.motor.R*": [1.0]}}, "two factors"),
     "a column's name": ({"vary": {"status": {"of": [R_S], **VALUES}}}, "is a reserved column name"),
     "fixed option": ({"vary": {"isolate": [True]}}, "isolate cannot vary between variants"),
     "relative to nothing": ({"vary": {"gains": "90%,110%"}}, "no number in the scenario"),
@@ -81,7 +81,7 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
 def test_invalid_plans(name: str, sweep_lift: SweepLift, tmp_path: Path) -> None:
     arguments, expected = WRONG[name]
     with pytest.raises(CommandError, match=expected) as caught:
-        sweep_lift(**{"vary": ONE, "output": tmp_path / "a/out", **arguments})
+        sweep_lift(**{"vary": ONE_FACTOR, "output": tmp_path / "a/out", **arguments})
     text = str(caught.value)
     assert "\n" not in text and text[-1] in ".?"
     assert not list(tmp_path.iterdir())
@@ -148,7 +148,7 @@ def test_plans_are_read_as_written(
     tmp_path_factory: pytest.TempPathFactory, vary: dict[str, list[Any]], seed: int
 ) -> None:
     path = tmp_path_factory.getbasetemp() / "written.toml"
-    lines = [f"{json.dumps(name)} = {json.dumps(given, ensure_ascii=False)}" for name, given in vary.items()]
+    lines = [f"{json.dumps(name)} = {json.dumps(entry, ensure_ascii=False)}" for name, entry in vary.items()]
     text = "\n".join(['scenario = "lift"', f"seed = {seed}", "[vary]", *lines])
     path.write_text(text.replace("\x7f", "\\u007f"), "utf-8")
     plan = load_plan(path)
@@ -181,8 +181,8 @@ def test_table_does_not_depend_on_its_parts(
     base = tmp_path_factory.mktemp("parts")
     for name, split in (("one", [list(range(12))]), ("many", parts)):
         merge(split, base / name)
-    one, many = ((base / name / "variants.parquet").read_bytes() for name in ("one", "many"))
-    assert one == many
+    first, second = ((base / name / "variants.parquet").read_bytes() for name in ("one", "many"))
+    assert first == second
 
 
 def test_content_of_a_folder_decides_what_can_be_resumed(sweep_lift: SweepLift, tmp_path: Path) -> None:
@@ -190,7 +190,7 @@ def test_content_of_a_folder_decides_what_can_be_resumed(sweep_lift: SweepLift, 
     plan: dict[str, Any] = {"vary": {R_S: [0.9, 1.1]}, "metrics": ["lift.torque_peak_N_m"], "output": out}
     first = sweep_lift(**plan)
     before = (out / "variants.parquet").read_bytes()
-    others: dict[str, dict[str, Any]] = {
+    changes: dict[str, dict[str, Any]] = {
         "values": {"vary": {R_S: [0.9, 1.2]}},
         "seed": {"seed": 1},
         "metrics": {"metrics": ["lift.held"]},
@@ -200,8 +200,8 @@ def test_content_of_a_folder_decides_what_can_be_resumed(sweep_lift: SweepLift, 
     same_numbers = [{R_S: "90%,110%"}, {"k": {"of": [R_S], "distribution": "values", "values": [0.9, 1.1]}}]
     more = [("values", {"vary": vary}) for vary in same_numbers]
     more.append(("FMUs or settings", {"kind": {"lift.plant": "me"}}))
-    for named, changed in [*others.items(), *more]:
-        with pytest.raises(CommandError, match=f"cannot be resumed: it has different .*{named}"):
+    for name, changed in [*changes.items(), *more]:
+        with pytest.raises(CommandError, match=f"cannot be resumed: it has different .*{name}"):
             sweep_lift(**{**plan, **changed}, resume=True)
     assert sweep_lift(**plan, resume=True).variants.equals(first.variants)
     assert (out / "variants.parquet").read_bytes() == before
@@ -229,26 +229,26 @@ def test_content_of_a_folder_decides_what_can_be_resumed(sweep_lift: SweepLift, 
     assert sweep_lift(**plan, overwrite=True).complete
 
 
-@pytest.mark.parametrize("what", ["series", "parts", "strange", "link", "folder", "device"])
-def test_files_of_others_are_kept(what: str, sweep_lift: SweepLift, tmp_path: Path) -> None:
+@pytest.mark.parametrize("strange_file", ["series", "parts", "strange", "link", "folder", "device"])
+def test_files_of_others_are_kept(strange_file: str, sweep_lift: SweepLift, tmp_path: Path) -> None:
     """An output folder may contain files with the names that a sweep uses."""
-    out, other = tmp_path / "out", tmp_path / "other"
+    out, backup = tmp_path / "out", tmp_path / "other"
     files = {"series": "series/000000000.parquet", "parts": "parts/mine.csv", "strange": "series/mine.csv"}
-    for path in (out / files.get(what, "mine.csv"), other / "000000000.parquet"):
+    for path in (out / files.get(strange_file, "mine.csv"), backup / "000000000.parquet"):
         path.parent.mkdir(parents=True)
         path.write_text("years of work")
-    if what == "strange":
+    if strange_file == "strange":
         (out / "sweep.json").write_text('{"identity": {}, "status": "completed"}')
-    elif what == "link":
-        (out / "series").symlink_to(other)
-    elif what == "folder":
+    elif strange_file == "link":
+        (out / "series").symlink_to(backup)
+    elif strange_file == "folder":
         (out / "variants.parquet").mkdir()
-    elif what == "device":
+    elif strange_file == "device":
         (out / "worst.txt").symlink_to("/dev/null")
     before = {path: path.read_text() for path in tmp_path.rglob("*") if path.is_file()}
     refusal = r"does not belong to a sweep; move it|not written by emla|the file .* cannot be written"
     with pytest.raises(CommandError, match=refusal):
-        sweep_lift(ONE, output=out)
+        sweep_lift(ONE_FACTOR, output=out)
     assert {path: path.read_text() for path in tmp_path.rglob("*") if path.is_file()} == before
 
 
@@ -256,7 +256,7 @@ def test_output_that_cannot_be_written(sweep_lift: SweepLift, tmp_path: Path) ->
     (tmp_path / "file").write_text("")
     for path in (tmp_path / "file", tmp_path / "file/below", "nul\0", "x" * 300):
         with pytest.raises(CommandError, match=r"the output folder .* cannot be written: .*"):
-            sweep_lift(ONE, output=path)
+            sweep_lift(ONE_FACTOR, output=path)
 
 
 def test_names_with_special_characters(scheduler: Client, faulty_fmu: Path, tmp_path: Path) -> None:
@@ -295,7 +295,7 @@ def test_overrides_are_merged_into_tables() -> None:
 
 
 @pytest.mark.parametrize(
-    ("given", "runs"),
+    ("changes", "runs"),
     [
         ({"sampling": "one-at-a-time"}, None),
         ({"sampling": "grid", "runs": None}, None),
@@ -304,6 +304,6 @@ def test_overrides_are_merged_into_tables() -> None:
         ({"seed": 3}, 2000),
     ],
 )
-def test_sampling_without_runs_drops_the_runs_of_the_plan(given: dict, runs: int | None) -> None:
+def test_sampling_without_runs_drops_the_runs_of_the_plan(changes: dict, runs: int | None) -> None:
     plan = Plan("p", "lift", {"a.x": [1, 2]}, sampling="random", runs=2000)
-    assert plan.updated(given).runs == runs
+    assert plan.updated(changes).runs == runs

@@ -15,7 +15,6 @@ print(ec.sweep.__module__, ec.tune.__module__)
 
 
 def test_imports_of_packages_do_not_hide_functions() -> None:
-    done = subprocess.run([sys.executable, "-c", CODE], capture_output=True, text=True, check=False)
-    assert done.stdout.split() == ["emla_cosim.analyses.sweep.runner", "emla_cosim.analyses.tune.runner"], (
-        done.stderr
-    )
+    process = subprocess.run([sys.executable, "-c", CODE], capture_output=True, text=True, check=False)
+    expected = ["emla_cosim.analyses.sweep.runner", "emla_cosim.analyses.tune.runner"]
+    assert process.stdout.split() == expected, process.stderr

@@ -17,17 +17,17 @@ from emla_cosim.base.errors import CommandError
 DRAWING = ["random", "latin-hypercube", "sobol", "saltelli"]
 
 
-def made(*given: Any) -> list[Distribution]:
-    return [parse_distribution(g, "x") for g in given]
+def parse(*forms: Any) -> list[Distribution]:
+    return [parse_distribution(g, "x") for g in forms]
 
 
-MIXED = made("normal(0.14, 0.01)", "log-uniform(1, 100)", "integers(0, 9)", ["a", "b", "c"])
-UNITS = made("0:1", "0:1", "0:1")
+MIXED = parse("normal(0.14, 0.01)", "log-uniform(1, 100)", "integers(0, 9)", ["a", "b", "c"])
+UNITS = parse("0:1", "0:1", "0:1")
 
 
 def points(method: str, runs: int, seed: int = 0, d: int = 3) -> np.ndarray:
     """What a sampling draws of quantiles."""
-    return np.array(sample(method, made(*["0:1"] * d), runs, seed)).T
+    return np.array(sample(method, parse(*["0:1"] * d), runs, seed)).T
 
 
 @pytest.mark.parametrize("method", DRAWING)
@@ -81,19 +81,19 @@ def test_sobol_is_a_scrambled_net() -> None:
 
 
 def test_last_factor_of_a_grid_varies_fastest() -> None:
-    factors = made("0:1:3", ["a", "b"], "integers(4, 6)", "7")
+    factors = parse("0:1:3", ["a", "b"], "integers(4, 6)", "7")
     assert count_variants("grid", factors, None) == 18
     rows = list(zip(*sample("grid", factors, None, 0), strict=True))
     assert rows == list(itertools.product([0.0, 0.5, 1.0], "ab", [4, 5, 6], [7]))
 
 
 def test_huge_grids_are_counted() -> None:
-    assert count_variants("grid", made(*["0:1:1000000"] * 10), None) == 10**60
+    assert count_variants("grid", parse(*["0:1:1000000"] * 10), None) == 10**60
     assert count_variants("saltelli", UNITS, 2**30) == 5 * 2**30
 
 
 def test_one_at_a_time_varies_one_factor() -> None:
-    factors = made("1:2", "3,1,2", "normal(0, 1)")
+    factors = parse("1:2", "3,1,2", "normal(0, 1)")
     columns = sample("one-at-a-time", factors, None, 0)
     deviation = stats.norm.ppf(0.95)
     assert columns[0] == [None, 1.0, 2.0, None, None, None, None]
@@ -120,8 +120,8 @@ INVALID = [
     ("saltelli", UNITS, 0, "the number of runs is 0; it must be 1 or more."),
     ("random", UNITS, 2.5, "the number of runs is 2.5; it must be a whole number."),
     ("grid", UNITS, None, "but a uniform distribution, number 1 of the factors, has none"),
-    ("grid", made("1,2", "integers(1, 9999)"), None, "a range of integers, number 2 of the factors, has"),
-    ("grid", made("1,2"), 4, "'grid' does not accept a number of runs: a grid is as large as its levels"),
+    ("grid", parse("1,2", "integers(1, 9999)"), None, "a range of integers, number 2 of the factors, has"),
+    ("grid", parse("1,2"), 4, "'grid' does not accept a number of runs: a grid is as large as its levels"),
     ("one-at-a-time", UNITS, 4, "'one-at-a-time' does not accept a number of runs: it runs the nominal"),
     ("sobol", UNITS * 7068, 4, "'sobol' can vary at most 21201 factors, as Sobol's sequence has no more"),
     ("saltelli", UNITS * 3534, 4, "'saltelli' can vary at most 10600 factors"),

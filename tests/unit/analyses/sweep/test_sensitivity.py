@@ -33,33 +33,33 @@ def with_figure(result: SweepResult, values: Any) -> SweepResult:
 
 
 def test_sobol_indices_of_the_ishigami_function(ishigami: SweepResult) -> None:
-    found = sobol_indices(ishigami, "f")
+    indices = sobol_indices(ishigami, "f")
     part = 0.1 * np.pi**4
     parts = [0.5 * (1 + part / 5) ** 2, 49 / 8, 8 * part**2 / 225]  # of 1 alone, 2 alone, and 1 with 3
     first = np.array([parts[0], parts[1], 0.0]) / sum(parts)
     total = np.array([parts[0] + parts[2], parts[1], parts[2]]) / sum(parts)
-    assert np.all(np.abs(found.first - first) <= found.first_confidence)
-    assert np.all(np.abs(found.total - total) <= found.total_confidence)
-    assert max(*found.first_confidence, *found.total_confidence) < 0.12
-    assert (found.factors, found.groups, found.left_out) == (("x_1", "x_2", "x_3"), 1024, 0)
+    assert np.all(np.abs(indices.first - first) <= indices.first_confidence)
+    assert np.all(np.abs(indices.total - total) <= indices.total_confidence)
+    assert max(*indices.first_confidence, *indices.total_confidence) < 0.12
+    assert (indices.factors, indices.groups, indices.left_out) == (("x_1", "x_2", "x_3"), 1024, 0)
 
 
 def test_sobol_indices_equal_those_of_scipy(ishigami: SweepResult) -> None:
-    found, f = sobol_indices(ishigami, "f"), ishigami.variants["f"].to_numpy().reshape(-1, 5)
+    indices, f = sobol_indices(ishigami, "f"), ishigami.variants["f"].to_numpy().reshape(-1, 5)
     expected = scipy_indices(func={"f_A": f[:, :1].T, "f_B": f[:, 4:].T, "f_AB": f.T[1:4, None]}, n=1024)
     # both subtract a mean first, here that of all variants, there that of A and B
-    assert found.first == pytest.approx(expected.first_order, abs=1e-3)
-    assert found.total == pytest.approx(expected.total_order, rel=1e-12)
+    assert indices.first == pytest.approx(expected.first_order, abs=1e-3)
+    assert indices.total == pytest.approx(expected.total_order, rel=1e-12)
 
 
 @pytest.mark.parametrize("seed", [0, 5])
 def test_confidence_depends_only_on_the_seed(ishigami: SweepResult, seed: int) -> None:
     before = np.random.get_state()[1]  # noqa: NPY002
-    one, other = (sobol_indices(replace(ishigami, seed=seed), "f") for _ in range(2))
-    assert np.array_equal(one.first_confidence, other.first_confidence)
-    assert np.array_equal(one.total_confidence, other.total_confidence)
+    first, second = (sobol_indices(replace(ishigami, seed=seed), "f") for _ in range(2))
+    assert np.array_equal(first.first_confidence, second.first_confidence)
+    assert np.array_equal(first.total_confidence, second.total_confidence)
     assert np.array_equal(before, np.random.get_state()[1])  # noqa: NPY002
-    assert not np.array_equal(one.total_confidence, sobol_indices(ishigami, "f").total_confidence)
+    assert not np.array_equal(first.total_confidence, sobol_indices(ishigami, "f").total_confidence)
 
 
 @pytest.mark.parametrize("missing", [None, np.nan, np.inf])
@@ -67,12 +67,14 @@ def test_incomplete_base_samples_are_omitted(ishigami: SweepResult, missing: Any
     values = ishigami.variants["f"].to_list()
     holed = [*values]
     holed[7] = holed[8] = holed[5 * 1000] = missing
-    found = sobol_indices(with_figure(ishigami, holed), "f")
-    kept = [v for i, v in enumerate(values) if i // 5 not in (1, 1000)]
-    expected = sobol_indices(swept(dict.fromkeys(ishigami.factors, kept), {"f": kept}, "saltelli"), "f")
-    assert (found.groups, found.left_out) == (1022, 2)
-    assert np.array_equal(found.first, expected.first)
-    assert np.array_equal(found.total, expected.total)
+    indices = sobol_indices(with_figure(ishigami, holed), "f")
+    complete = [v for i, v in enumerate(values) if i // 5 not in (1, 1000)]
+    expected = sobol_indices(
+        swept(dict.fromkeys(ishigami.factors, complete), {"f": complete}, "saltelli"), "f"
+    )
+    assert (indices.groups, indices.left_out) == (1022, 2)
+    assert np.array_equal(indices.first, expected.first)
+    assert np.array_equal(indices.total, expected.total)
 
 
 def test_biased_indices_have_a_warning(ishigami: SweepResult) -> None:
@@ -82,27 +84,27 @@ def test_biased_indices_have_a_warning(ishigami: SweepResult) -> None:
     status = np.where(failing, "diverged", "done").tolist()
     table = swept({}, {"f": f}, status=status).variants
     with pytest.warns(UserWarning, match="base samples are left out of the Sobol indices of 'f'"):
-        found = replace(ishigami, variants=table).sobol("f")
-    assert found.left_out == int(failing.reshape(-1, 5).any(axis=1).sum())
-    bias = np.abs(found.first - sobol_indices(ishigami, "f").first)
-    assert (bias > found.first_confidence).any()
-    assert "biases" in str(found.warning)
-    assert sobol_table(replace(ishigami, variants=table), "f").under == [f"Warning: {found.warning}"]
+        indices = replace(ishigami, variants=table).sobol("f")
+    assert indices.left_out == int(failing.reshape(-1, 5).any(axis=1).sum())
+    bias = np.abs(indices.first - sobol_indices(ishigami, "f").first)
+    assert (bias > indices.first_confidence).any()
+    assert "biases" in str(indices.warning)
+    assert sobol_table(replace(ishigami, variants=table), "f").under == [f"Warning: {indices.warning}"]
 
 
 def test_unfinished_variants_are_missing(ishigami: SweepResult) -> None:
     status = ["done"] * len(ishigami.variants)
     status[12] = "diverged"
     table = swept({}, {"f": ishigami.variants["f"]}, status=status).variants
-    found = sobol_indices(replace(ishigami, variants=table[:-3]), "f")
-    assert (found.groups, found.left_out) == (1022, 2)
+    indices = sobol_indices(replace(ishigami, variants=table[:-3]), "f")
+    assert (indices.groups, indices.left_out) == (1022, 2)
 
 
 @pytest.mark.parametrize("value", [0.0, 5.0, -1e-300, 1e140])
 def test_constant_figure_has_zero_indices(value: float) -> None:
     result = swept({"a": range(12), "b": range(12)}, {"f": [value] * 12}, "saltelli")
-    found = sobol_indices(result, "f")
-    for indices in (found.first, found.first_confidence, found.total, found.total_confidence):
+    got = sobol_indices(result, "f")
+    for indices in (got.first, got.first_confidence, got.total, got.total_confidence):
         assert indices.tolist() == [0.0, 0.0]
 
 
@@ -118,10 +120,10 @@ def test_booleans_count_as_0_and_1() -> None:
     mixed = [(m[0], [m[1][0], m[0][1]], [m[0][0], m[1][1]], m[1]) for m in a]
     x = np.array([row for group in mixed for row in group])
     result = swept({"a": x[:, 0], "b": x[:, 1]}, {"f": x[:, 0] > 0.5}, "saltelli")
-    found = sobol_indices(result, "f")
-    assert found.first[0] == pytest.approx(1.0, abs=0.1)
-    assert found.total[0] == pytest.approx(1.0, abs=0.1)
-    assert found.total[1] == 0.0
+    indices = sobol_indices(result, "f")
+    assert indices.first[0] == pytest.approx(1.0, abs=0.1)
+    assert indices.total[0] == pytest.approx(1.0, abs=0.1)
+    assert indices.total[1] == 0.0
 
 
 @pytest.mark.parametrize(
@@ -177,8 +179,8 @@ def test_influence_is_the_rank_correlation() -> None:
     rng = np.random.default_rng(4)
     x = rng.integers(0, 9, 80).astype(float)
     y = np.where(rng.random(80) < 0.1, np.nan, -np.exp(x) * rng.random(80))
-    kept = ~np.isnan(y)
-    expected = abs(spearmanr(x[kept], y[kept]).statistic)
+    is_known = ~np.isnan(y)
+    expected = abs(spearmanr(x[is_known], y[is_known]).statistic)
     assert influence(FactorColumn("x", x, None), y) == pytest.approx(expected, rel=1e-12)
     assert influence(FactorColumn("x", np.ones(80), None), y) == 0.0
     assert influence(FactorColumn("x", x, None), np.full(80, np.nan)) == 0.0

@@ -45,7 +45,7 @@ def test_plan_has_2000_variants_of_the_study(design: Design) -> None:
 
 def test_same_factors_vary_in_every_joint(design: Design) -> None:
     names = [f.name.partition(".") for f in design.factors]
-    lift, tilt, telescope = ({what for of, _, what in names if of == joint} for joint in JOINTS)
+    lift, tilt, telescope = ({variable for of, _, variable in names if of == joint} for joint in JOINTS)
     assert lift == tilt == telescope
     assert 3 * len(lift) == len(names)
     expected = {"plant.motor.R_s", "disturbance.load.level[2]", "plant.sensor.sigma", "seeds", "start"}

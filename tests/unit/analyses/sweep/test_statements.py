@@ -14,9 +14,9 @@ N = 200
 VALUES = np.random.default_rng(0).normal(size=N)
 
 
-def draws(sampling: str, failing: int = 0, **others: Any) -> Any:
-    held = [i >= failing for i in range(N)]
-    return swept({"a": range(N), "b": range(N)}, {"x.held": held, "f": VALUES}, sampling, **others)
+def draws(sampling: str, failing: int = 0, **fields: Any) -> Any:
+    is_held = [i >= failing for i in range(N)]
+    return swept({"a": range(N), "b": range(N)}, {"x.held": is_held, "f": VALUES}, sampling, **fields)
 
 
 def test_no_failure_has_an_upper_bound() -> None:

@@ -17,14 +17,14 @@ from tests.support.sweep_results import swept
 
 pytestmark = pytest.mark.filterwarnings("error")
 
-SHOWN = {
+DISPLAYS = {
     "lift.error_m": MetricDisplay("error_m", "error", 1e6, "µm", "m"),
     "lift.held": MetricDisplay("held", "held"),
 }
 STATUS = ["done"] * 8 + ["diverged", "done", "died"]
 
 
-def made(**others: Any) -> SweepResult:
+def make(**fields: Any) -> SweepResult:
     return swept(
         {"a": range(11)},
         {
@@ -33,8 +33,8 @@ def made(**others: Any) -> SweepResult:
             "plain": [float(i) for i in range(11)],
         },
         status=STATUS,
-        shown=SHOWN,
-        **others,
+        shown=DISPLAYS,
+        **fields,
     )
 
 
@@ -52,12 +52,12 @@ def lines(report: Report, width: int = 100) -> list[str]:
 
 
 def test_counts_by_status_and_figures_in_display_units() -> None:
-    printed = lines(build_report(made(sampling="grid")))
+    printed = lines(build_report(make(sampling="grid")))
     assert printed[0] == "11 variants: 9 done (1 of them not held), 1 diverged, 1 died"
     assert printed[1] == "Figures of the variants that are done (9)"
     assert printed[3] == "least median 95 % largest"
-    kept = np.array([1, 2, 7, 3, 5, 4, 20_000, 5])
-    high = f"{np.percentile(kept, 95) / 1e6:.4g} m"
+    values = np.array([1, 2, 7, 3, 5, 4, 20_000, 5])
+    high = f"{np.percentile(values, 95) / 1e6:.4g} m"
     assert "lift held 8 of 9 yes" in printed
     assert f"lift error 1 4.5 {high} 0.02 m µm" in printed
     assert "plain 0 4 8.2 9" in printed
@@ -65,17 +65,17 @@ def test_counts_by_status_and_figures_in_display_units() -> None:
 
 def test_worst_variants_are_failed_ones_first() -> None:
     by_error, by_verdict = (
-        find_worst_variants(made(), f"lift.{n}", 20)["variant"] for n in ("error_m", "held")
+        find_worst_variants(make(), f"lift.{n}", 20)["variant"] for n in ("error_m", "held")
     )
     assert by_error.to_list() == [8, 10, 3, 4, 7, 2, 5, 9, 6, 1, 0]
     assert by_verdict.to_list()[:5] == [8, 10, 3, 0, 1]
-    worst = find_worst_variants(made(), "plain", 4).row(3, named=True)
+    worst = find_worst_variants(make(), "plain", 4).row(3, named=True)
     assert (worst["variant"], worst["status"], worst["problem"], worst["plain"]) == (9, "done", None, 9.0)
-    assert find_worst_variants(made(), "plain", 0).is_empty()
+    assert find_worst_variants(make(), "plain", 0).is_empty()
 
 
 def test_worst_variants_have_their_problem() -> None:
-    printed = lines(build_report(made()))
+    printed = lines(build_report(make()))
     start = printed.index("variant status lift error / µm")
     assert printed[start + 2 : start + 7] == [
         "8 diverged 9 m it diverged at 0.3 s.",
@@ -87,18 +87,18 @@ def test_worst_variants_have_their_problem() -> None:
 
 
 def test_worst_variants_have_their_command() -> None:
-    result = replace(made(), base=["emla", "run", "my study"], targets={"a": [Target("x.y[1]")]})
+    result = replace(make(), base=["emla", "run", "my study"], targets={"a": [Target("x.y[1]")]})
     commands = [f"emla run 'my study' --set 'x.y[1]={n}'" for n in (8, 10, 3, 4, 7)]
     assert lines(build_report(result))[-6:] == ["Commands to run each alone:", *commands]
-    assert lines(build_report(made()))[-1].startswith("└")
+    assert lines(build_report(make()))[-1].startswith("└")
 
 
 def test_long_commands_have_a_file(tmp_path: Path) -> None:
-    many = replace(made(), base=["emla", "run", "x" * 400], targets={"a": [Target("y")]}, folder=tmp_path)
+    many = replace(make(), base=["emla", "run", "x" * 400], targets={"a": [Target("y")]}, folder=tmp_path)
     text = OUTPUTS.tables["worst.txt"](many)
     assert isinstance(text, str) and text.startswith("# Commands to run each alone:\nemla run xxx")
     assert lines(build_report(many))[-1] == f"Commands to run each of them alone are in {tmp_path}/worst.txt."
-    assert OUTPUTS.tables["worst.txt"](made()) is None
+    assert OUTPUTS.tables["worst.txt"](make()) is None
 
 
 def test_summary_of_a_saltelli_sample() -> None:
@@ -122,7 +122,7 @@ def test_summary_of_one_at_a_time() -> None:
         {"x": range(5), "y[b]": range(5)},
         {"lift.error_m": [1e-6, 2e-6, 1e-6, 4e-6, None]},
         "one-at-a-time",
-        shown=SHOWN,
+        shown=DISPLAYS,
     )
     printed = lines(build_report(result))
     start = printed.index("lift error in µm, each factor alone")

@@ -85,11 +85,11 @@ def test_command_of_a_variant_gives_its_figures(scheduler: Client, emla: Emla, f
     for row in result.variants.to_dicts():
         text = result.command(row["variant"])
         assert text is not None
-        done = emla(*shlex.split(text)[1:], "--no-plots", "--output", f"v{row['variant']}")
-        assert done.exit_code == 0, done.output
-        found = json.loads(Path(f"v{row['variant']}/metrics.json").read_text())
-        assert found["joints"]["lift"].keys() >= {n.removeprefix("lift.") for n in result.figures}
-        assert has_figures(row, found)
+        process = emla(*shlex.split(text)[1:], "--no-plots", "--output", f"v{row['variant']}")
+        assert process.exit_code == 0, process.output
+        figures = json.loads(Path(f"v{row['variant']}/metrics.json").read_text())
+        assert figures["joints"]["lift"].keys() >= {n.removeprefix("lift.") for n in result.figures}
+        assert has_figures(row, figures)
 
 
 def test_pictures_and_page_are_written_on_request(
@@ -132,16 +132,16 @@ def test_fmu_of_a_component_varies(scheduler: Client, fmu_folder: Path, foreign_
 
 
 def test_one_factor_scales_several_values(scheduler: Client, fmu_folder: Path) -> None:
-    both = [R_S, "lift.plant.motor.Phi_PM"]
+    names = [R_S, "lift.plant.motor.Phi_PM"]
     with ec.load("lift", fmus=fmu_folder, **TABLE).prepare() as simulation:
-        before = [simulation[name] for name in both]
+        before = [simulation[name] for name in names]
         simulation.finish()
         result = sweep(
-            "lift", {"k": {"of": both, "distribution": "values", "values": [0.9, 1.1], "relative": True}},
+            "lift", {"k": {"of": names, "distribution": "values", "values": [0.9, 1.1], "relative": True}},
             scheduler=scheduler, fmus=fmu_folder, **TABLE,
         )  # fmt: skip
         for row in result.variants.to_dicts():
-            values = {name: x * row["k"] for name, x in zip(both, before, strict=True)}
+            values = {name: x * row["k"] for name, x in zip(names, before, strict=True)}
             assert result.options(row["variant"]) == {"set": values}
             assert has_figures(row, simulation.run(set=values).metrics)
 
@@ -158,8 +158,8 @@ def test_metrics_of_every_kind(scheduler: Client, fmu_folder: Path) -> None:
         last,
     ]
     result = sweep("lift", {R_S: [0.1, 0.2]}, metrics=metrics, scheduler=scheduler, fmus=fmu_folder, **TABLE)
-    named = [figure for figure in result.figures if figure not in result.verdicts]
-    assert named == ["lift.torque_peak_N_m", "largest", "high", "n", "last"]
+    figures = [figure for figure in result.figures if figure not in result.verdicts]
+    assert figures == ["lift.torque_peak_N_m", "largest", "high", "n", "last"]
     with ec.load("lift", fmus=fmu_folder, **TABLE).prepare() as simulation:
         for row in result.variants.to_dicts():
             run = simulation.run(set={R_S: row[R_S]})
@@ -172,7 +172,7 @@ def test_metrics_of_every_kind(scheduler: Client, fmu_folder: Path) -> None:
 def test_metrics_of_users_are_registered_on_workers_for_one_sweep(
     cluster: Client, fmu_folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def rows(outline: ec.Outline) -> Any:
+    def rows(layout: ec.Outline) -> Any:
         from typing import Any  # which this takes along, as it does `ec`
 
         class Rows(ec.Metrics):
@@ -207,11 +207,11 @@ def test_failed_variants_have_status_and_problem(scheduler: Client, faulty_fmu: 
         system, {"j.bad.fault": [int(f) for f in faults]}, scheduler=scheduler, stop_time=1.0,
         step_size=0.1,
     )  # fmt: skip
-    found = dict(zip(faults, result.variants.select("status", "problem", "end_s").rows(), strict=True))
-    assert found[Fault.NONE] == ("done", None, 1.0)
-    assert found[Fault.DISCARD][0] == "diverged" and 0.3 < found[Fault.DISCARD][2] < 0.5
-    assert found[Fault.ERROR][0] == "failed" and "j.bad" in found[Fault.ERROR][1]
-    assert found[Fault.EXIT_INITIALIZATION][0] == "refused" and found[Fault.EXIT_INITIALIZATION][1]
+    outcomes = dict(zip(faults, result.variants.select("status", "problem", "end_s").rows(), strict=True))
+    assert outcomes[Fault.NONE] == ("done", None, 1.0)
+    assert outcomes[Fault.DISCARD][0] == "diverged" and 0.3 < outcomes[Fault.DISCARD][2] < 0.5
+    assert outcomes[Fault.ERROR][0] == "failed" and "j.bad" in outcomes[Fault.ERROR][1]
+    assert outcomes[Fault.EXIT_INITIALIZATION][0] == "refused" and outcomes[Fault.EXIT_INITIALIZATION][1]
 
 
 def test_fmu_with_a_fatal_error_leaves_later_variants(faulty_fmu: Path) -> None:
@@ -252,11 +252,11 @@ def test_variants_that_do_not_meet_requirements_fail(emla: Emla, tmp_path: Path)
         'scenario = "lift"\nstop_time = 0.02\nrequire = ["lift.torque_peak_N_m > 180"]\n'
         f'[vary]\n"{R_S}" = [0.1, 5.0]\n'
     )
-    done = emla("sweep", "plan.toml", "--output", "out", "--workers", "1", "--no-plots")
-    assert done.exit_code == 1, done.output
-    assert "Error: 1 of 2 variants do not meet the requirements; see above." in done.stderr
-    assert ", 1 failed" in done.stdout.splitlines()[0]
-    assert "--require 'lift.torque_peak_N_m > 180'" in done.stdout
+    process = emla("sweep", "plan.toml", "--output", "out", "--workers", "1", "--no-plots")
+    assert process.exit_code == 1, process.output
+    assert "Error: 1 of 2 variants do not meet the requirements; see above." in process.stderr
+    assert ", 1 failed" in process.stdout.splitlines()[0]
+    assert "--require 'lift.torque_peak_N_m > 180'" in process.stdout
     result = read_sweep(tmp_path / "out")
     assert result.required == ["lift.torque_peak_N_m > 180"]
     peaks = result.variants["lift.torque_peak_N_m"]

@@ -33,15 +33,15 @@ def test_arguments_of_the_command_line() -> None:
         "isolate": True,
         "gains": None,
     }
-    found = format_arguments(options)
-    assert found is not None
-    assert found == [
+    arguments = format_arguments(options)
+    assert arguments is not None
+    assert arguments == [
         *["--set", "a.x=0.30000000000000004", "--set", "a.on=true", "--set", "a.n=3"],
         *["--replace", "a=f.fmu", "--mapping", "a=f.ssm", "--replace", "b=g.fmu"],
         *["--parameters", "one.ssv", "--parameters", "two.ssv", "--order", "a,b", "--step-multiple", "a=3"],
         *["--step-size", "0.0001", "--algorithm", "jacobi", "--no-together", "--isolate"],
     ]
-    texts = load_command("run").make_context("run", ["lift", *found]).params
+    texts = load_command("run").make_context("run", ["lift", *arguments]).params
     assert read_values([list_options()["isolate"]], texts) == {"isolate": ["*"]}
 
 

@@ -21,13 +21,13 @@ R_S = "lift.plant.motor.R_s"
 
 def make_client(submit: Callable[..., Any], **more: Any) -> Mock:
     """Return a client of Dask whose tasks are what `submit` returns."""
-    given = {"status": "running", "scheduler": Mock(addr="tcp://there"), "nthreads": lambda: {"worker": 2}}
-    return Mock(spec=Client, id="client", submit=submit, **{**given, **more})
+    values = {"status": "running", "scheduler": Mock(addr="tcp://there"), "nthreads": lambda: {"worker": 2}}
+    return Mock(spec=Client, id="client", submit=submit, **{**values, **more})
 
 
 def sweep(fmus: Path, client: Any = None, **options: Any) -> ec.SweepResult:
-    given: dict[str, Any] = {"stop_time": 0.002, "fmus": fmus, **options}
-    return ec.sweep("lift", {R_S: [0.1, 0.2, 0.3]}, scheduler=client, **given)
+    all_options: dict[str, Any] = {"stop_time": 0.002, "fmus": fmus, **options}
+    return ec.sweep("lift", {R_S: [0.1, 0.2, 0.3]}, scheduler=client, **all_options)
 
 
 @pytest.mark.parametrize(

@@ -37,7 +37,7 @@ class Growth(Block):
         return {"y": v.a * v.k * v.time}
 
 
-def limit_metrics(outline: ec.Outline) -> Any:
+def limit_metrics(layout: ec.Outline) -> Any:
     """Metrics that hold what stays below 2."""
     from typing import Any  # which this takes along, as it does `ec`
 
@@ -45,12 +45,12 @@ def limit_metrics(outline: ec.Outline) -> Any:
         largest = 0.0
 
         def write(self, rows: Any) -> None:
-            self.largest = max(self.largest, float(rows[:, 1 + list(outline.names).index("j.y.y")].max()))
+            self.largest = max(self.largest, float(rows[:, 1 + list(layout.names).index("j.y.y")].max()))
 
         def figures(self) -> dict[str, dict[str, Any]]:
-            held = self.largest < 2.0
-            reason = None if held else f"y comes to {self.largest:g}, beyond 2."
-            return {"j": {"largest": self.largest, "held": held, "reason": reason}}
+            is_held = self.largest < 2.0
+            reason = None if is_held else f"y comes to {self.largest:g}, beyond 2."
+            return {"j": {"largest": self.largest, "held": is_held, "reason": reason}}
 
         def memory(self) -> Any:
             return self.largest
@@ -68,9 +68,9 @@ def growth(tmp_path_factory: pytest.TempPathFactory) -> System:
     return System((Component("j.y", "Growth", {}, path),), ())
 
 
-def plan(scheduler: Client, **others: Any) -> dict[str, Any]:
+def plan(scheduler: Client, **fields: Any) -> dict[str, Any]:
     vary = {"j.y.a": GAINS, "j.y.k": RATES}
-    return {"vary": vary, "scheduler": scheduler, "stop_time": 1.0, "step_size": 0.1, **others}
+    return {"vary": vary, "scheduler": scheduler, "stop_time": 1.0, "step_size": 0.1, **fields}
 
 
 @pytest.mark.parametrize("metrics", [None, ["j.largest"], ["peak = max(j.y.y)"], ["j.held", "j.largest"]])
@@ -92,8 +92,8 @@ def test_tables_have_the_verdict(
     size = next(figure for figure in ("j.largest", "peak") if figure in result.figures)
     last = find_worst_variants(result, size, 1).row(0, named=True)
     assert not last["j.held"] and last["problem"] == f"j: y comes to {product.max():g}, beyond 2."
-    kept = result.variants.filter("j.held")
-    assert kept["problem"].null_count() == len(kept)
+    held_rows = result.variants.filter("j.held")
+    assert held_rows["problem"].null_count() == len(held_rows)
 
 
 def test_resumed_sweep_has_the_same_verdicts_and_adds_its_time(
@@ -101,20 +101,20 @@ def test_resumed_sweep_has_the_same_verdicts_and_adds_its_time(
 ) -> None:
     """As if it had ended after two of its variants, which took 1000 s."""
     monkeypatch.setitem(ec.METRICS, "limit", limit_metrics)
-    given = plan(scheduler, metrics=["j.largest"])
-    whole = sweep(growth, output=tmp_path / "a", **given)
+    fields = plan(scheduler, metrics=["j.largest"])
+    complete = sweep(growth, output=tmp_path / "a", **fields)
     shutil.copytree(tmp_path / "a", tmp_path / "b")
-    part = whole.variants.select("variant", "status", "problem", "end_s", *whole.figures).filter(
+    part = complete.variants.select("variant", "status", "problem", "end_s", *complete.figures).filter(
         polars.col("variant").is_in([4, 8])
     )
     (tmp_path / "b/parts").mkdir()
     part.write_parquet(tmp_path / "b/parts/000000004.parquet")
     record = json.loads((tmp_path / "b/sweep.json").read_text())
     (tmp_path / "b/sweep.json").write_text(json.dumps({**record, "status": "unfinished", "wall_s": 1e3}))
-    again = sweep(growth, output=tmp_path / "b", resume=True, **given)
-    assert again.complete and again.variants.equals(whole.variants)
-    assert 1e3 < again.wall_s < 1e3 + 60.0
-    assert json.loads((tmp_path / "b/sweep.json").read_text())["wall_s"] == again.wall_s
+    resumed = sweep(growth, output=tmp_path / "b", resume=True, **fields)
+    assert resumed.complete and resumed.variants.equals(complete.variants)
+    assert 1e3 < resumed.wall_s < 1e3 + 60.0
+    assert json.loads((tmp_path / "b/sweep.json").read_text())["wall_s"] == resumed.wall_s
 
 
 def test_sweep_without_metrics_has_no_verdict(growth: System, scheduler: Client) -> None:
@@ -146,8 +146,8 @@ def test_verdicts_are_last_columns() -> None:
         ([], list(FIGURES)),
     ):
         measures = resolve_measures(MetricRequest.of(metrics, "the plan"), FIGURES, [], [], [], "the plan")
-        kept = with_verdicts(measures, FIGURES)
-        assert kept.names == names and sorted(kept.truths) == kept.verdicts == ["lift.held", "tilt.held"]
+        got = with_verdicts(measures, FIGURES)
+        assert got.names == names and sorted(got.truths) == got.verdicts == ["lift.held", "tilt.held"]
 
 
 @pytest.mark.parametrize("name", ["held", "lift.held", "mine.held"])
@@ -167,11 +167,11 @@ def test_problem_has_divergence_and_failed_metric(scheduler: Client, faulty_fmu:
         system, {"j.bad.fault": [int(Fault.DISCARD), int(Fault.NONE)]}, metrics={"m": failing},
         scheduler=scheduler, stop_time=1.0, step_size=0.1,
     )  # fmt: skip
-    discarded, other = result.variants["problem"].to_list()
+    discarded, diverged = result.variants["problem"].to_list()
     with pytest.raises(ec.RunError) as caught:
         ec.load(system, stop_time=1.0, step_size=0.1).prepare().run(set={"j.bad.fault": int(Fault.DISCARD)})
-    assert discarded == f"{caught.value} {other}"
-    assert other == "the metric 'm' raised ValueError('no number')."
+    assert discarded == f"{caught.value} {diverged}"
+    assert diverged == "the metric 'm' raised ValueError('no number')."
 
 
 def test_provenance_depends_on_the_fmu_of_a_variant(
@@ -183,8 +183,8 @@ def test_provenance_depends_on_the_fmu_of_a_variant(
         def outputs(self, v: Any) -> dict[str, Any]:
             return {"y": 2.0 * v.a * v.k * v.time}
 
-    one, other = growth.components[0].fmu, tmp_path / "Doubled.fmu"
-    build(Doubled, other, producer=PRODUCER)
+    first, second = growth.components[0].fmu, tmp_path / "Doubled.fmu"
+    build(Doubled, second, producer=PRODUCER)
 
     def provenances(files: list[Any]) -> dict[tuple[str, float], str]:
         vary = {"j.y": [str(file) for file in files], "j.y.a": [1.0, 2.0]}
@@ -192,21 +192,21 @@ def test_provenance_depends_on_the_fmu_of_a_variant(
         keys = result.variants.select("j.y", "j.y.a").rows()
         return dict(zip(keys, result.variants["provenance"].to_list(), strict=True))
 
-    found = provenances([one, other])
-    assert len(set(found.values())) == 4
-    assert provenances([other, one]) == found
+    hashes = provenances([first, second])
+    assert len(set(hashes.values())) == 4
+    assert provenances([second, first]) == hashes
 
 
 def test_unknown_lead_is_not_held_unless_models_follow(scheduler: Client, fmu_folder: Path) -> None:
     lead, leads = "prototype.plant.screw.lead", [0.016, 0.028, 0.04]
-    given: dict[str, Any] = {"scheduler": scheduler, "fmus": fmu_folder, "stop_time": 1.0}
-    result = sweep("prototype", {lead: leads}, metrics=["prototype.torque_peak_N_m"], **given)
+    options: dict[str, Any] = {"scheduler": scheduler, "fmus": fmu_folder, "stop_time": 1.0}
+    result = sweep("prototype", {lead: leads}, metrics=["prototype.torque_peak_N_m"], **options)
     assert result.variants["status"].to_list() == ["done"] * 3
     assert result.variants["prototype.held"].to_list() == [True, False, False]
     assert all(text.startswith("prototype ") for text in result.variants["problem"][1:])
     (note,) = result.notes
     assert note.startswith(f"{lead} changes") and "--follow-models" in note
-    followed = sweep("prototype", {lead: leads}, follow_models=True, **given)
+    followed = sweep("prototype", {lead: leads}, follow_models=True, **options)
     assert followed.variants["prototype.held"].to_list() == [True, True, True]
     assert max(followed.variants["prototype.position_error_m"].to_list()) < 1e-4
 
@@ -215,22 +215,22 @@ def test_unknown_lead_is_not_held_unless_models_follow(scheduler: Client, fmu_fo
 def test_record_has_indices_with_their_warning(
     high: float, scheduler: Client, growth: System, tmp_path: Path
 ) -> None:
-    given: dict[str, Any] = {"vary": {"j.y.a": f"0:{high}", "j.y.k": "0:1"}, "scheduler": scheduler}
-    given |= {"metrics": ["y = last(j.y.y)", "same = 1"], "sampling": "saltelli", "runs": 32}
-    given |= {"stop_time": 0.1, "step_size": 0.1}
-    result = sweep(growth, **given, output=tmp_path / "out")
+    fields: dict[str, Any] = {"vary": {"j.y.a": f"0:{high}", "j.y.k": "0:1"}, "scheduler": scheduler}
+    fields |= {"metrics": ["y = last(j.y.y)", "same = 1"], "sampling": "saltelli", "runs": 32}
+    fields |= {"stop_time": 0.1, "step_size": 0.1}
+    result = sweep(growth, **fields, output=tmp_path / "out")
     with warnings.catch_warnings(record=True) as shown_warnings:
         warnings.simplefilter("always")
-        found = result.sobol("y")
-    kept = json.loads((tmp_path / "out/sweep.json").read_text())["sobol"]
-    assert list(kept) == ["y"]
-    assert kept["y"]["factors"] == ["j.y.a", "j.y.k"]
+        indices = result.sobol("y")
+    recorded = json.loads((tmp_path / "out/sweep.json").read_text())["sobol"]
+    assert list(recorded) == ["y"]
+    assert recorded["y"]["factors"] == ["j.y.a", "j.y.k"]
     for name in ("first", "first_confidence", "total", "total_confidence"):
-        assert kept["y"][name] == getattr(found, name).tolist()
+        assert recorded["y"][name] == getattr(indices, name).tolist()
     failed = int((result.variants["status"] != "done").sum())
-    assert (failed > 0) == (high > 2.0) == (kept["y"]["left_out"] > 0) == bool(shown_warnings)
-    assert kept["y"]["warning"] == found.warning
+    assert (failed > 0) == (high > 2.0) == (recorded["y"]["left_out"] > 0) == bool(shown_warnings)
+    assert recorded["y"]["warning"] == indices.warning
     text = (tmp_path / "out/sweep.json").read_text()
-    again = sweep(growth, **given, output=tmp_path / "out", resume=True)
+    resumed = sweep(growth, **fields, output=tmp_path / "out", resume=True)
     assert (tmp_path / "out/sweep.json").read_text() == text
-    assert again.variants.equals(result.variants)
+    assert resumed.variants.equals(result.variants)

@@ -26,8 +26,10 @@ LEAD, L_D, L_Q = "lift.plant.screw.lead", "lift.plant.motor.L_d", "lift.plant.mo
 def table(vary: Any, fmu_folder: Path, **plan: Any) -> tuple[dict[str, list[Any]], list[str]]:
     """What varies by variant, and the units of the factors."""
     options = {"fmus": fmu_folder, **plan.pop("options", {})}
-    found = design_variants(load_plan("lift").updated({"vary": vary, "options": options, **plan}), Progress())
-    return found.table().drop("variant").to_dict(as_series=False), [f.unit for f in found.factors]
+    design = design_variants(
+        load_plan("lift").updated({"vary": vary, "options": options, **plan}), Progress()
+    )
+    return design.table().drop("variant").to_dict(as_series=False), [f.unit for f in design.factors]
 
 
 @pytest.mark.parametrize(
@@ -51,28 +53,28 @@ def table(vary: Any, fmu_folder: Path, **plan: Any) -> tuple[dict[str, list[Any]
     ],
     ids=str,
 )
-def test_values_with_units(given: Any, values: list[float], fmu_folder: Path) -> None:
-    found, units = table({LEAD: given}, fmu_folder)
-    assert found == {LEAD: pytest.approx(values, rel=1e-15)}
+def test_values_with_units(form: Any, values: list[float], fmu_folder: Path) -> None:
+    columns, units = table({LEAD: form}, fmu_folder)
+    assert columns == {LEAD: pytest.approx(values, rel=1e-15)}
     assert units == ["m"]
-    assert all(type(value) is float for value in found[LEAD])
+    assert all(type(value) is float for value in columns[LEAD])
 
 
 def test_samples_have_the_unit_of_the_variable(fmu_folder: Path) -> None:
-    for own, plain in (
+    for with_unit, plain in (
         ("normal(16 mm, 1 mm)", "normal(0.016, 0.001)"),
         ("log-normal(16 mm, 0.1)", "log-normal(0.016, 0.1)"),
         ("triangular(1 mm, 2 mm, 5 mm)", "triangular(0.001, 0.002, 0.005)"),
     ):
-        (one, _), (other, _) = (table({LEAD: x}, fmu_folder, runs=5, seed=3) for x in (own, plain))
-        assert one[LEAD] == pytest.approx(other[LEAD], rel=1e-14)
+        (sample, _), (other, _) = (table({LEAD: x}, fmu_folder, runs=5, seed=3) for x in (with_unit, plain))
+        assert sample[LEAD] == pytest.approx(other[LEAD], rel=1e-14)
 
 
 def test_units_in_patterns_several_targets_and_options(fmu_folder: Path) -> None:
-    found, units = table({"lift.plant.motor.L_?": "1 mH,2 mH"}, fmu_folder)
-    assert found == {L_D: [0.001, 0.001, 0.002, 0.002], L_Q: [0.001, 0.002, 0.001, 0.002]}
-    both = {"of": [L_D, L_Q], "distribution": "values", "values": ["1 mH", "2 mH"]}
-    assert table({"L": both}, fmu_folder) == ({"L": [0.001, 0.002]}, ["H"])
+    columns, units = table({"lift.plant.motor.L_?": "1 mH,2 mH"}, fmu_folder)
+    assert columns == {L_D: [0.001, 0.001, 0.002, 0.002], L_Q: [0.001, 0.002, 0.001, 0.002]}
+    entry = {"of": [L_D, L_Q], "distribution": "values", "values": ["1 mH", "2 mH"]}
+    assert table({"L": entry}, fmu_folder) == ({"L": [0.001, 0.002]}, ["H"])
     assert table({"stop_time": "100 ms, 1 s"}, fmu_folder) == ({"stop_time": [0.1, 1.0]}, ["s"])
     assert units == ["H", "H"]
 
@@ -113,17 +115,19 @@ def test_unit_is_that_of_the_system(tmp_path: Path) -> None:
     cm = Alias("length", LinearTransformation(0.01), SiUnit("cm", (0, 1, 0, 0, 0, 0, 0, 0), 0.01))
     for aliases, name, expected in (({}, "length", [0.002, 0.04]), ({"size": cm}, "size", [0.2, 4.0])):
         system = System((Component("a.b", "Gauge", {}, tmp_path / "Gauge.fmu", aliases),), ())
-        found = design_variants(load_plan(system).updated({"vary": {f"a.b.{name}": "2 mm,4 cm"}}), Progress())
-        assert found.table()[f"a.b.{name}"].to_list() == pytest.approx(expected)
+        design = design_variants(
+            load_plan(system).updated({"vary": {f"a.b.{name}": "2 mm,4 cm"}}), Progress()
+        )
+        assert design.table()[f"a.b.{name}"].to_list() == pytest.approx(expected)
 
 
 def test_results_have_numbers_without_units(emla: Emla, fmu_folder: Path) -> None:
-    done = emla(
+    process = emla(
         "sweep", "lift", "--vary", f"{LEAD}=19 mm:21 mm:3", "--vary", f"{L_D}=1 mH,2 mH",
         "--stop-time", "0.35", "--workers", "1", "--output", "out", "--fmus", str(fmu_folder),
     )  # fmt: skip
-    assert done.exit_code == 0, done.output
-    assert f"--set {LEAD}=0.019" in done.stdout
+    assert process.exit_code == 0, process.output
+    assert f"--set {LEAD}=0.019" in process.stdout
     variants = polars.read_parquet("out/variants.parquet")
     assert variants.schema[LEAD] == variants.schema[L_D] == polars.Float64
     assert sorted(set(variants[LEAD])) == pytest.approx([0.019, 0.02, 0.021])

@@ -44,8 +44,8 @@ def coarse() -> ec.TrajectoryResult:
 
 @pytest.mark.slow
 def test_command_reports_and_writes_the_motion(emla: Emla, tmp_path: Path) -> None:
-    shown = emla("trajectory", *COARSE, "--output", "motion.json")
-    assert shown.exit_code == 0, shown.output
+    output = emla("trajectory", *COARSE, "--output", "motion.json")
+    assert output.exit_code == 0, output.output
     for words in (
         "The problem contradicts itself: v_E[3] = -0.5477 m/s",
         "replaced by the bound (--end-speed clip)",
@@ -57,7 +57,7 @@ def test_command_reports_and_writes_the_motion(emla: Emla, tmp_path: Path) -> No
         "All bounds hold on the dense grid.",
         "Wrote motion.json, motion-forces-and-speeds.png, motion-positions-and-accelerations.png",
     ):
-        assert words in shown.stdout, words
+        assert words in output.stdout, words
     names = ["motion.json", *(f"motion-{name}.png" for name in PICTURES)]
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(names)
     for name in names[1:]:
@@ -87,19 +87,19 @@ def test_file_can_be_read_with_scipy(coarse: ec.TrajectoryResult, tmp_path: Path
     assert document["problem"]["machine"]["file"] == "hdrm"
     assert document["end_speed"] == "clip"
     assert document["figures"]["cost"] == coarse.assessment.cost
-    wanted = {"degree": 5, "knots": 10, "points": 5, "tie_break": 1e-3, "subdivisions": 1}
-    assert document["discretisation"] == wanted
+    expected = {"degree": 5, "knots": 10, "points": 5, "tie_break": 1e-3, "subdivisions": 1}
+    assert document["discretisation"] == expected
     assert {"casadi", "emla-cosim"} <= document["versions"].keys()
 
 
 def test_file_in_the_package_has_default_settings() -> None:
-    kept, options = json.loads(DEFAULT_FILE.read_text(encoding="utf-8")), paper_problem()
-    assert kept["problem"]["v_E"] == list(options.v_E)
-    assert kept["problem"]["machine"]["motor_m"] == [
+    content, options = json.loads(DEFAULT_FILE.read_text(encoding="utf-8")), paper_problem()
+    assert content["problem"]["v_E"] == list(options.v_E)
+    assert content["problem"]["machine"]["motor_m"] == [
         options.machine.machine.parameters[f"motor.m[{i}]"].value for i in (1, 2, 3)
     ]
-    wanted = {"degree": 5, "knots": 20, "points": 10, "tie_break": 1e-3, "subdivisions": 1}
-    assert kept["discretisation"] == wanted
+    expected = {"degree": 5, "knots": 20, "points": 10, "tie_break": 1e-3, "subdivisions": 1}
+    assert content["discretisation"] == expected
     assert ec.read_trajectory(DEFAULT_FILE) == default_spline()
 
 
@@ -140,9 +140,9 @@ def test_pictures_show_the_motion(coarse: ec.TrajectoryResult) -> None:
 
 def solve(emla: Emla, *arguments: str) -> tuple[str, dict[str, Any]]:
     """Run the command; return what it prints, and the problem in m.json."""
-    shown = emla("trajectory", *arguments, *COARSE, "--no-plots", "--output", "m.json")
-    assert shown.exit_code == 0, shown.output
-    return shown.stdout, json.loads(Path("m.json").read_text(encoding="utf-8"))
+    output = emla("trajectory", *arguments, *COARSE, "--no-plots", "--output", "m.json")
+    assert output.exit_code == 0, output.output
+    return output.stdout, json.loads(Path("m.json").read_text(encoding="utf-8"))
 
 
 def test_acceleration_bounds(emla: Emla) -> None:
@@ -174,12 +174,12 @@ def test_problem_as_file_options_and_python_values(emla: Emla, tmp_path: Path) -
 
 def test_the_record_of_a_problem_is_a_problem() -> None:
     problem = load_problem({"machine": {"file": "lift_table", "screw.L_0[1]": 0.55}, "q_E": 0.2, "t_M": 8.0})
-    again = load_problem(
+    reloaded = load_problem(
         json.loads(json.dumps({k: x for k, x in describe_problem(problem).items() if x is not None}))
     )
-    assert again.machine.machine == problem.machine.machine
-    assert describe_problem(again) == describe_problem(problem)
-    assert (again.v_UB, again.f_LB) == (problem.v_UB, problem.f_LB) and problem.v_UB == (0.1,)
+    assert reloaded.machine.machine == problem.machine.machine
+    assert describe_problem(reloaded) == describe_problem(problem)
+    assert (reloaded.v_UB, reloaded.f_LB) == (problem.v_UB, problem.f_LB) and problem.v_UB == (0.1,)
 
 
 @pytest.mark.slow
@@ -282,8 +282,8 @@ def test_invalid_problems_give_one_message(
     (tmp_path / "texts.toml").write_text('[machine]\nlift_a = "x"\n')
     (tmp_path / "good.toml").write_text("t_M = 20\n")
     before = sorted(tmp_path.iterdir())
-    given = () if "--output" in arguments else ("--output", "m.json")
-    assert words in sentence(emla("trajectory", *arguments, *given), 2)
+    output = () if "--output" in arguments else ("--output", "m.json")
+    assert words in sentence(emla("trajectory", *arguments, *output), 2)
     assert sorted(tmp_path.iterdir()) == before
 
 
@@ -342,8 +342,8 @@ def test_interrupt_ends_the_search(tmp_path: Path) -> None:
 
 def test_motion_of_another_machine_is_reported(tmp_path: Path) -> None:
     def note(system: System) -> str:
-        found = system.component("machine.trajectory").note
-        return found(system) if callable(found) else found
+        note = system.component("machine.trajectory").note
+        return note(system) if callable(note) else note
 
     document = json.loads(DEFAULT_FILE.read_text(encoding="utf-8"))
     (tmp_path / "same.json").write_text(json.dumps(document))

@@ -88,9 +88,9 @@ def test_margin_keeps_a_distance_to_conditions(valley: System, scheduler: Client
 
 
 def test_derived_values_follow_the_gains(valley: System, scheduler: Client) -> None:
-    given = {**VALLEY, "vary": {"radius": "0.5:20"}, "evaluations": 40}
+    fields = {**VALLEY, "vary": {"radius": "0.5:20"}, "evaluations": 40}
     derive = {"v.f.x": "radius", "v.f.y": "2 * radius - 3"}
-    result = ec.tune(valley, **given, derive=derive, scheduler=scheduler)
+    result = ec.tune(valley, **fields, derive=derive, scheduler=scheduler)
     assert result.set["v.f.y"] == 2 * result.set["v.f.x"] - 3
     assert result.set["v.f.x"] == pytest.approx(3.0, rel=0.02)
 
@@ -161,8 +161,8 @@ def test_step_that_matters_more_than_the_gains_is_reported(way: System, schedule
     result = ec.tune(way, {"way.k": "0.99:1.01"}, **WAY, scheduler=scheduler)
     (remark,) = result.remarks
     assert remark.startswith("The step, not the gains, made the difference: half the step changes the ")
-    given = {**WAY, "evaluations": 1, "require": ["end > 0.54"]}
-    unmet = ec.tune(way, {"way.k": "0.5:2"}, **given, scheduler=scheduler).remarks[-1]
+    fields = {**WAY, "evaluations": 1, "require": ["end > 0.54"]}
+    unmet = ec.tune(way, {"way.k": "0.5:2"}, **fields, scheduler=scheduler).remarks[-1]
     assert unmet == "With half the step, conditions do not hold: usual: end > 0.54, but it is 0.525."
 
 
@@ -189,8 +189,8 @@ class Fussy(Block):
 
 
 def test_fmu_that_refuses_half_the_step_fails_no_tuning(scheduler: Client) -> None:
-    given = {**WAY, "metrics": ["end = last(f.x)"], "evaluations": 1}
-    result = ec.tune(System.of({"f": Fussy}), {"f.k": "0.5:2"}, **given, scheduler=scheduler)
+    fields = {**WAY, "metrics": ["end = last(f.x)"], "evaluations": 1}
+    result = ec.tune(System.of({"f": Fussy}), {"f.k": "0.5:2"}, **fields, scheduler=scheduler)
     assert result.complete and result.best.training.objective == pytest.approx(1.0)
     (remark,) = result.remarks
     assert remark.startswith("The step is not judged in the case 'usual': ") and "refused" in remark
@@ -208,10 +208,10 @@ def test_processes_of_a_cluster_find_the_same_gains(
 
 
 def test_another_seed_tries_other_gains(valley: System, scheduler: Client) -> None:
-    given = {**VALLEY, "evaluations": 8}
-    one, two = (ec.tune(valley, **given, seed=seed, scheduler=scheduler) for seed in (0, 1))
-    assert not one.history["v.f.x"].equals(two.history["v.f.x"])
-    assert not {*one.seeds["training"]} & {*two.seeds["training"]}
+    fields = {**VALLEY, "evaluations": 8}
+    first, second = (ec.tune(valley, **fields, seed=seed, scheduler=scheduler) for seed in (0, 1))
+    assert not first.history["v.f.x"].equals(second.history["v.f.x"])
+    assert not {*first.seeds["training"]} & {*second.seeds["training"]}
 
 
 def test_validation_seeds_differ_from_training_seeds(valley: System, scheduler: Client) -> None:
@@ -243,11 +243,11 @@ def test_statement_counts_validation_seeds_that_meet_all_conditions(
 
 def test_interrupted_tuning_keeps_the_best_gains(valley: System, scheduler: Client, tmp_path: Path) -> None:
     class Ending(Progress):
-        tried = 0
+        evaluated = 0
 
         def advance(self, count: int) -> None:
-            self.tried += count
-            if self.tried > 30:
+            self.evaluated += count
+            if self.evaluated > 30:
                 os.kill(os.getpid(), signal.SIGINT)
 
     result = ec.tune(valley, **VALLEY, scheduler=scheduler, output=tmp_path, progress=Ending())
@@ -323,10 +323,10 @@ def test_plans_of_the_study_have_margins(name: str) -> None:
 
 @pytest.mark.parametrize("name", mostly_slow(TUNINGS, ["foc-telescope"]))
 def test_plans_of_the_study_run(name: str, scheduler: Client, fmu_folder: Path) -> None:
-    given = load_tuning_plan(name)
-    plan = replace(given, cases=[replace(case, margins=(), at=None) for case in given.cases])
-    once: dict[str, Any] = {"evaluations": 1, "training": 1, "validation": 1, "stop_time": 0.31}
-    result = ec.tune(plan, **once, scheduler=scheduler, fmus=fmu_folder)
+    study_plan = load_tuning_plan(name)
+    plan = replace(study_plan, cases=[replace(case, margins=(), at=None) for case in study_plan.cases])
+    shortened: dict[str, Any] = {"evaluations": 1, "training": 1, "validation": 1, "stop_time": 0.31}
+    result = ec.tune(plan, **shortened, scheduler=scheduler, fmus=fmu_folder)
     assert result.complete
     assert all(value is not None for value in result.start.values.values())
     assert len(result.start.training.worst) == (14 if name.endswith("-compliant") else 10)
@@ -337,7 +337,7 @@ AT = {"at": 0.3, "stop_time": 0.45}
 
 
 def with_margins(
-    scheduler: Client, fmus: Path, *loops: str, at: float | None = None, **given: Any
+    scheduler: Client, fmus: Path, *loops: str, at: float | None = None, **fields: Any
 ) -> ec.TuneResult:
     """Tune the lift's `compensated`, whose position loop has little margin, with one set of gains."""
     cases = [ec.Case("usual"), ec.Case("late", 0.0, DELAY, margins=loops, at=at)]
@@ -345,7 +345,7 @@ def with_margins(
     plan = ec.TuningPlan(
         "margins", "lift", {"lift.controller.beta[1]": "500:3000"}, "lift.position_error_m", cases=cases
     )
-    return ec.tune(plan, evaluations=1, scheduler=scheduler, validation=0, **options, **given)
+    return ec.tune(plan, evaluations=1, scheduler=scheduler, validation=0, **options, **fields)
 
 
 @pytest.mark.slow
@@ -355,7 +355,7 @@ def test_margins_are_conditions_with_the_figures_of_linearize(
     result = with_margins(scheduler, fmu_folder, "lift", at=AT["at"], output=tmp_path / "out", plots=False)
     settings = {"gains": "compensated", "set": DELAY, "stop_time": AT["stop_time"], "fmus": fmu_folder}
     (margins,) = ec.linearize("lift", open="lift", at=AT["at"], duration=0.15, **settings).margins.values()
-    worst = {name.partition(": ")[2]: one for name, one in result.best.training.worst["late"].items()}
+    worst = {name.partition(": ")[2]: entry for name, entry in result.best.training.worst["late"].items()}
     assert worst["phase_margin_deg >= 30"] == {"figure": pytest.approx(margins.phase_deg), "met": False}
     assert worst["gain_margin_up_dB >= 6"] == {"figure": pytest.approx(margins.gain_up_dB), "met": False}
     assert worst["gain_margin_down_dB <= -6"] == {"figure": pytest.approx(margins.gain_down_dB), "met": False}
@@ -389,7 +389,7 @@ def test_invalid_loops_give_one_message(
 
 
 @pytest.mark.parametrize(
-    ("given", "sentence"),
+    ("fields", "sentence"),
     [
         ({"vary": {}}, "varies nothing; add a gain"),
         ({"objective": ""}, "has no objective; add a figure to minimise"),
@@ -412,10 +412,10 @@ def test_invalid_loops_give_one_message(
     ],
 )
 def test_invalid_plans_give_one_message(
-    given: dict[str, Any], sentence: str, valley: System, scheduler: Client
+    fields: dict[str, Any], sentence: str, valley: System, scheduler: Client
 ) -> None:
     with pytest.raises(CommandError) as refused:
-        ec.tune(_plan(valley, **given), scheduler=scheduler)
+        ec.tune(_plan(valley, **fields), scheduler=scheduler)
     assert sentence in str(refused.value)
 
 
@@ -445,12 +445,12 @@ def test_a_score_without_numbers_is_worse_than_any_other() -> None:
 
 
 def test_expressions_are_those_of_python() -> None:
-    known = {"a.b[1]": 3.0, "a.c": 2.0}
-    found = parse_expression("-a.b[1] ** 2 / (4 - a.c) + max(a.c, sqrt(9), 1e0)", "here")
-    assert found.names == {"a.b[1]", "a.c"}
-    assert found.value(known) == -(3.0**2) / 2 + 3.0
+    values = {"a.b[1]": 3.0, "a.c": 2.0}
+    expression = parse_expression("-a.b[1] ** 2 / (4 - a.c) + max(a.c, sqrt(9), 1e0)", "here")
+    assert expression.names == {"a.b[1]", "a.c"}
+    assert expression.value(values) == -(3.0**2) / 2 + 3.0
     for without in ("log(0 * a.c)", "10**10**10", "max((0 - a.c) ** 0.5, 1)", "9" * 400):
-        assert math.isnan(parse_expression(without, "here").value(known))
+        assert math.isnan(parse_expression(without, "here").value(values))
 
 
 @pytest.mark.parametrize("text", ["max(1)", "max()", "sqrt(1, 2)", "abs()", "log(1, 2, 3)", "max(*a)", "1j"])
@@ -470,8 +470,8 @@ def test_order_of_scores() -> None:
     )
 
     def order(status: str = DONE, end: float = 10.0, **figures: float) -> tuple[bool, float]:
-        named = {f"j.{name}": value for name, value in figures.items()}
-        return judge.score([[VariantOutcome(0, status, None, end, named)]]).order
+        full_names = {f"j.{name}": value for name, value in figures.items()}
+        return judge.score([[VariantOutcome(0, status, None, end, full_names)]]).order
 
     ordered = [
         order(e=0.5),
@@ -487,7 +487,7 @@ def test_order_of_scores() -> None:
     assert [bad for bad, _ in ordered] == [False, False] + [True] * 6
 
 
-def _plan(valley: System, **given: Any) -> ec.TuningPlan:
+def _plan(valley: System, **fields: Any) -> ec.TuningPlan:
     options = {name: VALLEY[name] for name in ("stop_time", "step_size")}
     usual = {name: value for name, value in VALLEY.items() if name not in options}
-    return ec.TuningPlan("valley", valley, **{**usual, **given}, options=options)
+    return ec.TuningPlan("valley", valley, **{**usual, **fields}, options=options)
