@@ -117,6 +117,7 @@ def _scale_values(pattern: str, factor: float, prepared: Preparation) -> dict[st
     for name, value in _find_start_values(pattern, prepared).items():
         if value is not None:
             declared = names.find(name).variable
+            # an FMU may refuse a start value beyond its bounds
             low = -math.inf if declared.min is None else float(declared.min)
             high = math.inf if declared.max is None else float(declared.max)
             scaled[name] = min(max(factor * value, low), high)

@@ -25,10 +25,7 @@ from .statistics import describe_ranking, group_by_variant, mark_winner, name_ob
 
 POSITION_LOOP, CURRENT_LOOP = "position_loop", "current_loop"
 
-LOOPS: Mapping[str, str] = {
-    POSITION_LOOP: "{0}",
-    CURRENT_LOOP: "{0}.controller.u_q->{0}.plant.u_q",
-}
+LOOPS: Mapping[str, str] = {POSITION_LOOP: "{0}", CURRENT_LOOP: "{0}.controller.u_q->{0}.plant.u_q"}
 """Loops of a joint, and where each is opened, as for `linearize`."""
 
 FIGURES = ("phase_margin_deg", "gain_margin_up_dB", "gain_margin_down_dB", "Ms", "delay_margin_s")

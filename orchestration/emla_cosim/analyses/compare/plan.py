@@ -141,6 +141,7 @@ def plan_runs(
                     groups.append(part)
                 described = describe_reserves(part, changes["set"])
                 reserves.setdefault(str(variant), {})[described] = None
+                # a foreign controller may have no such parameters
                 if terms.reserves is not None and not reserve_values(part, terms.reserves):
                     fixed[str(variant)] = None
                 joints, sequences = _list_joints(part), random_seeds(part, changes["set"])

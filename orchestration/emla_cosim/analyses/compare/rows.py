@@ -132,6 +132,7 @@ def read_verdict(
     figures: Mapping[str, Any], outcome: VariantOutcome
 ) -> tuple[bool, float | None, str | None]:
     """Return whether a joint was held; if not, at which time in s this was detected, and why."""
+    # figures of a run that ended early do not compare with others
     is_done = outcome.complete
     if is_done and figures.get(HELD):
         return True, None, None

@@ -111,6 +111,7 @@ def rank(variants: Mapping[str, SeedStatistics], figure: MetricDisplay) -> Ranki
             values |= dict.fromkeys(seeds, values[None])
     pairs = [seed for seed in seeds if all(seed in values for values in by_seed.values())]
     best_values = by_seed.pop(best)
+    # seed by seed: all controllers meet the same disturbance, which the difference cancels
     wins = sum(
         all(_is_below(best_values[seed], values[seed], figure) for values in by_seed.values())
         for seed in pairs

@@ -173,6 +173,7 @@ class ChunkQueue:
         outcomes = [cast(VariantOutcome, pickle.loads(outcome)) for outcome in answer.outcomes]
         if outcomes:
             duration = answer.wall_s / len(outcomes)
+            # a running average: durations may change along a grid
             self._seconds[chunk.group] = 0.5 * (self._seconds.get(chunk.group, duration) + duration)
         done_numbers = {outcome.number for outcome in outcomes}
         if answer.timed_out is not None:
@@ -201,6 +202,7 @@ class ChunkQueue:
 
     def take_loss(self, chunk: WorkPackage, workers: int) -> list[Chunk]:
         """Return the results of a chunk that lost its workers: none, unless one variant is to blame."""
+        # any variant of the chunk may be to blame: each runs alone then
         if not chunk.is_suspect:
             self._suspects.extend(WorkPackage(chunk.group, [n], is_suspect=True) for n in chunk.variants)
             return []

@@ -84,6 +84,7 @@ class DaskWorkers:
     def submit(self, method: str, argument: Any) -> Future:
         """Call a method of the host of a worker."""
         key = f"{self._key}-{next(self._calls)}"
+        # pure would let Dask reuse an answer of the same arguments
         return self._client.submit(_make_call(self._key), method, pickle.dumps(argument), key=key, pure=False)
 
     def answer(self, task: Future) -> Any:

@@ -167,6 +167,7 @@ class Executor:
                 request = ChunkRequest(
                     chunk.group,
                     list(chunk.variants),
+                    # functions of a user's script go by value: workers cannot import it
                     cloudpickle.dumps(([variant(number) for number in chunk.variants], measures)),
                     bool(measures.signals),
                     seconds,

@@ -25,6 +25,7 @@ def share_interval(count: int, total: int, level: float = LEVEL) -> tuple[float,
     """
     from scipy.special import betaincinv
 
+    # all of the error is on the one side that is open
     tail = 1.0 - level if count in (0, total) else 0.5 * (1.0 - level)
     low = float(betaincinv(count, total - count + 1, tail)) if count else 0.0
     high = float(betaincinv(count + 1, total - count, 1.0 - tail)) if count < total else 1.0

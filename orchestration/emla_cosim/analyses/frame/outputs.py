@@ -111,6 +111,7 @@ class AnalysisFolder(Folder, Generic[R]):
             RunError: A file cannot be written.
         """
         outputs = self.outputs
+        # all contents first: an error must not leave files of two results
         contents = {name: build(result) for name, build in outputs.tables.items()}
         if outputs.record is not None:
             self.write_json(outputs.record_name, to_plain(outputs.record(result)))

@@ -11,15 +11,7 @@ import msgspec
 from ...base.errors import CommandError
 from ...base.files import read_text
 from ...base.option import SWEEP
-from ...base.toml_structs import (
-    Struct,
-    check_fields,
-    describe,
-    dotted,
-    list_given,
-    read_toml,
-    struct_of,
-)
+from ...base.toml_structs import Struct, check_fields, describe, dotted, list_given, read_toml, struct_of
 from ...base.values import convert_value
 from ...run.options import list_options
 from ...run.scenarios.option_fields import with_options

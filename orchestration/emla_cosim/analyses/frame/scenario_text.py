@@ -62,11 +62,7 @@ def _join_tables(content: Mapping[str, Any]) -> str:
     lines = [f"{key} = {_to_toml(value)}" for key, value in content.items() if not isinstance(value, Mapping)]
     for name, table in content.items():
         if isinstance(table, Mapping) and table:
-            lines += [
-                "",
-                f"[{name}]",
-                *(f"{json.dumps(key)} = {_to_toml(x)}" for key, x in table.items()),
-            ]
+            lines += ["", f"[{name}]", *(f"{json.dumps(key)} = {_to_toml(x)}" for key, x in table.items())]
     return "\n".join([*lines, ""])
 
 

@@ -63,6 +63,7 @@ class Runs:
     ) -> None:
         self.executor, self.interrupted, self.count = executor, interrupted, 0
         steps = [run_times(preparation.options, preparation.name).steps for preparation in preparations]
+        # long runs first, so that workers end together
         self._longest_first = sorted(range(len(steps)), key=lambda group: -steps[group])
 
     def describe(self, group: int = 0) -> SimulationDescription:

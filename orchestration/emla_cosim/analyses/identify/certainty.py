@@ -19,13 +19,7 @@ from scipy.stats import t as student
 from ...base.arrays import Vector
 from .parameters import Parameter, Parameters
 from .problem import Problem
-from .residuals import (
-    LINEAR,
-    autocorrelation,
-    count_correlated_lags,
-    find_robust_deviation,
-    scale_for_loss,
-)
+from .residuals import LINEAR, autocorrelation, count_correlated_lags, find_robust_deviation, scale_for_loss
 
 LEVEL = 0.95
 """Probability of the intervals."""
@@ -148,6 +142,7 @@ def judge(
     sizes = np.linalg.norm(jacobian, axis=0)
     noise = max(deviation, np.finfo(float).tiny)
     for i in range(count):
+        # without any run beside it, the derivative is 0 by definition, not by measurement
         if i in blocked:
             problems[i] = "runs with other values of it fail"
         elif sizes[i] <= np.finfo(float).eps * max(sizes.max(), 1e-300) or noise / sizes[i] > 1.0:
@@ -178,14 +173,19 @@ def judge(
         if change is not None:
             wider = _widen(jacobian[:, free] / sizes[free], change[:, free] / sizes[free])
             wider = wider * sizes[free] / sizes[free][:, None]
+            # derivatives with errors may claim more influence than there is
             certain = wider @ certain @ wider.T
         covariance[np.ix_(free, free)] = certain
+        # correlated residuals have less information than their number says
         independent = max(_count_independent(score_weights, lengths), len(free) + 1.0)
+        # the search may have ended in any dent of this depth; the rest corrects for estimated parameters
         covariance *= (1.0 + 2.0 * cost_tolerance) * independent / (independent - len(free))
         freedom = independent - len(free)
         if moves is not None:
+            # a shift in time is the same in each cycle: no number of samples averages it out
             covariance[np.ix_(free, free)] += np.outer(moves[free], moves[free])
     errors = np.sqrt(np.diag(covariance))
+    # Student, not normal: the deviation of the residuals is estimated from the same residuals
     width = float(student.ppf(0.5 + LEVEL / 2.0, freedom))
     estimates = list[Estimate]()
     for i, parameter in enumerate(parameters.items):
@@ -236,6 +236,7 @@ def find_covariance(
         lags = count_correlated_lags(weights)
         for lag in range(1, lags + 1):
             cross = part[lag:].T @ part[:-lag]
+            # the weights of Bartlett keep the sum positive semi-definite
             meat += (1.0 - lag / (lags + 1.0)) * (cross + cross.T)
     return bread @ meat @ bread
 
@@ -286,6 +287,7 @@ def profile(
     total, count = len(best), len(point)
     smallest = float(best @ best)
     freedom = max(total - count, 1)
+    # the F distribution of one parameter, with the residuals as the only measure of their variance
     limit = smallest * (1.0 + (1.0 + 2.0 * cost_tolerance) * fisher.ppf(LEVEL, 1, freedom) / freedom)
     free = np.array([k for k in range(count) if k != i], dtype=int)
 

@@ -52,6 +52,7 @@ def rank_experiments(task: IdentificationTask, predictor: Predictor) -> list[Can
             f"{plan.where} needs the standard deviation of {missing[0] if missing else 'each signal'} to "
             "rank experiments; add it to 'sigma'."
         )
+    # central differences need room on both sides
     point = np.clip(parameters.start, 0.01, 0.99)
     steps = _STEP * np.eye(len(point))
     try:
@@ -74,6 +75,7 @@ def rank_experiments(task: IdentificationTask, predictor: Predictor) -> list[Can
 def _assess(parameters: Parameters, point: Vector, name: str, jacobian: NDArray[np.float64]) -> Candidate:
     information = jacobian.T @ jacobian
     sign, logarithm = np.linalg.slogdet(information)
+    # the inverse of such a matrix is rounding
     if sign <= 0 or np.linalg.cond(information) >= 1e14:
         return Candidate(name, dict.fromkeys(parameters.names), -np.inf, len(jacobian))
     variances = np.diag(np.linalg.inv(information))

@@ -108,6 +108,7 @@ class Estimator:
                 break
         if free:
             best = self._leave_valleys(best)
+        # forward differences move the minimum where residuals are large
         return self._search(best.point, -1, central=True) or best
 
     def differentiate(self, solution: Solution) -> tuple[Solution, Derivatives]:
@@ -171,6 +172,7 @@ class Estimator:
             (values,) = self.problem.residuals([point])
             self.report(1)
             if values is None:
+                # a finite wall: the solver stops at NaN or infinity
                 return _FAILED_RUN_FACTOR * (np.abs(first) + 1.0)
             cost = find_cost(self.loss, values)
             self.history.append({"start": number, "evaluation": len(self.history), "cost": cost})

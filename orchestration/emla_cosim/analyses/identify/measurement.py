@@ -44,6 +44,7 @@ class MeasuredSignal:
 
     def between(self, start: float, stop: float) -> "MeasuredSignal":
         """Return the samples from start to stop, in s."""
+        # times of files are rounded
         inside = (self.time >= start - 1e-9 * abs(start)) & (self.time <= stop + 1e-9 * abs(stop))
         return replace(self, time=self.time[inside], values=self.values[inside])
 

@@ -64,6 +64,7 @@ class Parameter:
     def value(self, fraction: float) -> float:
         """Return the value at a fraction of the range, from 0 (low) to 1 (high)."""
         if fraction <= 0.0 or fraction >= 1.0:
+            # exactly the ends: rounding must not leave the range
             return self.low if fraction <= 0.0 else self.high
         return self.extrapolate(fraction)
 
@@ -75,6 +76,7 @@ class Parameter:
 
     def slope(self, fraction: float) -> float:
         """Return the derivative of the value by the fraction."""
+        # central, as the scale may be logarithmic; 1e-6 balances curvature and rounding
         return (self.extrapolate(fraction + 1e-6) - self.extrapolate(fraction - 1e-6)) / 2e-6
 
     def to_fraction(self, value: float) -> float:

@@ -77,10 +77,7 @@ class Predictor:
         return [points[i : i + most] for i in range(0, len(points), most)]
 
     def predict(
-        self,
-        points: Sequence[Vector],
-        experiments: Sequence[int] | None = None,
-        is_halved: bool = False,
+        self, points: Sequence[Vector], experiments: Sequence[int] | None = None, is_halved: bool = False
     ) -> list[dict[int, Prediction]]:
         """Return the prediction of experiments at each point.
 
@@ -101,6 +98,7 @@ class Predictor:
         missing = {task: point for task, point in tasks.items() if task not in self._cache}
         predictions = {**self._cache, **self._run(missing)}
         if missing:
+            # differences repeat the point that the search has just evaluated
             most = min(_MAX_CACHED * len(self.experiments), max(_MAX_BYTES // self._bytes_per_run, 1))
             self._cache = dict(list(predictions.items())[-most:])
         return [{i: predictions[i, key, is_halved] for i in selected} for key in keys]

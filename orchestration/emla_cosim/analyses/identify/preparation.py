@@ -89,6 +89,7 @@ def prepare_task(plan: IdentificationPlan, session: Session[Any]) -> Identificat
         notes += [note for note in remarks if note not in notes]
         may_be_late = any(DELAY in name for name in plan.vary)
         options = replace(preparation.options, require=[])
+        # it was set only to prepare; the end of the measurement decides
         if stop is None and options.stop_time == scenario.options.stop_time:
             options = replace(options, stop_time=None)
         options = replace(options, **_choose_times(options, measured, may_be_late))

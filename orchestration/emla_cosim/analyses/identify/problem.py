@@ -141,6 +141,7 @@ class Problem:
         shifted = list[Vector]()
         for i in range(len(point)):
             step = self.fixed_steps.get(i, self.steps.get(i, _INITIAL_STEP))
+            # values beyond a range may not be possible, such as a negative mass
             step = step if point[i] + step <= 1.0 else -step
             shifted += [_shift(point, i, x) for x in ((step, -step) if central else (step,))]
         residuals, *side_residuals = self.residuals([point, *shifted])
@@ -276,10 +277,12 @@ def _choose_step(rungs: Sequence[_StepResponse]) -> tuple[Vector, Vector, float]
     ]
     best = int(np.argmin(scores)) + 1
     best_response, shorter = rungs[best], rungs[best - 1]
+    # noise dominates short steps, curvature long ones: where two steps agree, both are small
     slope, error = best_response.slope, best_response.slope - shorter.slope
     if best > 1 and changes[best - 1] < 0.5 * changes[best - 2]:
         # it is noise still, whose part in the longer step is smaller
         error = error * shorter.step / float(np.hypot(shorter.step, best_response.step))
+    # at a corner both sides are right, so half their difference is the error
     if all(_length(rung.bend) > _CORNER * _length(rung.slope) for rung in rungs):
         error = best_response.bend
     return slope, error, best_response.step

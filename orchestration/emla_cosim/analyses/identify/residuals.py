@@ -72,6 +72,7 @@ def find_robust_deviation(values: Vector) -> float:
 def autocorrelation(values: Vector) -> Vector:
     """Return the autocorrelation of values about their mean, shape (n,), for lags from 0."""
     centred = values - values.mean()
+    # zeros behind the values, so that the end does not correlate with the start
     size = 2 ** int(np.ceil(np.log2(2 * len(values))))
     spectrum = np.fft.rfft(centred, size)
     correlation = np.fft.irfft(spectrum * np.conj(spectrum), size)[: len(values)]
@@ -145,6 +146,7 @@ def assess_fit(
     squares = float(differences @ differences)
     exact = squares <= EXACT**2 * spread
     correlation = autocorrelation(differences)
+    # products at long lags have too few terms
     lags = min(_LAGS, max(count // 4, 1))
     tested = correlation[1 : lags + 1]
     statistic = count * (count + 2.0) * float(np.sum(tested**2 / (count - np.arange(1, lags + 1))))
@@ -181,6 +183,7 @@ def _find_related_input(
             continue
         input_correlation = autocorrelation(driven)
         last_lag = min(count // 4, 1000)
+        # both are correlated in time: without this the band is too narrow
         weight = max(1.0 + 2.0 * float(np.sum(correlation[1:last_lag] * input_correlation[1:last_lag])), 1.0)
         band = 2.576 * np.sqrt(weight / count) * np.sqrt(np.log(2 * _LAGS + 1.0))
         a = (differences - differences.mean()) / differences.std()

@@ -73,6 +73,7 @@ def judge_estimates(
         blocked=problem.blocked,
         cost_tolerance=slopes.cost_tolerance,
     )
+    # residuals of rounding have no statistics
     if problem.is_exact(residuals):
         return assess(residuals), ["the step is not judged: the fit is exact, residuals are rounding"]
     sensors = [item.sensor for item in parameters.items if item.sensor is not None]
@@ -89,6 +90,7 @@ def judge_estimates(
     halved = problem.halve_step(point)
     if isinstance(halved, str):
         return shifted(residuals), [*notes, f"the step is not judged: {halved.rstrip('.')}"]
+    # the coarsest step of all experiments decides
     half = max(problem.predictor.half_steps.values(), key=lambda half: half.step)
     arguments = (parameters, point, residuals, halved, slopes.matrix, loss, half)
     certainty, remarks = _judge_step(*arguments, assess)
@@ -160,6 +162,7 @@ def find_time_shifts(
                 for k, s, e in zip(shifted, seconds, of, strict=True)
             ]
             return shifts, moves
+        # leave out what is not certain and try again: one shift may have explained another
         shifted = [k for k, is_certain in zip(shifted, certain[len(free) :], strict=True) if is_certain]
     return [], np.zeros(jacobian.shape[1])
 
@@ -205,6 +208,7 @@ def _judge_step(
     certainty = _add_changes(parameters, point, moves, certainty)
     changes = {e.name: abs(e.step_change) for e in certainty.estimates if e.step_change is not None}
     affected = [name for name, change in changes.items() if change > _MAX_STEP_CHANGE]
+    # a change below one standard error is within the interval already
     if not affected:
         return certainty, []
     # the error of the step is part of the residuals, and so of the standard errors: a good step has less

@@ -59,6 +59,7 @@ def compute_margins(frequency: Vector, L: Complex) -> Margins:
     delays = [((p + math.pi) % (2.0 * math.pi)) / (2.0 * math.pi * math.exp(f)) for f, p in crossings]
     # where L crosses the real axis, also at half the sample rate
     gains = [(x, math.exp(f)) for x, f in _interpolate_crossings(L.imag, L.real, log_f)]
+    # a sampled loop is real at half the sample rate, where it may cross without a change of sign
     if abs(L[-1].imag) <= 1e-6 * abs(L[-1]):
         gains.append((float(L[-1].real), math.exp(log_f[-1])))
     up = min(((-20.0 * math.log10(-x), f) for x, f in gains if -1.0 < x < 0.0), default=(math.inf, math.nan))

@@ -105,8 +105,10 @@ def _solve(system: ContinuousSystem, shifts: Vector, free: Collection[str]) -> t
         if not (np.abs(rates) > _STEADY_TOLERANCE * rows).any():
             return states, shifts
         rows = np.where(rows > 0.0, rows, 1.0)
+        # the smallest step where several steady states fit
         move = -np.linalg.lstsq(slopes / rows[:, None], rates / rows, rcond=1e-10)[0] * sizes
         before = np.linalg.norm(rates / rows)
+        # a shorter step where the full one makes the rates larger
         for part in (1.0, 0.5, 0.25, 0.1, 0.01, 1e-3):
             x, u = states + part * move[: len(states)], shifts.copy()
             u[movable] += part * move[len(states) :]
@@ -172,6 +174,7 @@ def _differentiate(
         differences[:, j] = sides[0] - sides[1]
         curvatures[:, j] = sides[0] + sides[1] - 2.0 * middle
     rows = np.abs(differences).max(axis=1, keepdims=True)
+    # an exact zero tells that there is no path; rounding must not
     differences[np.abs(differences) <= _ROUNDING * rows] = 0.0
     is_rough = (np.abs(curvatures) > _KINK * np.abs(differences)) & (np.abs(curvatures) > 1e-5 * rows)
     return differences / (2.0 * steps), [(int(i), int(j)) for i, j in np.argwhere(is_rough)]

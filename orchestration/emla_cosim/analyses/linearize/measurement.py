@@ -97,6 +97,7 @@ def measure(
             "choose a longer duration.",
             reason="not decayed",
         )
+    # a system that does not change with time has the same response a sample later
     later = perturbation.respond(resolved, reaction.amplitude, at=1)
     drift = relative_norm(later[1:] - reaction.positive[:-1], reaction.positive)
     step = perturbation.step
@@ -129,6 +130,7 @@ def _react(
             continue
         if best is None or reaction.nonlinearity < best.nonlinearity:
             best = reaction
+        # each height costs two runs
         if best.nonlinearity < _GOOD_NONLINEARITY:
             break
     if best is None and failure is not None:
@@ -147,6 +149,7 @@ def _measure_reaction(perturbation: Perturbation, resolved: ResolvedPoint, heigh
     """
     positive = perturbation.respond(resolved, height)
     negative = perturbation.respond(resolved, -0.5 * height)
+    # the quadratic parts are equal after the factor 4, and cancel
     linear = (positive - 4.0 * negative) / 3.0
     direct = np.zeros(len(positive))
     if resolved.output is None:  # the input is read with the pulse itself, which is linear in any case

@@ -68,6 +68,7 @@ class Perturbation:
         self._steps = next(iter(multiples), 1)
         self.step = self._steps * times.step
         self.count = round(duration / self.step)
+        # back to a sample: a pulse between samples of a controller would not be read
         samples = math.floor((at - times.start) / self.step + ROUNDING)
         self.at = times.point(samples * self._steps)
         self._advance()

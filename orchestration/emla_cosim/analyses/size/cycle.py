@@ -133,6 +133,7 @@ def follow_reference(cycle: Cycle, plant: JointPlant, result: Result) -> Cycle:
     The required torque of the cycle must be known; `result` is the run from which it is.
     """
     data = _read_signals(result, plant.joint, ("x_s", "v_s", "a_s", "F_L", "d_2"))
+    # the cycle is a part of the run, on rows of it
     rows = np.searchsorted(data["time"], cycle.time)
     signal = {role: values[rows] for role, values in data.items()}
     x, v, a = (signal[role] for role in ("x_s", "v_s", "a_s"))

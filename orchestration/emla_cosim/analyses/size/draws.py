@@ -53,6 +53,7 @@ class Variation:
         varied = {name: entry for name, entry in self.vary.items() if name != AMBIENT}
         factors = resolve_factors(varied, preparation.system, preparation.interfaces, _WHERE)
         for target in (target for factor in factors for target in factor.targets):
+            # these change what is sized, not the values of one machine
             if target.kind in (OPTION, ACTUATOR) or target.name.endswith(".reference.period"):
                 raise CommandError(
                     f"{target.name} is not a tolerance; vary start values, entries of data sheets, or "

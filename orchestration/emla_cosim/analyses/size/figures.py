@@ -63,11 +63,7 @@ class SizingFigures:
 
 
 def compute_figures(
-    cycle: Cycle,
-    values: Mapping[str, float],
-    capacity: float,
-    winding: Winding | str,
-    rise: Vector | None,
+    cycle: Cycle, values: Mapping[str, float], capacity: float, winding: Winding | str, rise: Vector | None
 ) -> SizingFigures:
     """Return the figures of a cycle.
 

@@ -70,6 +70,7 @@ def _size_joint(result: Result, joint: str, examination: Examination) -> JointSi
         rise = winding.rise(cycle)
         cycle = warm_up(cycle, plant, rise)
     figures = compute_figures(cycle, values, link_capacity(values), winding, rise)
+    # the winding and its resistance first: voltage and power depend on its temperature
     examined = list(examine(cycle, values, figures, examination.needed, winding))
     limits = [x for x in examined if isinstance(x, Utilisation)]
     return JointSizing(

@@ -173,6 +173,7 @@ def _examine_motion(values: Values, figures: SizingFigures) -> Iterator[_Examine
     middle = values.get("screw.q_LB", 0.0) + half
     outside = max(figures.position_max_m - middle, middle - figures.position_min_m)
     travel = figures.position_max_m - figures.position_min_m
+    # within the ends the used length counts; beyond one of them the distance from the middle
     share = travel / values["screw.stroke"] if outside <= half * (1.0 + _ROUNDING) else outside / half
     yield Utilisation("stroke", 1e3 * travel, 2e3 * half, "mm", share, "screw.stroke")
     yield _check_entry(values, "axial force", figures.force_peak_N, "screw.F_max", "kN", 1e-3)

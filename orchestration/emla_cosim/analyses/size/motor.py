@@ -27,6 +27,7 @@ def peak_torque(emla: EmlaParameters, speed: Vector) -> Vector:
     b, c = emla.R_s * omega * emla.Phi_PM, (omega * emla.Phi_PM) ** 2 - emla.u_max**2
     root = np.sqrt(np.maximum(b * b - a * c, 0.0))
     current = np.maximum((root - b) / np.maximum(a, 1e-300), 0.0)
+    # below the base speed the current limits the torque, above it the voltage
     return np.minimum(1.5 * emla.N_p * emla.Phi_PM * current, emla.tau_max)
 
 
@@ -70,6 +71,7 @@ def repeat_cycle(time: Vector, load: Vector, permitted_rise: float, tau_th: floa
     The rise at the end is linear in that at the start, so the start follows in closed form.
     """
     cold = heat(time, load, permitted_rise, tau_th)[-1]
+    # the rise at the start decays over the cycle, and must be what it was at its end
     start = float(cold) / -math.expm1(-(time[-1] - time[0]) / tau_th)
     return heat(time, load, permitted_rise, tau_th, start)
 

@@ -116,9 +116,11 @@ def influence(factor: FactorColumn, values: Vector) -> float:
         return float(abs(np.corrcoef(_rank(x), ranks)[0, 1]))
     _, group = np.unique(x, return_inverse=True)
     count = np.bincount(group)
+    # a level for each variant explains everything and says nothing
     if len(count) >= len(y):
         return 0.0
     means = np.bincount(group, ranks) / count
+    # many levels explain much by chance: adjusted as the R² of a regression
     unexplained = np.var(ranks - means[group]) / np.var(ranks) * (len(y) - 1) / (len(y) - len(count))
     return float(np.sqrt(max(1.0 - unexplained, 0.0)))
 

@@ -191,6 +191,7 @@ def find_worst_variants(result: SweepResult, figure: str, count: int) -> polars.
     values = figure_values(result, figure)
     severity = np.where(np.isnan(values), np.inf, -values if is_truth(result, figure) else values)
     is_held = result.outcomes != NOT_HELD
+    # the last key is the first to be compared
     order = np.lexsort((result.variants[VARIANT].to_numpy(), -severity, is_held, result.is_done))
     return result.variants[order[:count]]
 

@@ -156,6 +156,7 @@ def _run(
         return
     with session.open_runs([group.preparation for group in design.groups]) as runs:
         measures, described = _select(design, request, runs)
+        # before the first run: a full disk after hours loses them
         folder.check_room(design.count, len(measures.names), described.rows * len(measures.signals))
         about = design.table().with_columns(
             polars.lit(design.plan.seed, polars.Int64).alias("seed"),

@@ -113,6 +113,7 @@ def sobol_indices(result: SweepResult, figure: str) -> SobolIndices:
                 "indices; use more samples.",
                 figure=figure,
             )
+        # scaled, so that squares do not overflow
         indices = _compute_indices(complete / largest, result.seed + 1)
     left_out = count - len(complete)
     return SobolIndices(figure, tuple(result.factors), *indices, groups=len(complete), left_out=left_out)
@@ -140,6 +141,7 @@ def _compute_indices(values: Vector, seed: int) -> list[Vector]:
     rows = list[list[Any]]()
     for ab in values.T[1:-1]:
         indices = _estimate(a, ab, b)
+        # a bootstrap over base samples: the rows of one base sample are not independent
         resampled = _estimate(a[drawn], ab[drawn], b[drawn])
         rows.append([x for y, z in zip(indices, resampled, strict=True) for x in (y, z.std(ddof=1))])
     width = ndtri(0.975)

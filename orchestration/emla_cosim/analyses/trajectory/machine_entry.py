@@ -19,12 +19,8 @@ from ...base.values import convert_value
 from ...study.joints.schema import JointFile
 from ...study.machines.former_names import FORMER_NAMES
 from ...study.machines.machine_joints import find_joint
-from ...study.machines.schema import (
-    MachineTable,
-    build_machine,
-    machines_folder,
-    read_machine_text,
-)
+from ...study.machines.schema import MachineTable, build_machine, machines_folder, read_machine_text
+from ..variants.kinds import is_number
 
 PAPER = "hdrm"
 """The machine of the paper, which is the default."""
@@ -145,7 +141,7 @@ def _read_numbers(machine: Machine, key: str, value: Any, at: Location) -> dict[
         raise CommandError(f"a problem has no 'machine.{key}'; {suggest_names(f'machine.{key}', existing)}")
     values = value.tolist() if hasattr(value, "tolist") else value
     numbers: Sequence[Any] = values if isinstance(values, (list, tuple)) else [values]
-    if len(numbers) != len(names) or not all(_is_number(x) for x in numbers):
+    if len(numbers) != len(names) or not all(is_number(x) for x in numbers):
         expected = f"a list of {len(names)} numbers" if len(names) > 1 else "a number"
         raise CommandError(f"{at.entry(key).label} is {value!r}; it must be {expected}.")
     for n, x in zip(names, numbers, strict=True):
@@ -156,10 +152,6 @@ def _read_numbers(machine: Machine, key: str, value: Any, at: Location) -> dict[
             )
             raise CommandError(f"{at.table}: {n} = {x:.9g} is outside its range, {bounds}.")
     return dict(zip(names, map(float, numbers), strict=True))
-
-
-def _is_number(x: object) -> bool:
-    return isinstance(x, (int, float)) and not isinstance(x, bool)
 
 
 def _flatten(table: Mapping[str, Any]) -> dict[str, Any]:

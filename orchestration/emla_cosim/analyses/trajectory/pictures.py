@@ -125,16 +125,12 @@ def _draw_path(result: TrajectoryResult, course: Course) -> "Figure":
     return figure
 
 
-def _draw_hull(axes: "Axes", corners: np.ndarray, color: str, label: str | None = None) -> None:
-    axes.fill(*convex_line(corners).T, color=color, label=label)
-
-
 def _draw_obstacle(axes: "Axes", obstacle: Obstacle, view: View, label: str | None) -> None:
     from matplotlib.patches import Circle
 
     corners = view.flatten(np.asarray(obstacle.hull))
     if len(corners) > 1:
-        _draw_hull(axes, corners, _OBSTACLE, label)
+        axes.fill(*convex_line(corners).T, color=_OBSTACLE, label=label)
     else:
         axes.add_patch(Circle(tuple(corners[0]), obstacle.growth, color=_OBSTACLE, label=label))
 

@@ -94,9 +94,7 @@ def describe_problem(problem: MotionProblem) -> dict[str, Any]:
     return values | items | {_MACHINE: ProblemMachine(problem.machine_name, problem.machine).record}
 
 
-def _read_table(
-    source: Mapping[str, Any] | str | Path | None,
-) -> tuple[str, Path | None, Mapping[str, Any]]:
+def _read_table(source: Mapping[str, Any] | str | Path | None) -> tuple[str, Path | None, Mapping[str, Any]]:
     """Return label, folder of relative paths, and content of a problem."""
     if source is None or isinstance(source, Mapping):
         return "the problem", None, source or {}

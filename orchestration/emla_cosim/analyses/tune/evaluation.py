@@ -59,6 +59,7 @@ class Evaluation:
             return None
         scores = list[Score]()
         for gains, by_case in zip(candidates, outcomes, strict=True):
+            # margins need further runs: not for gains that are out already
             if any(self.task.loops) and self.task.objective.meets_measured(by_case):
                 if self.runs.interrupted():
                     return None
@@ -135,6 +136,7 @@ def describe_step(start: Tuned, best: Tuned, halved: HalvedScore) -> list[str]:
     before, change = best.training.objective, score.objective - best.training.objective
     gained = 0.0 if start.training.violation else start.training.objective - before
     relative = abs(change / before) if before else 0.0
+    # what the step changes as much as the tuning may be no gain at all
     if 0.0 < gained <= abs(change):
         remarks.append(
             f"The step, not the gains, made the difference: half the step changes the objective by "

@@ -210,6 +210,7 @@ class _Tuning:
         seeds = draw_seeds(plan.seed, count)
         training, validation = seeds[: plan.training], seeds[plan.training :]
         self.seeds = {"training": training, "validation": validation}
+        # a system without random sequences runs once, with the seeds of the scenario
         training = training or [None]
         self.session.progress.begin("tuning", plan.evaluations, "gains")
         first = self.evaluation.score([{}], training)
@@ -220,6 +221,7 @@ class _Tuning:
         complete = self._search(training)
         if complete and validation:
             complete = self._validate(validation)
+        # runs that failed have no objective to compare
         if complete and not self.best.training.lost:
             complete = self._judge_step(training)
         return self._build_result(complete, is_final=True)
@@ -239,6 +241,7 @@ class _Tuning:
             search.report_order([score.order for score in scores])
             remaining -= len(points)
             self._add_rows(generation, list(zip(values, scores, strict=True)))
+            # the first of equal ones, so that the result does not depend on the order of workers
             first = min(range(len(scores)), key=[score.order for score in scores].__getitem__)
             if scores[first].order < self.best.training.order:
                 self.best = Tuned(values[first], gains[first]["set"], scores[first])

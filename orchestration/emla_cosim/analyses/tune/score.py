@@ -74,6 +74,7 @@ class Score:
     @property
     def order(self) -> Order:
         """The key that the search compares."""
+        # conditions first: an objective counts only where all of them hold
         value = self.violation or self.objective
         # the tracking error of a run that diverged, and so the violation, can be NaN: worse than any number
         return bool(self.violation), math.inf if math.isnan(value) else value
@@ -127,6 +128,7 @@ class Objective:
             missing = [x != x for x in values]
             objectives[case.name] = float(np.mean(values)) if case.weight else math.nan
             violations = [self._rate_run(o, required, x) for o, x in zip(by_seed, missing, strict=True)]
+            # the mean, so that the number of seeds does not weigh a case
             violation += sum(violations) / len(violations)
             lost_runs += sum(missing)
             runs += len(by_seed)
@@ -168,6 +170,7 @@ class Objective:
         violation = sum(_find_excess(r, outcome.figures.get(r.figure), self.margin) for r in required)
         if is_lost:
             end = self.start if outcome.end_s is None else outcome.end_s
+            # a run that ends later is nearer to a run that ends well
             missing = 0.0 if outcome.complete else (self.stop - end) / (self.stop - self.start)
             violation += _INCOMPLETE_RUN + _INCOMPLETE_RUN * min(max(missing, 0.0), 1.0)
         errors = [float(x) for n in self.tracking_errors if (x := outcome.figures.get(n)) is not None]
@@ -210,6 +213,7 @@ class _TrackingErrorMetrics(Metrics):
         self._rows += len(rows)
         for joint, (position, reference) in self._columns.items():
             error = np.abs(rows[:, position] - rows[:, reference])
+            # logarithmic, so that a joint far away does not hide the others
             logarithms = np.log10(1.0 + error / _SMALL_ERROR_M)
             self._sums[joint] += float(
                 np.nan_to_num(logarithms, nan=_MAX_ERROR, posinf=_MAX_ERROR).clip(0, _MAX_ERROR).sum()

@@ -130,6 +130,7 @@ def _read_range(entry: Any, units: Sequence[FmuUnits]) -> Any:
     if not isinstance(entry, str):
         return entry
     limits = parse_distribution(entry, "the range", lambda text: read_si_number(text, "the range", units))
+    # gains of a loop act as factors, so that equal ratios are equal changes
     if isinstance(limits, Uniform) and limits.low > 0:
         ends = [text.strip() for text in entry.split(":")]
         if any(map(has_unit, ends[:2])) and not limits.relative:

@@ -102,7 +102,7 @@ class ValueList(Distribution):
             plain = [str(v) if isinstance(v, Path) else v for v in self.values]
             object.__setattr__(self, "values", plain)
         super().__post_init__()
-        real = all(map(_is_number, self.values)) and any(isinstance(v, float) for v in self.values)
+        real = all(map(is_number, self.values)) and any(isinstance(v, float) for v in self.values)
         object.__setattr__(self, "values", tuple(map(float, self.values) if real else self.values))
 
     def at(self, quantiles: Vector) -> list[Value]:
@@ -117,7 +117,7 @@ class ValueList(Distribution):
     @property
     def ends(self) -> tuple[Value, Value]:
         """The lowest and highest number; for other values the first and last."""
-        if all(map(_is_number, self.values)):
+        if all(map(is_number, self.values)):
             return min(self.values), max(self.values)
         return self.values[0], self.values[-1]
 
@@ -129,7 +129,7 @@ class ValueList(Distribution):
                 self.refuse(f"holds {value}; its numbers must be finite.", value=value)
             if type(value) is int:
                 self._check_integer(value)
-            if self.relative and not _is_number(value):
+            if self.relative and not is_number(value):
                 self.refuse(f"that is relative needs factors; {value!r} is not a number.", value=value)
 
 
@@ -168,7 +168,8 @@ def _find_share(quantiles: Vector, count: int) -> np.ndarray:
     return np.clip(np.floor(np.asarray(quantiles) * count), 0, count - 1).astype(np.int64)
 
 
-def _is_number(value: Any) -> bool:
+def is_number(value: Any) -> bool:
+    """Return whether a value is a number; Booleans are not."""
     return isinstance(value, (int, float)) and not isinstance(value, bool)
 
 

@@ -203,6 +203,7 @@ def with_verdicts(measures: Measures, figures: Mapping[str, Figure]) -> Measures
 
 def _quote_signals(text: str, signals: Sequence[str]) -> tuple[str, set[str]]:
     """Quote the signals in an expression for SQL. Return it with the set of its signals."""
+    # the longest first: one name can be the start of another
     names = sorted((s for s in signals if s in text), key=len, reverse=True)
     used = set[str]()
 

@@ -159,6 +159,7 @@ def _draw_saltelli(distributions: Sequence[Distribution], runs: int, seed: int) 
     rows = np.repeat(base[:, None, :factors], factors + 2, axis=1)
     for i in range(factors):
         rows[:, 1 + i, i] = base[:, factors + i]
+    # the last row is B itself
     rows[:, -1] = base[:, factors:]
     return _invert(distributions, rows.reshape(-1, factors))
 

@@ -272,7 +272,7 @@ def test_blocked_parameter_has_its_own_problem() -> None:
     assert [estimate.problem for estimate in got.estimates] == [None, "runs with other values of it fail"]
 
 
-@pytest.mark.parametrize("place", [0.0, 1.0, 0.5])
+@pytest.mark.parametrize("fraction", [0.0, 1.0, 0.5])
 def test_derivatives_equal_those_of_the_model(fraction: float) -> None:
     space = [parameter("a", 1.0, 3.0), parameter("b", 2.0, 4.0)]
     solved = problem(space, [[measured(TIME, noisy())]], decay, sigma=0.1)

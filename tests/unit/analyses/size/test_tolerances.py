@@ -170,7 +170,7 @@ def test_plots_have_all_candidates_and_their_worst_draws(size: Callable[..., ec.
 
 
 @pytest.mark.parametrize(
-    ("given", "message"),
+    ("options", "message"),
     [
         ({"vary": {"prototype.plant.motor.Rs": "±10%"}}, "has no variable 'motor.Rs'"),
         ({"vary": {"stop_time": "1:2"}}, "is not a tolerance"),

@@ -33,7 +33,7 @@ def table(vary: Any, fmu_folder: Path, **plan: Any) -> tuple[dict[str, list[Any]
 
 
 @pytest.mark.parametrize(
-    ("given", "values"),
+    ("form", "values"),
     [
         ("10 mm:20 mm:3", [0.01, 0.015, 0.02]),
         ("10mm:2 cm:3", [0.01, 0.015, 0.02]),
