@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import emla_cosim as ec
-from emla_cosim.analyses.linearize.analysis_points import default_openings
+from emla_cosim.analyses.linearize.analysis_points import choose_openings
 from emla_cosim.analyses.linearize.margins import compute_margins
 from tests.support.linear_drive import CURRENT, POSITION, STEP, LinearDrive
 from tests.support.tiers import mostly_slow
@@ -144,7 +144,7 @@ def test_joint_is_opened_at_its_current_reference_by_default(fmu_folder: Path) -
 
 def test_all_joints_are_opened_by_default() -> None:
     joints = ("lift", "tilt", "telescope")
-    found = default_openings(ec.load("study").system)
+    found = choose_openings(ec.load("study").system)
     assert found == [f"{j}.controller.a_d -> {j}.controller.i_q_ref" for j in joints]
 
 

@@ -88,17 +88,17 @@ class StabilityMap:
         ]
 
 
-def robustness_cases() -> list[ComparisonCase]:
+def read_robustness_cases() -> list[ComparisonCase]:
     """Return the cases of the table `robustness`."""
     return [ComparisonCase(**entry) for entry in _read("robustness")["case"]]
 
 
-def stability_maps() -> list[StabilityMap]:
+def read_stability_maps() -> list[StabilityMap]:
     """Return the maps of the table `stability`."""
     return [StabilityMap(m["name"], MapAxis(**m["x"]), MapAxis(**m["y"])) for m in _read("stability")["map"]]
 
 
-def stability_stop_time() -> float:
+def read_stability_stop_time() -> float:
     """Return the default stop time of the runs of maps, in s."""
     return float(_read("stability")["stop_time"])
 

@@ -14,7 +14,7 @@ from ..execution.worker_payload import Preparation
 from ..frame.report import ReportTable, Text
 from ..linearize.margins import LARGEST_MS, LEAST_GAIN_DB, LEAST_PHASE_DEG
 from ..linearize.measurement import NONLINEAR
-from ..linearize.result import Measured
+from ..linearize.result import MeasuredResponse
 from ..linearize.runner import measure_loops
 from ..variants.data import VariantOutcome
 from ..variants.factors import find_start_values
@@ -102,7 +102,7 @@ def _measure(
     first = round((fastest_at - times.start) / times.step)
     scenario = Scenario(part.name, "", part.system, part.options, resources=part.resources)
     opened = {loop: opening.format(joint) for loop, opening in LOOPS.items()}
-    best, at = dict[str, Measured | CosimError](), 0.0
+    best, at = dict[str, MeasuredResponse | CosimError](), 0.0
     for later in _DELAYS:
         point = times.point(max(0, min(first + later, times.steps - count)))
         responses = measure_loops(scenario, list(opened.values()), point, count * times.step, values)
@@ -115,7 +115,7 @@ def _measure(
     return row | {AT: at}
 
 
-def _find_change(responses: Mapping[str, Measured | CosimError]) -> float:
+def _find_change(responses: Mapping[str, MeasuredResponse | CosimError]) -> float:
     """Return the relative change of the effect by pulses of another size or a step later."""
     return max(
         math.inf if isinstance(response, CosimError) else max(response.drift, response.nonlinearity)
@@ -123,7 +123,7 @@ def _find_change(responses: Mapping[str, Measured | CosimError]) -> float:
     )
 
 
-def _list_figures(response: Measured | CosimError) -> dict[str, Any]:
+def _list_figures(response: MeasuredResponse | CosimError) -> dict[str, Any]:
     """Return the figures of a loop, or the problem in words."""
     if isinstance(response, CosimError):
         default = "run ended" if isinstance(response, RunError) else str(response)
@@ -139,7 +139,7 @@ def _list_figures(response: Measured | CosimError) -> dict[str, Any]:
     return dict(zip(FIGURES, finite, strict=True))
 
 
-def missed_conditions(figures: Mapping[str, Any]) -> list[str]:
+def list_missed_conditions(figures: Mapping[str, Any]) -> list[str]:
     """Return the conditions that the figures of a loop do not meet; a figure is None if nothing limits it."""
     phase, up, down, Ms = (figures[name] for name in FIGURES[:4])
     met = {
@@ -186,7 +186,7 @@ def _list_cells(row: Row, loop: str) -> list[Text | str]:
         reason = Text(problem or "not measured", is_failure=True)
         return [reason, "", "", "", Text("not met", is_failure=True)]
     phase, up, down, Ms, delay = figures.values()
-    missed = missed_conditions(figures)
+    missed = list_missed_conditions(figures)
     return [
         _format(phase, ".1f"),
         f"{_format(up, '+.1f')}/{_format(down, '.1f')}",

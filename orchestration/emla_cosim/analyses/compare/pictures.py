@@ -10,7 +10,7 @@ from ...base.wording import format_rounded
 from ...recorders.metrics import HELD, MetricDisplay
 from ...study.paper import PRINTED
 from ...views.plots.style import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, new_figure, tidy_axes
-from .cases import stability_maps
+from .cases import read_stability_maps
 from .result import (
     PAPER,
     ROBUSTNESS,
@@ -259,7 +259,7 @@ def _draw_cases(result: CompareResult) -> "Figure":
 def _draw_maps(result: CompareResult) -> "dict[str, Figure]":
     """Draw for each map a panel for each joint and controller that shows which points hold."""
     figures = {}
-    for number, grid_map in enumerate(stability_maps(), start=1):
+    for number, grid_map in enumerate(read_stability_maps(), start=1):
         rows = result.rows.filter(polars.col("case").str.starts_with(f"{grid_map.name}:")).rows(named=True)
         if not rows:
             continue

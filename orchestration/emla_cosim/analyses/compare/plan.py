@@ -16,7 +16,7 @@ from ...study.roles import find_joints
 from ...system.model import System
 from ..execution.worker_payload import Preparation
 from ..frame.session import Job
-from ..variants.targets import changed_in_run, format_arguments, merge_options
+from ..variants.targets import format_arguments, merge_options, select_run_options
 from .cases import ComparisonCase
 from .controller_variants import ControllerVariant
 from .result import LABELS
@@ -27,9 +27,9 @@ from .terms import (
     Reserves,
     describe_reserves,
     find_equal_gains,
+    find_reserve_values,
     list_observers,
-    random_seeds,
-    reserve_values,
+    list_random_seeds,
 )
 
 
@@ -82,7 +82,7 @@ class ComparisonPlan:
     @property
     def jobs(self) -> list[Job]:
         """All runs for the workers."""
-        return [Job(changed_in_run(run.changes), run.group) for run in self.runs]
+        return [Job(select_run_options(run.changes), run.group) for run in self.runs]
 
     def command(self, number: int) -> list[str] | None:
         """Return the command that repeats a run; None if an option is a Python object."""
@@ -142,9 +142,9 @@ def plan_runs(
                 described = describe_reserves(part, changes["set"])
                 reserves.setdefault(str(variant), {})[described] = None
                 # a foreign controller may have no such parameters
-                if terms.reserves is not None and not reserve_values(part, terms.reserves):
+                if terms.reserves is not None and not find_reserve_values(part, terms.reserves):
                     fixed[str(variant)] = None
-                joints, sequences = _list_joints(part), random_seeds(part, changes["set"])
+                joints, sequences = _list_joints(part), list_random_seeds(part, changes["set"])
                 observers = list_observers(part, joints, changes["set"])
                 names = [name for name in sequences if name not in (terms.options.get("set") or {})]
                 for seed in (held_out.seeds if names else ()) or [None]:  # seeds of the user are kept
@@ -213,7 +213,7 @@ def _prepare_cases(
             pairs += [(part, case, changes) for part in prepare(changes)]
     for part, case, changes in pairs:
         if (values := case.resolve_start_values(part)) is not None:
-            common = {} if terms.reserves is None else reserve_values(part, terms.reserves)
+            common = {} if terms.reserves is None else find_reserve_values(part, terms.reserves)
             yield part, case, {**changes, "set": {**values, **common}}
 
 

@@ -52,8 +52,8 @@ COLUMNS: Mapping[str, Any] = {
     "y": polars.Float64,
 }
 
-SHOWN: dict[str, MetricDisplay] = {
-    shown.name: shown for shown in (*LoadMetrics.shown, *JointMetrics.shown, CONVERGENCE_TIME)
+DISPLAYS: dict[str, MetricDisplay] = {
+    display.name: display for display in (*LoadMetrics.shown, *JointMetrics.shown, CONVERGENCE_TIME)
 }
 """How tables and pictures show a figure."""
 
@@ -129,12 +129,12 @@ class CompareResult(ReportedResult):
 
 def choose_displays(rows: Sequence[Row]) -> Mapping[str, MetricDisplay]:
     """Return how to show figures: those of screws are called so beside loads that are not rigid."""
-    return SHOWN | {display.name: display for display in SHOWN_WITH_LOAD if _has_load(rows)}
+    return DISPLAYS | {display.name: display for display in SHOWN_WITH_LOAD if _has_load(rows)}
 
 
 def choose_position_error(rows: Sequence[Row]) -> MetricDisplay:
     """Return the position error that counts: of the load if it is not rigid, else of the screw."""
-    return SHOWN["load_position_error_m" if _has_load(rows) else "position_error_m"]
+    return DISPLAYS["load_position_error_m" if _has_load(rows) else "position_error_m"]
 
 
 def _has_load(rows: Sequence[Row]) -> bool:

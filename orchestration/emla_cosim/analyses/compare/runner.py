@@ -18,7 +18,7 @@ from ...study.paper import PRINTED
 from ..execution.executor import Scheduler
 from ..frame.session import Session
 from ..variants.data import REFUSED
-from .cases import ComparisonCase, robustness_cases, stability_maps, stability_stop_time
+from .cases import ComparisonCase, read_robustness_cases, read_stability_maps, read_stability_stop_time
 from .controller_variants import ALL, Choice, list_other_variants, select_variants
 from .margins import add_margins, measure_margins
 from .plan import ComparisonPlan, ComparisonTerms, plan_runs
@@ -113,7 +113,7 @@ def compare(
         progress=progress,
     )
     if table == STABILITY:
-        overrides = {"stop_time": stability_stop_time(), **overrides}
+        overrides = {"stop_time": read_stability_stop_time(), **overrides}
     terms = ComparisonTerms(seeds, parse_reserves(reserves), overrides, ALL in (all_sets or ()))
     scenarios, cases = _choose_scenarios(str(scenario), table), _choose_cases(table, resolution)
     with session.with_workers():
@@ -196,7 +196,7 @@ def _choose_scenarios(scenario: str, table: str | None) -> list[str]:
 
 def _choose_cases(table: str | None, resolution: int | None) -> list[ComparisonCase]:
     if table == ROBUSTNESS:
-        return robustness_cases()
+        return read_robustness_cases()
     if table == STABILITY:
-        return [case for m in stability_maps() for case in m.cases(resolution or RESOLUTION)]
+        return [case for m in read_stability_maps() for case in m.cases(resolution or RESOLUTION)]
     return [ComparisonCase()]

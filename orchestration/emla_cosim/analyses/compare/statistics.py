@@ -135,7 +135,7 @@ def is_significant(wins: int, seeds: int) -> bool:
     return 2 * wins > seeds and bool(binomtest(wins, seeds).pvalue <= LEVEL)
 
 
-def fewest_wins(seeds: int) -> int | None:
+def find_fewest_wins(seeds: int) -> int | None:
     """Return the smallest significant number of wins; None if even all seeds are too few."""
     return next((wins for wins in range(seeds // 2, seeds + 1) if is_significant(wins, seeds)), None)
 
@@ -196,7 +196,7 @@ def _describe_winners(rows: Sequence[Row]) -> list[str]:
     enough = f"use --seeds {FEWEST_SEEDS} or more."
     if seeds < 2:
         return [f"With random effects, one run shows no winner; {enough}"]
-    least = fewest_wins(seeds)
+    least = find_fewest_wins(seeds)
     marked = (
         f"It is marked as the winner with at least {least} wins (two-sided sign test at {100.0 * LEVEL:g} %)."
         if least

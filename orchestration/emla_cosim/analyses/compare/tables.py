@@ -10,12 +10,12 @@ from ...study.paper import PRINTED, REFERENCE, Cells, PrintedTable
 from ..frame.report import ReportTable, Text
 from .margins import build_margin_tables
 from .result import (
+    DISPLAYS,
     LABELS,
     LOST_AT,
     MARGINS,
     PAPER,
     ROBUSTNESS,
-    SHOWN,
     STABILITY,
     WHY,
     CompareResult,
@@ -47,7 +47,7 @@ _FIGURES = (
 _FURTHER_FIGURES = ("torque_peak_N_m", "saturated_after_settling")
 """Figures beside the position error."""
 
-_PRINTED = tuple(SHOWN[name] for name in Cells.__struct_fields__)
+_PRINTED = tuple(DISPLAYS[name] for name in Cells.__struct_fields__)
 _ROUNDING = 0.006
 """Averages that differ by more are different: the paper prints two or three digits."""
 
@@ -103,7 +103,7 @@ def _build_plain(result: CompareResult) -> Iterator[ReportTable]:
 
 def _build_robustness(result: CompareResult) -> Iterator[ReportTable]:
     """Return a table of cases and controllers for each joint, then one with the number of cases that hold."""
-    further = [SHOWN[name] for name in _FURTHER_FIGURES]
+    further = [DISPLAYS[name] for name in _FURTHER_FIGURES]
     for (scenario, joint), rows in result.group("scenario", "joint").items():
         first = choose_position_error(rows)
         meaning = ", ".join(f"{figure.label} / {figure.unit}" for figure in (first, *further))

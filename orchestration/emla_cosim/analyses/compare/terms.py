@@ -68,7 +68,7 @@ def read_start_values(prepared: Preparation, values: Mapping[str, Value]) -> Cal
     return value
 
 
-def random_seeds(prepared: Preparation, values: Mapping[str, Value]) -> list[str]:
+def list_random_seeds(prepared: Preparation, values: Mapping[str, Value]) -> list[str]:
     """Return the full names of the seeds of sequences that affect a run; `values` are its start values."""
     value = read_start_values(prepared, values)
     seeds = find_start_values(SEED, prepared.system, prepared.interfaces)
@@ -98,7 +98,7 @@ def parse_reserves(reserves: Sequence[float] | None) -> Reserves | None:
     return Reserves(*parts)
 
 
-def reserve_values(prepared: Preparation, reserves: Reserves) -> dict[str, Value]:
+def find_reserve_values(prepared: Preparation, reserves: Reserves) -> dict[str, Value]:
     """Return the start values, by full name, that set these reserves in all controllers of a system."""
     parts = {CURRENT: reserves.current, VOLTAGE: reserves.voltage}
     return {

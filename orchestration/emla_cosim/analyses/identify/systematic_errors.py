@@ -83,7 +83,7 @@ def judge_estimates(
         slopes.matrix,
         [problem.sigma[measured.signal] for measured in problem.samples],
         loss,
-        known={signal for kind, signal in sensors if kind == DELAY},
+        delayed={signal for kind, signal in sensors if kind == DELAY},
     )
     notes = _describe_shifts(shifts, parameters, point, moves, assess(residuals))
     shifted = partial(assess, moves=moves)
@@ -106,7 +106,7 @@ def find_time_shifts(
     jacobian: NDArray[np.float64],
     sigma: Sequence[float],
     loss: str,
-    known: Collection[str],
+    delayed: Collection[str],
 ) -> tuple[list[TimeShift], Vector]:
     """Return the shifts that the residuals show, and by how much the estimates would move without them.
 
@@ -118,7 +118,7 @@ def find_time_shifts(
         jacobian: derivatives of the residuals by the fractions, shape (n, p).
         sigma: standard deviation of each signal in its unit.
         loss: the loss function, a name of `LOSSES`.
-        known: signals whose delay is a parameter.
+        delayed: signals whose delay is a parameter.
 
     Returns:
         The shifts, and the moves of the estimates as fractions, shape (p,).
@@ -130,7 +130,7 @@ def find_time_shifts(
     for k, (signal, deviation) in enumerate(zip(samples, sigma, strict=True)):
         part = slice(ends[k], ends[k + 1])
         predicted = signal.values / deviation + residuals[part]
-        if signal.signal not in known and len(signal.time) > 2:
+        if signal.signal not in delayed and len(signal.time) > 2:
             with np.errstate(all="ignore"):  # two samples at one time, where the signal jumps, have no slope
                 slope = np.gradient(predicted, signal.time)
             slopes[part, k] = np.where(np.isfinite(slope), slope, 0.0)

@@ -99,7 +99,7 @@ def parse_opening(system: System, text: str) -> AnalysisPoint:
     raise CommandError(f"there is no connection {label}: {hint}", name=text)
 
 
-def default_openings(system: System) -> list[str]:
+def choose_openings(system: System) -> list[str]:
     """Return where loops are opened by default: at the current reference of each joint."""
     return [current_reference(joint) for joint in _list_joints(system)]
 

@@ -25,7 +25,7 @@ from .response import (
     relative_norm,
     transform_response,
 )
-from .result import Measured
+from .result import MeasuredResponse
 
 _HEIGHTS = (1.0, 3.0, 10.0, 0.1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8)
 """Heights of pulses to try, relative to the size of the input: large ones first, as sensors are coarse."""
@@ -70,7 +70,7 @@ def measure(
     point: AnalysisPoint,
     amplitude: float | None = None,
     frequency: Vector | None = None,
-) -> Measured:
+) -> MeasuredResponse:
     """Return the frequency response at an analysis point.
 
     A loop is measured while it is closed, so that the system stays at its operating point. A pulse d is added
@@ -108,11 +108,11 @@ def measure(
     if not point.is_loop:
         unit = perturbation.unit(point)
         response = FrequencyResponse(point.label, frequency, H, _estimate_error(H, rough), step, unit)
-        return Measured(response, reaction.amplitude, reaction.nonlinearity, drift)
+        return MeasuredResponse(response, reaction.amplitude, reaction.nonlinearity, drift)
     L, rough = 1.0 / H - 1.0, 1.0 / rough - 1.0
     response = FrequencyResponse(point.label, frequency, L, _estimate_error(L, rough), step, "1")
     margins = compute_margins(frequency, L)
-    return Measured(response, reaction.amplitude, reaction.nonlinearity, drift, margins)
+    return MeasuredResponse(response, reaction.amplitude, reaction.nonlinearity, drift, margins)
 
 
 def _react(
@@ -200,8 +200,8 @@ def judge_step(
     points: Sequence[AnalysisPoint],
     at: float,
     duration: float,
-    responses: Mapping[str, Measured],
-) -> tuple[dict[str, Measured], list[str]]:
+    responses: Mapping[str, MeasuredResponse],
+) -> tuple[dict[str, MeasuredResponse], list[str]]:
     """Return responses with their change by half the step, and remarks.
 
     Args:
@@ -239,7 +239,7 @@ def _compare(response: FrequencyResponse, halved: FrequencyResponse) -> float:
     return float(np.sqrt(np.mean(change[slow] ** 2)))
 
 
-def _find_worst(measured: Measured) -> tuple[str, str, float]:
+def _find_worst(measured: MeasuredResponse) -> tuple[str, str, float]:
     """Return the subject that changes most, its change, and this as a multiple of the limit."""
     margins, halved_margins = measured.margins, measured.margins_at_half_step
     if margins is None or halved_margins is None:

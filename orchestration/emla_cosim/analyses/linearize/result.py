@@ -13,7 +13,7 @@ from .state_space import StateSpace
 
 
 @dataclass(frozen=True)
-class Measured:
+class MeasuredResponse:
     """A measured frequency response.
 
     Attributes:
@@ -55,7 +55,7 @@ class LinearizeResult(ReportedResult):
     at: float
     step: float
     rolled_back: bool
-    responses: Mapping[str, Measured]
+    responses: Mapping[str, MeasuredResponse]
     remarks: tuple[str, ...] = ()
     matrices: StateSpace | None = None
     is_steady: bool = False
@@ -101,7 +101,7 @@ class LinearizeResult(ReportedResult):
         )
 
 
-def _build_record(measured: Measured) -> dict[str, Any]:
+def _build_record(measured: MeasuredResponse) -> dict[str, Any]:
     return {
         "amplitude": measured.amplitude,
         "nonlinearity": measured.nonlinearity,

@@ -21,14 +21,14 @@ from ...study.loading import load
 from ...system.fault import Fault
 from ...system.model import System, Value
 from ..frame.session import Session
-from .analysis_points import AnalysisPoint, default_openings, parse_opening
+from .analysis_points import AnalysisPoint, choose_openings, parse_opening
 from .continuous_system import ContinuousSystem
 from .matrices import compute_matrices, find_steady_state
 from .measurement import judge_step, measure
 from .perturbation import Perturbation, check_reached
 from .report import OUTPUTS
 from .response import FrequencyResponse
-from .result import LinearizeResult, Measured
+from .result import LinearizeResult, MeasuredResponse
 
 SAMPLES = 2000
 """Default length of a response in steps."""
@@ -111,7 +111,7 @@ def linearize(
         raise CommandError("a steady state is for state matrices only; set 'matrices', too.")
     else:
         texts = _to_list(open), _to_list(perturb), _to_list(read)
-        openings = [] if any(texts) else default_openings(scenario.system)
+        openings = [] if any(texts) else choose_openings(scenario.system)
         points = _list_points(scenario.system, openings or texts[0], *texts[1:])
     session = Session(
         OUTPUTS,
@@ -155,7 +155,7 @@ def linearize(
 
 def measure_loops(
     scenario: Scenario, loops: Sequence[str], at: float, duration: float, values: Mapping[str, Value]
-) -> dict[str, Measured | CosimError]:
+) -> dict[str, MeasuredResponse | CosimError]:
     """Measure loops one by one, so that one without margins leaves the others.
 
     Args:
@@ -169,7 +169,7 @@ def measure_loops(
         What was measured for each loop, or the error that explains why there are no margins.
     """
     start, length = _choose_interval(scenario, at, duration)
-    measured = dict[str, Measured | CosimError]()
+    measured = dict[str, MeasuredResponse | CosimError]()
     try:
         with (
             scenario.prepare(set={**values, **ideal_sensors(scenario.system)}) as simulation,
@@ -287,7 +287,7 @@ def _measure_all(
         for point in points:
             perturbation.resolve(point)  # report wrong names before anything is measured
         progress.begin("measuring", 2 * len(points))
-        responses = dict[str, Measured]()
+        responses = dict[str, MeasuredResponse]()
         for point in points:
             responses[point.label] = measure(perturbation, point, amplitude)
             progress.advance(1)
@@ -298,7 +298,7 @@ def _measure_all(
     return LinearizeResult(name, at, step, rolls_back, responses, (*remarks, *judgement))
 
 
-def _describe_limits(label: str, measured: Measured) -> list[str]:
+def _describe_limits(label: str, measured: MeasuredResponse) -> list[str]:
     remarks = []
     if measured.margins is not None and not measured.margins.has_crossover:
         remarks.append(describe_missing_crossover(label, measured.response))

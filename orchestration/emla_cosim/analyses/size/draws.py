@@ -20,7 +20,7 @@ from ..variants.factors import Factor, resolve_factors
 from ..variants.kinds import Distribution, ValueList
 from ..variants.measures import Measures
 from ..variants.sampling import sample
-from ..variants.targets import ACTUATOR, OPTION, Target, changed_in_run, merge_options
+from ..variants.targets import ACTUATOR, OPTION, Target, merge_options, select_run_options
 from .joints import Examination, describe_overload
 from .limits import Utilisation, examine_heat
 from .result import JointSizing, SizeResult
@@ -173,7 +173,7 @@ class _Jobs:
 
     def add(self, run: SizedRun, base: Preparation, options: Mapping[str, Any]) -> str | CommandError:
         """Add a run with further options; return its key, or why the scenario cannot have them."""
-        in_run = changed_in_run(options)
+        in_run = select_run_options(options)
         system_options = {name: value for name, value in options.items() if name not in in_run}
         key = _make_key(id(run), system_options)
         if key not in self._groups:

@@ -13,7 +13,7 @@ from ...base.wording import format_count
 from ...views.plots.style import BLUE, tidy_axes
 from ..variants.data import VARIANT
 from .columns import LARGEST
-from .labels import label_with_unit, new_panels, put_legend, put_title, wrap_text
+from .labels import label_with_unit, make_panels, put_legend, put_title, wrap_text
 from .result import SweepResult
 
 if TYPE_CHECKING:
@@ -97,7 +97,7 @@ def draw_bands(result: SweepResult, signals: Sequence[str] = ()) -> "Figure":
     if not panels:
         raise CommandError(f"the sweep '{result.name}' stored no signals over time that have values.")
     labels = [label_with_unit(name, result.units.get(name) or "") for name, _ in panels]
-    figure, grid = new_panels([wrap_text(label, 54) for label in labels], 4.4)
+    figure, grid = make_panels([wrap_text(label, 54) for label in labels], 4.4)
     for axes, (_, bands) in zip(grid.flat, panels, strict=False):
         _draw_panel(axes, bands)
     for axes in grid.flat[max(len(panels) - grid.shape[1], 0) : len(panels)]:

@@ -8,7 +8,7 @@ import numpy as np
 from ...base.errors import CommandError
 from ...views.plots.style import BLUE, GREY, ORANGE, tidy_axes
 from .columns import display_of, find_varying_figures, is_truth, nothing_varies_error
-from .labels import figure_label, new_panels, put_legend, put_levels, put_title, scale, wrap_text
+from .labels import figure_label, make_panels, put_legend, put_levels, put_title, scale, wrap_text
 from .result import SweepResult
 from .sensitivity import (
     ONE_AT_A_TIME,
@@ -92,7 +92,7 @@ def _draw_panels(
 
     factors = len(result.factors)
     titles = [wrap_text(figure_label(result, name), 50) for name in panels]
-    figure, grid = new_panels(titles, 4.6, height=0.9 + 0.2 * min(factors, _MAX_BARS))
+    figure, grid = make_panels(titles, 4.6, height=0.9 + 0.2 * min(factors, _MAX_BARS))
     for axes, (name, panel) in zip(grid.flat, panels.items(), strict=False):
         draw(result, axes, name, panel)
     put_title(figure, f"{result.name}: {title}")

@@ -56,7 +56,7 @@ def figure_values(result: SweepResult, figure: str) -> Vector:
     return values
 
 
-def figure_by_variant(result: SweepResult, figure: str, count: int) -> Vector:
+def read_figure_by_variant(result: SweepResult, figure: str, count: int) -> Vector:
     """Return a figure for the variants 0 to `count` - 1; NaN for one without a row. See `figure_values`."""
     values = np.full(count, np.nan)
     values[variant_numbers(result)] = figure_values(result, figure)

@@ -19,7 +19,7 @@ from ..frame.plan_files import load_planned
 from ..variants.data import VARIANT, Variant
 from ..variants.factors import Factor, resolve_factors
 from ..variants.sampling import count_variants, sample
-from ..variants.targets import changed_in_run, merge_options, needs_preparation
+from ..variants.targets import merge_options, needs_preparation, select_run_options
 from .plan import Plan
 
 _BYTES_PER_VALUE = 64
@@ -68,7 +68,7 @@ class Design:
 
     def variant(self, number: int) -> Variant:
         """Return a variant with the options that a prepared simulation accepts."""
-        return Variant(number, changed_in_run(self.options(number)))
+        return Variant(number, select_run_options(self.options(number)))
 
     def work(self, finished: set[int]) -> list[WorkPackage]:
         """Return the variants that are not finished, by group."""

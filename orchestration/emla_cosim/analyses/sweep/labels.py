@@ -136,7 +136,7 @@ def put_legend(figure: "Figure", handles: "Mapping[str, Artist]", note: str = ""
         )
 
 
-def new_panels(titles: Sequence[str], width: float, **size: Any) -> tuple["Figure", np.ndarray]:
+def make_panels(titles: Sequence[str], width: float, **size: Any) -> tuple["Figure", np.ndarray]:
     """Return a picture with a panel for each title, and its axes: a row for each row of panels.
 
     Panels in several columns have this `width` in inches; `size` are further arguments of `new_figure`.

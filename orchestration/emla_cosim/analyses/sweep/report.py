@@ -62,7 +62,7 @@ def build_report(result: SweepResult) -> Report:
     figure, statements = main_figure(result), make_statements(result)
     sections = [Section(lines=[status_line(result), *([] if statements is None else statements.sentences)])]
     if figure is not None and result.is_done.any():
-        sections.append(Section(tables=[figures_table(result)]))
+        sections.append(Section(tables=[tabulate_figures(result)]))
         if statements is not None and statements.quantiles:
             sections.append(Section(tables=[_tabulate_intervals(result, statements)], is_detail=True))
         sections += _list_sensitivities(result, figure)
@@ -94,7 +94,7 @@ def status_line(result: SweepResult) -> str:
     return line
 
 
-def figures_table(result: SweepResult) -> ReportTable:
+def tabulate_figures(result: SweepResult) -> ReportTable:
     """Tabulate minimum, median, 95 % quantile and maximum of figures over variants that are done.
 
     Booleans have counts. Verdicts come first, since the other figures depend on them.
@@ -133,7 +133,7 @@ def _format_interval(interval: Mapping[str, float], display: MetricDisplay) -> t
 
 
 def _list_sensitivities(result: SweepResult, figure: str) -> list[Section]:
-    tables = {SALTELLI: sobol_table, ONE_AT_A_TIME: local_table}
+    tables = {SALTELLI: tabulate_sobol_indices, ONE_AT_A_TIME: tabulate_sensitivities}
     if result.sampling not in tables:
         return []
     try:
@@ -142,7 +142,7 @@ def _list_sensitivities(result: SweepResult, figure: str) -> list[Section]:
         return [Section(lines=[str(error)])]
 
 
-def sobol_table(result: SweepResult, figure: str) -> ReportTable:
+def tabulate_sobol_indices(result: SweepResult, figure: str) -> ReportTable:
     """Tabulate the Sobol indices of a figure, the largest total first. Errors: as `sobol_indices`."""
     indices = sobol_indices(result, figure)
     first = zip(indices.first, indices.first_confidence, strict=True)
@@ -158,7 +158,7 @@ def sobol_table(result: SweepResult, figure: str) -> ReportTable:
     return ReportTable(title, ("", "first order", "total"), _limit_rows(rows), under)
 
 
-def local_table(result: SweepResult, figure: str) -> ReportTable:
+def tabulate_sensitivities(result: SweepResult, figure: str) -> ReportTable:
     """Tabulate a figure with each factor alone low and high, the largest effect first.
 
     Errors are those of `local_sensitivities`.

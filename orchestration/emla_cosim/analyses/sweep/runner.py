@@ -21,7 +21,7 @@ from ..execution.executor import Scheduler
 from ..execution.worker_payload import check_portable
 from ..frame.session import Runs, Session
 from ..variants.data import Chunk, SimulationDescription
-from ..variants.measures import Measures, Metric, MetricRequest, resolve_measures, with_verdicts
+from ..variants.measures import Measures, Metric, MetricRequest, add_verdicts, resolve_measures
 from ..variants.targets import format_arguments, merge_options, needs_preparation
 from .design import Design, VariantGroup, design_variants
 from .folder import SweepFolder
@@ -188,7 +188,7 @@ def _select(design: Design, request: MetricRequest, runs: Runs) -> tuple[Measure
         names, further = list(described.units), list(described.further)
         signals = select_signals(plan.signals, names, further, main) if plan.signals else []
         resolved = resolve_measures(request, described.figures, names, further, signals, plan.where)
-        measures.append(with_verdicts(resolved, described.figures))
+        measures.append(add_verdicts(resolved, described.figures))
     if any(m.names != measures[0].names or m.signals != measures[0].signals for m in measures):
         raise CommandError(
             f"the variants of {plan.where} differ in their figures or signals; name those to keep."

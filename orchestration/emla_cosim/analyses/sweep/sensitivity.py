@@ -9,7 +9,7 @@ import numpy as np
 
 from ...base.arrays import Vector
 from ...base.errors import CommandError
-from .columns import figure_by_variant, figure_values, find_varying_figures, variant_numbers
+from .columns import figure_values, find_varying_figures, read_figure_by_variant, variant_numbers
 from .result import SweepResult
 
 SALTELLI, ONE_AT_A_TIME = "saltelli", "one-at-a-time"
@@ -95,7 +95,7 @@ def sobol_indices(result: SweepResult, figure: str) -> SobolIndices:
     check_sampling(result, SALTELLI, "Sobol indices")
     rows = len(result.factors) + 2
     count = -(-(int(variant_numbers(result).max(initial=-1)) + 1) // rows)
-    values = figure_by_variant(result, figure, count * rows).reshape(count, rows)
+    values = read_figure_by_variant(result, figure, count * rows).reshape(count, rows)
     complete = values[~np.isnan(values).any(axis=1)]
     if len(complete) < 2:
         raise CommandError(
@@ -180,7 +180,7 @@ def local_sensitivities(result: SweepResult, figure: str) -> list[LocalSensitivi
             f"{len(result.factors)} factors: the nominal one, and a low and a high one for each."
         )
     nominal, *values = (
-        None if np.isnan(value) else float(value) for value in figure_by_variant(result, figure, count)
+        None if np.isnan(value) else float(value) for value in read_figure_by_variant(result, figure, count)
     )
     rows = [
         LocalSensitivity(name, low, high, nominal)

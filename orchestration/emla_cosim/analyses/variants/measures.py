@@ -193,7 +193,7 @@ def resolve_measures(
     return replace(measures, truths=[*truths, *(n for n, value in trial.items() if isinstance(value, bool))])
 
 
-def with_verdicts(measures: Measures, figures: Mapping[str, Figure]) -> Measures:
+def add_verdicts(measures: Measures, figures: Mapping[str, Figure]) -> Measures:
     """Return measures with all verdicts among the figures, since outcomes depend on them."""
     verdicts = [name for name, figure in figures.items() if figure.is_verdict]
     missing = [name for name in verdicts if name not in measures.figures]

@@ -34,7 +34,7 @@ def needs_preparation(target: Target) -> bool:
     )
 
 
-def changed_in_run(options: Mapping[str, Any]) -> dict[str, Any]:
+def select_run_options(options: Mapping[str, Any]) -> dict[str, Any]:
     """Return the options that a run of a prepared simulation accepts."""
     declared = list_options()
     return {name: value for name, value in options.items() if not declared[name].is_prepared}

@@ -16,7 +16,7 @@ from distributed import Client
 from markupsafe import escape
 
 import emla_cosim as ec
-from emla_cosim.analyses.compare.cases import ComparisonCase, robustness_cases, stability_maps
+from emla_cosim.analyses.compare.cases import ComparisonCase, read_robustness_cases, read_stability_maps
 from emla_cosim.analyses.compare.controller_variants import ControllerVariant, select_variants
 from emla_cosim.analyses.compare.plan import (
     ComparisonPlan,
@@ -251,7 +251,7 @@ def prepared(fmu_folder: Path) -> Preparation:
 
 
 def test_cases_change_start_values_of_the_plant(prepared: Preparation) -> None:
-    cases = {case.name: case.resolve_start_values(prepared) or {} for case in robustness_cases()}
+    cases = {case.name: case.resolve_start_values(prepared) or {} for case in read_robustness_cases()}
     plant = prepared.system.component("tilt.plant").parameters
     assert cases["nominal"] == {}
     assert cases["inductance +50 %"] == {
@@ -266,14 +266,14 @@ def test_cases_change_start_values_of_the_plant(prepared: Preparation) -> None:
     assert all(values or case == "nominal" or "encoder" in case for case, values in cases.items())
     for case in (ComparisonCase("rain", **{how: {"*.weather.rain": 1.0}}) for how in ("set", "scale")):
         assert case.resolve_start_values(prepared) is None  # without its variable it is omitted
-    (freezing,) = (c for c in robustness_cases() if c.name == "encoder freezes at 0.5 s for 1 ms")
+    (freezing,) = (c for c in read_robustness_cases() if c.name == "encoder freezes at 0.5 s for 1 ms")
     faults = [f"{joint}.plant.x_measured=freeze@0.5+0.001" for joint in ("lift", "tilt")]
     assert list(map(str, freezing.faults(["lift", "tilt"]))) == faults
     assert not any("controller" in name or "observer.model" in name for c in cases.values() for name in c)
 
 
 def test_map_has_all_points_of_its_grid() -> None:
-    stability_map = stability_maps()[0]
+    stability_map = read_stability_maps()[0]
     cases = stability_map.cases(3)
     assert [case.at for case in cases] == [(x, y) for y in (0.4, 1.0, 1.6) for x in (0.0, 0.3, 0.6)]
     assert cases[-1].set == {"*.plant.inverter.delay": pytest.approx(6e-4)}

@@ -9,7 +9,7 @@ import pytest
 from distributed import Client
 
 import emla_cosim as ec
-from emla_cosim.analyses.compare.margins import FIGURES, missed_conditions
+from emla_cosim.analyses.compare.margins import FIGURES, list_missed_conditions
 from emla_cosim.analyses.linearize.margins import compute_margins
 from emla_cosim.analyses.linearize.report import build_report
 from fmublock import Block, DiscreteState, Input, Output
@@ -110,7 +110,7 @@ def test_tables_mark_unmet_conditions(compared: ec.CompareResult) -> None:
     ],
 )
 def test_conditions_hold_at_their_limits(figures: tuple[float | None, ...], missed: list[str]) -> None:
-    assert missed_conditions(dict(zip(FIGURES, figures, strict=True))) == missed
+    assert list_missed_conditions(dict(zip(FIGURES, figures, strict=True))) == missed
 
 
 class MarginlessLag(Block):

@@ -18,9 +18,9 @@ from emla_cosim.analyses.compare.terms import (
     HeldOutSeeds,
     Reserves,
     describe_reserves,
+    find_reserve_values,
+    list_random_seeds,
     list_tuning_seeds,
-    random_seeds,
-    reserve_values,
 )
 from emla_cosim.analyses.execution.worker_payload import Preparation
 from emla_cosim.analyses.variants.data import VariantOutcome
@@ -79,10 +79,10 @@ def prepared(fmu_folder: Path) -> dict[str, Preparation]:
 def test_random_components_get_seeds(prepared: dict[str, Preparation]) -> None:
     """On the study nothing but tilt's disturbance, until a sensor has noise or its disturbance none."""
     study, tilt = prepared["study"], "tilt.disturbance.d_2.seed"
-    assert random_seeds(study, {}) == [tilt]
-    assert random_seeds(study, {"lift.plant.sensor.sigma": 1e-6}) == ["lift.plant.sensor.seed", tilt]
-    assert random_seeds(study, {"tilt.disturbance.d_2.high": 0.0}) == []
-    assert len(random_seeds(prepared["study-drive"], {})) == 7
+    assert list_random_seeds(study, {}) == [tilt]
+    assert list_random_seeds(study, {"lift.plant.sensor.sigma": 1e-6}) == ["lift.plant.sensor.seed", tilt]
+    assert list_random_seeds(study, {"tilt.disturbance.d_2.high": 0.0}) == []
+    assert len(list_random_seeds(prepared["study-drive"], {})) == 7
 
 
 @pytest.fixture(scope="module")
@@ -163,7 +163,7 @@ def test_notes_state_reserves_and_offer_other_sets(compared: ec.CompareResult) -
 @pytest.mark.parametrize("controller", list(CONTROLLERS))
 def test_equal_reserves_are_set_on_every_controller(controller: str, fmu_folder: Path) -> None:
     part = Preparation.of(load("tilt", controller=controller, fmus=fmu_folder))
-    values = reserve_values(part, Reserves(0.02, 0.2))
+    values = find_reserve_values(part, Reserves(0.02, 0.2))
     assert values == {"tilt.controller.limit.i_reserve": 0.02, "tilt.controller.limit.u_reserve": 0.2}
     assert describe_reserves(part, values) == "2 % and 20 %"
 

@@ -15,7 +15,7 @@ from emla_cosim.analyses.compare.statistics import (
     FEWEST_SEEDS,
     SeedStatistics,
     describe_ranking,
-    fewest_wins,
+    find_fewest_wins,
     format_lost,
     group_by_variant,
     is_significant,
@@ -78,8 +78,9 @@ def test_level_of_the_sign_test_in_closed_form(seeds: int) -> None:
 
     chance = {wins: chance_of(wins) for wins in range(seeds + 1)}
     assert all(is_significant(w, seeds) == (2 * w > seeds and p <= 0.05) for w, p in chance.items())
-    assert fewest_wins(seeds) == next((w for w, p in chance.items() if 2 * w > seeds and p <= 0.05), None)
-    assert (fewest_wins(seeds) is None) == (seeds < FEWEST_SEEDS)
+    significant = (w for w, p in chance.items() if 2 * w > seeds and p <= 0.05)
+    assert find_fewest_wins(seeds) == next(significant, None)
+    assert (find_fewest_wins(seeds) is None) == (seeds < FEWEST_SEEDS)
 
 
 @pytest.mark.parametrize("controllers", [2, 3, 4, 10])
@@ -89,7 +90,7 @@ def test_several_controllers_do_not_raise_the_level(controllers: int) -> None:
     for seeds in (6, 10, 20):
         shares = random.dirichlet(np.full(controllers, 0.3), 500)
         shares = shares[shares.max(axis=1) <= 0.5]
-        marked = binom.sf((fewest_wins(seeds) or 0) - 1, seeds, shares).sum(axis=1)
+        marked = binom.sf((find_fewest_wins(seeds) or 0) - 1, seeds, shares).sum(axis=1)
         assert marked.max(initial=0.0) <= 0.05
 
 

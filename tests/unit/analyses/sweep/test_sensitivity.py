@@ -9,7 +9,7 @@ from scipy.stats import sobol_indices as scipy_indices
 from scipy.stats import spearmanr
 
 from emla_cosim.analyses.sweep.columns import FactorColumn, influence
-from emla_cosim.analyses.sweep.report import sobol_table
+from emla_cosim.analyses.sweep.report import tabulate_sobol_indices
 from emla_cosim.analyses.sweep.result import SweepResult
 from emla_cosim.analyses.sweep.sensitivity import local_sensitivities, sobol_indices
 from emla_cosim.analyses.variants.kinds import Uniform
@@ -89,7 +89,8 @@ def test_biased_indices_have_a_warning(ishigami: SweepResult) -> None:
     bias = np.abs(indices.first - sobol_indices(ishigami, "f").first)
     assert (bias > indices.first_confidence).any()
     assert "biases" in str(indices.warning)
-    assert sobol_table(replace(ishigami, variants=table), "f").under == [f"Warning: {indices.warning}"]
+    report = tabulate_sobol_indices(replace(ishigami, variants=table), "f")
+    assert report.under == [f"Warning: {indices.warning}"]
 
 
 def test_unfinished_variants_are_missing(ishigami: SweepResult) -> None:

@@ -12,9 +12,9 @@ import pytest
 from distributed import Client
 
 import emla_cosim as ec
-from emla_cosim.analyses.sweep.report import figures_table, find_worst_variants, status_line
+from emla_cosim.analyses.sweep.report import find_worst_variants, status_line, tabulate_figures
 from emla_cosim.analyses.sweep.runner import sweep
-from emla_cosim.analyses.variants.measures import MetricRequest, resolve_measures, with_verdicts
+from emla_cosim.analyses.variants.measures import MetricRequest, add_verdicts, resolve_measures
 from emla_cosim.recorders.metrics import Figure
 from emla_cosim.system.model import Component, System
 from fmublock import Block, Output, Parameter, build
@@ -129,7 +129,7 @@ def test_missing_verdict_is_none() -> None:
     figures = {"a.held": [True, None, True, False], "b.held": [True, True, False, True]}
     result = swept({"x": range(4)}, {**figures, "size": [1.0, 2.0, 3.0, 4.0]})
     assert str(status_line(result)) == "4 variants: 4 done (3 of them not held)"
-    assert [row[0] for row in figures_table(result).rows] == ["a.held", "b.held", "size"]
+    assert [row[0] for row in tabulate_figures(result).rows] == ["a.held", "b.held", "size"]
 
 
 FIGURES = {
@@ -146,7 +146,7 @@ def test_verdicts_are_last_columns() -> None:
         ([], list(FIGURES)),
     ):
         measures = resolve_measures(MetricRequest.of(metrics, "the plan"), FIGURES, [], [], [], "the plan")
-        got = with_verdicts(measures, FIGURES)
+        got = add_verdicts(measures, FIGURES)
         assert got.names == names and sorted(got.truths) == got.verdicts == ["lift.held", "tilt.held"]
 
 
