@@ -7,13 +7,13 @@ import numpy as np
 if TYPE_CHECKING:
     import casadi
 
-_LONGEST = 0.5
+_MAX_CHANGE = 0.5
 """Largest change in rad or m of a coordinate in one step towards rest."""
 
 ANYWHERE = 1e-9
 """Share of the stiffness below which a coordinate rests anywhere, such as a turn about the vertical."""
 
-_STIFF = 1e-6
+_MIN_STIFFNESS = 1e-6
 """Share of the largest stiffness below which a force does not deflect a coordinate by a definite amount."""
 
 
@@ -37,14 +37,14 @@ def follow(errors: "casadi.SX", q: "casadi.SX", x: "casadi.SX", v: "casadi.SX", 
     """
     import casadi  # slow to import, and most machines have nothing that swings
 
-    at, n = casadi.vertcat(q, x), q.numel()
-    jacobian = casadi.jacobian(errors, at)
+    variables, n = casadi.vertcat(q, x), q.numel()
+    jacobian = casadi.jacobian(errors, variables)
     slopes = -casadi.solve(jacobian[:, n:], jacobian[:, :n])
     speeds = slopes @ v
-    along = casadi.SX.sym("along", at.numel())
-    bend = casadi.jtimes(casadi.jtimes(errors, at, along), at, along)
-    bend = casadi.substitute(bend, along, casadi.vertcat(v, speeds))
-    return Following(slopes, speeds, slopes @ a - casadi.solve(jacobian[:, n:], bend))
+    direction = casadi.SX.sym("along", variables.numel())
+    curvature = casadi.jtimes(casadi.jtimes(errors, variables, direction), variables, direction)
+    curvature = casadi.substitute(curvature, direction, casadi.vertcat(v, speeds))
+    return Following(slopes, speeds, slopes @ a - casadi.solve(jacobian[:, n:], curvature))
 
 
 def stiffness(torques: "casadi.SX", errors: "casadi.SX", x: "casadi.SX", passive: "casadi.SX") -> "casadi.SX":
@@ -73,10 +73,10 @@ def descend(torques: np.ndarray, stiffnesses: np.ndarray) -> np.ndarray:
     sizes = np.abs(values)
     sizes = np.maximum(sizes, ANYWHERE * (1.0 + sizes.max(axis=1, keepdims=True)))
     parts = np.einsum("rij,ri->rj", vectors, torques[rows]) / sizes
-    changes[rows] = np.einsum("rij,rj->ri", vectors, np.clip(parts, -_LONGEST, _LONGEST))
+    changes[rows] = np.einsum("rij,rj->ri", vectors, np.clip(parts, -_MAX_CHANGE, _MAX_CHANGE))
     return -changes
 
 
 def deflections(torques: np.ndarray, stiffnesses: np.ndarray) -> np.ndarray:
     """Return by how much constant torques deflect passive coordinates, in rad or m; see `descend`."""
-    return np.einsum("rij,rj->ri", np.linalg.pinv(stiffnesses, rcond=_STIFF, hermitian=True), torques)
+    return np.einsum("rij,rj->ri", np.linalg.pinv(stiffnesses, rcond=_MIN_STIFFNESS, hermitian=True), torques)

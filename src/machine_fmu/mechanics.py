@@ -37,15 +37,15 @@ class Mechanics:
     """
 
     def __init__(self, machine: Machine, values: Mapping[str, float] | None = None) -> None:
-        named = name_numbers(machine)
-        parameters = dict(named.parameters)
+        numbered = name_numbers(machine)
+        parameters = dict(numbered.parameters)
         for name, value in (values or {}).items():
             if name not in parameters:
                 raise MachineError(f"the machine has no number '{name}'; existing: {', '.join(parameters)}")
             parameters[name] = replace(parameters[name], value=float(value))
-        self.machine = replace(named, parameters=parameters)
+        self.machine = replace(numbered, parameters=parameters)
         # blocks keep the sides of their description, whatever their parameters
-        self.closure = replace(find_closure(self.machine), sides=find_closure(named).sides)
+        self.closure = replace(find_closure(self.machine), sides=find_closure(numbered).sides)
         self.mechanism = assemble(self.machine)
 
     @property
@@ -77,8 +77,8 @@ class Mechanics:
         mechanism = self.mechanism if payload is None else assemble(self.machine, None, payload)
         values = dict(zip(self.unknowns, x, strict=True))
         guess = {i: values[i] for i in self.closure.iterated} or None
-        held = [values[i] for i in mechanism.passive]
-        return Dynamics(mechanism, self.closure, q, held, guess, 0)
+        passive = [values[i] for i in mechanism.passive]
+        return Dynamics(mechanism, self.closure, q, passive, guess, 0)
 
     def inverse(
         self, q: Sequence[Any], x: Sequence[Any], v: Sequence[Any], a: Sequence[Any], payload: Any = None
@@ -86,12 +86,15 @@ class Mechanics:
         """Return the forces of the actuators in N for speeds and accelerations of the strokes; see `at`."""
         n, (rows, slopes) = len(self.names), self.rows(q, x, v, a, payload)
         # what passive coordinates take to hang acts on the strokes, which move them: no energy is lost
-        return [force + dot(rows[n:], [of[i] for of in slopes]) for i, force in enumerate(rows[:n])]
+        return [
+            force + dot(rows[n:], [slopes_of_row[i] for slopes_of_row in slopes])
+            for i, force in enumerate(rows[:n])
+        ]
 
     def energy_of(self, q: Sequence[Any], x: Sequence[Any], v: Sequence[Any], payload: Any = None) -> Any:
         """Return the energy in J for speeds of the strokes; see `at`."""
         dynamics = self.at(q, x, payload)
-        speeds, *_ = self._motion(dynamics, q, x, v, [0.0] * len(v))
+        speeds, *_ = self._compute_motion(dynamics, q, x, v, [0.0] * len(v))
         return dynamics.energy(speeds)
 
     def rows(
@@ -99,7 +102,7 @@ class Mechanics:
     ) -> tuple[list[Any], list[list[Any]]]:
         """Return the forces of strokes and passive coordinates, and the slopes of the latter by strokes."""
         dynamics = self.at(q, x, payload)
-        speeds, growths, slopes = self._motion(dynamics, q, x, v, a)
+        speeds, growths, slopes = self._compute_motion(dynamics, q, x, v, a)
         return dynamics.inverse(speeds, growths), slopes
 
     def errors(self, dynamics: Dynamics) -> list[Any]:
@@ -108,7 +111,7 @@ class Mechanics:
         Coordinates that rest anywhere are as assembled.
         """
         closing = closure_errors(dynamics.pose, self.closure, dynamics.lengths)
-        passive = zip(self.mechanism.passive, dynamics.passive, self._torques(dynamics), strict=True)
+        passive = zip(self.mechanism.passive, dynamics.passive, self._compute_torques(dynamics), strict=True)
         assembly = self.closure.assembly
         return [*closing, *(f / self._weight + ANYWHERE * (x - assembly[i]) for i, x, f in passive)]
 
@@ -119,7 +122,7 @@ class Mechanics:
         import casadi
 
         dynamics, count = self.at(q, x, payload), len(self.closure.iterated)
-        torques = self._torques(dynamics)
+        torques = self._compute_torques(dynamics)
         closing = closure_errors(dynamics.pose, self.closure, dynamics.lengths)
         columns = (casadi.vertcat(*numbers) for numbers in (torques, closing, x[:count], x[count:]))
         return [*torques, *casadi.vertsplit(casadi.vec(stiffness(*columns)))]
@@ -129,7 +132,7 @@ class Mechanics:
         points = (dynamics.pose.point(end)[: self.dimensions] for end in ends)
         return [plain(x) for point in points for x in point]
 
-    def _torques(self, dynamics: Dynamics) -> list[Any]:
+    def _compute_torques(self, dynamics: Dynamics) -> list[Any]:
         """Return the torques or forces of passive coordinates at rest."""
         if not self.mechanism.passive:
             return []
@@ -142,7 +145,7 @@ class Mechanics:
         masses = sum(float(plain(frame.inertia.m)) for frame in self.mechanism.frames)
         return 1.0 + masses * math.hypot(*(float(plain(x)) for x in self.mechanism.gravity))
 
-    def _motion(
+    def _compute_motion(
         self, dynamics: Dynamics, q: Sequence[Any], x: Sequence[Any], v: Sequence[Any], a: Sequence[Any]
     ) -> tuple[list[Any], list[Any], list[list[Any]]]:
         """Return speeds and accelerations of all variables, and slopes of passive coordinates by strokes."""

@@ -24,16 +24,16 @@ from .mechanism import Frame
 if TYPE_CHECKING:
     import casadi
 
-_MANY = 50
+_MAX_ITERATIONS = 50
 """Largest number of Newton's iterations for a pose."""
 
-_NEAR = 1e-12
+_TOLERANCE = 1e-12
 """Change in m or rad by an iteration at which a pose is found."""
 
-_PART = 0.02
+_MAX_STROKE_CHANGE = 0.02
 """Largest change of a stroke in m between two poses that Newton's method joins."""
 
-_FEW, _FAR, _CLOSE = 100, 0.1, 1e-6
+_MIN_ROWS, _LARGE_DISTANCE, _LOOSE_TOLERANCE = 100, 0.1, 1e-6
 """Rows and mean distance in m above which poses are sought together, and their last change in m or rad."""
 
 
@@ -78,9 +78,9 @@ class MachineModel(Mechanics):
         """Strokes at the start, m."""
         starts = []
         for bar in self.mechanism.actuators:
-            given = self.machine.actuators[bar.name].start
-            as_assembled = self.closure.lengths[bar.name] - float(plain(bar.length))
-            starts.append(as_assembled if given is None else given)
+            stroke = self.machine.actuators[bar.name].start
+            assembly_stroke = self.closure.lengths[bar.name] - float(plain(bar.length))
+            starts.append(assembly_stroke if stroke is None else stroke)
         return tuple(starts)
 
     def poses(self, strokes: np.ndarray) -> np.ndarray:
@@ -93,24 +93,24 @@ class MachineModel(Mechanics):
             strokes: Strokes in m, one row per pose.
         """
         iterated = self.closure.iterated
-        found = np.full((len(strokes), len(iterated)), np.nan)
+        coordinates = np.full((len(strokes), len(iterated)), np.nan)
         if not iterated:
-            return found
+            return coordinates
         first = np.array([self.closure.assembly[i] for i in iterated])
-        before, last = first, np.array(self.start)
+        previous, last_strokes = first, np.array(self.start)
         strokes = np.asarray(strokes, dtype=float)
-        if len(strokes) > _FEW and np.abs(np.diff(strokes, axis=0)).max(axis=1).mean() > _FAR:
-            return self._poses_apart(strokes, first)
+        if len(strokes) > _MIN_ROWS and np.abs(np.diff(strokes, axis=0)).max(axis=1).mean() > _LARGE_DISTANCE:
+            return self._find_poses_together(strokes, first)
         for row, q in enumerate(strokes):
             if not np.isfinite(q).all():
                 continue
-            x = self._continued(last, q, before)
+            x = self._continue_pose(last_strokes, q, previous)
             if not np.isfinite(x).all():
-                x = self._continued(np.array(self.start), q, first)
-            found[row] = x
+                x = self._continue_pose(np.array(self.start), q, first)
+            coordinates[row] = x
             if np.isfinite(x).all():
-                before, last = x, q
-        return found
+                previous, last_strokes = x, q
+        return coordinates
 
     def find_unknowns(
         self,
@@ -122,9 +122,9 @@ class MachineModel(Mechanics):
         passive = self.hanging(q, payload) if passive is None else np.asarray(passive, dtype=float)
         x = self.poses(q)
         if passive.size and x.size:
-            improved = self._improved.map(len(x))
+            newton_step = self._newton_step.map(len(x))
             for _ in range(ITERATIONS):
-                x = np.array(improved(q.T, x.T, passive.T)).T
+                x = np.array(newton_step(q.T, x.T, passive.T)).T
         return np.hstack([x, passive])
 
     def forces(
@@ -162,7 +162,7 @@ class MachineModel(Mechanics):
         torques = self._evaluate(
             "swing", lambda *args: self.rows(*args)[0][len(self.names) :], q, payload, v, a
         )
-        return deflections(torques, self._balance(q, self.hanging(q, payload), payload)[1])
+        return deflections(torques, self._evaluate_balance(q, self.hanging(q, payload), payload)[1])
 
     def hanging(self, q: np.ndarray, payload: float | np.ndarray | None = None) -> np.ndarray:
         """Return the passive coordinates at rest for each row of strokes; NaN where they do not come to rest.
@@ -170,35 +170,35 @@ class MachineModel(Mechanics):
         They are followed from where they rest at the start. Those that rest anywhere are as assembled.
         """
         q, start = np.asarray(q, dtype=float), np.array([self.start])
-        passive = self._assembled[None]
+        passive = self._assembly_passive[None]
         if not passive.size:
             return np.zeros((len(q), 0))
-        passive = np.tile(self._rest(start, passive, self.payload, _MANY), (len(q), 1))
-        parts = max(1, int(np.ceil(np.nanmax(np.abs(q - start), initial=0.0) / _FAR)))
+        passive = np.tile(self._descend_to_rest(start, passive, self.payload, _MAX_ITERATIONS), (len(q), 1))
+        parts = max(1, int(np.ceil(np.nanmax(np.abs(q - start), initial=0.0) / _LARGE_DISTANCE)))
         for share in np.linspace(0.0, 1.0, parts, endpoint=False)[1:]:
-            passive = self._rest(start + share * (q - start), passive, payload, 1)
-        return self._rest(q, passive, payload, _MANY)
+            passive = self._descend_to_rest(start + share * (q - start), passive, payload, 1)
+        return self._descend_to_rest(q, passive, payload, _MAX_ITERATIONS)
 
-    def _rest(
-        self, q: np.ndarray, passive: np.ndarray, payload: float | np.ndarray | None, most: int
+    def _descend_to_rest(
+        self, q: np.ndarray, passive: np.ndarray, payload: float | np.ndarray | None, max_steps: int
     ) -> np.ndarray:
         """Return passive coordinates after steps towards rest; NaN if they are not at rest after _MANY."""
         change = np.zeros_like(passive)
-        for _ in range(most):
-            change = descend(*self._balance(q, passive, payload))
+        for _ in range(max_steps):
+            change = descend(*self._evaluate_balance(q, passive, payload))
             passive = passive + change
-            if not (np.abs(change) > _CLOSE).any():
+            if not (np.abs(change) > _LOOSE_TOLERANCE).any():
                 return passive
-        is_far = (np.abs(change) > _CLOSE).any(axis=1, keepdims=True)
-        return np.where(is_far & (most == _MANY), np.nan, passive)
+        is_far = (np.abs(change) > _LOOSE_TOLERANCE).any(axis=1, keepdims=True)
+        return np.where(is_far & (max_steps == _MAX_ITERATIONS), np.nan, passive)
 
-    def _balance(
+    def _evaluate_balance(
         self, q: np.ndarray, passive: np.ndarray, payload: float | np.ndarray | None
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return torques of passive coordinates at rest, and their derivatives, one matrix per pose."""
         count = passive.shape[1]
-        found = self._evaluate("balance", self.balance, q, payload, passive=passive)
-        return found[:, :count], found[:, count:].reshape(-1, count, count)
+        values = self._evaluate("balance", self.balance, q, payload, passive=passive)
+        return values[:, :count], values[:, count:].reshape(-1, count, count)
 
     def tip(
         self, q: np.ndarray, passive: np.ndarray | None = None, payload: float | np.ndarray | None = None
@@ -232,7 +232,7 @@ class MachineModel(Mechanics):
         """
         names = list(self.ends if names is None else names)
         ends = [self.ends[name] for name in names]
-        found = self._evaluate(
+        positions = self._evaluate(
             " ".join(["points", *names]),
             lambda q, x, m: self.locate(self.at(q, x), ends),
             q,
@@ -240,7 +240,7 @@ class MachineModel(Mechanics):
             passive=passive,
         )
         n = self.dimensions
-        return {name: found[:, n * i : n * (i + 1)] for i, name in enumerate(names)}
+        return {name: positions[:, n * i : n * (i + 1)] for i, name in enumerate(names)}
 
     def frames(
         self, q: np.ndarray, passive: np.ndarray | None = None, payload: float | np.ndarray | None = None
@@ -275,37 +275,40 @@ class MachineModel(Mechanics):
         rows = [[float(plain(x)) for x in corner.at[: self.dimensions]] for corner in corners]
         return np.array(rows).reshape(len(rows), self.dimensions)
 
-    def _continued(self, last: np.ndarray, q: np.ndarray, guess: np.ndarray) -> np.ndarray:
+    def _continue_pose(self, last: np.ndarray, q: np.ndarray, guess: np.ndarray) -> np.ndarray:
         """Return the coordinates at strokes q, from those at other strokes; NaN if they are not reached."""
-        parts = max(1, int(np.ceil(np.abs(q - last).max() / _PART)))
+        parts = max(1, int(np.ceil(np.abs(q - last).max() / _MAX_STROKE_CHANGE)))
         x = guess
         for part in range(1, parts + 1):
-            there = last + part / parts * (q - last)
-            for _ in range(_MANY):
-                before = x
-                x = np.array(self._improved(there, x, self._assembled)).ravel()
-                if not np.isfinite(x).all() or np.abs(x - before).max() <= _NEAR:
+            strokes = last + part / parts * (q - last)
+            for _ in range(_MAX_ITERATIONS):
+                previous = x
+                x = np.array(self._newton_step(strokes, x, self._assembly_passive)).ravel()
+                if not np.isfinite(x).all() or np.abs(x - previous).max() <= _TOLERANCE:
                     break
             else:
                 return np.full(len(x), np.nan)
         return x
 
-    def _poses_apart(self, strokes: np.ndarray, first: np.ndarray) -> np.ndarray:
+    def _find_poses_together(self, strokes: np.ndarray, first: np.ndarray) -> np.ndarray:
         """Return the coordinates of all rows, each in parts from the start; NaN where there is no pose."""
         start = np.array(self.start)
-        improved, held = self._improved.map(len(strokes)), np.tile(self._assembled[:, None], len(strokes))
-        parts = max(1, int(np.ceil(np.nanmax(np.abs(strokes - start)) / _PART)))
+        newton_step, passive = (
+            self._newton_step.map(len(strokes)),
+            np.tile(self._assembly_passive[:, None], len(strokes)),
+        )
+        parts = max(1, int(np.ceil(np.nanmax(np.abs(strokes - start)) / _MAX_STROKE_CHANGE)))
         x = np.tile(first[:, None], len(strokes))
         for part in range(1, parts + 1):
-            there = (start + part / parts * (strokes - start)).T
+            part_strokes = (start + part / parts * (strokes - start)).T
             for _ in range(ITERATIONS):
-                x = np.array(improved(there, x, held))
-        before, x = x, np.array(improved(strokes.T, x, held))
-        x[:, ~(np.abs(x - before).max(axis=0) <= _CLOSE)] = np.nan
-        return np.array(improved(strokes.T, x, held)).T
+                x = np.array(newton_step(part_strokes, x, passive))
+        previous, x = x, np.array(newton_step(strokes.T, x, passive))
+        x[:, ~(np.abs(x - previous).max(axis=0) <= _LOOSE_TOLERANCE)] = np.nan
+        return np.array(newton_step(strokes.T, x, passive)).T
 
     @cached_property
-    def _improved(self) -> "casadi.Function":
+    def _newton_step(self) -> "casadi.Function":
         """One iteration of Newton's method: from strokes, a guess and passive coordinates to the others.
 
         A pose begins from the one before, so that calls are for single poses. For these, a function of CasADi
@@ -316,14 +319,14 @@ class MachineModel(Mechanics):
         q, passive = casadi.SX.sym("q", len(self.names)), casadi.SX.sym("p", len(self.mechanism.passive))
         x = casadi.SX.sym("x", len(self.closure.iterated))
         guess = dict(zip(self.closure.iterated, casadi.vertsplit(x), strict=True))
-        held = casadi.vertsplit(passive)
-        pose = Dynamics(self.mechanism, self.closure, casadi.vertsplit(q), held, guess, 1).pose
+        passive_numbers = casadi.vertsplit(passive)
+        pose = Dynamics(self.mechanism, self.closure, casadi.vertsplit(q), passive_numbers, guess, 1).pose
         return casadi.Function(
             "improved", [q, x, passive], [casadi.vertcat(*(pose.numbers[i] for i in guess))]
         )
 
     @property
-    def _assembled(self) -> np.ndarray:
+    def _assembly_passive(self) -> np.ndarray:
         """Passive coordinates of the assembly pose."""
         return np.array([self.closure.assembly[i] for i in self.mechanism.passive])
 

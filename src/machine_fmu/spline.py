@@ -127,24 +127,25 @@ class Spline:
                 raise TrajectoryError(f"knot {i}, {b:.9g} s, is before the previous knot, {a:.9g} s.")
         if self.knots[0] == self.knots[-1]:
             raise TrajectoryError(f"all knots are at {self.knots[0]:.9g} s; the last one must come later.")
-        for which, some in (("first", self.knots[:ends]), ("last", self.knots[-ends:])):
-            if some[0] != some[-1]:
+        for end_name, end_knots in (("first", self.knots[:ends]), ("last", self.knots[-ends:])):
+            if end_knots[0] != end_knots[-1]:
                 raise TrajectoryError(
-                    f"the {which} {ends} knots are not the same; a spline of degree {self.degree} begins and "
-                    f"ends with {ends} equal knots here."
+                    f"the {end_name} {ends} knots are not the same; a spline of degree {self.degree} begins "
+                    f"and ends with {ends} equal knots here."
                 )
 
 
-def _check_numbers(what: str, values: Any) -> None:
+def _check_numbers(subject: str, values: Any) -> None:
     """Raise TrajectoryError unless these are finite numbers whose squares cannot overflow."""
     if isinstance(values, (str, bytes, Mapping)) or not hasattr(values, "__len__"):
-        raise TrajectoryError(f"{what} are {reprlib.repr(values)}; they must be a list of numbers.")
+        raise TrajectoryError(f"{subject} are {reprlib.repr(values)}; they must be a list of numbers.")
     for i, x in enumerate(values, 1):
         is_number = isinstance(x, (int, float)) and not isinstance(x, bool)
         if not is_number or not abs(x) <= _LARGEST:  # also NaN
-            shown = reprlib.repr(x)
+            value_text = reprlib.repr(x)
             raise TrajectoryError(
-                f"number {i} of {what} is {shown}; it must be a finite number of at most {_LARGEST:g}."
+                f"number {i} of {subject} is {value_text}; it must be a finite number of at most "
+                f"{_LARGEST:g}."
             )
 
 
@@ -161,16 +162,16 @@ def trajectory_parameters(spline: Spline) -> dict[str, float | int]:
             f"the spline has {spline.size} coefficients per joint; the block of a trajectory has room for "
             f"{COEFFICIENTS}: use fewer knots."
         )
-    found: dict[str, float | int] = {"degree": spline.degree}
-    found |= _filled("knot", spline.knots, KNOTS)
+    parameters: dict[str, float | int] = {"degree": spline.degree}
+    parameters |= _fill("knot", spline.knots, KNOTS)
     for joint, values in spline.coefficients.items():
-        found |= _filled(f"coefficient.{joint}", values, COEFFICIENTS)
-    return found
+        parameters |= _fill(f"coefficient.{joint}", values, COEFFICIENTS)
+    return parameters
 
 
-def _filled(name: str, values: Sequence[float], length: int) -> dict[str, float]:
-    filled = [*values, *[values[-1]] * (length - len(values))]
-    return {f"{name}[{i}]": float(x) for i, x in enumerate(filled, 1)}
+def _fill(name: str, values: Sequence[float], length: int) -> dict[str, float]:
+    padded = [*values, *[values[-1]] * (length - len(values))]
+    return {f"{name}[{i}]": float(x) for i, x in enumerate(padded, 1)}
 
 
 def spline_of(document: object) -> Spline:

@@ -32,20 +32,20 @@ class BrakeFigures:
     release_error_m: float
 
 
-def brake_metrics(outline: Outline) -> "BrakeMetrics | None":
+def create_brake_metrics(context: Outline) -> "BrakeMetrics | None":
     """Return the metrics of all holding brakes of a run; None without any."""
-    column = {name: i + 1 for i, name in enumerate(outline.names)}
+    column = {name: i + 1 for i, name in enumerate(context.names)}
     names = [name.removesuffix(_SIGNALS[0]) for name in column if name.endswith(f".{_SIGNALS[0]}")]
     signals = {name: [f"{name}{signal}" for signal in _SIGNALS] for name in names}
     joints = {
-        name.rstrip("."): [column[signal] for signal in of_joint]
-        for name, of_joint in signals.items()
-        if column.keys() >= set(of_joint)
+        name.rstrip("."): [column[signal] for signal in joint_signals]
+        for name, joint_signals in signals.items()
+        if column.keys() >= set(joint_signals)
     }
     if not joints:
         return None
     torques, resistances = (
-        [outline.parameters.get(f"{joint}.plant.{name}", np.nan) for joint in joints]
+        [context.parameters.get(f"{joint}.plant.{name}", np.nan) for joint in joints]
         for name in ("brake.torque", "motor.R_s")
     )
     return BrakeMetrics(list(joints), list(joints.values()), torques, resistances)
@@ -82,32 +82,32 @@ class BrakeMetrics(Metrics):
         time = rows[:, 0]
         steps = np.diff(time, prepend=time[0] if np.isnan(self._last_time) else self._last_time)
         holds, moves, x_r, x_L, i_q, i_d, slip = (rows[:, columns] for columns in self._columns)
-        before = np.vstack([self._held, holds[:-1]])  # whether the phase lasted during the step to a row
+        was_holding = np.vstack([self._held, holds[:-1]])  # whether the phase lasted during the step to a row
         power = 1.5 * self._resistances * (i_q**2 + i_d**2)
-        self._hold_time = self._hold_time + steps @ before
-        self._loss = self._loss + steps @ (before * power)
-        opens = (before > 0.0) & (holds == 0.0)
+        self._hold_time = self._hold_time + steps @ was_holding
+        self._loss = self._loss + steps @ (was_holding * power)
+        opens = (was_holding > 0.0) & (holds == 0.0)
         errors = np.where(opens, np.abs(x_r - x_L), np.nan)
         self._error = np.fmax(self._error, np.fmax.reduce(errors))
-        moving = np.where(moves > 0.0, time[:, np.newaxis], np.nan)
-        self._moved_at = np.fmin(self._moved_at, np.fmin.reduce(moving))
+        times_of_motion = np.where(moves > 0.0, time[:, np.newaxis], np.nan)
+        self._moved_at = np.fmin(self._moved_at, np.fmin.reduce(times_of_motion))
         self._slip, self._held, self._last_time = slip[-1], holds[-1], float(time[-1])
 
     def remarks(self) -> Sequence[str]:
         """Return which brakes slipped, and which held although the reference moved."""
-        found = list[str]()
+        messages = list[str]()
         for i, joint in enumerate(self._joints):
             if self._slip[i] > _MIN_SLIP:
-                found.append(
+                messages.append(
                     f"{joint}: its brake slipped by {format_length(float(self._slip[i]))}; its torque of "
                     f"{self._torques[i]:.4g} N m is too small for what acts on it. Choose a larger brake."
                 )
             if not np.isnan(self._moved_at[i]):
-                found.append(
+                messages.append(
                     f"{joint}: its reference moves while the brake holds, first at t = "
                     f"{self._moved_at[i]:.6g} s; the joint misses that motion. Hold only while it rests."
                 )
-        return found
+        return messages
 
     def figures(self) -> Figures:
         """Return the figures by joint."""

@@ -81,32 +81,32 @@ class Controller:
         return next(iter(self.gains))
 
 
-def _in_files(*names: str) -> Mapping[str, Gains]:
+def _name_file_sets(*names: str) -> Mapping[str, Gains]:
     return {name: Gains(in_file=True) for name in names}
 
 
 CONTROLLERS: dict[str, Controller] = {
     "rsba": Controller(
         RsbaController,
-        _in_files("damped", "compensated", "robust", "published", COMPLIANT),
+        _name_file_sets("damped", "compensated", "robust", "published", COMPLIANT),
         gains.RsbaGains,
         {"robust": gains.robust, "compensated": gains.compensated, "damped": gains.damped},
     ),
     "foc": Controller(
         FocController,
-        _in_files("damped", "tuned", "rule", COMPLIANT),
+        _name_file_sets("damped", "tuned", "rule", COMPLIANT),
         foc_gains.FocGains,
         {"tuned": foc_gains.tuned, "rule": foc_gains.rule},
     ),
     "cac": Controller(
         CacController,
-        _in_files("damped", "tuned", "published", COMPLIANT),
+        _name_file_sets("damped", "tuned", "published", COMPLIANT),
         cac_gains.CacGains,
         {"tuned": cac_gains.tuned},
     ),
     "anatc": Controller(
         AnatcController,
-        _in_files("damped", "tuned", "published", COMPLIANT),
+        _name_file_sets("damped", "tuned", "published", COMPLIANT),
         anatc_gains.AnatcGains,
         {"tuned": anatc_gains.tuned},
     ),
@@ -122,7 +122,7 @@ ROBUSTNESS_SETS = ("robust", "rule")
 
 def choose_controller(
     controller: str | type | None, gain_set: str | None, preferred: str | None = None
-) -> "ChosenGains":
+) -> "ControllerWithGains":
     """Return a controller with one of its sets of gains.
 
     Args:
@@ -133,17 +133,17 @@ def choose_controller(
     Raises:
         CommandError: The controller or the set does not exist.
     """
-    called = "rsba" if controller is None else controller
-    found = _controller(called)
+    choice = "rsba" if controller is None else controller
+    entry = _find_controller(choice)
     if gain_set is not None:
-        check_choice("set of gains", gain_set, found.gains)
-    name = called if isinstance(called, str) else called.__name__
-    default = preferred if preferred is not None and preferred in found.gains else found.recommended
-    return ChosenGains(found, name, gain_set or default)
+        check_choice("set of gains", gain_set, entry.gains)
+    name = choice if isinstance(choice, str) else choice.__name__
+    default = preferred if preferred is not None and preferred in entry.gains else entry.recommended
+    return ControllerWithGains(entry, name, gain_set or default)
 
 
 @dataclass(frozen=True)
-class ChosenGains:
+class ControllerWithGains:
     """A controller, its name, and the name of one of its sets of gains."""
 
     controller: Controller
@@ -156,7 +156,7 @@ class ChosenGains:
         return self.controller.gains[self.gain_set]
 
 
-def _controller(name: str | type) -> Controller:
+def _find_controller(name: str | type) -> Controller:
     if isinstance(name, type):
         if not issubclass(name, Block):
             raise CommandError(f"the controller {name.__name__} is not a block of fmublock.")

@@ -47,40 +47,44 @@ class Criteria:
 _FIELDS = {f.name: f for f in fields(Criteria)}
 
 
-def criteria_of(joints: Collection[str], given: Mapping[str, float | str]) -> dict[str, Criteria]:
+def criteria_of(joints: Collection[str], values: Mapping[str, float | str]) -> dict[str, Criteria]:
     """Return the criteria of each joint.
 
     Args:
         joints: Names of all joints.
-        given: Values by JOINT.CRITERION: numbers in SI units, or texts with a unit such as "0.5 mm". The
+        values: Values by JOINT.CRITERION: numbers in SI units, or texts with a unit such as "0.5 mm". The
             joint may be `*`; a joint's own value overrides it.
 
     Raises:
         CommandError: A joint or a criterion does not exist, or a value is invalid.
     """
-    found = dict.fromkeys(joints, Criteria())
-    for place in sorted(given, key=lambda place: not place.startswith(f"{ALL_JOINTS}.")):
-        joint, _, name = place.rpartition(".")
+    criteria = dict.fromkeys(joints, Criteria())
+    for joint_criterion in sorted(values, key=lambda key: not key.startswith(f"{ALL_JOINTS}.")):
+        joint, _, name = joint_criterion.rpartition(".")
         if name not in _FIELDS or not joint:
-            right = f"write JOINT.CRITERION, with one of {join_names(_FIELDS)}"
-            raise CommandError(f"the criterion '{place}' does not exist; {right}.", criterion=place)
-        if joint != ALL_JOINTS and joint not in found:
-            meant = suggest_names(joint, list(found)) if found else "this system has no joints."
-            raise CommandError(f"the criterion '{place}' names '{joint}', which is not a joint; {meant}")
-        value = _value(place, given[place], _FIELDS[name].metadata["unit"])
-        for one in found if joint == ALL_JOINTS else (joint,):
-            found[one] = replace(found[one], **{name: value})
-    return found
+            correction = f"write JOINT.CRITERION, with one of {join_names(_FIELDS)}"
+            raise CommandError(
+                f"the criterion '{joint_criterion}' does not exist; {correction}.", criterion=joint_criterion
+            )
+        if joint != ALL_JOINTS and joint not in criteria:
+            suggestion = suggest_names(joint, list(criteria)) if criteria else "this system has no joints."
+            raise CommandError(
+                f"the criterion '{joint_criterion}' names '{joint}', which is not a joint; {suggestion}"
+            )
+        value = _read_criterion(joint_criterion, values[joint_criterion], _FIELDS[name].metadata["unit"])
+        for name_of_joint in criteria if joint == ALL_JOINTS else (joint,):
+            criteria[name_of_joint] = replace(criteria[name_of_joint], **{name: value})
+    return criteria
 
 
-def _value(place: str, value: float | str, unit: str) -> float:
-    label = f"the criterion '{place}'"
+def _read_criterion(joint_criterion: str, value: float | str, unit: str) -> float:
+    label = f"the criterion '{joint_criterion}'"
     number = value
     if isinstance(value, str):
         number = read_quantity(value, label, unit)
     number = float(number)
     if not 0.0 < number < float("inf"):
-        raise CommandError(f"{label} is {value}; it must be a positive number.", criterion=place)
+        raise CommandError(f"{label} is {value}; it must be a positive number.", criterion=joint_criterion)
     return number
 
 

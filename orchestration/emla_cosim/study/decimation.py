@@ -8,7 +8,7 @@ import numpy as np
 
 from ..base.arrays import Indices, Vector
 
-_EIGHTH = 8
+_FACTOR = 8
 """Samples of a group that becomes one sample at the next lower rate."""
 
 _LOWEST_RATE = 100.0
@@ -17,13 +17,13 @@ _LOWEST_RATE = 100.0
 CHUNK = 16384
 """Samples kept at the rate of the steps, and after how many of them the lower rates get theirs."""
 
-_KEPT = (CHUNK, 4096, 8192)
+_CAPACITIES = (CHUNK, 4096, 8192)
 """Samples kept at the highest, the middle and the lowest rate: 1.6, 3.3 and 52 s of steps of 0.1 ms."""
 
-_RISING = np.arange(0.5, _EIGHTH) / _EIGHTH**2
+_RISING_WEIGHTS = np.arange(0.5, _FACTOR) / _FACTOR**2
 """Weights of the group before the last. A triangle is a box, twice."""
 
-_FALLING = _RISING[::-1].copy()
+_FALLING_WEIGHTS = _RISING_WEIGHTS[::-1].copy()
 """Weights of the last group."""
 
 
@@ -37,17 +37,20 @@ class SampleRates:
 
     def __init__(self, channels: int, step: float) -> None:
         """Prepare for samples of some signals, one each `step` in s."""
-        self.every = [1]
-        while len(self.every) < len(_KEPT) and 1.0 / (step * self.every[-1] * _EIGHTH) >= _LOWEST_RATE:
-            self.every.append(self.every[-1] * _EIGHTH)
-        self.rates = [1.0 / (step * every) for every in self.every]
+        self.steps_per_sample = [1]
+        while (
+            len(self.steps_per_sample) < len(_CAPACITIES)
+            and 1.0 / (step * self.steps_per_sample[-1] * _FACTOR) >= _LOWEST_RATE
+        ):
+            self.steps_per_sample.append(self.steps_per_sample[-1] * _FACTOR)
+        self.rates = [1.0 / (step * steps_per_sample) for steps_per_sample in self.steps_per_sample]
         self.count = 0
         """Number of steps so far."""
         self._chunk = np.empty((channels, CHUNK), dtype=np.float32)
         """A ring: the samples of the last chunk, which new ones replace. Tones need few digits."""
-        self._lower = [np.zeros((channels, 0)) for _ in self.every[1:]]
+        self._lower = [np.zeros((channels, 0)) for _ in self.steps_per_sample[1:]]
         """Samples of the lower rates from all complete chunks, as far as they are kept."""
-        self._before = [np.zeros((channels, 1)) for _ in self.every[1:]]
+        self._last_sums = [np.zeros((channels, 1)) for _ in self.steps_per_sample[1:]]
         """Weighted sums of the last groups, which the next samples need."""
 
     def add(self, signals: Sequence[Vector]) -> Iterator[list[int]]:
@@ -58,94 +61,100 @@ class SampleRates:
         """
         first, samples = 0, signals[0].shape[1]
         while first < samples:
-            at = self.count % CHUNK
-            last = min(first + CHUNK - at, samples)
+            position = self.count % CHUNK
+            last = min(first + CHUNK - position, samples)
             row = 0
             with np.errstate(over="ignore"):  # of a run that diverges
                 for part in signals:
-                    self._chunk[row : row + len(part), at : at + last - first] = part[:, first:last]
+                    self._chunk[row : row + len(part), position : position + last - first] = part[
+                        :, first:last
+                    ]
                     row += len(part)
             self.count += last - first
             first = last
             if self.count % CHUNK == 0:
-                decimated = self._decimated(slice(None), CHUNK)
-                for i, (new, before) in enumerate(decimated):
-                    kept = np.concatenate([self._lower[i], new], axis=1)
-                    self._lower[i] = kept[:, -_KEPT[i + 1] :]
-                    self._before[i] = before
+                decimated = self._decimate(slice(None), CHUNK)
+                for i, (new_samples, last_sums) in enumerate(decimated):
+                    capacity = np.concatenate([self._lower[i], new_samples], axis=1)
+                    self._lower[i] = capacity[:, -_CAPACITIES[i + 1] :]
+                    self._last_sums[i] = last_sums
                 chunks = self.count // CHUNK
-                yield [i for i, each in enumerate(self.every) if chunks % self._period(i, each) == 0]
+                yield [
+                    i for i, steps in enumerate(self.steps_per_sample) if chunks % self._period(i, steps) == 0
+                ]
 
-    def _period(self, number: int, every: int) -> int:
+    def _period(self, number: int, steps_per_sample: int) -> int:
         """Return the number of chunks after which all samples at a rate are new."""
-        return max(_KEPT[number] * every // CHUNK, 1)
+        return max(_CAPACITIES[number] * steps_per_sample // CHUNK, 1)
 
-    def _decimated(self, channels: Any, steps: int) -> list[tuple[Vector, Vector]]:
+    def _decimate(self, channels: Any, steps: int) -> list[tuple[Vector, Vector]]:
         """Return the samples of the lower rates in the first steps of the chunk, and their last sums."""
         samples, decimated = self._chunk[channels, :steps].astype(float), list[tuple[Vector, Vector]]()
-        for before in self._before:
-            groups = samples[:, : samples.shape[1] // _EIGHTH * _EIGHTH].reshape(len(samples), -1, _EIGHTH)
+        for last_sums in self._last_sums:
+            groups = samples[:, : samples.shape[1] // _FACTOR * _FACTOR].reshape(len(samples), -1, _FACTOR)
             with np.errstate(invalid="ignore"):  # of a run that diverges
-                rising = np.concatenate([before[channels], _weighted(groups, _RISING)], axis=1)
-                samples = rising[:, :-1] + _weighted(groups, _FALLING)
+                rising = np.concatenate([last_sums[channels], _sum_groups(groups, _RISING_WEIGHTS)], axis=1)
+                samples = rising[:, :-1] + _sum_groups(groups, _FALLING_WEIGHTS)
             decimated.append((samples, rising[:, -1:].copy()))
         return decimated
 
     def samples(self, number: int, channels: Indices, first: int) -> Vector:
         """Return the samples of some signals at a rate that are kept, from a number on."""
-        at = self.count % CHUNK
+        position = self.count % CHUNK
         if number == 0:
-            old = self._chunk[channels, at:] if self.count >= CHUNK else np.zeros((len(channels), 0))
-            kept = np.concatenate([old, self._chunk[channels, :at]], axis=1).astype(float)
+            earlier = (
+                self._chunk[channels, position:] if self.count >= CHUNK else np.zeros((len(channels), 0))
+            )
+            capacity = np.concatenate([earlier, self._chunk[channels, :position]], axis=1).astype(float)
         else:
-            new = self._decimated(channels, at)[number - 1][0]
-            kept = np.concatenate([self._lower[number - 1][channels], new], axis=1)
-        return kept[:, max(first - self.available(number) + kept.shape[1], 0) :]
+            later = self._decimate(channels, position)[number - 1][0]
+            capacity = np.concatenate([self._lower[number - 1][channels], later], axis=1)
+        return capacity[:, max(first - self.available(number) + capacity.shape[1], 0) :]
 
     def available(self, number: int) -> int:
         """Return the number of samples at a rate so far."""
-        return self.count // self.every[number]
+        return self.count // self.steps_per_sample[number]
 
-    def kept(self, number: int) -> int:
+    def capacity(self, number: int) -> int:
         """Return how many samples at a rate are kept at least, if there were so many."""
-        return _KEPT[number]
+        return _CAPACITIES[number]
 
     def gains(self, number: int, frequencies: Vector) -> Vector:
         """Return the gains of the filters in front of a rate at frequencies in Hz."""
         gains = np.ones(len(frequencies))
         for rate in self.rates[1 : number + 1]:
-            gains *= np.square(np.sinc(frequencies / rate) / np.sinc(frequencies / (rate * _EIGHTH)))
+            gains *= np.square(np.sinc(frequencies / rate) / np.sinc(frequencies / (rate * _FACTOR)))
         return gains
 
     def memory(self) -> dict[str, Any]:
         """Return the state as plain data."""
         filled = min(self.count, CHUNK)
-        arrays = [self._chunk[:, :filled], *self._lower, *self._before]
+        arrays = [self._chunk[:, :filled], *self._lower, *self._last_sums]
         return {"count": self.count, "arrays": [base64.b64encode(x.tobytes()).decode() for x in arrays]}
 
-    def remember(self, memory: Mapping[str, Any]) -> None:
-        """Continue from `memory`; raise ValueError, TypeError or KeyError if it belongs to another run."""
+    def remember(self, state: Mapping[str, Any]) -> None:
+        """Continue from a state; raise ValueError, TypeError or KeyError if it is of another run."""
         channels = len(self._chunk)
-        first, *rest = (base64.b64decode(x) for x in memory["arrays"])
+        first, *encoded = (base64.b64decode(x) for x in state["arrays"])
         chunk = np.frombuffer(first, dtype=np.float32).reshape(channels, -1)
-        others = [np.frombuffer(x).reshape(channels, -1) for x in rest]
-        self.count = int(memory["count"])
+        arrays = [np.frombuffer(x).reshape(channels, -1) for x in encoded]
+        self.count = int(state["count"])
         self._chunk[:, : chunk.shape[1]] = chunk
-        self._lower, self._before = others[: len(self._lower)], others[len(self._lower) :]
+        self._lower, self._last_sums = arrays[: len(self._lower)], arrays[len(self._lower) :]
 
 
-def _weighted(groups: Vector, weights: Vector) -> Vector:
+def _sum_groups(groups: Vector, weights: Vector) -> Vector:
     """Return the weighted sum of each group.
 
     Large products start threads of the BLAS library, which wait for more work at the cost of the run.
     """
     signals, count, _ = groups.shape
-    whole = count - count % _PRODUCT
-    parts = groups[:, :whole].reshape(signals, -1, _PRODUCT, _EIGHTH) @ weights
-    if whole == count:
+    divisible = count - count % _GROUPS_PER_PRODUCT
+    parts = groups[:, :divisible].reshape(signals, -1, _GROUPS_PER_PRODUCT, _FACTOR) @ weights
+    if divisible == count:
         return parts.reshape(signals, count)
-    return np.concatenate([parts.reshape(signals, whole), groups[:, whole:] @ weights], axis=1)
+    return np.concatenate([parts.reshape(signals, divisible), groups[:, divisible:] @ weights], axis=1)
 
 
-_PRODUCT = 256
+_GROUPS_PER_PRODUCT = 256
 """Groups in a product."""

@@ -177,10 +177,10 @@ JOINT_FIGURES: dict[str, Picture] = {
 """The plots of a joint by file name; their signals are roles."""
 
 
-def _in_machine(joint: str, role: str, names: Collection[str], roles: Mapping[str, str]) -> str | None:
+def _find_in_machine(joint: str, role: str, names: Collection[str], roles: Mapping[str, str]) -> str | None:
     """Find a variable as `find_variable` does, if joints move a machine together."""
-    there = any(name.startswith("machine.") for name in names)
-    return find_variable(joint, role, names, roles) if there else None
+    has_machine = any(name.startswith("machine.") for name in names)
+    return find_variable(joint, role, names, roles) if has_machine else None
 
 
 MACHINE_FIGURES: dict[str, Picture] = {
@@ -196,7 +196,7 @@ MACHINE_FIGURES: dict[str, Picture] = {
                 ),
             ),
         ),
-        find=_in_machine,
+        find=_find_in_machine,
     ),
     "motion": _joint_picture(
         "Positions and accelerations of the pistons",
@@ -210,7 +210,7 @@ MACHINE_FIGURES: dict[str, Picture] = {
                 part="settled",
             ),
         ),
-        find=_in_machine,
+        find=_find_in_machine,
     ),
 }
 """The plots of a machine's joints by file name, as figures 8 and 9 of the paper."""

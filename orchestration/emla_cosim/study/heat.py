@@ -16,10 +16,10 @@ import numpy as np
 from ..base.arrays import Indices, Vector, read_stored_array
 from .roles import RoleNames, find_variable
 
-SHORTEST = 1.0
+MIN_DURATION = 1.0
 """Least evaluated time in s; a shorter part of a motion says nothing about a cycle."""
 
-_MOST = 1024
+_MAX_SAMPLES = 1024
 """Most samples of a temperature."""
 
 _SHORTEST_INTERVAL = 1e-3
@@ -31,7 +31,7 @@ _ROUNDING = 1e-9
 _TOLERANCE = 1e-3
 """Tolerance for the permitted temperature rise as a part of it; samples miss the highest rise by less."""
 
-_NOTHING = 1e-300
+_ZERO_RISE = 1e-300
 """A temperature rise in K that is as good as none, but has a logarithm."""
 
 _PARAMETERS = ("i_N", "permitted_rise", "tau_th", "ideal_torque", "period")
@@ -102,8 +102,8 @@ class Winding:
         """
         if 0.0 < self.period <= time[-1] - time[0] + _ROUNDING:
             start = time[-1] - self.period * math.floor((time[-1] - time[0] + _ROUNDING) / self.period)
-            later = time > start
-            time, rise = (np.append(np.interp(start, time, x), x[later]) for x in (time, rise))
+            is_in_cycle = time > start
+            time, rise = (np.append(np.interp(start, time, x), x[is_in_cycle]) for x in (time, rise))
         length, gain = float(time[-1] - time[0]), float(rise[-1] - rise[0])
         phase = time - time[0]
         steady = rise + gain / -math.expm1(-length / self.tau) * np.exp(-phase / self.tau)
@@ -112,7 +112,7 @@ class Winding:
         trips_after = math.nan
         if (beyond > 0.0).any():
             # what the present rise lacks decays, and at some phase of a cycle gets as small as what is beyond
-            lacking = max(float(steady[0] - rise[-1]), _NOTHING)
+            lacking = max(float(steady[0] - rise[-1]), _ZERO_RISE)
             phase, beyond = phase[beyond > 0.0], beyond[beyond > 0.0]
             cycles = np.ceil((self.tau * np.log(lacking / beyond) - phase) / length)
             trips_after = float((phase + length * np.maximum(cycles, 0.0)).min())
@@ -147,7 +147,7 @@ def find_winding(
 
 
 class _Samples:
-    """A temperature in at most `_MOST` samples: the first row of each of many equal intervals, and the last.
+    """At most `_MAX_SAMPLES` samples of a temperature: the first of each equal interval, and the last.
 
     Which rows these are depends on their times alone, not on the blocks in which they come.
     """
@@ -161,16 +161,16 @@ class _Samples:
     def add(self, time: Vector, rise: Vector) -> None:
         """Take the next rows: times in s, and temperature rises in K."""
         start = self._times[0] if self._times else float(time[0])
-        before = self._times[-1:] or [start - self._interval]
-        chosen = self._find_first(np.append(before, time), start)
-        self._times += time[chosen].tolist()
-        self._rises += rise[chosen].tolist()
+        previous = self._times[-1:] or [start - self._interval]
+        selected = self._find_first(np.append(previous, time), start)
+        self._times += time[selected].tolist()
+        self._rises += rise[selected].tolist()
         self._last = float(time[-1]), float(rise[-1])
-        while len(self._times) > _MOST:
+        while len(self._times) > _MAX_SAMPLES:
             self._interval *= 2.0
             times = np.array(self._times)
-            kept = [0, *(1 + self._find_first(times, start))]
-            self._times, self._rises = times[kept].tolist(), np.array(self._rises)[kept].tolist()
+            indices = [0, *(1 + self._find_first(times, start))]
+            self._times, self._rises = times[indices].tolist(), np.array(self._rises)[indices].tolist()
 
     def _find_first(self, time: Vector, start: float) -> Indices:
         """Return which times but the first one are in another interval than the time before."""
@@ -187,12 +187,12 @@ class _Samples:
         state = {"times": self._times, "rises": self._rises, "last": self._last}
         return {"interval": self._interval, **{name: list(values) for name, values in state.items()}}
 
-    def remember(self, memory: Mapping[str, Any]) -> None:
-        """Continue from `memory`; raise KeyError or ValueError if it belongs to another run."""
-        self._interval = float(memory["interval"])
-        self._times = read_stored_array(memory["times"], (len(memory["times"]),)).tolist()
-        self._rises = read_stored_array(memory["rises"], (len(self._times),)).tolist()
-        time, rise = read_stored_array(memory["last"], (2,)).tolist()
+    def remember(self, state: Mapping[str, Any]) -> None:
+        """Continue from a stored state; raise KeyError or ValueError if it belongs to another run."""
+        self._interval = float(state["interval"])
+        self._times = read_stored_array(state["times"], (len(state["times"]),)).tolist()
+        self._rises = read_stored_array(state["rises"], (len(self._times),)).tolist()
+        time, rise = read_stored_array(state["last"], (2,)).tolist()
         self._last = time, rise
 
 
@@ -250,7 +250,7 @@ class HeatWatch:
         if joint not in self._samples:
             return None
         time, rise = self._samples[joint].curve()
-        if not (time[-1] - time[0] >= SHORTEST - _ROUNDING and np.isfinite(rise).all()):
+        if not (time[-1] - time[0] >= MIN_DURATION - _ROUNDING and np.isfinite(rise).all()):
             return None
         return self._windings[joint].repeat(time, rise)
 
@@ -258,7 +258,7 @@ class HeatWatch:
         """Return the state as plain data, by number of the joint."""
         return {str(joint): samples.memory() for joint, samples in self._samples.items()}
 
-    def remember(self, memory: Mapping[str, Any]) -> None:
-        """Continue from `memory`; raise KeyError or ValueError if it belongs to another run."""
+    def remember(self, state: Mapping[str, Any]) -> None:
+        """Continue from a stored state; raise KeyError or ValueError if it belongs to another run."""
         for joint, samples in self._samples.items():
-            samples.remember(memory[str(joint)])
+            samples.remember(state[str(joint)])

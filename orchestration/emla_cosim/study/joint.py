@@ -31,7 +31,7 @@ from ..base.errors import CommandError, join_names
 from ..base.units import IDENTITY, SiUnit, find_conversion
 from ..system.model import Component, System, Value
 
-_WIRES = (
+_CONNECTIONS = (
     "reference.x_d -> controller.x_d",
     "reference.v_d -> controller.v_d",
     "reference.a_d -> controller.a_d",
@@ -52,7 +52,7 @@ _WIRES = (
     "controller.i_q_ref -> plant.i_q_ref",
     "controller.i_q_ref -> observer.i_q_ref",
 )
-_COMMANDED = {
+_COMMAND_CONNECTIONS = {
     "reference.x_d -> controller.x_d": (
         "reference.x_d -> command.x_d",
         "reference.v_d -> command.v_d",
@@ -76,15 +76,15 @@ _LOAD_SENSOR = (
     "load_observer.v_hat -> command.load.v",
     "load_observer.a_hat -> command.load.a",
 )
-_BRAKED = {"x_d": "x_r", "v_d": "v_r", "a_d": "a_r", "i_q": "i_q_c", "i_d": "i_d_c"}
+_BRAKE_OUTPUTS = {"x_d": "x_r", "v_d": "v_r", "a_d": "a_r", "i_q": "i_q_c", "i_d": "i_d_c"}
 """What a brake passes on to the controller, by the inputs that both have."""
 
-_BRAKE = (
+_BRAKE_CONNECTIONS = (
     "controller.i_q_ref -> brake.i_q_ref",
     "brake.engaged -> plant.brake.engaged",
     "brake.disabled -> plant.inverter.disabled",
 )
-_ESTIMATED = ("observer.x_hat -> controller.x_hat", "observer.v_hat -> controller.v_hat")
+_ESTIMATED_FEEDBACK = ("observer.x_hat -> controller.x_hat", "observer.v_hat -> controller.v_hat")
 _SAMPLE = ("disturbance", "observer", "load_observer", "command", "brake")
 """Components that compute at communication points, like the controller: the disturbance draws random numbers.
 """
@@ -94,7 +94,7 @@ _SENSOR_FAULTS = ("sensor.sigma", "sensor.resolution", "sensor.current.sigma", "
 MACHINE = "machine."
 """Begin of the names of parameters that a user's controller takes from the actuator of its joint."""
 
-_TRUE = ("plant.x_L -> controller.x_hat", "plant.v_L -> controller.v_hat")
+_TRUE_FEEDBACK = ("plant.x_L -> controller.x_hat", "plant.v_L -> controller.v_hat")
 
 
 COMPLIANT_PLANTS = (EmlaCompliantPlant, EmlaCompliantAxis)
@@ -187,9 +187,9 @@ def build_joint(
         CommandError: The controller lacks u_q or u_d.
     """
     rigid, soft = (EmlaAxis, EmlaCompliantAxis) if on_stroke else (EmlaPlant, EmlaCompliantPlant)
-    driven = EmlaMotor if electrical else soft if compliant else rigid
+    drive = EmlaMotor if electrical else soft if compliant else rigid
     blocks: dict[type[Block], tuple[str, Sequence[Any]]] = {
-        driven: ("motor" if electrical else "plant", [emla, plant]),
+        drive: ("motor" if electrical else "plant", [emla, plant]),
         Disturbance: ("disturbance", [disturbance]),
         EmlaObserver: ("observer", [emla, observer_gains, {"x_hat_start": estimate}]),
     }
@@ -205,25 +205,25 @@ def build_joint(
         Component(f"{name}.{role}", block.__name__, start_values(block, *sources), samples=role in _SAMPLE)
         for block, (role, sources) in blocks.items()
     ]
-    components.append(_controller(f"{name}.controller", controller, emla, gains))
-    wires = [*_WIRES, *(_TRUE if true_feedback else _ESTIMATED)]
+    components.append(_build_controller(f"{name}.controller", controller, emla, gains))
+    wires = [*_CONNECTIONS, *(_TRUE_FEEDBACK if true_feedback else _ESTIMATED_FEEDBACK)]
     if command is not None:
-        wires = [new for wire in wires for new in _COMMANDED.get(wire, (wire,))]
+        wires = [new for wire in wires for new in _COMMAND_CONNECTIONS.get(wire, (wire,))]
         wires += [_APPROACH] if "approach_time" in command else []
     if load_observer is not None:
         wires += _LOAD_SENSOR
     if brake is not None:
-        wires = [new for wire in wires for new in _through_brake(wire)] + list(_BRAKE)
+        wires = [new for wire in wires for new in _insert_brake(wire)] + list(_BRAKE_CONNECTIONS)
     roles = {"plant": "motor"} if electrical else {}
     ends = [
-        [_full_name(name, end, roles, elsewhere) for end in wire.split(" -> ")]
+        [_resolve_name(name, end, roles, elsewhere) for end in wire.split(" -> ")]
         for wire in wires
-        if _has_port(_ports(controller), wire)
+        if _has_port(_list_ports(controller), wire)
     ]
     return Joint(tuple(components), tuple(f"{a} -> {b}" for a, b in ends if a is not None and b is not None))
 
 
-def _through_brake(wire: str) -> list[str]:
+def _insert_brake(wire: str) -> list[str]:
     """Return the connections that replace one, so that it leads through the brake if need be."""
     source, target = wire.split(" -> ")
     role, _, port = target.partition(".")
@@ -231,12 +231,12 @@ def _through_brake(wire: str) -> list[str]:
         return [wire, f"{source} -> brake.x_hat"]
     if target == "observer.i_q":
         return [f"brake.i_q_c -> {target}"]
-    if role == "controller" and port in _BRAKED:
-        return [f"{source} -> brake.{port}", f"brake.{_BRAKED[port]} -> {target}"]
+    if role == "controller" and port in _BRAKE_OUTPUTS:
+        return [f"{source} -> brake.{port}", f"brake.{_BRAKE_OUTPUTS[port]} -> {target}"]
     return [wire]
 
 
-def _full_name(
+def _resolve_name(
     joint: str, end: str, roles: Mapping[str, str], elsewhere: Mapping[str, str | None]
 ) -> str | None:
     if end in elsewhere:
@@ -245,21 +245,23 @@ def _full_name(
     return f"{joint}.{roles.get(role, role)}.{port}"
 
 
-def _controller(name: str, controller: type[Block] | Path, emla: Any, gains: Any) -> Component:
+def _build_controller(name: str, controller: type[Block] | Path, emla: Any, gains: Any) -> Component:
     for port in ("u_q", "u_d"):
-        if port not in _ports(controller):
+        if port not in _list_ports(controller):
             raise CommandError(
-                f"the controller {_controller_label(controller)} has no output '{port}'.", name=port
+                f"the controller {_label_controller(controller)} has no output '{port}'.", name=port
             )
     if not isinstance(controller, Path) and controller.__module__.startswith("rsba_fmu."):
         return Component(name, controller.__name__, start_values(controller, emla, gains), samples=True)
-    values, note = _machine_values(name, controller, emla)
+    values, note = _find_machine_values(name, controller, emla)
     if isinstance(controller, Path):
         return Component(name, fmu=controller, parameters=values, samples=True, note=note)
     return Component(name, controller, values | start_values(controller, gains), samples=True, note=note)
 
 
-def _machine_values(name: str, controller: type[Block] | Path, emla: Any) -> tuple[dict[str, Value], str]:
+def _find_machine_values(
+    name: str, controller: type[Block] | Path, emla: Any
+) -> tuple[dict[str, Value], str]:
     """Return the start values that a user's controller takes from the actuator, and a message on them.
 
     These are its parameters `machine.R_s` and the like, and those of `KnownDrive` if it has them all. A block
@@ -268,45 +270,50 @@ def _machine_values(name: str, controller: type[Block] | Path, emla: Any) -> tup
     Raises:
         CommandError: The actuator has no such value, or the parameter has a unit that does not fit.
     """
-    units = _parameter_units(controller)
-    wanted = {n: n.removeprefix(MACHINE) for n in units if n.startswith(MACHINE)}
+    units = _list_parameter_units(controller)
+    attributes = {n: n.removeprefix(MACHINE) for n in units if n.startswith(MACHINE)}
     if {p.name for p in KnownDrive.layout().parameters} <= units.keys():
-        own = {p.name: p.attribute for b in BLOCKS for p in b.layout().parameters if p.name}
-        wanted |= {n: a for n, a in own.items() if n in units and a in _known_units()}
-    values, shown = dict[str, Value](), list[str]()
-    for parameter, attribute in wanted.items():
-        if attribute not in _known_units():
+        gain_attributes = {p.name: p.attribute for b in BLOCKS for p in b.layout().parameters if p.name}
+        attributes |= {n: a for n, a in gain_attributes.items() if n in units and a in _list_actuator_units()}
+    values, descriptions = dict[str, Value](), list[str]()
+    for parameter, attribute in attributes.items():
+        if attribute not in _list_actuator_units():
             raise CommandError(
                 f"the actuator has no value for {name}.{parameter}; it has "
-                f"{join_names([MACHINE + n for n in _known_units()])}.",
+                f"{join_names([MACHINE + n for n in _list_actuator_units()])}.",
                 name=parameter,
             )
         value = getattr(emla, attribute)
         try:
-            between = find_conversion(_known_units()[attribute], units[parameter])
+            conversion = find_conversion(_list_actuator_units()[attribute], units[parameter])
         except ValueError as error:
             raise CommandError(
                 f"{name}.{parameter} takes its value from the actuator and has {error}, which cannot be "
                 "converted into each other.",
                 name=parameter,
             ) from error
-        values[parameter] = value if between == IDENTITY else between(value)
+        values[parameter] = value if conversion == IDENTITY else conversion(value)
         unit = units[parameter]
-        shown.append(f"{parameter} = {values[parameter]:.6g}{'' if unit is None else f' {unit}'}")
-    return values, f"{name} takes start values from the actuator: {', '.join(shown)}." if shown else ""
+        descriptions.append(f"{parameter} = {values[parameter]:.6g}{'' if unit is None else f' {unit}'}")
+    return (
+        values,
+        f"{name} takes start values from the actuator: {', '.join(descriptions)}." if descriptions else "",
+    )
 
 
 @cache
-def _known_units() -> dict[str, SiUnit | None]:
+def _list_actuator_units() -> dict[str, SiUnit | None]:
     """Return the units of the values of an actuator by name."""
-    found = {v.attribute: v.unit for b in (KnownDrive, EmlaPlant) for v in b.layout().parameters}
-    known = {f.name for f in fields(EmlaParameters)} | {
+    units = {v.attribute: v.unit for b in (KnownDrive, EmlaPlant) for v in b.layout().parameters}
+    actuator_values = {f.name for f in fields(EmlaParameters)} | {
         n for n, v in vars(EmlaParameters).items() if isinstance(v, property)
     }
-    return {n: None if unit is None else parse_unit(unit) for n, unit in found.items() if n in known}
+    return {
+        n: None if unit is None else parse_unit(unit) for n, unit in units.items() if n in actuator_values
+    }
 
 
-def _parameter_units(controller: type[Block] | Path) -> dict[str, SiUnit | None]:
+def _list_parameter_units(controller: type[Block] | Path) -> dict[str, SiUnit | None]:
     """Return the units of a controller's parameters by FMI name."""
     if isinstance(controller, Path):
         from ..fmu.interface import read_interface  # slow to import
@@ -320,11 +327,11 @@ def _parameter_units(controller: type[Block] | Path) -> dict[str, SiUnit | None]
     }
 
 
-def _controller_label(controller: type[Block] | Path) -> str:
+def _label_controller(controller: type[Block] | Path) -> str:
     return f"'{controller}'" if isinstance(controller, Path) else controller.__name__
 
 
-def _ports(controller: type[Block] | Path) -> set[str]:
+def _list_ports(controller: type[Block] | Path) -> set[str]:
     """Return the names of a controller's variables."""
     if isinstance(controller, Path):
         from ..fmu.interface import read_interface  # slow to import
@@ -356,14 +363,14 @@ def start_values(block: type[Block], *sources: Any) -> dict[str, Value]:
         if isinstance(source, Mapping):
             if unknown := set(source) - set(settable):
                 raise KeyError(f"{block.__name__} has no variable {', '.join(sorted(unknown))}")
-            given = dict(source)
+            values_by_attribute = dict(source)
         else:
-            given = {a: getattr(source, a) for a in settable if hasattr(source, a)}
-        for attribute, value in given.items():
-            values |= _by_fmi_name(settable[attribute], value)
+            values_by_attribute = {a: getattr(source, a) for a in settable if hasattr(source, a)}
+        for attribute, value in values_by_attribute.items():
+            values |= _map_to_fmi_names(settable[attribute], value)
     return values
 
 
-def _by_fmi_name(variable: Variable, value: Any) -> dict[str, Value]:
+def _map_to_fmi_names(variable: Variable, value: Any) -> dict[str, Value]:
     names = [s.name for s in variable.scalars()]
     return dict(zip(names, variable.flat(value), strict=True))

@@ -61,9 +61,9 @@ def certify(simulation: Simulation) -> list[JointCertificate]:
             f"'{simulation.name}' has no joint with our plant, an RSBA controller and our observer."
         )
     references = [name for joint in joints if (name := find_variable(joint, "x_c", names)) is not None]
-    own = [f"{joint}.{part}" for joint in joints for part in ("controller.*", "plant.*", "observer.*")]
+    patterns = [f"{joint}.{part}" for joint in joints for part in ("controller.*", "plant.*", "observer.*")]
     step = simulation.options.step_size
-    result = simulation.run(recorders=[TimeSeries()], signals=[*own, *references], output_interval=step)
+    result = simulation.run(recorders=[TimeSeries()], signals=[*patterns, *references], output_interval=step)
     columns = result.read(["time", *result.names])
     return [_certify_joint(joint, columns, result.parameters) for joint in joints]
 
@@ -72,66 +72,72 @@ def _certify_joint(
     joint: str, columns: Mapping[str, Vector], parameters: Mapping[str, float]
 ) -> JointCertificate:
     time = columns["time"]
-    late = time - time[0] >= min(EVALUATED_AFTER, 0.5 * (time[-1] - time[0]))
+    is_evaluated = time - time[0] >= min(EVALUATED_AFTER, 0.5 * (time[-1] - time[0]))
 
-    def signal(name: str) -> Vector:
+    def get_signal(name: str) -> Vector:
         return columns[f"{joint}.{name}"]
 
-    def four(name: str) -> Four:
-        a, b, c, d = (own[f"controller.{name}[{i}]"] for i in _SUBSYSTEMS)
+    def read_four(name: str) -> Four:
+        a, b, c, d = (values[f"controller.{name}[{i}]"] for i in _SUBSYSTEMS)
         return a, b, c, d
 
-    start = f"{joint}."
-    own = {name.removeprefix(start): x for name, x in parameters.items() if name.startswith(start)}
-    gains = ControlGains(four("beta"), four("zeta"), four("delta"), four("sigma"))
-    P = np.array([signal(f"controller.P[{i}]") for i in _SUBSYSTEMS])
-    theta = np.array([signal(f"controller.theta[{i}]") for i in _SUBSYSTEMS])
-    D = np.abs(_acting(time, P, theta, gains))[:, late].max(axis=1)
-    unknown = np.abs(_unknown_acceleration(signal, own))[late].max()
+    prefix = f"{joint}."
+    values = {name.removeprefix(prefix): x for name, x in parameters.items() if name.startswith(prefix)}
+    gains = ControlGains(read_four("beta"), read_four("zeta"), read_four("delta"), read_four("sigma"))
+    P = np.array([get_signal(f"controller.P[{i}]") for i in _SUBSYSTEMS])
+    theta = np.array([get_signal(f"controller.theta[{i}]") for i in _SUBSYSTEMS])
+    D = np.abs(_compute_disturbances(time, P, theta, gains))[:, is_evaluated].max(axis=1)
+    unknown = np.abs(_compute_unknown_acceleration(get_signal, values))[is_evaluated].max()
     bounds = Bounds((D[0], D[1], D[2], D[3]), float(unknown), float(time[-1] - time[0]))
-    saturated = np.maximum(signal("controller.saturated"), signal("plant.inverter.saturated"))
-    limited = float(np.mean(saturated[late] > 0))
-    travel = float(np.abs(np.diff(signal("plant.x_L")[late])).max())
+    saturated = np.maximum(get_signal("controller.saturated"), get_signal("plant.inverter.saturated"))
+    limited = float(np.mean(saturated[is_evaluated] > 0))
+    travel = float(np.abs(np.diff(get_signal("plant.x_L")[is_evaluated])).max())
     step = float(time[1] - time[0])
     return JointCertificate(
         joint,
-        certificate(gains, _observer(own), bounds),
+        certificate(gains, _read_observer(values), bounds),
         bounds,
-        float(np.abs(signal("plant.x_L") - columns[str(find_variable(joint, "x_c", columns))])[late].max()),
-        float(np.linalg.norm(P[:, late], axis=0).max()),
-        float(np.abs(P[2, late]).max()),
-        float(np.abs(signal("observer.x_hat") - signal("plant.x_L"))[late].max()),
-        list(_remarks(gains, own, step, limited, travel)),
+        float(
+            np.abs(get_signal("plant.x_L") - columns[str(find_variable(joint, "x_c", columns))])[
+                is_evaluated
+            ].max()
+        ),
+        float(np.linalg.norm(P[:, is_evaluated], axis=0).max()),
+        float(np.abs(P[2, is_evaluated]).max()),
+        float(np.abs(get_signal("observer.x_hat") - get_signal("plant.x_L"))[is_evaluated].max()),
+        list(_list_remarks(gains, values, step, limited, travel)),
     )
 
 
-def _acting(time: Vector, P: Vector, theta: Vector, gains: ControlGains) -> Vector:
+def _compute_disturbances(time: Vector, P: Vector, theta: Vector, gains: ControlGains) -> Vector:
     """Return F_i + d_i - x_id' of (36), computed from the derivative of P_i by (39)."""
     gain = (np.array(gains.beta)[:, None] + np.array(gains.zeta)[:, None] * theta) / 2.0
-    left = np.gradient(P, time, axis=1) + gain * P
-    left[0] -= P[1]
-    left[1] += P[0]
-    return left
+    disturbances = np.gradient(P, time, axis=1) + gain * P
+    disturbances[0] -= P[1]
+    disturbances[1] += P[0]
+    return disturbances
 
 
-def _unknown_acceleration(signal: Any, own: Mapping[str, float]) -> Vector:
+def _compute_unknown_acceleration(get_signal: Any, values: Mapping[str, float]) -> Vector:
     """Return K_2 of (17) in m/s2: the acceleration of the screw that the observer does not model."""
-    found = signal("plant.a_L") - signal("observer.d_hat")
-    if not own["observer.use_model"]:
-        return found
-    current = signal("plant.i_q_measured" if own["observer.use_measured_current"] else "controller.i_q_ref")
-    N_p, Phi_PM, B_eq, A_eq = (own[f"observer.model.{name}"] for name in ("N_p", "Phi_PM", "B_eq", "A_eq"))
-    return found - (1.5 * N_p * Phi_PM * current - B_eq * signal("observer.v_hat")) / A_eq
+    acceleration = get_signal("plant.a_L") - get_signal("observer.d_hat")
+    if not values["observer.use_model"]:
+        return acceleration
+    current = get_signal(
+        "plant.i_q_measured" if values["observer.use_measured_current"] else "controller.i_q_ref"
+    )
+    N_p, Phi_PM, B_eq, A_eq = (values[f"observer.model.{name}"] for name in ("N_p", "Phi_PM", "B_eq", "A_eq"))
+    return acceleration - (1.5 * N_p * Phi_PM * current - B_eq * get_signal("observer.v_hat")) / A_eq
 
 
-def _observer(own: Mapping[str, float]) -> ObserverConstants:
+def _read_observer(values: Mapping[str, float]) -> ObserverConstants:
     names = ("alpha_1", "alpha_2", "Q_11", "Q_12", "Q_22", "ell", "m_0", "m_decay")
-    alpha_1, alpha_2, Q_11, Q_12, Q_22, *others = (own[f"observer.{name}"] for name in names)
-    return ObserverConstants((alpha_1, alpha_2), (Q_11, Q_12, Q_22), *others)
+    alpha_1, alpha_2, Q_11, Q_12, Q_22, *scalars = (values[f"observer.{name}"] for name in names)
+    return ObserverConstants((alpha_1, alpha_2), (Q_11, Q_12, Q_22), *scalars)
 
 
-def _remarks(
-    gains: ControlGains, own: Mapping[str, float], step: float, limited: float, travel: float
+def _list_remarks(
+    gains: ControlGains, values: Mapping[str, float], step: float, saturated_fraction: float, travel: float
 ) -> Iterator[str]:
     """Yield the assumptions of the proof that do not hold for this loop."""
     slowest, fastest = min(gains.beta), max(gains.beta)
@@ -143,7 +149,7 @@ def _remarks(
             f"The smallest of phi_1 to phi_4 is theta_hat's decay, delta_i sigma_i = {forgetting:.3g} 1/s, "
             f"{slowest / max(forgetting, 1e-300):.3g} times slower than the loops."
         )
-    if own["observer.m_decay"] > 0.0:
+    if values["observer.m_decay"] > 0.0:
         yield (
             "(22) requires a finite integral of m(t), (55) a positive infimum. Over unlimited time both "
             "are impossible; phi_0 is that of this run."
@@ -151,12 +157,12 @@ def _remarks(
     yield "(19) requires K along p^-1 C'. Loads act on the speed alone, so they violate this."
     yield (
         f"Measurements are held for a step, in which the joint moves {1e6 * travel:.3g} µm at most. "
-        f"Their resolution is {1e6 * own.get('plant.sensor.resolution', 0.0):.2g} µm. The bound of the "
+        f"Their resolution is {1e6 * values.get('plant.sensor.resolution', 0.0):.2g} µm. The bound of the "
         "observer's error ignores both."
     )
-    if own.get("observer.omega_d", 0.0) > 0.0:
+    if values.get("observer.omega_d", 0.0) > 0.0:
         yield "The observer estimates the disturbance as a third state, which (44) does not have."
-    if not own["plant.use_commanded_current"]:
+    if not values["plant.use_commanded_current"]:
         yield (
             "x_3d is u_2, for whose derivative Omega_3 there is no prior bound, and P_3 acts on the speed, "
             "which (36) omits. Both are measured here."
@@ -166,35 +172,44 @@ def _remarks(
         f"The proof is for continuous laws. Here they are held for {1e3 * step:g} ms, in which the "
         f"fastest loop decays by {100 * (1 - math.exp(-0.5 * fastest * step)):.2g} %."
     )
-    if own.get("plant.inverter.delay", 0.0) > 0.0:
+    if values.get("plant.inverter.delay", 0.0) > 0.0:
         yield "The proof ignores the delay of the inverter."
-    if limited > 0.0:
-        yield f"A limit is active {100 * limited:.2g} % of the time; the laws are not applied then."
+    if saturated_fraction > 0.0:
+        yield (
+            f"A limit is active {100 * saturated_fraction:.2g} % of the time; the laws are not applied then."
+        )
 
 
-def build_certificate_rows(found: Sequence[JointCertificate]) -> list[tuple[str, str, list[float]]]:
+def build_certificate_rows(certificates: Sequence[JointCertificate]) -> list[tuple[str, str, list[float]]]:
     """Return the rows of the table: label, unit, and the values by joint; inf if there is no bound."""
     return [
-        *((f"phi_{i}", "1/s", [one.certificate.phi[i] for one in found]) for i in range(5)),
-        ("phi_total", "1/s", [one.certificate.phi_total for one in found]),
-        ("predicted decay of |P|, proof", "1/s", [one.certificate.rate for one in found]),
-        ("predicted decay of |P|, without adaptation", "1/s", [one.certificate.direct_rate for one in found]),
+        *((f"phi_{i}", "1/s", [item.certificate.phi[i] for item in certificates]) for i in range(5)),
+        ("phi_total", "1/s", [item.certificate.phi_total for item in certificates]),
+        ("predicted decay of |P|, proof", "1/s", [item.certificate.rate for item in certificates]),
+        (
+            "predicted decay of |P|, without adaptation",
+            "1/s",
+            [item.certificate.direct_rate for item in certificates],
+        ),
         *(
-            (f"D_{i + 1} measured", u, [one.bounds.total[i] for one in found])
+            (f"D_{i + 1} measured", u, [item.bounds.total[i] for item in certificates])
             for i, u in enumerate(("m/s", "m/s2", "A/s", "A/s"))
         ),
-        *((f"theta*_{i + 1}", "", [one.certificate.theta_star[i] for one in found]) for i in range(4)),
-        ("|P|: bound of the proof", "", [one.certificate.ultimate for one in found]),
-        ("|P|: bound without adaptation", "", [one.certificate.direct_ultimate for one in found]),
-        ("|P|: simulated", "", [one.length for one in found]),
-        ("position error: bound", "µm", [1e6 * one.certificate.position for one in found]),
-        ("position error: simulated", "µm", [1e6 * one.position_m for one in found]),
-        ("current error: bound", "A", [one.certificate.current for one in found]),
-        ("current error: simulated", "A", [one.current_A for one in found]),
+        *(
+            (f"theta*_{i + 1}", "", [item.certificate.theta_star[i] for item in certificates])
+            for i in range(4)
+        ),
+        ("|P|: bound of the proof", "", [item.certificate.ultimate for item in certificates]),
+        ("|P|: bound without adaptation", "", [item.certificate.direct_ultimate for item in certificates]),
+        ("|P|: simulated", "", [item.length for item in certificates]),
+        ("position error: bound", "µm", [1e6 * item.certificate.position for item in certificates]),
+        ("position error: simulated", "µm", [1e6 * item.position_m for item in certificates]),
+        ("current error: bound", "A", [item.certificate.current for item in certificates]),
+        ("current error: simulated", "A", [item.current_A for item in certificates]),
         (
             "observer error: bound, of K_2 alone",
             "µm",
-            [1e6 * one.certificate.observer_position for one in found],
+            [1e6 * item.certificate.observer_position for item in certificates],
         ),
-        ("observer error: simulated", "µm", [1e6 * one.observer_m for one in found]),
+        ("observer error: simulated", "µm", [1e6 * item.observer_m for item in certificates]),
     ]

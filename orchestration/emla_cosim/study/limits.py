@@ -20,7 +20,7 @@ class Range(NamedTuple):
     """
 
     role: str
-    what: str
+    quantity: str
     unit: str
     low: str | None
     high: str
@@ -131,9 +131,9 @@ class LimitWatch:
         """Take the criteria by joint, the columns of signals and the values of parameters by full name."""
         self._watched = [
             watched
-            for joint, criteria_of_it in criteria.items()
+            for joint, joint_criteria in criteria.items()
             for range_ in RANGES
-            if (watched := _watch_signal(joint, range_, criteria_of_it, columns, parameters, roles))
+            if (watched := _watch_signal(joint, range_, joint_criteria, columns, parameters, roles))
             is not None
         ]
         self._loads = {
@@ -149,7 +149,7 @@ class LimitWatch:
     @property
     def columns(self) -> list[int]:
         """The columns of the watched signals, then those of the loads."""
-        return [one.column for one in (*self._watched, *self._loads.values())]
+        return [item.column for item in (*self._watched, *self._loads.values())]
 
     def trip(self, joint: str) -> Trip | None:
         """Return the first trip of a joint; None if it did not trip."""
@@ -165,33 +165,33 @@ class LimitWatch:
         if not len(values):
             return
         highest, lowest = values.max(axis=1), values.min(axis=1)
-        places = np.flatnonzero(
+        signal_numbers = np.flatnonzero(
             ~((self._minima <= lowest) & (highest <= self._maxima))
         )  # NaN counts as beyond
-        if not len(places):
+        if not len(signal_numbers):
             return
         trips = dict[str, tuple[int, Trip]]()
-        for place in places.tolist():
-            watched, of = self._watched[place], values[place]
-            tripping = np.flatnonzero(~((watched.lowest <= of) & (of <= watched.highest)))
+        for number in signal_numbers.tolist():
+            watched, series = self._watched[number], values[number]
+            tripping = np.flatnonzero(~((watched.lowest <= series) & (series <= watched.highest)))
             if watched.joint in self._trips or not len(tripping):
                 continue
             if (row := int(tripping[0])) < trips.get(watched.joint, (len(time),))[0]:
                 cause = ""
                 if (load := self._loads.get(watched.joint)) is not None:
-                    at = list(self._loads).index(watched.joint)
-                    cause = load.cause(float(loads[at, row]))
-                trip = Trip(*_violation_fields(watched, float(time[row]), float(of[row])), cause)
+                    row_of_load = list(self._loads).index(watched.joint)
+                    cause = load.cause(float(loads[row_of_load, row]))
+                trip = Trip(*_violation_fields(watched, float(time[row]), float(series[row])), cause)
                 trips[watched.joint] = row, trip
-        for place in places.tolist():
-            watched = self._watched[place]
+        for number in signal_numbers.tolist():
+            watched = self._watched[number]
             if watched.joint not in self._trips:
                 end = trips.get(watched.joint, (len(time),))[0]
-                self._look(watched, time[:end], values[place, :end])
+                self._record_touch(watched, time[:end], values[number, :end])
         for joint, (_, trip) in trips.items():
             self._trips[joint] = trip
 
-    def _look(self, watched: _WatchedSignal, time: Vector, values: Vector) -> None:
+    def _record_touch(self, watched: _WatchedSignal, time: Vector, values: Vector) -> None:
         """Record the first time beyond a limit, and the largest value there."""
         beyond = (values < watched.minimum) | (watched.maximum < values)
         if not beyond.any():
@@ -210,15 +210,18 @@ class LimitWatch:
     def memory(self) -> dict[str, Any]:
         """Return the state as plain data."""
         trips = {joint: asdict(trip) for joint, trip in self._trips.items()}
-        touches = {joint: [asdict(t) for t in found.values()] for joint, found in self._touches.items()}
+        touches = {
+            joint: [asdict(t) for t in joint_touches.values()]
+            for joint, joint_touches in self._touches.items()
+        }
         return {"trips": trips, "touches": touches}
 
-    def remember(self, memory: Mapping[str, Any]) -> None:
-        """Continue from `memory`; raise KeyError or ValueError if it is damaged."""
-        known = {watched.signal for watched in self._watched}
-        self._trips = {joint: _read(Trip, trip, known) for joint, trip in memory["trips"].items()}
+    def remember(self, state: Mapping[str, Any]) -> None:
+        """Continue from a stored state; raise KeyError or ValueError if it is damaged."""
+        signals = {watched.signal for watched in self._watched}
+        self._trips = {joint: _read_violation(Trip, trip, signals) for joint, trip in state["trips"].items()}
         self._touches = {
-            joint: {t["signal"]: _read(Touch, t, known) for t in memory["touches"][joint]}
+            joint: {t["signal"]: _read_violation(Touch, t, signals) for t in state["touches"][joint]}
             for joint in self._touches
         }
 
@@ -279,15 +282,15 @@ def _violation_fields(
     """Return the fields of a trip or a touch."""
     below = value < watched.minimum
     limit, threshold = (watched.minimum, watched.lowest) if below else (watched.maximum, watched.highest)
-    return watched.signal, time, value, limit, threshold, watched.range.unit, watched.range.what
+    return watched.signal, time, value, limit, threshold, watched.range.unit, watched.range.quantity
 
 
-def _read(kind: Any, found: Mapping[str, Any], known: set[str]) -> Any:
-    """Return a trip or a touch from `memory`."""
-    if found["signal"] not in known:
-        raise KeyError(found["signal"])
-    read = {f.name: (float if f.type in (float, "float") else str)(found[f.name]) for f in fields(kind)}
-    return kind(**read)
+def _read_violation(kind: Any, values: Mapping[str, Any], signals: set[str]) -> Any:
+    """Return a trip or a touch from a stored state."""
+    if values["signal"] not in signals:
+        raise KeyError(values["signal"])
+    converted = {f.name: (float if f.type in (float, "float") else str)(values[f.name]) for f in fields(kind)}
+    return kind(**converted)
 
 
 def format_distinct(value: float, limit: float) -> tuple[str, str]:

@@ -24,11 +24,11 @@ _APPROACH_PERIODS = 3.0
 """Shortest duration of the approach in periods of the load on a held screw: with 1.6, a load of 3.2 Hz swings
 more after a planned start than after one by the controller alone."""
 
-_LARGEST_SPEED = 0.9
+_SPEED_SHARE = 0.9
 """Fraction of the joint's largest speed that wanted motion and approach may take together. Controllers limit
 themselves to 0.95: a command with that speed leaves them nothing for errors, and tilt lags by millimetres."""
 
-_APPROACH_FORCE = 0.1
+_APPROACH_FORCE_SHARE = 0.1
 """Fraction of the force that the motor has left under the load for the acceleration of the approach."""
 
 
@@ -110,16 +110,16 @@ def complete_order(system: System, options: Mapping[str, Any]) -> dict[str, Any]
     return {"order": order} if order else {}
 
 
-def _read_frequencies(joint: str, given: float | str) -> tuple[float, ...]:
+def _read_frequencies(joint: str, entry: float | str) -> tuple[float, ...]:
     """Return the frequencies in Hz of an entry such as 6.5, "6.5 Hz" or "6.5 Hz, 20 Hz"."""
-    parts = given.split(",") if isinstance(given, str) else [given]
+    parts = entry.split(",") if isinstance(entry, str) else [entry]
     label = f"the notch of {joint}"
     frequencies = tuple(
         _read_frequency(part.strip(), label) if isinstance(part, str) else float(part) for part in parts
     )
     if len(frequencies) > NOTCHES or not all(0.0 < f < math.inf for f in frequencies):
         raise CommandError(
-            f"{label} is {given!r}; it must be one or {NOTCHES} positive frequencies, such as 6.5 Hz.",
+            f"{label} is {entry!r}; it must be one or {NOTCHES} positive frequencies, such as 6.5 Hz.",
             joint=joint,
         )
     return frequencies
@@ -157,15 +157,15 @@ def command_parameters(
         values["damping_ratio"] = [zeta] * count + [0.0] * (NOTCHES - count)
     if control.sensors == NONE or compliance is None:
         return values
-    moved = emla.alpha_RL * emla.A_eq + compliance.mass
-    left = emla.eta_GB * emla.alpha_RL * emla.tau_max - abs(force)
+    moved_mass = emla.alpha_RL * emla.A_eq + compliance.mass
+    available_force = emla.eta_GB * emla.alpha_RL * emla.tau_max - abs(force)
     values |= {
         "stiffness": compliance.stiffness,
         "m_load": compliance.mass,
         "backlash": compliance.backlash,
         "approach_time": approach_duration(compliance.mass, compliance.stiffness),
-        "v_max": _LARGEST_SPEED * emla.v_max,
-        "approach_acceleration": _APPROACH_FORCE * max(left, 0.1 * abs(force)) / moved,
+        "v_max": _SPEED_SHARE * emla.v_max,
+        "approach_acceleration": _APPROACH_FORCE_SHARE * max(available_force, 0.1 * abs(force)) / moved_mass,
     }
     if control.has_sensor:
         values |= feedback.gains(compliance.omega)

@@ -61,7 +61,7 @@ class LoadFigures:
     load_deflection_m: float
 
 
-_SHOWN = (
+_DISPLAYS = (
     MetricDisplay("load_position_error_m", "load position error", 1e6, "µm", "m"),
     MetricDisplay("load_swing_m", "load swing, peak to peak", 1e6, "µm", "m"),
     MetricDisplay("load_deflection_m", "deflection", 1e6, "µm", "m"),
@@ -69,18 +69,18 @@ _SHOWN = (
 )
 
 
-def load_metrics(outline: Outline) -> "LoadMetrics | None":
+def create_load_metrics(context: Outline) -> "LoadMetrics | None":
     """Return the metrics of all loads of a run that are not rigid; None if it has none."""
-    column = RoleNames((name, i + 1) for i, name in enumerate(outline.names))
-    parameters, loads = RoleNames(outline.parameters), list[WatchedLoad]()
-    for joint in find_all_joints(outline.names, outline.roles):
-        names = [find_variable(joint, role, column, outline.roles) for role in _ROLES]
+    column = RoleNames((name, i + 1) for i, name in enumerate(context.names))
+    parameters, loads = RoleNames(context.parameters), list[WatchedLoad]()
+    for joint in find_all_joints(context.names, context.roles):
+        names = [find_variable(joint, role, column, context.roles) for role in _ROLES]
         columns = [column[name] for name in names if name is not None]
         if len(columns) < len(_ROLES):
             continue
         correction, limit = (
-            find_variable(joint, role, of, outline.roles)
-            for role, of in (("z", column), ("z_max", parameters))
+            find_variable(joint, role, existing, context.roles)
+            for role, existing in (("z", column), ("z_max", parameters))
         )
         loads.append(
             WatchedLoad(
@@ -93,29 +93,29 @@ def load_metrics(outline: Outline) -> "LoadMetrics | None":
         )
     if not loads:
         return None
-    tracked = [load.joint for load in loads]
-    given = {
-        place: value
-        for place, value in outline.criteria.items()
-        if place.rpartition(".")[0] in ("*", *tracked)
+    joints = [load.joint for load in loads]
+    criteria = {
+        joint_criterion: value
+        for joint_criterion, value in context.criteria.items()
+        if joint_criterion.rpartition(".")[0] in ("*", *joints)
     }
-    return LoadMetrics(loads, given)
+    return LoadMetrics(loads, criteria)
 
 
 class LoadMetrics(Metrics):
     """Figures by joint; they count from when joint and load have settled, or from 0.3 s."""
 
-    shown = (MetricDisplay("load_within_window", "load within window"), *_SHOWN)
+    shown = (MetricDisplay("load_within_window", "load within window"), *_DISPLAYS)
 
     def __init__(self, loads: Sequence[WatchedLoad], criteria: Mapping[str, float | str]) -> None:
         """Take the loads to watch, and values of the option `criteria`."""
         self._loads = loads
         self._joints = [load.joint for load in loads]
         self._columns = np.array([load.columns for load in loads]).T
-        each = criteria_of(self._joints, criteria)
-        self._windows = [each[joint].position_window for joint in self._joints]
-        self._settling = Settling([each[joint] for joint in self._joints])
-        self._load_settling = Settling([each[joint] for joint in self._joints])
+        criteria_by_joint = criteria_of(self._joints, criteria)
+        self._windows = [criteria_by_joint[joint].position_window for joint in self._joints]
+        self._settling = Settling([criteria_by_joint[joint] for joint in self._joints])
+        self._load_settling = Settling([criteria_by_joint[joint] for joint in self._joints])
         self._start = self._last = np.nan
         self._first, self._final = np.full((2, len(self._joints)), np.nan)
         """First and last position error of each load in m."""
@@ -125,7 +125,7 @@ class LoadMetrics(Metrics):
         """When the position error was first not finite, in s."""
         self._limited_at = np.full(len(self._joints), np.nan)
         """When the correction by the feedback was first at its limit, in s."""
-        self._ended: str | None = None
+        self._end_problem: str | None = None
         self._evaluated_from = np.full(len(self._joints), np.nan)
         self._highest, self._lowest, self._deflection = np.full((3, len(self._joints)), np.nan)
         """Largest and smallest position error, and largest deflection, in m."""
@@ -146,7 +146,7 @@ class LoadMetrics(Metrics):
             self._not_finite[joint] = float(time[(~np.isfinite(error[joint])).argmax()])
         self._watch_corrections(time, rows)
         self._last, self._final = float(time[-1]), size[:, -1]
-        self.shown = _SHOWN if self._is_short else type(self).shown
+        self.shown = _DISPLAYS if self._is_short else type(self).shown
         earliest = self._start + EVALUATED_AFTER
         for joint in range(len(self._joints)):
             settled = max(self._settling.settled_at(joint), self._load_settling.settled_at(joint))
@@ -154,16 +154,18 @@ class LoadMetrics(Metrics):
             since = max(earliest, settled) if is_settled else earliest
             if math.isnan(self._evaluated_from[joint]) and is_settled:
                 self._evaluated_from[joint] = since
-                for counted in (self._highest, self._lowest, self._deflection, self._largest_at):
-                    counted[joint] = np.nan
-            begin = int(np.searchsorted(time, since - _ROUNDING))
-            if begin < len(time):
-                if not size[joint, begin:].max() <= self._largest(joint):  # also if there is none before
-                    self._largest_at[joint] = time[begin + int(np.argmax(size[joint, begin:]))]
-                of = error[joint, begin:]
-                self._highest[joint] = np.fmax(self._highest[joint], of.max())
-                self._lowest[joint] = np.fmin(self._lowest[joint], of.min())
-                self._deflection[joint] = np.fmax(self._deflection[joint], deflection[joint, begin:].max())
+                for figure in (self._highest, self._lowest, self._deflection, self._largest_at):
+                    figure[joint] = np.nan
+            start = int(np.searchsorted(time, since - _ROUNDING))
+            if start < len(time):
+                if not size[joint, start:].max() <= self._get_largest_error(
+                    joint
+                ):  # also if there is none before
+                    self._largest_at[joint] = time[start + int(np.argmax(size[joint, start:]))]
+                part = error[joint, start:]
+                self._highest[joint] = np.fmax(self._highest[joint], part.max())
+                self._lowest[joint] = np.fmin(self._lowest[joint], part.min())
+                self._deflection[joint] = np.fmax(self._deflection[joint], deflection[joint, start:].max())
 
     def _watch_corrections(self, time: Vector, rows: Vector) -> None:
         for number, load in enumerate(self._loads):
@@ -182,35 +184,35 @@ class LoadMetrics(Metrics):
             if not math.isnan(at)
         ]
 
-    def _largest(self, joint: int) -> float:
+    def _get_largest_error(self, joint: int) -> float:
         """Return the largest position error in m."""
         return max(abs(float(self._highest[joint])), abs(float(self._lowest[joint])))
 
     def figures(self) -> Figures:
         """Return the figures by joint for the recorded rows."""
-        return {joint: asdict(self._figures(i)) for i, joint in enumerate(self._joints)}
+        return {joint: asdict(self._compute_figures(i)) for i, joint in enumerate(self._joints)}
 
-    def _figures(self, joint: int) -> LoadFigures:
+    def _compute_figures(self, joint: int) -> LoadFigures:
         highest, lowest = float(self._highest[joint]), float(self._lowest[joint])
-        reason = self._reason(joint)
+        reason = self._describe_problem(joint)
         if reason is None and self._is_short:
             reason = f"{TOO_SHORT}."
         settled = self._load_settling.entered(joint) if self._load_settling.is_settled(joint) else np.nan
         return LoadFigures(
-            load_within_window=(reason or self._ended) is None,
-            load_reason=reason or self._ended,
+            load_within_window=(reason or self._end_problem) is None,
+            load_reason=reason or self._end_problem,
             load_settling_time_s=settled - self._start,
             load_evaluated_from_s=float(self._evaluated_from[joint]),
-            load_position_error_m=self._largest(joint),
+            load_position_error_m=self._get_largest_error(joint),
             load_swing_m=highest - lowest,
             load_deflection_m=float(self._deflection[joint]),
         )
 
-    def _reason(self, joint: int) -> str | None:
+    def _describe_problem(self, joint: int) -> str | None:
         """Return why a load is not within its window, except that the run is too short."""
         name, window, error = self._joints[joint], self._windows[joint], self._loads[joint].error
-        if not math.isnan(at := self._not_finite[joint]):
-            return f"The load of {name} has no finite {error} from t = {at:.6g} s on."
+        if not math.isnan(time := self._not_finite[joint]):
+            return f"The load of {name} has no finite {error} from t = {time:.6g} s on."
         if self._is_short:
             return None
         if not self._settling.is_settled(joint):
@@ -221,7 +223,7 @@ class LoadMetrics(Metrics):
                 f"The load of {name} has not settled: its {error} was {first} at the start and is {final} at "
                 f"the end; its window is {format_length(window)}."
             )
-        if (largest := self._largest(joint)) <= (1.0 + _ROUNDING) * window:
+        if (largest := self._get_largest_error(joint)) <= (1.0 + _ROUNDING) * window:
             return None
         return (
             f"The load of {name} left the position window of {format_length(window)}: its {error} was "
@@ -233,8 +235,8 @@ class LoadMetrics(Metrics):
         if joint not in self._joints:
             return None
         number = self._joints.index(joint)
-        is_judged = self._settling.is_settled(number) or not math.isnan(self._not_finite[number])
-        return self._reason(number) if is_judged else None
+        has_verdict = self._settling.is_settled(number) or not math.isnan(self._not_finite[number])
+        return self._describe_problem(number) if has_verdict else None
 
     @property
     def joints(self) -> list[str]:
@@ -248,12 +250,12 @@ class LoadMetrics(Metrics):
 
     def ended_early(self, problem: str) -> None:
         """Give no load a verdict, because the run ended before its stop time."""
-        self._ended = problem
+        self._end_problem = problem
 
     def memory(self) -> Any:
         """Return the state as plain data."""
-        own = {name: np.asarray(getattr(self, name)).tolist() for name in _STATE}
-        return {"own": own, "settling": self._settling.memory(), "load": self._load_settling.memory()}
+        state = {name: np.asarray(getattr(self, name)).tolist() for name in _STATE}
+        return {"own": state, "settling": self._settling.memory(), "load": self._load_settling.memory()}
 
     def remember(self, memory: Any) -> None:
         """Continue from `memory`; raise ValueError or KeyError if it belongs to another run."""

@@ -17,7 +17,7 @@ from .criteria import EVALUATED_AFTER, TOO_SHORT, criteria_of, format_length
 from .heat import HeatWatch
 from .idealisations import list_idealisations
 from .limits import LimitWatch, Trip
-from .loads import LoadMetrics, load_metrics
+from .loads import LoadMetrics, create_load_metrics
 from .oscillation import OscillationWatch, WatchedJoint
 from .roles import (
     INERTIA,
@@ -26,7 +26,7 @@ from .roles import (
     describe_error,
     find_all_joints,
     find_variable,
-    list_given_joints,
+    list_joints_with_roles,
 )
 from .settling import Settling
 from .tracking import AT_REST, FOLLOWING, OBSERVER, POSITION, SPEED, STANDSTILL, TORQUE, Tracking
@@ -82,19 +82,18 @@ class JointFigures:
 
 
 _TRACKED = ("x_L", "x_c")
-_NEEDED = (*_TRACKED, "v_L", "tau_m", "v_c")
-_WANTED = ("x_s", "v_s")
-_ROLES = (*_NEEDED, "x_hat", "limited_control", "limited_inverter", "x_load", "F_L", "d_2", *_WANTED)
+_REQUIRED = (*_TRACKED, "v_L", "tau_m", "v_c")
+_ROLES = (*_REQUIRED, "x_hat", "limited_control", "limited_inverter", "x_load", "F_L", "d_2", "x_s", "v_s")
 """Roles of the watched signals, in the order of the gathered rows."""
 
 _SEARCHED = ("tau_m", "x_L", "x_load", "v_s", "F_L", "d_2")
 """Roles of the signals for `OscillationWatch`. The commanded speed is not among them: with a sensor at the
 load it contains the oscillation, and would explain it."""
 
-_HELD = MetricDisplay(HELD, HELD)
-_HELD_WITH_LOAD = MetricDisplay(HELD, "held (screw and load)")
+_VERDICT = MetricDisplay(HELD, HELD)
+_VERDICT_WITH_LOAD = MetricDisplay(HELD, "held (screw and load)")
 _HEAT = MetricDisplay("steady_rise_K", "steady winding rise", 1.0, "K")
-_SHOWN = (
+_DISPLAYS = (
     MetricDisplay("position_error_m", "position error", 1e6, "µm", "m"),
     MetricDisplay("velocity_error_m_s", "speed error", 1e3, "mm/s", "m/s"),
     MetricDisplay("following_error_rms_m", "following error, rms", 1e6, "µm", "m"),
@@ -108,10 +107,10 @@ _SHOWN = (
 )
 
 SHOWN_WITH_LOAD = tuple(
-    replace(shown, label=f"screw {shown.label}")
-    if shown.label in ("position error", "speed error")
-    else shown
-    for shown in _SHOWN
+    replace(display, label=f"screw {display.label}")
+    if display.label in ("position error", "speed error")
+    else display
+    for display in _DISPLAYS
 )
 """Metrics of joints beside those of their loads."""
 
@@ -119,22 +118,22 @@ CONVERGENCE_TIME = MetricDisplay("convergence_time_s", "convergence time", 1e3, 
 """The paper's figures, for tables beside its own."""
 
 
-def joint_metrics(outline: Outline) -> "JointMetrics | None":
+def create_joint_metrics(context: Outline) -> "JointMetrics | None":
     """Return the metrics of all joints of a run; None if it has no joints.
 
     Raises:
         CommandError: Roles or criteria are wrong.
     """
-    check_roles(outline.roles, outline.names, outline.parameters)
-    sampled = {name: n * outline.times.step for name, n in outline.multiples.items()}
+    check_roles(context.roles, context.names, context.parameters)
+    sampled = {name: n * context.times.step for name, n in context.multiples.items()}
     metrics = JointMetrics(
-        outline.names,
-        outline.parameters,
-        outline.roles,
-        outline.criteria,
+        context.names,
+        context.parameters,
+        context.roles,
+        context.criteria,
         sampled,
-        outline.times.start,
-        load_metrics(outline),
+        context.times.start,
+        create_load_metrics(context),
     )
     return metrics if metrics.joints else None
 
@@ -146,7 +145,7 @@ class JointMetrics(Metrics):
     reference.
     """
 
-    shown = (_HELD, _HEAT, *_SHOWN)
+    shown = (_VERDICT, _HEAT, *_DISPLAYS)
 
     def __init__(
         self,
@@ -170,48 +169,56 @@ class JointMetrics(Metrics):
             loads: Metrics of the loads that are not rigid, which the verdict includes.
         """
         column = RoleNames((name, i + 1) for i, name in enumerate(names))
-        known, given = RoleNames(parameters or {}), roles or {}
-        told = list_given_joints(given)
-        found = {
-            joint: {role: find_variable(joint, role, column, given) for role in _ROLES}
-            for joint in find_all_joints(names, given)
+        parameters, roles = RoleNames(parameters or {}), roles or {}
+        joints_with_roles = list_joints_with_roles(roles)
+        candidates = {
+            joint: {role: find_variable(joint, role, column, roles) for role in _ROLES}
+            for joint in find_all_joints(names, roles)
         }
-        for joint, of in found.items():
-            if of["F_L"] == f"{joint}.plant.load.force":  # depends on the position, so it explains nothing
-                of["F_L"] = find_variable(joint, "F_t", column, given)
+        for joint, signal_of in candidates.items():
+            if (
+                signal_of["F_L"] == f"{joint}.plant.load.force"
+            ):  # depends on the position, so it explains nothing
+                signal_of["F_L"] = find_variable(joint, "F_t", column, roles)
         signals = {
-            joint: of
-            for joint, of in found.items()
-            if all(of[role] is not None for role in (_TRACKED if joint in told else _NEEDED))
+            joint: signal_of
+            for joint, signal_of in candidates.items()
+            if all(
+                signal_of[role] is not None
+                for role in (_TRACKED if joint in joints_with_roles else _REQUIRED)
+            )
         }
         self._joints = list(signals)
         self._criteria = criteria_of(self._joints, criteria or {})
-        each = [self._criteria[joint] for joint in self._joints]
+        joint_criteria = [self._criteria[joint] for joint in self._joints]
         # signals that a joint lacks are read from an added column of NaN
         self._columns = np.array(
-            [[column.get(of[role] or "", -1) for of in signals.values()] for role in _ROLES], dtype=int
+            [[column.get(signal_of[role] or "", -1) for signal_of in signals.values()] for role in _ROLES],
+            dtype=int,
         ).reshape(len(_ROLES), len(signals))
         self._missing = self._columns < 0
-        estimates = [of["x_hat"] or "" for of in signals.values()]
-        self._estimated_every = np.array([_find_sample_time(name, sample_times or {}) for name in estimates])
+        estimates = [signal_of["x_hat"] or "" for signal_of in signals.values()]
+        self._estimate_interval = np.array(
+            [_find_sample_time(name, sample_times or {}) for name in estimates]
+        )
         """Time in s from one estimate of each joint's observer to the next; NaN if each row has one."""
         self._first_estimate = start
         self._has_speed = ~(self._missing[_ROLES.index("v_s")])
-        self._limits = LimitWatch(self._criteria, column, known, given)
-        trips = {joint: of.over_temperature for joint, of in self._criteria.items()}
-        self._heat = HeatWatch.of(trips, column, known, given)
+        self._limits = LimitWatch(self._criteria, column, parameters, roles)
+        trips = {joint: signal_of.over_temperature for joint, signal_of in self._criteria.items()}
+        self._heat = HeatWatch.of(trips, column, parameters, roles)
         self._columns = np.array(
             [*self._columns.ravel(), *self._limits.columns, *self._heat.columns], dtype=int
         )
-        shown = _SHOWN if loads is None else SHOWN_WITH_LOAD
-        self._displays = (_HEAT, *shown) if self._heat.columns else shown
-        self._verdict = _HELD if loads is None else _HELD_WITH_LOAD
+        displays = _DISPLAYS if loads is None else SHOWN_WITH_LOAD
+        self._displays = (_HEAT, *displays) if self._heat.columns else displays
+        self._verdict = _VERDICT if loads is None else _VERDICT_WITH_LOAD
         self.shown = (self._verdict, *self._displays)
-        self._parameters, self._roles = known, given
-        self._errors = [describe_error(joint, str(of["x_c"])) for joint, of in signals.items()]
+        self._parameters, self._roles = parameters, roles
+        self._errors = [describe_error(joint, str(signal_of["x_c"])) for joint, signal_of in signals.items()]
         """How messages call the position errors."""
-        self._settling = Settling(each)
-        self._tracking = Tracking(np.array([one.position_window for one in each]))
+        self._settling = Settling(joint_criteria)
+        self._tracking = Tracking(np.array([criteria_.position_window for criteria_ in joint_criteria]))
         self._loads = loads
         self._oscillation = OscillationWatch(
             [
@@ -221,8 +228,8 @@ class JointMetrics(Metrics):
                         and not _is_fed_back(joint, role, signals[joint][role])
                         for role in _SEARCHED
                     ],
-                    inertia=_inertia(joint, known, given),
-                    torque_limit=_torque_limit(joint, known, given),
+                    inertia=_compute_inertia(joint, parameters, roles),
+                    torque_limit=_compute_torque_limit(joint, parameters, roles),
                     window=criteria.position_window,
                     ripple=criteria.torque_ripple,
                     is_force_known=signals[joint]["F_L"] is not None,
@@ -230,7 +237,7 @@ class JointMetrics(Metrics):
                         time for name, time in (sample_times or {}).items() if name.startswith(f"{joint}.")
                     ],
                 )
-                for joint, criteria in zip(self._joints, each, strict=True)
+                for joint, criteria in zip(self._joints, joint_criteria, strict=True)
             ]
         )
         count = len(self._joints)
@@ -246,10 +253,10 @@ class JointMetrics(Metrics):
         self._not_finite = np.full(count, np.nan)
         """When the position error was first not finite, in s."""
         self._peak = np.where(self._missing[_ROLES.index("tau_m")], np.nan, 0.0)
-        self._has_drive = [_has_drive(joint, known) for joint in self._joints]
+        self._has_drive = [_has_drive(joint, parameters) for joint in self._joints]
         self._at_trip = np.full((len(_ROLES), count), np.nan)
         """Signals of each joint when it tripped."""
-        self._ended: str | None = None
+        self._end_problem: str | None = None
 
     @property
     def joints(self) -> list[str]:
@@ -281,19 +288,21 @@ class JointMetrics(Metrics):
         with np.errstate(invalid="ignore", over="ignore"):
             error, speed_error = x - x_c, v - v_c
             distance, torques = np.abs(error), np.abs(torque)
-            values = (distance, np.abs(speed_error), torques, self._estimation_error(time, x - x_hat))
+            values = (distance, np.abs(speed_error), torques, self._compute_estimation_error(time, x - x_hat))
             limited = (control > 0.0) | (inverter > 0.0)
-            moving = self._moving(x_s, v_s, steps)
+            is_moving = self._detect_motion(x_s, v_s, steps)
         if not self._rows:
             self._first, self._last_outside = distance[:, 0].copy(), np.full(len(x), self._start)
         self._settling.write(time, distance)
-        self._evaluate(time, steps, values, moving, limited)
+        self._evaluate(time, steps, values, is_moving, limited)
         since = np.where(np.isnan(self._evaluated_from), np.inf, self._evaluated_from)
         self._oscillation.write(time, (torque, error, x_load - x_s, v_s, force, disturbance), since)
         if self._heat.columns:
-            until = [math.inf if (t := self._trip(i)) is None else t.time_s for i in range(len(self._joints))]
+            until = [
+                math.inf if (t := self._get_trip(i)) is None else t.time_s for i in range(len(self._joints))
+            ]
             self._heat.write(time, gathered[-len(self._heat.columns) :], since, until)
-        self._converge(time, distance)
+        self._update_convergence_time(time, distance)
         if not np.isfinite(distance).all():
             for joint in np.flatnonzero(np.isnan(self._not_finite) & ~np.isfinite(distance).all(axis=1)):
                 self._not_finite[joint] = float(time[(~np.isfinite(distance[joint])).argmax()])
@@ -311,19 +320,19 @@ class JointMetrics(Metrics):
             signals: Signals of shape (roles, joints, rows), which change.
         """
         for number in range(len(self._joints)):
-            if (trip := self._trip(number)) is None:
+            if (trip := self._get_trip(number)) is None:
                 continue
             after = int(np.searchsorted(time, trip.time_s, side="right"))
             if 0 < after:
                 self._at_trip[:, number] = signals[:, number, after - 1]
             signals[:, number, after:] = self._at_trip[:, number, np.newaxis]
 
-    def _trip(self, number: int) -> Trip | None:
+    def _get_trip(self, number: int) -> Trip | None:
         """Return the trip at which the figures of a joint end."""
         return self._limits.trip(self._joints[number]) if self._has_drive[number] else None
 
-    def _moving(self, x_s: Vector, v_s: Vector, steps: Vector) -> Mask:
-        """Return whether the wanted motions move, by their speeds, else by their positions."""
+    def _detect_motion(self, x_s: Vector, v_s: Vector, steps: Vector) -> Mask:
+        """Return whether the reference motions move, by their speeds, else by their positions."""
         if self._has_speed.all():
             return np.abs(v_s) > AT_REST
         changes = np.diff(x_s, prepend=self._last_reference[:, np.newaxis], axis=1)
@@ -332,43 +341,43 @@ class JointMetrics(Metrics):
             self._has_speed[:, np.newaxis], np.abs(v_s) > AT_REST, np.abs(changes) > AT_REST * steps
         )
 
-    def _estimation_error(self, time: Vector, error: Vector) -> Vector:
+    def _compute_estimation_error(self, time: Vector, error: Vector) -> Vector:
         """Return the absolute error of each observer in m; -inf in rows at which it does not estimate.
 
         Between its estimates an observer holds the last one. Its distance from a moving plant then is the
         way since that time, which is no error of the observer.
         """
         size = np.abs(error)
-        for joint in np.flatnonzero(self._estimated_every > 0.0):
-            estimates = (time - self._first_estimate) / self._estimated_every[joint]
+        for joint in np.flatnonzero(self._estimate_interval > 0.0):
+            estimates = (time - self._first_estimate) / self._estimate_interval[joint]
             size[joint, np.abs(estimates - np.rint(estimates)) > _SAME_SAMPLE] = -np.inf
         return size
 
     def _evaluate(
-        self, time: Vector, steps: Vector, values: Sequence[Vector], moving: Mask, limited: Mask
+        self, time: Vector, steps: Vector, values: Sequence[Vector], is_moving: Mask, limited: Mask
     ) -> None:
         """Update the figures of each joint from when it is evaluated on.
 
         Before a joint has settled it counts from 0.3 s on, and restarts once it has settled.
         """
         earliest = self._start + EVALUATED_AFTER
-        begins = list[int]()
+        starts = list[int]()
         for joint in range(len(self._joints)):
             settled = self._settling.settled_at(joint)
             since = earliest if math.isnan(settled) else max(earliest, settled)
-            begins.append(int(np.searchsorted(time, since - _ROUNDING)))
+            starts.append(int(np.searchsorted(time, since - _ROUNDING)))
             if math.isnan(self._evaluated_from[joint]) and not math.isnan(settled):
                 self._evaluated_from[joint] = since
                 self._tracking.restart(joint)
-        alike = len(set(begins)) == 1
-        for first in range(0, len(begins), len(begins) if alike else 1):
-            joints, begin = slice(first, None if alike else first + 1), begins[first]
-            if begin < len(time):
-                part = tuple(value[joints, begin:] for value in values)
-                of = moving[joints, begin:], limited[joints, begin:]
-                self._tracking.write(joints, time[begin:], steps[begin:], part, *of)
+        are_equal = len(set(starts)) == 1
+        for first in range(0, len(starts), len(starts) if are_equal else 1):
+            joints, start = slice(first, None if are_equal else first + 1), starts[first]
+            if start < len(time):
+                part = tuple(value[joints, start:] for value in values)
+                flags = is_moving[joints, start:], limited[joints, start:]
+                self._tracking.write(joints, time[start:], steps[start:], part, *flags)
 
-    def _converge(self, time: Vector, distance: Vector) -> None:
+    def _update_convergence_time(self, time: Vector, distance: Vector) -> None:
         """Update the paper's convergence time."""
         for joint in np.flatnonzero(self._first > STARTS_CONVERGED):
             outside = np.flatnonzero(distance[joint] > CONVERGED_WITHIN * self._first[joint])
@@ -377,13 +386,13 @@ class JointMetrics(Metrics):
 
     def ended_early(self, problem: str) -> None:
         """Mark all joints as not held, because the run ended before its stop time."""
-        self._ended = problem
+        self._end_problem = problem
 
     def memory(self) -> Any:
         """Return the state as plain data."""
-        own = {name: np.asarray(getattr(self, name)).tolist() for name in _STATE}
+        state = {name: np.asarray(getattr(self, name)).tolist() for name in _STATE}
         loads = None if self._loads is None else self._loads.memory()
-        return {"own": own, "loads": loads, **{name: getattr(self, f"_{name}").memory() for name in _PARTS}}
+        return {"own": state, "loads": loads, **{name: getattr(self, f"_{name}").memory() for name in _PARTS}}
 
     def remember(self, memory: Any) -> None:
         """Continue from `memory`; raise ValueError or KeyError if it belongs to another run."""
@@ -402,53 +411,53 @@ class JointMetrics(Metrics):
         A run that is too short for a verdict has a remark, too.
         """
         heats = [self._heat.heat(number) for number in range(len(self._joints))]
-        found = [
+        messages = [
             heat.sentence(joint)
             for joint, heat in zip(self._joints, heats, strict=True)
             if heat is not None and heat.is_excessive and self._limits.trip(joint) is None
         ]
         for number, joint in enumerate(self._joints):
-            found += self._reasons(number)
-            if (delay := _notch_delay(joint, self._parameters, self._roles)) > 0.0:
-                found.append(
+            messages += self._list_reasons(number)
+            if (delay := _compute_notch_delay(joint, self._parameters, self._roles)) > 0.0:
+                messages.append(
                     f"{joint}: notches delay its motion by {1e3 * delay:.4g} ms; errors are those from the "
                     f"delayed motion, {joint}.command.x_s."
                 )
             if self._limits.trip(joint) is None:
-                found += [touch.sentence(joint) for touch in self._limits.touches(joint)]
+                messages += [touch.sentence(joint) for touch in self._limits.touches(joint)]
         if self._is_short:
-            found.append(f"{TOO_SHORT[:1].upper()}{TOO_SHORT[1:]}.")
-        return found
+            messages.append(f"{TOO_SHORT[:1].upper()}{TOO_SHORT[1:]}.")
+        return messages
 
-    def _reasons(self, number: int) -> list[str]:
+    def _list_reasons(self, number: int) -> list[str]:
         """Return the reasons why a joint is not held, except that the run is too short."""
         joint, error = self._joints[number], self._errors[number]
         window = format_length(self._criteria[joint].position_window)
-        found = list[str]()
+        reasons = list[str]()
         if not math.isnan(at := self._not_finite[number]):
-            found.append(f"{joint} has no finite {error} from t = {at:.6g} s on.")
+            reasons.append(f"{joint} has no finite {error} from t = {at:.6g} s on.")
         if (trip := self._limits.trip(joint)) is not None:
-            found.append(trip.sentence(joint))
+            reasons.append(trip.sentence(joint))
         if not self._is_short and not self._settling.is_settled(number):
             last = format_length(self._final[number])
-            end = f"is {last} at the end" if self._trip(number) is None else f"was {last} at the trip"
-            found.append(
+            end = f"is {last} at the end" if self._get_trip(number) is None else f"was {last} at the trip"
+            reasons.append(
                 f"{joint} has not settled: its {error} was {format_length(self._first[number])} at the start "
                 f"and {end}; its window is {window}."
             )
-        if (left := self._excursions(number)) is not None:
-            times = "once" if left["count"] == 1 else f"{left['count']} times"
-            found.append(
+        if (excursions := self._describe_excursions(number)) is not None:
+            times = "once" if excursions["count"] == 1 else f"{excursions['count']} times"
+            reasons.append(
                 f"{joint} left its position window of {window} {times} after settling; its {error} was "
-                f"largest at t = {left['time_s']:.6g} s, {format_length(left['largest_m'])}."
+                f"largest at t = {excursions['time_s']:.6g} s, {format_length(excursions['largest_m'])}."
             )
         if self._loads is not None and (reason := self._loads.reason(joint)) is not None:
-            found.append(reason)
+            reasons.append(reason)
         if (oscillation := self._oscillation.oscillation(number)) is not None:
-            found.append(oscillation.sentence(joint))
-        return found
+            reasons.append(oscillation.sentence(joint))
+        return reasons
 
-    def _excursions(self, number: int) -> dict[str, Any] | None:
+    def _describe_excursions(self, number: int) -> dict[str, Any] | None:
         """Return how often a joint left its window while it was evaluated, and when it was farthest away."""
         count, time = self._tracking.excursions[:, number]
         if not count or not self._settling.is_settled(number):
@@ -458,22 +467,22 @@ class JointMetrics(Metrics):
 
     def figures(self) -> Figures:
         """Return the figures by joint for the recorded rows."""
-        return {joint: asdict(self._figures(i, joint)) for i, joint in enumerate(self._joints)}
+        return {joint: asdict(self._compute_figures(i, joint)) for i, joint in enumerate(self._joints)}
 
-    def _figures(self, number: int, joint: str) -> JointFigures:
+    def _compute_figures(self, number: int, joint: str) -> JointFigures:
         largest = self._tracking.largest[:, number]
         rms_moving, rms_resting = self._tracking.rms(number)
         oscillation = self._oscillation.oscillation(number)
         trip, heat = self._limits.trip(joint), self._heat.heat(number)
         counted, limited = self._tracking.counts[:, number]
-        reason = next(iter(self._reasons(number)), None)
+        reason = next(iter(self._list_reasons(number)), None)
         if reason is None and self._is_short:
             reason = f"{TOO_SHORT}."
-        if reason is None and self._ended is not None:
-            reason = self._ended
+        if reason is None and self._end_problem is not None:
+            reason = self._end_problem
         within = self._final[number] <= max(CONVERGED_WITHIN * self._first[number], STARTS_CONVERGED)
         settled = self._settling.is_settled(number)
-        cut = self._trip(number) is not None
+        cut = self._get_trip(number) is not None
         if cut:  # means over the time after a trip mean nothing
             rms_moving = rms_resting = np.nan
         return JointFigures(
@@ -495,7 +504,7 @@ class JointMetrics(Metrics):
             saturated_after_settling=float(limited / counted) if counted and settled and not cut else np.nan,
             convergence_time_s=float(self._last_outside[number]) - self._start if within else np.nan,
             steady_rise_K=np.nan if heat is None else heat.steady_rise_K,
-            excursions=self._excursions(number),
+            excursions=self._describe_excursions(number),
             trip=None if trip is None else asdict(trip),
             limits_touched=[asdict(touch) for touch in self._limits.touches(joint)],
             oscillation=None if oscillation is None else asdict(oscillation),
@@ -526,18 +535,18 @@ def _find_sample_time(signal: str, sample_times: Mapping[str, float]) -> float:
     return next((s for component, s in sample_times.items() if signal.startswith(f"{component}.")), np.nan)
 
 
-def _inertia(joint: str, parameters: Mapping[str, float], roles: Mapping[str, str]) -> float:
+def _compute_inertia(joint: str, parameters: Mapping[str, float], roles: Mapping[str, str]) -> float:
     """Return torque per acceleration of the screw, A_eq in N m / (m/s^2); NaN if it is unknown."""
-    named = {role: find_variable(joint, role, parameters, roles) for role in INERTIA}
-    if any(name is None for name in named.values()):
+    names = {role: find_variable(joint, role, parameters, roles) for role in INERTIA}
+    if any(name is None for name in names.values()):
         return np.nan
-    J_m, J_c, J_GB, M_BS, rho, lead = (parameters[str(named[role])] for role in INERTIA)
+    J_m, J_c, J_GB, M_BS, rho, lead = (parameters[str(names[role])] for role in INERTIA)
     alpha = 2.0 * math.pi / (rho * lead)
     return alpha * (J_m + J_c + J_GB + M_BS / alpha**2)
 
 
-def _notch_delay(joint: str, parameters: Mapping[str, float], roles: Mapping[str, str]) -> float:
-    """Return by how many s the notches delay the wanted motion of a joint; 0 without any."""
+def _compute_notch_delay(joint: str, parameters: Mapping[str, float], roles: Mapping[str, str]) -> float:
+    """Return by how many s the notches delay the reference motion of a joint; 0 without any."""
     delay = 0.0
     for i in (1, 2):
         names = [find_variable(joint, f"{role}_{i}", parameters, roles) for role in ("f_notch", "zeta_notch")]
@@ -547,7 +556,7 @@ def _notch_delay(joint: str, parameters: Mapping[str, float], roles: Mapping[str
     return delay
 
 
-def _torque_limit(joint: str, parameters: Mapping[str, float], roles: Mapping[str, str]) -> float:
+def _compute_torque_limit(joint: str, parameters: Mapping[str, float], roles: Mapping[str, str]) -> float:
     """Return the torque in N m at the lower current limit of motor and controller; NaN if it is unknown."""
     values = []
     for role in ("N_p", "Phi_PM", "i_max", "i_limit"):

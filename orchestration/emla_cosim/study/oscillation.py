@@ -30,7 +30,7 @@ NAMES = ("torque", "screw", "load")
 _WINDOWS = (128, 64)
 """Samples of a window at the highest and at the middle rate."""
 
-_ENOUGH_STEPS = 32
+_MIN_STEPS = 32
 """Steps that tell that steps have become shorter."""
 
 _NOISE_BIN = 3
@@ -42,23 +42,23 @@ _NOISE_TIME = 0.05
 _NOISE_PARTS = 3
 """Successive loud parts that make noise sustained; an impact fills one or two."""
 
-_SMALLEST_SWING = 0.01
+_MIN_TORQUE_AMPLITUDE = 0.01
 """Amplitude of a lasting tone in the torque relative to its limit; ripple of drives is smaller."""
 
-_SMALLEST_WAY = 0.005
+_MIN_POSITION_AMPLITUDE = 0.005
 """Amplitude of a lasting tone in a position relative to its window."""
 
-_SMALLEST_GROWING = 1e-5
+_MIN_GROWING_AMPLITUDE = 1e-5
 """Amplitude of a growing tone relative to torque limit or position window; rounding grows, too."""
 
 _SAME_FREQUENCY = 0.1
 """Largest relative difference between frequencies of one oscillation."""
 
-_LARGEST_LINE = 2.0 / math.pi
+_MAX_LINE_AMPLITUDE = 2.0 / math.pi
 """Amplitude of a sawtooth with steps from one limit to the other, relative to the limit: no line of the steps
 of a sampled controller is larger."""
 
-_OWN_TORQUE = 0.5
+_MAX_TORQUE_MISMATCH = 0.5
 """Largest part of the torque that may be missing or too much for the acceleration of the joint."""
 
 
@@ -142,12 +142,16 @@ class OscillationWatch:
 
     def __init__(self, joints: Sequence[WatchedJoint]) -> None:
         self._joints = joints
-        self._with = [np.flatnonzero([joint.has[signal] for joint in joints]) for signal in range(_SIGNALS)]
+        self._joints_with = [
+            np.flatnonzero([joint.has[signal] for joint in joints]) for signal in range(_SIGNALS)
+        ]
         """Joints that have each signal."""
         self._channel = np.full((_SIGNALS, len(joints)), -1)
         """Numbers of the signals that exist, with the torque of all joints first."""
-        for signal, with_it in enumerate(self._with):
-            self._channel[signal, with_it] = 1 + self._channel.max(initial=-1) + np.arange(len(with_it))
+        for signal, joint_numbers in enumerate(self._joints_with):
+            self._channel[signal, joint_numbers] = (
+                1 + self._channel.max(initial=-1) + np.arange(len(joint_numbers))
+            )
         self._channels = 1 + int(self._channel.max(initial=-1))
         self._since = np.full(len(joints), np.inf)
         self._needs_largest = any(math.isnan(joint.torque_limit) for joint in joints)
@@ -177,12 +181,12 @@ class OscillationWatch:
                 self._largest = np.fmax(self._largest, np.abs(signals[TORQUE]).max(axis=1))
         self._follow_steps(time)
         parts = [
-            signals[signal] if len(with_it) == len(self._joints) else signals[signal][with_it]
-            for signal, with_it in enumerate(self._with)
-            if len(with_it)
+            signals[signal] if len(joint_numbers) == len(self._joints) else signals[signal][joint_numbers]
+            for signal, joint_numbers in enumerate(self._joints_with)
+            if len(joint_numbers)
         ]
         if self._rates is not None:
-            for numbers in self._rates.add(self._resampled(self._rates.count, time, parts)):
+            for numbers in self._rates.add(self._resample(self._rates.count, time, parts)):
                 for number in numbers:
                     for joint in range(len(self._joints)):
                         self._search(joint, number, is_end=False)
@@ -194,7 +198,7 @@ class OscillationWatch:
         count = len(time) - is_first
         step = float(time[-1] - (time[0] if is_first else self._last_time)) / max(count, 1)
         # a few short steps, such as those before an event, are no reason
-        is_shorter = count >= _ENOUGH_STEPS and 4.0 * step < self._step
+        is_shorter = count >= _MIN_STEPS and 4.0 * step < self._step
         if step > 0.0 and (math.isnan(self._step) or step > 4.0 * self._step or is_shorter):
             for joint, number in itertools.product(range(len(self._joints)), range(self._count_rates())):
                 self._search(joint, number, is_end=False)
@@ -202,34 +206,34 @@ class OscillationWatch:
 
     def _count_rates(self) -> int:
         """Return the number of rates; none before the second row."""
-        return len(self._rates.every) if self._rates is not None else 0
+        return len(self._rates.steps_per_sample) if self._rates is not None else 0
 
     def _restart(self, start: float, step: float) -> None:
         """Forget all samples, because steps have another length now."""
         self._start, self._step = start, step
         self._rates = SampleRates(self._channels, step) if step > 0.0 else None
 
-    def _resampled(self, before: int, time: Vector, parts: Sequence[Vector]) -> Sequence[Vector]:
+    def _resample(self, before: int, time: Vector, parts: Sequence[Vector]) -> Sequence[Vector]:
         """Return samples at equal steps; those of most runs are."""
         expected = self._start + self._step * before
         count = round((float(time[-1]) - expected) / self._step) + 1
         if count == len(time) and abs(float(time[0]) - expected) < 0.1 * self._step:
             return parts
-        at = expected + self._step * np.arange(max(count, 0))
-        known = np.concatenate([[self._last_time], time]) if self._last_time < time[0] else time
+        times = expected + self._step * np.arange(max(count, 0))
+        known_times = np.concatenate([[self._last_time], time]) if self._last_time < time[0] else time
         rows = np.concatenate(parts)
         values = np.concatenate([self._last, rows], axis=1) if self._last_time < time[0] else rows
-        samples = np.array([np.interp(at, known, row) for row in values]).reshape(len(rows), -1)
+        samples = np.array([np.interp(times, known_times, row) for row in values]).reshape(len(rows), -1)
         return np.split(samples, np.cumsum([len(part) for part in parts])[:-1])
 
     def oscillation(self, joint: int) -> Oscillation | None:
         """Return the worst oscillation of a joint so far; None if there was none."""
         if joint not in self._at_end:
-            before = dict(self._worst)
+            worst = dict(self._worst)
             for number in range(self._count_rates()):
                 self._search(joint, number, is_end=True)
             self._at_end[joint] = self._worst.get(joint)
-            self._worst = before  # what grows until now may not do so until the end
+            self._worst = worst  # what grows until now may not do so until the end
         return self._at_end[joint]
 
     def _search(self, joint: int, number: int, is_end: bool) -> None:
@@ -240,46 +244,46 @@ class OscillationWatch:
             number: Number of the rate.
             is_end: Whether to search for growth until now, too.
         """
-        rates, about = self._rates, self._joints[joint]
+        rates, watched = self._rates, self._joints[joint]
         if rates is None or not math.isfinite(self._since[joint]):
             return
-        last, rate = len(rates.every) - 1, rates.rates[number]
+        last, rate = len(rates.steps_per_sample) - 1, rates.rates[number]
         is_highest = number == 0 and last > 0  # which has the torque only
-        signals = [i for i in range(_SEARCHED) if about.has[i] and (i == TORQUE or not is_highest)]
+        signals = [i for i in range(_SEARCHED) if watched.has[i] and (i == TORQUE or not is_highest)]
         first = math.ceil((float(self._since[joint]) - self._start) * rate - 1e-6) + number
-        first = max(first, rates.available(number) - rates.kept(number))
-        grids = _grids(rate, rates.available(number) - first, is_highest, number == last)
+        first = max(first, rates.available(number) - rates.capacity(number))
+        grids = _choose_grids(rate, rates.available(number) - first, is_highest, number == last)
         if not signals or not grids:
             return
         samples = rates.samples(number, self._channel[signals, joint], first)
         if not np.isfinite(samples).all():
             return
-        causes = [i for i in range(_SEARCHED, _SIGNALS) if about.has[i] and not is_highest]
-        limit = float(self._largest[joint]) if math.isnan(about.torque_limit) else about.torque_limit
-        scales = [limit if i == TORQUE else about.window for i in signals]
+        causes = [i for i in range(_SEARCHED, _SIGNALS) if watched.has[i] and not is_highest]
+        limit = float(self._largest[joint]) if math.isnan(watched.torque_limit) else watched.torque_limit
+        scales = [limit if i == TORQUE else watched.window for i in signals]
         floors = [
-            (_SMALLEST_SWING if i == TORQUE else _SMALLEST_WAY) * scale
+            (_MIN_TORQUE_AMPLITUDE if i == TORQUE else _MIN_POSITION_AMPLITUDE) * scale
             for i, scale in zip(signals, scales, strict=True)
         ]
-        least = [_SMALLEST_GROWING * scale for scale in scales]
-        begin = self._start + first / rate
-        inputs = cache(partial(self._inputs, number, joint, causes, first))
+        growing_floors = [_MIN_GROWING_AMPLITUDE * scale for scale in scales]
+        start = self._start + first / rate
+        inputs = cache(partial(self._collect_inputs, number, joint, causes, first))
         for grid in grids:
             gains = rates.gains(number, np.arange(grid.length // 2 + 1) * rate / grid.length)
             search = ToneSearch(samples, inputs, grid, gains)
-            tones = [*search.lasting(floors), *(search.growing(least) if is_end else ())]
+            tones = [*search.lasting(floors), *(search.growing(growing_floors) if is_end else ())]
             oscillations = [
-                _describe(tone, signals, limit, begin, rate)
+                _describe(tone, signals, limit, start, rate)
                 for tone in tones
-                if (about.is_force_known or _is_own(tone, signals, about))
-                and not _is_sampling(tone, scales, grid, about, rates)
+                if (watched.is_force_known or _accelerates_joint(tone, signals, watched))
+                and not _is_sampling_line(tone, scales, grid, watched, rates)
             ]
             if number == 0 and grid is grids[0] and TORQUE in signals and not oscillations:
-                oscillations = _find_noise(search, grid, about.ripple, limit, begin)
+                oscillations = _find_noise(search, grid, watched.ripple, limit, start)
             for oscillation in oscillations:
-                self._keep(joint, oscillation, limit)
+                self._update_worst(joint, oscillation, limit)
 
-    def _inputs(self, number: int, joint: int, causes: Sequence[int], first: int) -> Vector:
+    def _collect_inputs(self, number: int, joint: int, causes: Sequence[int], first: int) -> Vector:
         """Return what may cause tones: inputs, and friction, which changes its sign with the speed."""
         assert self._rates is not None
         samples = self._rates.samples(number, self._channel[causes, joint], first)
@@ -287,12 +291,12 @@ class OscillationWatch:
             samples = np.vstack([samples, np.sign(samples[causes.index(SPEED_REFERENCE)])])
         return samples
 
-    def _keep(self, joint: int, oscillation: Oscillation, limit: float) -> None:
+    def _update_worst(self, joint: int, oscillation: Oscillation, limit: float) -> None:
         window = self._joints[joint].window
         worst = self._worst.get(joint, oscillation)
         if _severity(worst, window, limit) > _severity(oscillation, window, limit):
             worst, oscillation = oscillation, worst
-        self._worst[joint] = _joined(oscillation, worst)
+        self._worst[joint] = _merge(oscillation, worst)
 
     def memory(self) -> dict[str, Any]:
         """Return the state as plain data."""
@@ -302,22 +306,22 @@ class OscillationWatch:
             "worst": {str(joint): vars(oscillation) for joint, oscillation in self._worst.items()},
         }
 
-    def remember(self, memory: Mapping[str, Any]) -> None:
-        """Continue from `memory`; raise ValueError or KeyError if it belongs to another run."""
-        self._restart(float(memory["start"]), float(memory["step"]))
-        self._last_time = float(memory["last_time"])
-        self._last = read_stored_array(memory["last"], (self._channels, 1))
+    def remember(self, state: Mapping[str, Any]) -> None:
+        """Continue from a stored state; raise ValueError or KeyError if it belongs to another run."""
+        self._restart(float(state["start"]), float(state["step"]))
+        self._last_time = float(state["last_time"])
+        self._last = read_stored_array(state["last"], (self._channels, 1))
         for name in ("since", "largest"):
-            setattr(self, f"_{name}", read_stored_array(memory[name], (len(self._joints),)))
+            setattr(self, f"_{name}", read_stored_array(state[name], (len(self._joints),)))
         if self._rates is not None:
-            self._rates.remember(memory["rates"])
-        self._worst = {int(joint): Oscillation(**values) for joint, values in memory["worst"].items()}
+            self._rates.remember(state["rates"])
+        self._worst = {int(joint): Oscillation(**values) for joint, values in state["worst"].items()}
 
 
 _STATE = ("start", "step", "last_time", "last", "since", "largest")
 
 
-def _grids(rate: float, samples: int, is_highest: bool, is_lowest: bool) -> list[Grid]:
+def _choose_grids(rate: float, samples: int, is_highest: bool, is_lowest: bool) -> list[Grid]:
     """Return how to cut samples into windows, each with the frequencies that suit it."""
     if is_highest:  # the next lower rate has the frequencies below the sixth bin
         length = _WINDOWS[0]
@@ -344,23 +348,23 @@ def _grids(rate: float, samples: int, is_highest: bool, is_lowest: bool) -> list
 
 
 def _find_noise(
-    search: ToneSearch, grid: Grid, ripple: float, limit: float, begin: float
+    search: ToneSearch, grid: Grid, ripple: float, limit: float, start: float
 ) -> list[Oscillation]:
     """Return noise of the torque whose rms exceeds a fraction of its limit for some time."""
     windows = search.squares_above(_NOISE_BIN)
-    each = max(round(_NOISE_TIME * grid.rate / grid.hop), 1)
-    parts = len(windows) // each
-    squares = windows[: parts * each].reshape(parts, each).mean(axis=1)
+    windows_per_part = max(round(_NOISE_TIME * grid.rate / grid.hop), 1)
+    parts = len(windows) // windows_per_part
+    squares = windows[: parts * windows_per_part].reshape(parts, windows_per_part).mean(axis=1)
     first, last = _longest_run(squares > (ripple * limit) ** 2)
     if last - first < _NOISE_PARTS or search.is_tone_above(_NOISE_BIN):
         return []
-    rms, duration = float(np.sqrt(squares[first:last].mean())), each * grid.hop / grid.rate
+    rms, duration = float(np.sqrt(squares[first:last].mean())), windows_per_part * grid.hop / grid.rate
     return [
         Oscillation(
             kind="noise",
             signal=NAMES[TORQUE],
-            time_s=begin + first * duration,
-            until_s=begin + last * duration,
+            time_s=start + first * duration,
+            until_s=start + last * duration,
             torque_ripple=rms / limit,
             torque_rms_N_m=rms,
             torque_swing_N_m=2.0 * math.sqrt(2.0) * rms,
@@ -368,8 +372,8 @@ def _find_noise(
     ]
 
 
-def _is_sampling(
-    tone: Tone, scales: Sequence[float], grid: Grid, about: WatchedJoint, rates: SampleRates
+def _is_sampling_line(
+    tone: Tone, scales: Sequence[float], grid: Grid, watched: WatchedJoint, rates: SampleRates
 ) -> bool:
     """Return whether a tone is made by the steps of a sampled controller, which grow with what it follows.
 
@@ -380,35 +384,38 @@ def _is_sampling(
         tone: The tone.
         scales: Torque limit or position window, by signal.
         grid: Windows in which it is found.
-        about: What is known about the joint.
+        watched: What is known about the joint.
         rates: All rates; the first is that of the run.
     """
-    number, half = rates.rates.index(grid.rate), 0.5 * rates.rates[0]
-    lines = np.array([m / t for t in about.sample_times for m in range(1, int(half * t) + 2)])
+    number, nyquist = rates.rates.index(grid.rate), 0.5 * rates.rates[0]
+    lines = np.array([m / t for t in watched.sample_times for m in range(1, int(nyquist * t) + 2)])
     folded = np.abs(lines - grid.rate * np.rint(lines / grid.rate))  # where this rate shows them
     gains = rates.gains(number, lines) / rates.gains(number, folded)  # tones are divided by the latter
     largest = gains[np.abs(folded - tone.frequency) < grid.rate / grid.length].max(initial=0.0)
-    return bool(largest > 0.0 and (tone.others <= _LARGEST_LINE * largest * np.array(scales)).all())
+    return bool(
+        largest > 0.0
+        and (tone.amplitudes_of_signals <= _MAX_LINE_AMPLITUDE * largest * np.array(scales)).all()
+    )
 
 
-def _is_own(tone: Tone, signals: Sequence[int], about: WatchedJoint) -> bool:
+def _accelerates_joint(tone: Tone, signals: Sequence[int], watched: WatchedJoint) -> bool:
     """Return whether the torque of a tone is that of the joint's acceleration, so that no force causes it."""
-    amplitudes = dict(zip(signals, tone.others, strict=True))
-    if TORQUE not in amplitudes or ERROR not in amplitudes or math.isnan(about.inertia):
+    amplitudes = dict(zip(signals, tone.amplitudes_of_signals, strict=True))
+    if TORQUE not in amplitudes or ERROR not in amplitudes or math.isnan(watched.inertia):
         return True  # at the highest rate, no drive rejects a force
-    own = about.inertia * (2.0 * math.pi * tone.frequency) ** 2 * amplitudes[ERROR]
-    return bool(abs(amplitudes[TORQUE] - own) < _OWN_TORQUE * amplitudes[TORQUE])
+    expected = watched.inertia * (2.0 * math.pi * tone.frequency) ** 2 * amplitudes[ERROR]
+    return bool(abs(amplitudes[TORQUE] - expected) < _MAX_TORQUE_MISMATCH * amplitudes[TORQUE])
 
 
-def _describe(tone: Tone, signals: Sequence[int], limit: float, begin: float, rate: float) -> Oscillation:
-    amplitudes = dict(zip(signals, tone.others.tolist(), strict=True))
+def _describe(tone: Tone, signals: Sequence[int], limit: float, start: float, rate: float) -> Oscillation:
+    amplitudes = dict(zip(signals, tone.amplitudes_of_signals.tolist(), strict=True))
     nan = float("nan")
     torque = amplitudes.get(TORQUE, nan)
     return Oscillation(
         kind="growing" if tone.is_growing else "lasting",
         signal=NAMES[signals[tone.signal]],
-        time_s=begin + tone.begin / rate,
-        until_s=begin + tone.end / rate,
+        time_s=start + tone.begin / rate,
+        until_s=start + tone.end / rate,
         frequency_Hz=tone.frequency,
         growth_1_s=tone.growth,
         torque_ripple=torque / math.sqrt(2.0) / limit if limit > 0.0 else nan,
@@ -431,14 +438,14 @@ def _severity(oscillation: Oscillation, window: float, limit: float) -> float:
     return max((x for x in relative if not math.isnan(x)), default=0.0)
 
 
-def _joined(worse: Oscillation, other: Oscillation) -> Oscillation:
+def _merge(worse: Oscillation, milder: Oscillation) -> Oscillation:
     """Return the worse oscillation, with the times of both if they have the same frequency."""
-    alike = worse.kind == other.kind == "noise" or (
-        abs(worse.frequency_Hz - other.frequency_Hz) < _SAME_FREQUENCY * worse.frequency_Hz
+    are_same = worse.kind == milder.kind == "noise" or (
+        abs(worse.frequency_Hz - milder.frequency_Hz) < _SAME_FREQUENCY * worse.frequency_Hz
     )
-    if not alike:
+    if not are_same:
         return worse
-    return replace(worse, time_s=min(worse.time_s, other.time_s), until_s=max(worse.until_s, other.until_s))
+    return replace(worse, time_s=min(worse.time_s, milder.time_s), until_s=max(worse.until_s, milder.until_s))
 
 
 def _longest_run(values: Mask) -> tuple[int, int]:

@@ -27,8 +27,8 @@ class PrintedTable:
 
     def recomputed(self, controller: str) -> Cells:
         """Return normalised averages of the printed cells: ratios of means, which reproduce most of them."""
-        both = zip(self._sums(controller), self._sums(REFERENCE), strict=True)
-        return Cells(*(ours / base for ours, base in both))
+        sums = zip(self._sums(controller), self._sums(REFERENCE), strict=True)
+        return Cells(*(own_sum / base for own_sum, base in sums))
 
     def _sums(self, controller: str) -> list[float]:
         return [sum(column) for column in zip(*(row[controller] for row in self.cells.values()), strict=True)]
@@ -46,14 +46,14 @@ def _list_moves() -> str:
     )
 
 
-def _cells(places: Iterable[tuple[str, str]]) -> dict[tuple[str, str], Mapping[str, Cells]]:
+def _read_cells(rows: Iterable[tuple[str, str]]) -> dict[tuple[str, str], Mapping[str, Cells]]:
     """Return the printed cells, from the files of the joints, by scenario and joint."""
-    return {(scenario, joint): load_joint(joint).printed_in(scenario) for scenario, joint in places}
+    return {(scenario, joint): load_joint(joint).printed_in(scenario) for scenario, joint in rows}
 
 
 TABLE_VI = PrintedTable(
     "Table VI",
-    _cells(("study", joint) for joint in STUDY),
+    _read_cells(("study", joint) for joint in STUDY),
     {
         "rsba": Cells(1.0, 1.0, 1.0, 1.0),
         "cac": Cells(1.040, 1.090, 1.110, 1.100),
@@ -67,7 +67,7 @@ TABLE_VI = PrintedTable(
 
 TABLE_VIII = PrintedTable(
     "Table VIII",
-    _cells(EXPERIMENTS.items()),
+    _read_cells(EXPERIMENTS.items()),
     {
         "rsba": Cells(1.0, 1.0, 1.0, 1.0),
         "cac": Cells(5.0, 1.71, 1.13, 1.81),

@@ -27,8 +27,8 @@ def is_random(seed: str, value: Callable[[str], float | None]) -> bool:
     """
     for end, scales in MAGNITUDES.items():
         if seed.endswith(f".{end}"):
-            place = seed.removesuffix(end)
-            low, high = [0.0, *(value(f"{place}{scale}") for scale in scales)][-2:]
+            prefix = seed.removesuffix(end)
+            low, high = [0.0, *(value(f"{prefix}{scale}") for scale in scales)][-2:]
             return low is None or high is None or low != high
     return True
 

@@ -28,14 +28,14 @@ from .joint_map import JointMap
 from .joints.joint_table import KEYS
 from .joints.schema import KIND, list_joint_names, read_joint_text
 from .load_control import complete_order
-from .loads import load_metrics
+from .loads import create_load_metrics
 from .machines import systems as machines
 from .machines.schema import KIND as MACHINE
 from .machines.schema import MACHINE_KEYS, read_machine_text
-from .metrics import joint_metrics
+from .metrics import create_joint_metrics
 from .packaged_files import read_packaged_text
 from .randomness import find_seeds
-from .roles import find_tracked_joints, find_tracked_loads, machine_roles
+from .roles import find_machine_roles, find_tracked_joints, find_tracked_loads
 from .schedules import scheduled_times
 from .sketch.film import MachineAnimation
 from .sketch.machine_picture import MachinePicture
@@ -51,8 +51,8 @@ LOADS = "loads"
 
 def register() -> None:
     """Register everything under its name; calling it again changes nothing."""
-    own = systems.SYSTEMS | machines.SYSTEMS
-    SYSTEMS.update(own)
+    built_in = systems.SYSTEMS | machines.SYSTEMS
+    SYSTEMS.update(built_in)
     FOLLOWING.update(machines.SYSTEMS)
     CHANGES["actuator"] = change_entries
     EXTENSIONS["supply"] = supply.share_supply
@@ -68,8 +68,8 @@ def register() -> None:
         FOLLOWERS.append(follow_plant_changes)
     if find_seeds not in SEEDS:
         SEEDS.append(find_seeds)
-    if machine_roles not in ROLES:
-        ROLES.append(machine_roles)
+    if find_machine_roles not in ROLES:
+        ROLES.append(find_machine_roles)
     if scheduled_times not in SCHEDULES:
         SCHEDULES.append(scheduled_times)
     KINDS[KIND] = Kind(KEYS, joint_scenario)
@@ -77,16 +77,16 @@ def register() -> None:
         **{name: partial(read_joint_text, name) for name in list_joint_names()},
         **{name: partial(read_machine_text, name) for name in machines.BUILT_IN},
     }
-    for name in own:
+    for name in built_in:
         SCENARIOS[name] = texts.get(name) or partial(read_packaged_text, "scenarios", name)
     KINDS[MACHINE] = Kind(MACHINE_KEYS, machines.machine_scenario)
     for name in ("study-robustness",):
         PLANS[name] = partial(read_packaged_text, "plans", name)
     TUNINGS.update(list_tuning_plans())
-    METRICS[LOADS] = load_metrics  # before the joints: tables show it first
-    METRICS[JOINTS] = joint_metrics
-    METRICS[brakes.BRAKES] = brakes.brake_metrics
-    METRICS[supply.SUPPLY] = supply.supply_metrics
+    METRICS[LOADS] = create_load_metrics  # before the joints: tables show it first
+    METRICS[JOINTS] = create_joint_metrics
+    METRICS[brakes.BRAKES] = brakes.create_brake_metrics
+    METRICS[supply.SUPPLY] = supply.create_supply_metrics
     TRACKED[JOINTS] = find_tracked_joints
     TRACKED[LOADS] = find_tracked_loads  # after the joints: the last pair of a joint counts
     FIGURES.update(JOINT_FIGURES | MACHINE_FIGURES)

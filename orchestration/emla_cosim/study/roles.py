@@ -13,7 +13,7 @@ from ..base.errors import CommandError, join_names, suggest_names
 from ..inputs.input import find_data_names
 from ..system.model import System
 
-_PLACES: dict[str, tuple[str, ...]] = {
+_PATTERNS: dict[str, tuple[str, ...]] = {
     "x_L": ("{joint}.plant.x_L", "machine.plant.x_L[{element}]"),
     "v_L": ("{joint}.plant.v_L", "machine.plant.v_L[{element}]"),
     "a_L": ("{joint}.plant.a_L", "machine.plant.a_L[{element}]"),
@@ -110,7 +110,7 @@ _PLACES: dict[str, tuple[str, ...]] = {
 }
 """Possible places of a role's variable; the first existing one counts."""
 
-_SAME = {f"{name}_{end}": f"{name}_d" for name in ("x", "v", "a") for end in ("c", "s")}
+_FALLBACK_ROLES = {f"{name}_{end}": f"{name}_d" for name in ("x", "v", "a") for end in ("c", "s")}
 """Roles that are those of the wanted motion where no `ScrewCommand` changes it: the commanded motion of the
 screw, and the wanted motion of the load after the notches."""
 
@@ -165,21 +165,25 @@ def find_variable(
         names: Existing names; use `RoleNames` to look up many roles.
         roles: Names by JOINT.ROLE, which override the default places.
     """
-    given = (roles or {}).get(f"{joint}.{role}")
-    places = _names(_PLACES[role], joint, find_element(joint, roles)) if given is None else (given,)
+    override = (roles or {}).get(f"{joint}.{role}")
+    candidates = (
+        _format_patterns(_PATTERNS[role], joint, find_element(joint, roles))
+        if override is None
+        else (override,)
+    )
     data = names.data if isinstance(names, RoleNames) else find_data_names(names)
-    variable = next((data.get(name, name) for name in places if name in data or name in names), None)
-    if variable is None and role in _SAME:
-        return find_variable(joint, _SAME[role], names, roles)
+    variable = next((data.get(name, name) for name in candidates if name in data or name in names), None)
+    if variable is None and role in _FALLBACK_ROLES:
+        return find_variable(joint, _FALLBACK_ROLES[role], names, roles)
     return variable
 
 
 def find_all_joints(names: Iterable[str], roles: Mapping[str, str]) -> list[str]:
     """Return possible joints: the first part of each name, and joints with roles."""
-    return list(dict.fromkeys([*(n.partition(".")[0] for n in names), *list_given_joints(roles)]))
+    return list(dict.fromkeys([*(n.partition(".")[0] for n in names), *list_joints_with_roles(roles)]))
 
 
-def list_given_joints(roles: Mapping[str, str]) -> list[str]:
+def list_joints_with_roles(roles: Mapping[str, str]) -> list[str]:
     """Return the joints that have roles."""
     return list(dict.fromkeys(name.rpartition(".")[0] for name in roles))
 
@@ -187,17 +191,19 @@ def list_given_joints(roles: Mapping[str, str]) -> list[str]:
 def check_roles(roles: Mapping[str, str], signals: Collection[str], parameters: Collection[str]) -> None:
     """Raise CommandError for an unknown name, or for a joint without position or reference."""
     signals, parameters = RoleNames(dict.fromkeys(signals)), RoleNames(dict.fromkeys(parameters))
-    for place, name in roles.items():
-        joint, _, role = place.rpartition(".")
-        if not joint or role not in _PLACES:
-            right = f"write JOINT.ROLE, with one of {join_names(_PLACES)} as the role"
-            raise CommandError(f"there is no role '{place}'; {right}.", role=place)
-        bounds = role in _PARAMETERS
-        if name not in (parameters if bounds else signals):
-            kind, there = ("parameter", parameters) if bounds else ("signal", signals)
-            meant = suggest_names(name, there)
-            raise CommandError(f"there is no {kind} '{name}' for the role {place}; {meant}", name=name)
-    for joint in list_given_joints(roles):
+    for joint_role, name in roles.items():
+        joint, _, role = joint_role.rpartition(".")
+        if not joint or role not in _PATTERNS:
+            correction = f"write JOINT.ROLE, with one of {join_names(_PATTERNS)} as the role"
+            raise CommandError(f"there is no role '{joint_role}'; {correction}.", role=joint_role)
+        is_parameter = role in _PARAMETERS
+        if name not in (parameters if is_parameter else signals):
+            kind, existing = ("parameter", parameters) if is_parameter else ("signal", signals)
+            suggestion = suggest_names(name, existing)
+            raise CommandError(
+                f"there is no {kind} '{name}' for the role {joint_role}; {suggestion}", name=name
+            )
+    for joint in list_joints_with_roles(roles):
         missing = [role for role in ("x_L", "x_d") if find_variable(joint, role, signals, roles) is None]
         if missing:
             entries = join_names(f"{joint}.{role}" for role in missing)
@@ -234,25 +240,30 @@ def describe_error(joint: str, reference: str) -> str:
 
 def list_role_patterns(*roles: str) -> list[str]:
     """Return patterns for all possible names of these roles."""
-    places = (place for role in roles for name in (role, _SAME.get(role, role)) for place in _PLACES[name])
-    return list(dict.fromkeys(place.format(joint="*", element="*") for place in places))
+    patterns = (
+        pattern
+        for role in roles
+        for name in (role, _FALLBACK_ROLES.get(role, role))
+        for pattern in _PATTERNS[name]
+    )
+    return list(dict.fromkeys(pattern.format(joint="*", element="*") for pattern in patterns))
 
 
 def find_joints(system: System) -> list[str]:
     """Return the joints of a system that have position and reference."""
     components = {c.name for c in system.components}
-    roles = machine_roles(map(str, system.connections))
+    roles = find_machine_roles(map(str, system.connections))
     return [
         b for b in system.branches if all(_has_component(b, r, components, roles) for r in ("x_L", "x_d"))
     ]
 
 
 def _has_component(joint: str, role: str, components: Collection[str], roles: Mapping[str, str]) -> bool:
-    names = _names(_PLACES[role], joint, find_element(joint, roles))
+    names = _format_patterns(_PATTERNS[role], joint, find_element(joint, roles))
     return any(".".join(name.split(".")[:2]) in components for name in names)
 
 
-def machine_roles(connections: Iterable[str]) -> dict[str, str]:
+def find_machine_roles(connections: Iterable[str]) -> dict[str, str]:
     """Return the roles of joints that the trajectory of a machine moves, such as lift.x_d.
 
     Args:
@@ -277,9 +288,9 @@ _FROM_TRAJECTORY = re.compile(
 _ELEMENT = re.compile(r"machine\.trajectory\.[xva]_d\[(?P<element>\d+)\]")
 
 
-def _names(places: Iterable[str], joint: str, element: int | None) -> Iterable[str]:
+def _format_patterns(patterns: Iterable[str], joint: str, element: int | None) -> Iterable[str]:
     return (
-        place.format(joint=joint, element=element)
-        for place in places
-        if element is not None or "{element}" not in place
+        pattern.format(joint=joint, element=element)
+        for pattern in patterns
+        if element is not None or "{element}" not in pattern
     )

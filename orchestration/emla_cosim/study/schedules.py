@@ -14,9 +14,9 @@ def scheduled_times(parameters: Mapping[str, float]) -> Iterator[float]:
         parameters: All parameters by full name.
     """
     for name, start in parameters.items():
-        if found := _LEVEL.fullmatch(name):
+        if match := _LEVEL.fullmatch(name):
             yield start
-            yield start + parameters.get(f"{found['component']}.load.ramp", 0.0)
-        elif found := _SAG.fullmatch(name):
+            yield start + parameters.get(f"{match['component']}.load.ramp", 0.0)
+        elif match := _SAG.fullmatch(name):
             yield start
-            yield start + parameters.get(f"{found['component']}.supply.duration", 0.0)
+            yield start + parameters.get(f"{match['component']}.supply.duration", 0.0)

@@ -21,8 +21,8 @@ class Settling:
     """
 
     def __init__(self, criteria: Sequence[Criteria]) -> None:
-        self._windows = [(1.0 + _ROUNDING) * one.position_window for one in criteria]
-        self._times = [one.window_time for one in criteria]
+        self._windows = [(1.0 + _ROUNDING) * joint_criteria.position_window for joint_criteria in criteria]
+        self._times = [joint_criteria.window_time for joint_criteria in criteria]
         self._entered = [np.nan] * len(criteria)
         self._settled = [False] * len(criteria)
 
@@ -42,19 +42,19 @@ class Settling:
         """Take the next rows: times in s, and the absolute position error in m of each joint in a row."""
         for joint, settled in enumerate(self._settled):
             if not settled:
-                self._look(joint, time, errors[joint])
+                self._update(joint, time, errors[joint])
 
-    def _look(self, joint: int, time: Vector, error: Vector) -> None:
+    def _update(self, joint: int, time: Vector, error: Vector) -> None:
         inside = error <= self._windows[joint]
         outside = np.where(inside, -1, np.arange(len(time)))
         last_outside = np.maximum.accumulate(outside)
         entries = np.append(time, np.nan)[last_outside + 1]
-        before = self._entered[joint]
-        entries[last_outside < 0] = time[0] if np.isnan(before) else before
-        done = inside & (time - entries >= self._times[joint] - _ROUNDING)
-        if done.any():
+        entered = self._entered[joint]
+        entries[last_outside < 0] = time[0] if np.isnan(entered) else entered
+        has_settled = inside & (time - entries >= self._times[joint] - _ROUNDING)
+        if has_settled.any():
             self._settled[joint] = True
-            self._entered[joint] = float(entries[done.argmax()])
+            self._entered[joint] = float(entries[has_settled.argmax()])
         else:
             self._entered[joint] = float(entries[-1]) if inside[-1] else np.nan
 
@@ -62,7 +62,7 @@ class Settling:
         """Return the state as plain data."""
         return {"entered": self._entered, "settled": self._settled}
 
-    def remember(self, memory: Mapping[str, Any]) -> None:
-        """Continue from `memory`; raise ValueError or KeyError if it belongs to another run."""
-        self._entered = read_stored_array(memory["entered"], (len(self._times),)).tolist()
-        self._settled = [bool(x) for x in read_stored_array(memory["settled"], (len(self._times),))]
+    def remember(self, state: Mapping[str, Any]) -> None:
+        """Continue from a stored state; raise ValueError or KeyError if it belongs to another run."""
+        self._entered = read_stored_array(state["entered"], (len(self._times),)).tolist()
+        self._settled = [bool(x) for x in read_stored_array(state["settled"], (len(self._times),))]

@@ -98,23 +98,24 @@ def complete_order(system: System, options: Mapping[str, Any]) -> dict[str, Any]
 
 def _describe(system: System) -> str:
     """Return the remark on the supply of a system."""
-    given = system.component(SUPPLY).parameters
+    parameters = system.component(SUPPLY).parameters
     return (
-        f"{SUPPLY} has {float(given['source.u_0']):.4g} V without load; its capacitor, resistances and "
+        f"{SUPPLY} has {float(parameters['source.u_0']):.4g} V without load; its capacitor, resistances and "
         f"chopper are assumed, set {SUPPLY}.link.C, {SUPPLY}.source.R and {SUPPLY}.chopper.R"
     )
 
 
 def remarks(system: System, options: Options) -> list[str]:
     """Return a warning, without full stop, for each inverter whose voltage the supply does not have."""
-    return list(_describe_other_voltages(system, options))
+    return list(_list_voltage_warnings(system, options))
 
 
-def _describe_other_voltages(system: System, options: Options) -> Iterator[str]:
+def _list_voltage_warnings(system: System, options: Options) -> Iterator[str]:
     for x in system.out_of(SUPPLY):
         u_max = f"joint.u_max{x.output.removeprefix(_SAG)}"
         drive, supply = (
-            get_number(system, options, *place) for place in ((x.target, _U_MAX), (SUPPLY, u_max))
+            get_number(system, options, *parameter_path)
+            for parameter_path in ((x.target, _U_MAX), (SUPPLY, u_max))
         )
         if None not in (drive, supply) and drive != supply:
             yield (
@@ -142,9 +143,9 @@ _ENERGIES = ("source.energy", "source.loss", "joint.drawn", "joint.returned", "c
 _VOLTAGE = "link.u"
 
 
-def supply_metrics(outline: Outline) -> "SupplyMetrics | None":
+def create_supply_metrics(context: Outline) -> "SupplyMetrics | None":
     """Return the metrics of a run's shared supply; None without one."""
-    column = {name: i + 1 for i, name in enumerate(outline.names)}
+    column = {name: i + 1 for i, name in enumerate(context.names)}
     names = [f"{SUPPLY}.{name}" for name in (*_ENERGIES, _VOLTAGE)]
     if not all(name in column for name in names):
         return None
@@ -178,10 +179,10 @@ class SupplyMetrics(Metrics):
 
     def figures(self) -> Figures:
         """Return the figures of the supply."""
-        supplied, lost, drawn, returned, burnt, stored = self._energies.tolist()
+        supplied, loss, drawn, returned, burnt, stored = self._energies.tolist()
         figures = SupplyFigures(
             source_energy_J=supplied,
-            source_loss_J=lost,
+            source_loss_J=loss,
             drawn_energy_J=drawn,
             regenerated_energy_J=returned,
             reused_energy_J=max(returned - burnt - max(stored, 0.0), 0.0),

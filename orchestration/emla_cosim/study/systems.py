@@ -23,13 +23,13 @@ from .actuator.entries import TABLES
 from .actuator.joint_actuators import (
     NONE,
     Actuators,
-    check_joints,
+    check_actuator_joints,
     controller_gains,
     default_plant_values,
     observer_gains,
     realistic_plant_values,
 )
-from .controllers import COMPLIANT, ChosenGains, choose_controller
+from .controllers import COMPLIANT, ControllerWithGains, choose_controller
 from .joint import Joint, build_joint
 from .joints.schema import JointFile, list_joint_names, load_joint, parse_joint
 from .load_control import (
@@ -54,7 +54,7 @@ Choice = str | type | None
 
 
 def study_joint(
-    own: JointFile,
+    joint_file: JointFile,
     controller: Choice,
     gains: Choice,
     *,
@@ -75,7 +75,7 @@ def study_joint(
     """Return the components of a joint, alone or on the manipulator.
 
     Args:
-        own: The file of the joint.
+        joint_file: The file of the joint.
         controller: The controller.
         gains: The set of its gains.
         reference: The motion, as parameters of the reference; see `build_joint` for None.
@@ -96,70 +96,73 @@ def study_joint(
     Raises:
         CommandError: The joint has no gains for the controller, no `[compliance]`, or no load to control.
     """
-    if own.compliance is not None and own.compliance.always:
+    if joint_file.compliance is not None and joint_file.compliance.always:
         compliant = compliant or not (as_printed or on_machine)
-    other = actuators.get(own.name)
-    actuator, x_L = other or own.actuator, own.start.x_L
-    plant: dict[str, Any] = {**own.plant, "x_L_start": x_L + ahead}
-    seeds = {} if own.seed is None else {"seed": own.seed}
+    replacement = actuators.get(joint_file.name)
+    actuator, x_L = replacement or joint_file.actuator, joint_file.start.x_L
+    plant: dict[str, Any] = {**joint_file.plant, "x_L_start": x_L + ahead}
+    seeds = {} if joint_file.seed is None else {"seed": joint_file.seed}
     plant |= seeds
     if as_printed:
         plant["use_commanded_current"] = True
-    elif drive or own.drive.always:
-        plant |= realistic_plant_values(other or own.realistic)
-        plant |= {} if own.seed is None else {"seed_i": current_seed(own.seed)}
+    elif drive or joint_file.drive.always:
+        plant |= realistic_plant_values(replacement or joint_file.realistic)
+        plant |= {} if joint_file.seed is None else {"seed_i": current_seed(joint_file.seed)}
     else:
         plant |= default_plant_values(actuator)
     if on_machine:  # a joint without power falls until an end stop holds it
-        stops = realistic_plant_values(other or own.realistic)
+        stops = realistic_plant_values(replacement or joint_file.realistic)
         plant |= {stop: stops[stop] for stop in ("stop_stiffness", "stop_damping")}
     if electrical:
-        settable = {x.attribute for x in EmlaMotor.layout().parameters}
-        plant = {name: value for name, value in plant.items() if name in settable}
-    load_command = choose_load_control(own.name, load_control, notch, compliant)
+        attributes = {x.attribute for x in EmlaMotor.layout().parameters}
+        plant = {name: value for name, value in plant.items() if name in attributes}
+    load_command = choose_load_control(joint_file.name, load_control, notch, compliant)
     compliance, force = None, load["level"][0] if load else 0.0
     if compliant:
-        compliance = own.compliant_load.with_actuator(actuator.values)
-    table = own.load.table if load else None  # on a machine, the machine is the load
+        compliance = joint_file.compliant_load.with_actuator(actuator.values)
+    table = joint_file.load.table if load else None  # on a machine, the machine is the load
     if table is not None:
-        force = own.load.force_at_start(x_L + ahead, compliance)
+        force = joint_file.load.force_at_start(x_L + ahead, compliance)
         plant |= table.parameters()
-    if own.brake is not None:
-        _check_brake(own.name, electrical, load_command)
-        plant |= {"brake_torque": own.brake.torque}
+    if joint_file.brake is not None:
+        _check_brake(joint_file.name, electrical, load_command)
+        plant |= {"brake_torque": joint_file.brake.torque}
     if compliance is not None:
         plant |= compliance.parameters(force)
     load_observer = None
     if load_command.has_sensor and compliance is not None:
-        load_observer = observer_parameters(compliance, own.load_feedback)
-        plant |= {"sigma_load": own.load_feedback.sigma, "resolution_load": own.load_feedback.resolution}
-        plant |= {} if own.seed is None else {"seed_load": load_seed(own.seed)}
+        load_observer = observer_parameters(compliance, joint_file.load_feedback)
+        plant |= {
+            "sigma_load": joint_file.load_feedback.sigma,
+            "resolution_load": joint_file.load_feedback.resolution,
+        }
+        plant |= {} if joint_file.seed is None else {"seed_load": load_seed(joint_file.seed)}
     command = None
     if load_command.has_command:
         emla = actuator.emla
-        command = command_parameters(load_command, emla, compliance, own.load_feedback, force)
-    has_set = compliant and COMPLIANT in own.gains.get(str(controller or "rsba"), {})
-    found = choose_controller(
-        controller, gains if gains is None else str(gains), COMPLIANT if has_set else None
+        command = command_parameters(load_command, emla, compliance, joint_file.load_feedback, force)
+    has_compliant_gains = compliant and COMPLIANT in joint_file.gains.get(str(controller or "rsba"), {})
+    choice = choose_controller(
+        controller, gains if gains is None else str(gains), COMPLIANT if has_compliant_gains else None
     )
-    of_controller, of_observer, estimate = _gains(own, found, on_machine)
+    loop_gains, of_observer, estimate = _choose_gains(joint_file, choice, on_machine)
     return build_joint(
-        own.name,
+        joint_file.name,
         emla=actuator.emla,
-        controller=found.controller.model,
-        gains=controller_gains(of_controller, other, own.load.largest, own.sample_time),
-        observer_gains=observer_gains(of_observer, other, own.sample_time),
+        controller=choice.controller.model,
+        gains=controller_gains(loop_gains, replacement, joint_file.load.largest, joint_file.sample_time),
+        observer_gains=observer_gains(of_observer, replacement, joint_file.sample_time),
         reference=reference,
-        disturbance={**load, **seeds, **own.disturbance},
+        disturbance={**load, **seeds, **joint_file.disturbance},
         plant=plant,
         estimate=estimate + ahead,
         true_feedback=true_feedback,
         electrical=electrical,
         compliant=compliant,
-        on_stroke=table is not None or own.brake is not None,
+        on_stroke=table is not None or joint_file.brake is not None,
         command=command,
         load_observer=load_observer,
-        brake=None if own.brake is None else own.brake.parameters(),
+        brake=None if joint_file.brake is None else joint_file.brake.parameters(),
         elsewhere=elsewhere,
     )
 
@@ -181,31 +184,33 @@ def _check_brake(joint: str, electrical: bool, control: LoadControl) -> None:
         )
 
 
-def _gains(own: JointFile, found: ChosenGains, on_machine: bool) -> tuple[Any, ObserverGains, float]:
+def _choose_gains(
+    joint_file: JointFile, choice: ControllerWithGains, on_machine: bool
+) -> tuple[Any, ObserverGains, float]:
     """Return the gains of controller and observer, and where the observer starts in m.
 
     Raises:
         CommandError: The joint has no such gains.
     """
-    of_set, x_L = found.gains, own.start.x_L
+    of_set, x_L = choice.gains, joint_file.start.x_L
     if of_set.in_file:
-        in_file = own.gain_set(found.name, found.gain_set)
+        in_file = joint_file.gain_set(choice.name, choice.gain_set)
         observer = in_file.observer
         return (
             in_file.on_machine if on_machine else in_file.controller,
             observer.gains,
             x_L if observer.estimate is None else observer.estimate,
         )
-    usual = of_set.controller.get(own.name)
-    if usual is None and of_set.controller:
+    default = of_set.controller.get(joint_file.name)
+    if default is None and of_set.controller:
         raise CommandError(
-            f"the gains '{found.gain_set}' of the controller '{found.name}' have none for the joint "
-            f"'{own.name}'; add them to its ec.Gains.",
-            joint=own.name,
+            f"the gains '{choice.gain_set}' of the controller '{choice.name}' have none for the joint "
+            f"'{joint_file.name}'; add them to its ec.Gains.",
+            joint=joint_file.name,
         )
-    of_controller = of_set.on_machine.get(own.name, usual) if on_machine else usual
-    observer = own.observer_of(of_set.observer, found.name, found.gain_set)
-    printed = own.observers.get("published") if of_set.printed_estimate else None
+    of_controller = of_set.on_machine.get(joint_file.name, default) if on_machine else default
+    observer = joint_file.observer_of(of_set.observer, choice.name, choice.gain_set)
+    printed = joint_file.observers.get("published") if of_set.printed_estimate else None
     estimate = (printed or observer).estimate
     return of_controller or {}, observer.gains, x_L if estimate is None else estimate
 
@@ -221,18 +226,20 @@ def load_seed(seed: int) -> int:
 
 
 def joint_system(
-    own: JointFile, controller: Choice, gains: Choice, actuators: Actuators = NONE, **variant: Any
+    joint_file: JointFile, controller: Choice, gains: Choice, actuators: Actuators = NONE, **variant: Any
 ) -> System:
     """Return the system of one joint alone, with the motion and the load of its file."""
-    check_joints(actuators, (own.name,))
-    check_notch_joints(variant.get("notch", {}), (own.name,))
-    return _alone(own, controller, gains, actuators, **variant)
+    check_actuator_joints(actuators, (joint_file.name,))
+    check_notch_joints(variant.get("notch", {}), (joint_file.name,))
+    return _build_alone(joint_file, controller, gains, actuators, **variant)
 
 
-def _alone(own: JointFile, controller: Choice, gains: Choice, actuators: Actuators, **variant: Any) -> System:
-    reference, load = own.reference.parameters(), own.load.parameters()
+def _build_alone(
+    joint_file: JointFile, controller: Choice, gains: Choice, actuators: Actuators, **variant: Any
+) -> System:
+    reference, load = joint_file.reference.parameters(), joint_file.load.parameters()
     return study_joint(
-        own, controller, gains, reference=reference, load=load, actuators=actuators, **variant
+        joint_file, controller, gains, reference=reference, load=load, actuators=actuators, **variant
     ).alone()
 
 
@@ -246,34 +253,40 @@ def joint_scenario(content: Mapping[str, Any], where: str, folder: Path) -> Scen
     """
     path = Path(where)
     label = f"the joint file '{where}'" if path.suffix else f"the joint '{where}'"
-    own = parse_joint(content, label, path.stem, folder)
+    joint_file = parse_joint(content, label, path.stem, folder)
     system = path.name if path.suffix else where
-    return ScenarioFile(own.description, system, own.run, where, folder, partial(joint_system, own))
+    return ScenarioFile(
+        joint_file.description, system, joint_file.run, where, folder, partial(joint_system, joint_file)
+    )
 
 
-def _side_by_side(
+def _combine_joints(
     joints: Iterable[str], controller: Choice, gains: Choice, actuators: Actuators = NONE, **variant: Any
 ) -> System:
     joints = list(joints)
-    check_joints(actuators, joints)
+    check_actuator_joints(actuators, joints)
     check_notch_joints(variant.get("notch", {}), joints)
-    first, *others = (_alone(load_joint(name), controller, gains, actuators, **variant) for name in joints)
-    return sum(others, first)
+    first, *further = (
+        _build_alone(load_joint(name), controller, gains, actuators, **variant) for name in joints
+    )
+    return sum(further, first)
 
 
-def _experiment(
+def _build_experiment(
     scenario: str, controller: Choice, gains: Choice, actuators: Actuators = NONE, **variant: Any
 ) -> System:
     """Return a joint with the motion and the load of an experiment."""
     name = EXPERIMENTS[scenario]
-    check_joints(actuators, (name,))
+    check_actuator_joints(actuators, (name,))
     check_notch_joints(variant.get("notch", {}), (name,))
-    own = load_joint(name)
-    task = own.experiment(scenario)
-    measured = _measured((actuators.get(name) or own.actuator).emla.i_range, own.sample_time)
-    own = msgspec.structs.replace(own, load=task.load, plant={**own.plant, **measured})
+    joint_file = load_joint(name)
+    task = joint_file.experiment(scenario)
+    sensors = _get_sensor_parameters(
+        (actuators.get(name) or joint_file.actuator).emla.i_range, joint_file.sample_time
+    )
+    joint_file = msgspec.structs.replace(joint_file, load=task.load, plant={**joint_file.plant, **sensors})
     return study_joint(
-        own,
+        joint_file,
         controller,
         gains,
         reference=task.reference.parameters(),
@@ -283,7 +296,7 @@ def _experiment(
     ).alone()
 
 
-def _measured(i_range: float, sample_time: float) -> dict[str, Any]:
+def _get_sensor_parameters(i_range: float, sample_time: float) -> dict[str, Any]:
     """Return parameters of the drive's sensors and computing time; assumed, except the sample time.
 
     They are not in a joint file because they follow from the actuator, which the user can replace.
@@ -296,16 +309,16 @@ def _measured(i_range: float, sample_time: float) -> dict[str, Any]:
     }
 
 
-_three_joints = partial(_side_by_side, STUDY)
+_three_joints = partial(_combine_joints, STUDY)
 
 SYSTEMS: dict[str, Callable[..., System]] = {
     "study": _three_joints,
     "study-drive": partial(_three_joints, drive=True),
     "study-compliant": partial(_three_joints, drive=True, compliant=True),
-    **{name: partial(_side_by_side, (name,)) for name in dict.fromkeys((*STUDY, *list_joint_names()))},
+    **{name: partial(_combine_joints, (name,)) for name in dict.fromkeys((*STUDY, *list_joint_names()))},
     "published": partial(_three_joints, as_printed=True),
     "published-true-states": partial(_three_joints, as_printed=True, true_feedback=True),
-    **{name: partial(_experiment, name) for name in EXPERIMENTS},
+    **{name: partial(_build_experiment, name) for name in EXPERIMENTS},
 }
 """Systems by name, made for a controller, a set of its gains, and optionally other actuators by joint."""
 
@@ -327,33 +340,36 @@ def change_entries(
     Raises:
         CommandError: A name is wrong, a joint has no data sheet, or the changed data sheet has errors.
     """
-    found = {name: Actuator.read(one) if isinstance(one, Path) else one for name, one in actuators.items()}
+    changed = {
+        name: Actuator.read(actuator) if isinstance(actuator, Path) else actuator
+        for name, actuator in actuators.items()
+    }
     changes: dict[str, dict[str, dict[str, Value]]] = {}
-    for place, value in entries.items():
-        joint, table, key = _split_entry(place)
+    for entry, value in entries.items():
+        joint, table, key = _split_entry(entry)
         changes.setdefault(joint, {}).setdefault(table, {})[key] = value
     for joint, tables in changes.items():
-        base = found.get(joint) or sheets.get(joint) or _own_actuator(system, joint)
-        found[joint] = base.changed(tables, f"{base.label} with changes")
-    return found
+        base = changed.get(joint) or sheets.get(joint) or _get_default_actuator(system, joint)
+        changed[joint] = base.changed(tables, f"{base.label} with changes")
+    return changed
 
 
-def _split_entry(place: str) -> tuple[str, str, str]:
-    joint, _, rest = place.partition(".")
-    table, _, key = rest.partition(".")
+def _split_entry(entry: str) -> tuple[str, str, str]:
+    joint, _, name = entry.partition(".")
+    table, _, key = name.partition(".")
     if table not in TABLES:
         raise CommandError(
-            f"the entry '{place}' of a data sheet does not exist; write JOINT.TABLE.ENTRY, with a table of "
+            f"the entry '{entry}' of a data sheet does not exist; write JOINT.TABLE.ENTRY, with a table of "
             f"{join_names(TABLES)}.",
-            entry=place,
+            entry=entry,
         )
     return joint, table, key
 
 
-def _own_actuator(system: str, joint: str) -> Actuator:
+def _get_default_actuator(system: str, joint: str) -> Actuator:
     """Return the actuator that a joint of a built-in system has without another one."""
-    own = {EXPERIMENTS.get(system, joint), joint}
-    if joint not in list_joint_names() or own != {joint}:
+    names = {EXPERIMENTS.get(system, joint), joint}
+    if joint not in list_joint_names() or names != {joint}:
         raise CommandError(
             f"{joint} has no data sheet whose entries can change; add --actuator {joint}=FILE.toml.",
             joint=joint,

@@ -22,61 +22,61 @@ FEWEST_WINDOWS = 12
 FEWEST_CYCLES = 12.0
 """Least number of cycles of a tone."""
 
-_PROMINENCE = 20.0
+_MIN_PROMINENCE = 20.0
 """Least power of a tone relative to the lower quartile of the bins around it, which may have other tones."""
 
-_STEEP = 4.0
+_MIN_STEEPNESS = 4.0
 """Least power of a tone relative to a bin beside its main lobe; says at once that noise has no tone."""
 
 _SHORTEST_PART = 32
 """Parts down to this fraction of the time are searched."""
 
-_BEYOND = 5
+_BINS_BESIDE = 5
 """Bins beside a peak that are compared with it."""
 
-_SCATTER = 0.15
+_MAX_SCATTER = 0.15
 """Largest standard deviation of the log amplitude from its trend. Narrow-band noise has 0.6 (Rayleigh)."""
 
-_STANDS_OUT = 4.0
+_MIN_CONTRAST = 4.0
 """Least power of a tone that comes and goes relative to that at other times; that of noise is up to 3."""
 
-_ROUGH = 0.2
+_MIN_NOISE_SCATTER = 0.2
 """Least scatter of the log amplitude of noise around a smooth curve over three times such a part."""
 
-_ENDED = 25.0
+_ENDED_RATIO = 25.0
 """A tone that has ended must be this much larger than one that goes on."""
 
-_LASTS = -0.06
+_MIN_LASTING_GROWTH = -0.06
 """Least growth in 1/s of a tone that lasts. A tone that decays faster ends by itself."""
 
 _TREND_ERROR = 0.25
 """Largest uncertainty of the log amplitude's change over a segment of a tone that lasts."""
 
-_GROWTH = 0.03
+_MIN_GROWTH = 0.03
 """Least growth in 1/s that is certain (three standard errors)."""
 
-_GROWN_BY = 0.12
+_MIN_CHANGE = 0.12
 """Least change of the log amplitude of a tone that grows."""
 
-_GROWN_LATE = 3.0
+_MIN_LATE_CHANGE = 3.0
 """The same for a tone that grows in less than half of the time; noise in a narrow band seems to grow, too."""
 
-_EXPONENTIAL = 0.8
+_MIN_EXPLAINED = 0.8
 """Least part of the log amplitude's variance that the trend of a growing tone explains."""
 
-_PHASE_SCATTER = 0.5
+_MAX_PHASE_SCATTER = 0.5
 """Largest standard deviation in rad of the phase of a growing tone from a parabola over time."""
 
-_TONAL = 0.75
+_MIN_PEAK_SHARE = 0.75
 """Least part of the power in one peak of a tone."""
 
-_SMOOTH = 0.7
+_MAX_JUMP = 0.7
 """Largest change of the log power of a tone from window to window; that of narrow-band noise is about 1."""
 
-_FORCED = 0.5
+_FORCED_SHARE = 0.5
 """A tone is caused by the inputs if they explain at least this part of its amplitude."""
 
-_FORCED_GROWTH = 0.4
+_FORCED_SHARE_GROWING = 0.4
 """Largest part of a growing tone that inputs leave unexplained which cause it; a steady input leaves more."""
 
 Spectra = NDArray[np.complex128]
@@ -103,7 +103,7 @@ class Tone:
     frequency: float
     growth: float
     amplitude: float
-    others: Vector
+    amplitudes_of_signals: Vector
     begin: int
     end: int
     is_growing: bool
@@ -138,37 +138,37 @@ class _Trend(NamedTuple):
     explained: Any
 
 
-def windows_of(samples: Vector, grid: Grid) -> Vector:
+def cut_windows(samples: Vector, grid: Grid) -> Vector:
     """Return windows of signals, shape (signals, windows, length), without copying."""
     return sliding_window_view(samples, grid.length, axis=1)[:, :: grid.hop]
 
 
-def spectra_of(samples: Vector, grid: Grid) -> Spectra:
+def compute_spectra(samples: Vector, grid: Grid) -> Spectra:
     """Return short-time spectra, scaled so that a sine has its amplitude, of Hann windows."""
-    windows = windows_of(samples, grid)
-    taper, trend = _taper(grid.length)
+    windows = cut_windows(samples, grid)
+    taper, trend = _compute_taper(grid.length)
     if grid.is_flat:
         windows = windows - (windows @ trend) @ trend.T
     return np.fft.rfft(windows * taper, axis=-1)
 
 
 @lru_cache(maxsize=64)
-def _taper(length: int) -> tuple[Vector, Vector]:
+def _compute_taper(length: int) -> tuple[Vector, Vector]:
     """Return the window, and orthonormal polynomials up to the second degree, shape (length, 3)."""
     hann = np.hanning(length + 1)[:length]
-    return hann * 2.0 / hann.sum(), _polynomials(length, 2)
+    return hann * 2.0 / hann.sum(), _compute_polynomials(length, 2)
 
 
-def _polynomials(length: int, degree: int) -> Vector:
+def _compute_polynomials(length: int, degree: int) -> Vector:
     """Return orthonormal polynomials up to a degree at equal distances, shape (length, degree + 1)."""
     t = np.linspace(-1.0, 1.0, length)
     basis = list[Vector]()
     for power in range(degree + 1):
-        rest = t**power
+        remainder = t**power
         for _ in range(2):  # once more, for the sake of rounding
             for earlier in basis:
-                rest = rest - np.dot(earlier, rest) * earlier
-        basis.append(rest / np.sqrt(np.dot(rest, rest)))
+                remainder = remainder - np.dot(earlier, remainder) * earlier
+        basis.append(remainder / np.sqrt(np.dot(remainder, remainder)))
     return np.stack(basis, axis=1)
 
 
@@ -184,7 +184,7 @@ class ToneSearch:
 
     def __init__(self, signals: Vector, inputs: Callable[[], Vector], grid: Grid, gains: Vector) -> None:
         self._inputs, self._grid, self._gains = inputs, grid, gains
-        self._spectra = spectra_of(signals, grid)
+        self._spectra = compute_spectra(signals, grid)
         self._power = self._spectra.real**2 + self._spectra.imag**2
         self._cumulative: dict[int, Vector] = {}
 
@@ -205,7 +205,7 @@ class ToneSearch:
         mean = self._power[0, :, bin_:].mean(axis=0)
         lobe = np.convolve(mean, np.ones(3), "same").max() / max(float(mean.sum()), 1e-300)
         jumps = np.diff(np.log(np.maximum(self.squares_above(bin_), 1e-300)))
-        return bool(lobe > _TONAL and np.median(np.abs(jumps)) < _SMOOTH)
+        return bool(lobe > _MIN_PEAK_SHARE and np.median(np.abs(jumps)) < _MAX_JUMP)
 
     def lasting(self, floors: Sequence[float]) -> Iterator[Tone]:
         """Yield tones that last and are larger than these amplitudes, the largest of each signal.
@@ -217,25 +217,25 @@ class ToneSearch:
             if not self._is_loud(signal, limits):
                 continue
             decaying, tones = list[tuple[int, int, int]](), list[Tone]()
-            segments = list(_segments(self.count))
-            for number, q in self._peaks(signal, limits, segments):
+            segments = list(_cut_segments(self.count))
+            for number, q in self._find_peaks(signal, limits, segments):
                 first, last = segments[number]
-                trend = self._trend_of(signal, q, first, last)
+                trend = self._find_trend(signal, q, first, last)
                 if trend is None:
                     continue
-                if trend.growth + 2.0 * trend.error < _LASTS:
+                if trend.growth + 2.0 * trend.error < _MIN_LASTING_GROWTH:
                     decaying.append((q, first, last))
                     continue
                 # a part of what decays over a longer time must be certain not to decay
                 is_part = any(abs(q - p) < 2 and a <= first and last <= b for p, a, b in decaying)
-                certain = trend.growth - (2.0 * trend.error if is_part else 0.0) > _LASTS
+                certain = trend.growth - (2.0 * trend.error if is_part else 0.0) > _MIN_LASTING_GROWTH
                 if last - first < self.count and self._comes_and_goes(signal, q, first, last):
                     continue
                 power = float(self._power[signal, first:last, q].mean())
-                if last < self.count and power < _ENDED**2 * limits[q]:
+                if last < self.count and power < _ENDED_RATIO**2 * limits[q]:
                     continue
-                if certain and trend.error * self._duration(first, last) < _TREND_ERROR:
-                    tones.append(self._tone(signal, q, first, last, trend.growth))
+                if certain and trend.error * self._get_duration(first, last) < _TREND_ERROR:
+                    tones.append(self._build_tone(signal, q, first, last, trend.growth))
             forced: set[int] = set()
             for tone in sorted(tones, key=lambda tone: -tone.amplitude):
                 if tone.bin in forced:
@@ -252,59 +252,60 @@ class ToneSearch:
         parts = [count >> i for i in range(count.bit_length()) if count >> i >= FEWEST_WINDOWS]
         for signal, floor in enumerate(floors) if parts else ():
             limits = (floor * self._gains) ** 2
-            for number, q in self._peaks(signal, limits, [(count - part // 2, count) for part in parts]):
+            for number, q in self._find_peaks(signal, limits, [(count - part // 2, count) for part in parts]):
                 first = count - parts[number]
-                trend = self._trend_of(signal, q, first, count)
-                if trend is None or trend.explained < _EXPONENTIAL:
+                trend = self._find_trend(signal, q, first, count)
+                if trend is None or trend.explained < _MIN_EXPLAINED:
                     continue
-                change = trend.growth * self._duration(first, count)
-                least = _GROWN_BY if 2 * first <= count + 1 else _GROWN_LATE
-                if trend.growth - 3.0 * trend.error < _GROWTH or change < least:
+                change = trend.growth * self._get_duration(first, count)
+                least = _MIN_CHANGE if 2 * first <= count + 1 else _MIN_LATE_CHANGE
+                if trend.growth - 3.0 * trend.error < _MIN_GROWTH or change < least:
                     continue
-                tone = self._tone(signal, q, first, count, trend.growth, True)
+                tone = self._build_tone(signal, q, first, count, trend.growth, True)
                 if self._is_steady(tone) and not self._is_forced(tone):
                     yield tone
 
     def _is_loud(self, signal: int, limits: Vector) -> bool:
         """Return whether a tone above limits may be in an eighth of the windows or more."""
         low, high = self._grid.bins
-        each = -(-self.count // 8)
+        length = -(-self.count // 8)
         means = (
-            np.add.reduceat(self._power[signal, :, low:high], np.arange(0, self.count, each), axis=0) / each
+            np.add.reduceat(self._power[signal, :, low:high], np.arange(0, self.count, length), axis=0)
+            / length
         )
         return bool((means > 0.25 * limits[low:high]).any())
 
-    def _peaks(
+    def _find_peaks(
         self, signal: int, limits: Vector, segments: Sequence[tuple[int, int]]
     ) -> Iterator[tuple[int, int]]:
         """Yield prominent peaks above limits in segments of windows: number of the segment, frequency bin."""
         first, last = np.array(segments, dtype=int).reshape(-1, 2).T
-        sums = self._sums(signal)
+        sums = self._accumulate_power(signal)
         power = (sums[last] - sums[first]) / (last - first)[:, np.newaxis]
         low, high = self._grid.bins[0], min(self._grid.bins[1], len(limits))
-        at = power[:, low:high]
-        is_peak = (at >= power[:, low - 1 : high - 1]) & (at > power[:, low + 1 : high + 1])
-        rows, bins = np.nonzero(is_peak & (at > limits[low:high]))
+        inner_power = power[:, low:high]
+        is_peak = (inner_power >= power[:, low - 1 : high - 1]) & (inner_power > power[:, low + 1 : high + 1])
+        rows, bins = np.nonzero(is_peak & (inner_power > limits[low:high]))
         bins = bins + low
-        beside = np.minimum.reduce([power[rows, np.maximum(bins + i, 0)] for i in (-4, -3, 3, 4, 5)])
-        is_steep = power[rows, bins] > _STEEP * beside
+        power_beside = np.minimum.reduce([power[rows, np.maximum(bins + i, 0)] for i in (-4, -3, 3, 4, 5)])
+        is_steep = power[rows, bins] > _MIN_STEEPNESS * power_beside
         for number, q in zip(rows[is_steep].tolist(), bins[is_steep].tolist(), strict=True):
-            if self._is_prominent(power[number, :-_BEYOND], q):
+            if self._is_prominent(power[number, :-_BINS_BESIDE], q):
                 yield number, q
 
-    def _sums(self, signal: int) -> Vector:
+    def _accumulate_power(self, signal: int) -> Vector:
         """Return the sums of the power of all windows before each, with bins of no power beyond the last."""
         if signal not in self._cumulative:
-            sums = np.zeros((self.count + 1, self._power.shape[2] + _BEYOND))
-            np.cumsum(self._power[signal], axis=0, out=sums[1:, :-_BEYOND])
+            sums = np.zeros((self.count + 1, self._power.shape[2] + _BINS_BESIDE))
+            np.cumsum(self._power[signal], axis=0, out=sums[1:, :-_BINS_BESIDE])
             self._cumulative[signal] = sums
         return self._cumulative[signal]
 
     def _is_prominent(self, power: Vector, q: int) -> bool:
         around = sorted([*power[max(q - 8, 2) : q - 2].tolist(), *power[q + 3 : q + 9].tolist()])
-        return not around or float(power[q]) > _PROMINENCE * around[len(around) // 4]
+        return not around or float(power[q]) > _MIN_PROMINENCE * around[len(around) // 4]
 
-    def _amplitudes(self, signals: Any, bins: slice, first: int, last: int) -> Vector:
+    def _compute_amplitudes(self, signals: Any, bins: slice, first: int, last: int) -> Vector:
         """Return amplitudes of tones: three bins contain the main lobe of the window."""
         width = bins.stop - bins.start
         power = np.concatenate(
@@ -313,48 +314,50 @@ class ToneSearch:
         lobes = sum(power[..., bins.start + i : bins.start + i + width] for i in (-1, 0, 1))
         return np.sqrt(lobes / 1.5)
 
-    def _trend(self, logs: Vector) -> _Trend:
+    def _fit_trend(self, logs: Vector) -> _Trend:
         """Return the trend of log amplitudes along the axis of windows, which is the second last."""
         count, hop = logs.shape[-2], self._grid.hop / self._grid.rate
         t = (np.arange(count) - 0.5 * (count - 1)) * hop
         squares = float(t @ t)
         growth = np.einsum("...kq,k->...q", logs, t) / squares
         total = logs.var(axis=-2) * count
-        left = np.maximum(total - growth**2 * squares, 0.0)
-        scatter = np.sqrt(left / (count - 2))
+        residual = np.maximum(total - growth**2 * squares, 0.0)
+        scatter = np.sqrt(residual / (count - 2))
         overlap = max(self._grid.length / self._grid.hop / 2.0, 1.0)  # such windows are not independent
-        explained = 1.0 - left / np.maximum(total, 1e-300)
+        explained = 1.0 - residual / np.maximum(total, 1e-300)
         return _Trend(growth, scatter * np.sqrt(overlap / squares), scatter, explained)
 
-    def _trend_of(self, signal: int, q: int, first: int, last: int) -> _Trend | None:
+    def _find_trend(self, signal: int, q: int, first: int, last: int) -> _Trend | None:
         """Return the trend of a tone; None if it is too short, or noise."""
-        if self._duration(first, last) * q * self._grid.rate / self._grid.length < FEWEST_CYCLES:
+        if self._get_duration(first, last) * q * self._grid.rate / self._grid.length < FEWEST_CYCLES:
             return None
-        amplitudes = self._amplitudes(signal, slice(q, q + 1), first, last)
-        trend = self._trend(np.log(np.maximum(amplitudes, 1e-300)))
-        return None if trend.scatter[0] > _SCATTER else _Trend(*(float(x[0]) for x in trend))
+        amplitudes = self._compute_amplitudes(signal, slice(q, q + 1), first, last)
+        trend = self._fit_trend(np.log(np.maximum(amplitudes, 1e-300)))
+        return None if trend.scatter[0] > _MAX_SCATTER else _Trend(*(float(x[0]) for x in trend))
 
     def _comes_and_goes(self, signal: int, q: int, first: int, last: int) -> bool:
         """Return whether a tone is as large just before or after, and changes there as only noise does."""
         length = last - first
         start, end = max(first - length, 0), min(last + length, self.count)
-        amplitudes = self._amplitudes(signal, slice(q, q + 1), start, end)[:, 0]
-        logs, smooth = np.log(np.maximum(amplitudes, 1e-300)), _polynomials(end - start, 4)
-        if np.std(logs - smooth @ (smooth.T @ logs)) < _ROUGH:
+        amplitudes = self._compute_amplitudes(signal, slice(q, q + 1), start, end)[:, 0]
+        logs, smooth = np.log(np.maximum(amplitudes, 1e-300)), _compute_polynomials(end - start, 4)
+        if np.std(logs - smooth @ (smooth.T @ logs)) < _MIN_NOISE_SCATTER:
             return False
         squares = amplitudes * amplitudes
         inside = float(squares[first - start : last - start].sum())
         outside = float(squares.sum()) - inside
-        return inside / length < _STANDS_OUT * outside / (end - start - length)
+        return inside / length < _MIN_CONTRAST * outside / (end - start - length)
 
     def _is_steady(self, tone: Tone) -> bool:
         """Return whether the phase of a tone is that of a sine."""
         signal, q, (first, last) = tone.signal, tone.bin, tone.windows
-        phase = np.unwrap(np.angle(self._spectra[signal, first:last, q] * self._turned(q, first, last)))
-        curve = _polynomials(last - first, 2)  # the frequency may change with the amplitude
-        return bool(np.std(phase - curve @ (curve.T @ phase)) < _PHASE_SCATTER)
+        phase = np.unwrap(
+            np.angle(self._spectra[signal, first:last, q] * self._compute_rotation(q, first, last))
+        )
+        curve = _compute_polynomials(last - first, 2)  # the frequency may change with the amplitude
+        return bool(np.std(phase - curve @ (curve.T @ phase)) < _MAX_PHASE_SCATTER)
 
-    def _turned(self, q: int, first: int, last: int) -> Spectra:
+    def _compute_rotation(self, q: int, first: int, last: int) -> Spectra:
         """Return factors that let the phase of a tone in the middle of a bin stand still."""
         return np.exp(-2j * np.pi * q * self._grid.hop / self._grid.length * np.arange(first, last))
 
@@ -364,46 +367,47 @@ class ToneSearch:
         if not len(inputs):
             return False
         q, (first, last) = tone.bin, tone.windows
-        taper, trend = _taper(self._grid.length)
-        windows = windows_of(inputs, self._grid)[:, first:last]
+        taper, trend = _compute_taper(self._grid.length)
+        windows = cut_windows(inputs, self._grid)[:, first:last]
         angle = 2.0 * np.pi * q / self._grid.length * np.arange(self._grid.length)
         waves = taper[:, np.newaxis] * np.stack([np.cos(angle), -np.sin(angle)], axis=1)
         parts = windows @ (waves - trend @ (trend.T @ waves))
         causes = (parts[..., 0] + 1j * parts[..., 1]).T
         sizes = np.sqrt(np.mean(np.abs(causes) ** 2, axis=0))
         audible = sizes > 1e-9 * np.maximum(np.ptp(inputs, axis=1), 1e-300)
-        left, basis = self._spectra[tone.signal, first:last, q], list[Spectra]()
-        whole = np.linalg.norm(left)
+        residual, basis = self._spectra[tone.signal, first:last, q], list[Spectra]()
+        norm_before = np.linalg.norm(residual)
         for cause in (causes[:, audible] / sizes[audible]).T:  # least squares by orthogonal causes
             for earlier in basis:
                 cause = cause - np.vdot(earlier, cause) * earlier
             if (norm := float(np.linalg.norm(cause))) > 1e-6:
                 basis.append(cause / norm)
-                left = left - np.vdot(basis[-1], left) * basis[-1]
-        most = _FORCED_GROWTH if tone.is_growing else 1.0 - _FORCED
-        return bool(np.linalg.norm(left) < most * whole)
+                residual = residual - np.vdot(basis[-1], residual) * basis[-1]
+        limit = _FORCED_SHARE_GROWING if tone.is_growing else 1.0 - _FORCED_SHARE
+        return bool(np.linalg.norm(residual) < limit * norm_before)
 
-    def _duration(self, first: int, last: int) -> float:
+    def _get_duration(self, first: int, last: int) -> float:
         """Return the time in s that windows cover."""
         return ((last - first - 1) * self._grid.hop + self._grid.length) / self._grid.rate
 
-    def _tone(
+    def _build_tone(
         self, signal: int, q: int, first: int, last: int, growth: float, is_growing: bool = False
     ) -> Tone:
-        late = (first + last) // 2
+        middle = (first + last) // 2
         amplitudes = (
-            self._amplitudes(slice(None), slice(q, q + 1), late, last)[..., 0].mean(axis=1) / self._gains[q]
+            self._compute_amplitudes(slice(None), slice(q, q + 1), middle, last)[..., 0].mean(axis=1)
+            / self._gains[q]
         )
-        beside = np.sqrt(self._power[signal, first:last, q - 1 : q + 2].mean(axis=0))
-        side = 1 if len(beside) > 2 and beside[2] > beside[0] else -1
-        ratio = float(beside[1 + side] / beside[1])
+        lobe = np.sqrt(self._power[signal, first:last, q - 1 : q + 2].mean(axis=0))
+        side = 1 if len(lobe) > 2 and lobe[2] > lobe[0] else -1
+        ratio = float(lobe[1 + side] / lobe[1])
         offset = side * (2.0 * ratio - 1.0) / (1.0 + ratio)  # from the main lobe of a Hann window
         return Tone(
             signal=signal,
             frequency=(q + offset) * self._grid.rate / self._grid.length,
             growth=growth,
             amplitude=float(amplitudes[signal]),
-            others=amplitudes,
+            amplitudes_of_signals=amplitudes,
             begin=first * self._grid.hop,
             end=(last - 1) * self._grid.hop + self._grid.length,
             is_growing=is_growing,
@@ -412,7 +416,7 @@ class ToneSearch:
         )
 
 
-def _segments(count: int) -> Iterator[tuple[int, int]]:
+def _cut_segments(count: int) -> Iterator[tuple[int, int]]:
     """Yield all windows, then halves, quarters and so on, which overlap by half: first, and last plus one."""
     length = count
     while length >= max(FEWEST_WINDOWS, count // _SHORTEST_PART):

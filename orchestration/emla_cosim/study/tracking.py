@@ -37,8 +37,8 @@ class Tracking:
     def restart(self, joint: int) -> None:
         """Discard the figures of a joint."""
         self.largest[:, joint] = np.nan
-        for counted in (self._squares, self._durations, self.excursions, self.counts):
-            counted[:, joint] = 0.0
+        for figure in (self._squares, self._durations, self.excursions, self.counts):
+            figure[:, joint] = 0.0
         self._was_outside[joint] = self._farthest[joint] = 0.0
 
     def rms(self, joint: int) -> tuple[float, float]:
@@ -53,8 +53,8 @@ class Tracking:
         time: Vector,
         steps: Vector,
         values: Sequence[Vector],
-        moving: Mask,
-        limited: Mask,
+        is_moving: Mask,
+        is_limited: Mask,
     ) -> None:
         """Take the next rows of joints that are evaluated.
 
@@ -64,52 +64,52 @@ class Tracking:
             steps: Time in s since the previous row, shape (rows,).
             values: Absolute position error in m, speed error in m/s, torque in N m and position error of the
                 observer in m, each of shape (joints, rows). Values of -inf do not count.
-            moving: Whether the reference moves, shape (joints, rows).
-            limited: Whether the controller or the inverter is at a limit, shape (joints, rows).
+            is_moving: Whether the reference moves, shape (joints, rows).
+            is_limited: Whether the controller or the inverter is at a limit, shape (joints, rows).
         """
         error = values[0]
         highest = np.array([value.max(axis=1) for value in values])
-        counted = np.where(highest == -np.inf, np.nan, highest)
-        self.largest[:4, joints] = np.fmax(self.largest[:4, joints], counted)
+        maxima = np.where(highest == -np.inf, np.nan, highest)
+        self.largest[:4, joints] = np.fmax(self.largest[:4, joints], maxima)
         squares = error * error
-        for place, chosen in enumerate((moving, ~moving)):
-            row = FOLLOWING + place
-            if chosen.all():  # so in most blocks of rows
-                most, terms, durations = highest[0], squares * steps, steps[np.newaxis]
-            elif chosen.any():
-                most = np.where(chosen, error, -np.inf).max(axis=1)
-                most[most == -np.inf] = np.nan
-                terms, durations = np.where(chosen, squares, 0.0) * steps, chosen * steps
+        for number, selected in enumerate((is_moving, ~is_moving)):
+            row = FOLLOWING + number
+            if selected.all():  # so in most blocks of rows
+                highest_error, terms, durations = highest[0], squares * steps, steps[np.newaxis]
+            elif selected.any():
+                highest_error = np.where(selected, error, -np.inf).max(axis=1)
+                highest_error[highest_error == -np.inf] = np.nan
+                terms, durations = np.where(selected, squares, 0.0) * steps, selected * steps
             else:
                 continue
-            self._squares[place, joints] = _sum_in_order(self._squares[place, joints], terms)
-            self._durations[place, joints] = _sum_in_order(self._durations[place, joints], durations)
-            self.largest[row, joints] = np.fmax(self.largest[row, joints], most)
+            self._squares[number, joints] = _sum_in_order(self._squares[number, joints], terms)
+            self._durations[number, joints] = _sum_in_order(self._durations[number, joints], durations)
+            self.largest[row, joints] = np.fmax(self.largest[row, joints], highest_error)
         self.counts[0, joints] += len(time)
-        self.counts[1, joints] += count_true_per_row(limited)
+        self.counts[1, joints] += count_true_per_row(is_limited)
         windows = self._windows[joints]
         if (highest[0] > windows).any():
-            self._leave(joints, time, error, error > windows[:, np.newaxis])
+            self._count_excursions(joints, time, error, error > windows[:, np.newaxis])
         self._was_outside[joints] = error[:, -1] > windows
 
-    def _leave(self, joints: slice, time: Vector, error: Vector, outside: Mask) -> None:
+    def _count_excursions(self, joints: slice, time: Vector, error: Vector, outside: Mask) -> None:
         """Count how often joints left their windows, and when each was farthest away."""
-        before = np.column_stack([self._was_outside[joints] > 0.0, outside[:, :-1]])
-        self.excursions[0, joints] += count_true_per_row(outside & ~before)
-        most, when = error.max(axis=1), time[error.argmax(axis=1)]
-        farther = outside.any(axis=1) & (most > self._farthest[joints])
-        self.excursions[1, joints] = np.where(farther, when, self.excursions[1, joints])
-        self._farthest[joints] = np.where(farther, most, self._farthest[joints])
+        was_outside = np.column_stack([self._was_outside[joints] > 0.0, outside[:, :-1]])
+        self.excursions[0, joints] += count_true_per_row(outside & ~was_outside)
+        largest, time_of_largest = error.max(axis=1), time[error.argmax(axis=1)]
+        is_farther = outside.any(axis=1) & (largest > self._farthest[joints])
+        self.excursions[1, joints] = np.where(is_farther, time_of_largest, self.excursions[1, joints])
+        self._farthest[joints] = np.where(is_farther, largest, self._farthest[joints])
 
     def memory(self) -> dict[str, Any]:
         """Return the state as plain data."""
         return {name: getattr(self, name).tolist() for name in _STATE}
 
-    def remember(self, memory: Mapping[str, Any]) -> None:
-        """Continue from `memory`; raise ValueError or KeyError if it belongs to another run."""
+    def remember(self, state: Mapping[str, Any]) -> None:
+        """Continue from a stored state; raise ValueError or KeyError if it belongs to another run."""
         for name in _STATE:
             values = getattr(self, name)
-            values[...] = read_stored_array(memory[name], values.shape)
+            values[...] = read_stored_array(state[name], values.shape)
 
 
 def _sum_in_order(start: Vector, terms: Vector) -> Vector:
@@ -117,9 +117,9 @@ def _sum_in_order(start: Vector, terms: Vector) -> Vector:
 
     Other sums depend in the last bit on where blocks of rows end, and so on where a run was interrupted.
     """
-    joined = np.empty((len(start), 1 + terms.shape[1]))
-    joined[:, 0], joined[:, 1:] = start, terms
-    return np.add.accumulate(joined, axis=1)[:, -1]
+    summands = np.empty((len(start), 1 + terms.shape[1]))
+    summands[:, 0], summands[:, 1:] = start, terms
+    return np.add.accumulate(summands, axis=1)[:, -1]
 
 
 _STATE = ("largest", "_squares", "_durations", "excursions", "_was_outside", "_farthest", "counts")

@@ -16,7 +16,7 @@ from .systems import STUDY, joint_system
 _RIGID = "damped"
 """The set of gains from which searches start for a rigid load; for one that is not, it is `COMPLIANT`."""
 
-_BEHIND = {_RIGID: 0.010, COMPLIANT: 0.004}
+_START_DISTANCE = {_RIGID: 0.010, COMPLIANT: 0.004}
 """Additional distance in m from its reference at which a joint starts in one case, by set of gains.
 
 The planned approach of a load that is not rigid adds to the speed of the reference: with 0.010, tilt trips.
@@ -31,62 +31,63 @@ def list_tuning_plans() -> dict[str, Callable[[], str]]:
     folder = files("emla_cosim.study") / "tunings"
     joints = [name for name in list_joint_names() if has_tuning(name)]
     controllers = [name for name in CONTROLLERS if (folder / f"{name}.toml").is_file()]
-    rigid = {f"{c}-{joint}": partial(_text, c, joint, _RIGID) for c in controllers for joint in joints}
+    rigid = {f"{c}-{joint}": partial(_build_plan, c, joint, _RIGID) for c in controllers for joint in joints}
     return rigid | {
-        f"{c}-{joint}-{COMPLIANT}": partial(_text, c, joint, COMPLIANT)
+        f"{c}-{joint}-{COMPLIANT}": partial(_build_plan, c, joint, COMPLIANT)
         for c in controllers
         for joint in joints
         if joint in STUDY
     }
 
 
-def _text(controller: str, joint: str, gain_set: str) -> str:
+def _build_plan(controller: str, joint: str, gain_set: str) -> str:
     """Return a plan; `gain_set` is the set of gains from which its search starts."""
-    folder, own = files("emla_cosim.study") / "tunings", load_joint(joint)
+    folder, joint_file = files("emla_cosim.study") / "tunings", load_joint(joint)
     is_compliant = gain_set == COMPLIANT
     names = ("effort", *(["load"] if is_compliant else []), controller)
     text = "\n".join((folder / f"{name}.toml").read_text(encoding="utf-8") for name in names)
-    noisy = own.tuning.noisy if own.tuning is not None else {}
-    gap = own.reference.q_S - own.start.x_L
-    behind = math.copysign(_BEHIND[gain_set], own.reference.q_E - own.reference.q_S)
+    noise = joint_file.tuning.noisy if joint_file.tuning is not None else {}
+    gap = joint_file.reference.q_S - joint_file.start.x_L
+    distance = math.copysign(_START_DISTANCE[gain_set], joint_file.reference.q_E - joint_file.reference.q_S)
     return Template(text).substitute(
-        _load_entries(own) if is_compliant else _rigid_entries(own, controller),
+        _build_load_entries(joint_file) if is_compliant else _build_rigid_entries(joint_file, controller),
         joint=joint,
         controller=controller,
         gains=gain_set,
         observer="\n".join(
-            f'"{joint}.observer.{n}" = "{rule}"' for n, rule in _observer(own, controller, gain_set)
+            f'"{joint}.observer.{n}" = "{rule}"'
+            for n, rule in _list_observer_rules(joint_file, controller, gain_set)
         ),
-        tau_max=own.emla.tau_max,
-        inductance=own.emla.L_q,
-        far=own.start.x_L - behind,
-        distance=round(1e3 * abs(gap + behind)),
-        middle=round(0.5 * own.reference.parameters()["duration"][0], 3),
-        noisy="".join(f', "{joint}.{name}" = {value}' for name, value in noisy.items()),
+        tau_max=joint_file.emla.tau_max,
+        inductance=joint_file.emla.L_q,
+        far=joint_file.start.x_L - distance,
+        distance=round(1e3 * abs(gap + distance)),
+        middle=round(0.5 * joint_file.reference.parameters()["duration"][0], 3),
+        noisy="".join(f', "{joint}.{name}" = {value}' for name, value in noise.items()),
     )
 
 
-def _rigid_entries(own: JointFile, controller: str) -> dict[str, Any]:
+def _build_rigid_entries(joint_file: JointFile, controller: str) -> dict[str, Any]:
     """Return the entries of a plan for a joint alone, with a realistic drive."""
     return {
         "load": "",
         "evaluations": 40,
-        "scenario": own.name,
-        "objective": f"{own.name}.position_error_m + 1e-3 * {own.name}.velocity_error_m_s",
-        "convergence": f', "{own.name}.convergence_time_s < {_convergence(own)}"',
-        "drive": _drive(own, controller),
+        "scenario": joint_file.name,
+        "objective": f"{joint_file.name}.position_error_m + 1e-3 * {joint_file.name}.velocity_error_m_s",
+        "convergence": f', "{joint_file.name}.convergence_time_s < {_get_convergence_time(joint_file)}"',
+        "drive": _format_drive_changes(joint_file, controller),
     }
 
 
-def _load_entries(own: JointFile) -> dict[str, Any]:
+def _build_load_entries(joint_file: JointFile) -> dict[str, Any]:
     """Return the entries of a plan for a joint of study-compliant; its approach is planned, so not judged."""
-    load = own.compliant_load
-    force = own.load.force_at_start(own.start.x_L, load)
+    load = joint_file.compliant_load
+    force = joint_file.load.force_at_start(joint_file.start.x_L, load)
     return {
         "load": " with a load that is not rigid",
         "evaluations": 28,  # margins in two cases take long
         "scenario": "study-compliant",
-        "objective": f"{own.name}.load_position_error_m",
+        "objective": f"{joint_file.name}.load_position_error_m",
         "convergence": "",
         "drive": "",
         **{
@@ -96,9 +97,9 @@ def _load_entries(own: JointFile) -> dict[str, Any]:
     }
 
 
-def _drive(own: JointFile, controller: str) -> str:
+def _format_drive_changes(joint_file: JointFile, controller: str) -> str:
     """Return what a realistic drive changes, as lines of TOML."""
-    ideal, realistic = (joint_system(own, controller, _RIGID, drive=drive) for drive in (False, True))
+    ideal, realistic = (joint_system(joint_file, controller, _RIGID, drive=drive) for drive in (False, True))
     return "\n".join(
         f'"{component.name}.{name}" = {str(value).lower()}'
         for component in realistic.components
@@ -107,10 +108,10 @@ def _drive(own: JointFile, controller: str) -> str:
     )
 
 
-def _observer(own: JointFile, controller: str, gain_set: str) -> list[tuple[str, str]]:
+def _list_observer_rules(joint_file: JointFile, controller: str, gain_set: str) -> list[tuple[str, str]]:
     """Return gains of the observer as expressions over alpha_1, so that all its poles are equal."""
-    alpha_1 = f"{own.name}.observer.alpha_1"
-    if own.gain_set(controller, gain_set).observer.gains.omega_r:
+    alpha_1 = f"{joint_file.name}.observer.alpha_1"
+    if joint_file.gain_set(controller, gain_set).observer.gains.omega_r:
         return [
             ("alpha_2", f"0.375 * {alpha_1} ** 2"),
             ("omega_d", f"{alpha_1} / 6"),
@@ -119,7 +120,7 @@ def _observer(own: JointFile, controller: str, gain_set: str) -> list[tuple[str,
     return [("alpha_2", f"{alpha_1} ** 2 / 3"), ("omega_d", f"{alpha_1} / 9")]
 
 
-def _convergence(joint: JointFile) -> float:
+def _get_convergence_time(joint: JointFile) -> float:
     """Return the convergence time in s to beat: that of the file, or what the paper prints for RSBA."""
     if joint.tuning is not None and joint.tuning.convergence_time is not None:
         return joint.tuning.convergence_time

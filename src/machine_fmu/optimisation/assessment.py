@@ -118,80 +118,82 @@ class Assessment:
     @property
     def within_bounds(self) -> bool:
         """Whether all bounds are kept, except for rounding."""
-        kept = all(clearance.is_kept for clearance in self.clearances)
-        return kept and all(peak.excess <= _ROUNDING for peak in self.peaks)
+        is_clear = all(clearance.is_kept for clearance in self.clearances)
+        return is_clear and all(peak.excess <= _ROUNDING for peak in self.peaks)
 
 
 def course(spline: Spline, problem: MotionProblem, times: np.ndarray) -> Course:
     """Return the motion along a spline at times in s; where the payload changes, with the later one."""
     parts = (times - spline.start) / (spline.end - spline.start)
-    which = np.searchsorted([load.first for load in problem.loads[1:]], parts, side="right")
-    return _course(spline, problem, times, which)
+    load_numbers = np.searchsorted([load.first for load in problem.loads[1:]], parts, side="right")
+    return _evaluate_course(spline, problem, times, load_numbers)
 
 
-def _course(spline: Spline, problem: MotionProblem, times: np.ndarray, which: np.ndarray) -> Course:
+def _evaluate_course(
+    spline: Spline, problem: MotionProblem, times: np.ndarray, load_numbers: np.ndarray
+) -> Course:
     """Return the motion along a spline at times in s, each with one of the problem's loads."""
     q, v, a, j = (spline.evaluated(times, d) for d in range(4))
-    payload = np.array([load.payload for load in problem.loads])[which]
+    payload = np.array([load.payload for load in problem.loads])[load_numbers]
     return Course(times, q, v, a, problem.machine.forces(q, v, a, payload), j, payload)
 
 
-def _grid(spline: Spline, problem: MotionProblem) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _build_grid(spline: Spline, problem: MotionProblem) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return times of a dense grid in s, their weights, and the load of each; a change has both loads."""
-    places, duration = np.unique(spline.knots), spline.end - spline.start
-    found = []
+    knots, duration = np.unique(spline.knots), spline.end - spline.start
+    grids = []
     for i, load in enumerate(problem.loads):
         first, last = (spline.start + x * duration for x in (load.first, load.last))
-        inside = places[(places > first + _ROUNDING * duration) & (places < last - _ROUNDING * duration)]
-        times, weights = lobatto(np.concatenate([[first], inside, [last]]), _POINTS)
-        found.append((times, weights, np.full(len(times), i)))
-    times, weights, which = zip(*found, strict=True)
-    return np.concatenate(times), np.concatenate(weights), np.concatenate(which)
+        inner = knots[(knots > first + _ROUNDING * duration) & (knots < last - _ROUNDING * duration)]
+        times, weights = lobatto(np.concatenate([[first], inner, [last]]), _POINTS)
+        grids.append((times, weights, np.full(len(times), i)))
+    times, weights, load_numbers = zip(*grids, strict=True)
+    return np.concatenate(times), np.concatenate(weights), np.concatenate(load_numbers)
 
 
 def measure_clearances(spline: Spline, problem: MotionProblem) -> tuple[Clearance, ...]:
     """Return the smallest distances of a motion from all that limits it: ground, base and obstacles."""
-    machine, found = problem.machine, list[Clearance]()
+    machine, clearances = problem.machine, list[Clearance]()
     if problem.ground_clearance is None and problem.body_clearance is None and not problem.obstacles:
         return ()
-    times, at = _points(spline, problem)
+    times, points = _locate_points(spline, problem)
     if problem.ground_clearance is not None:
-        near = ground_approach(machine, problem.ground_height, times, at)
-        found.append(Clearance(GROUND, problem.ground_clearance, near))
+        approach = ground_approach(machine, problem.ground_height, times, points)
+        clearances.append(Clearance(GROUND, problem.ground_clearance, approach))
     if problem.body_clearance is not None:
-        base = base_approach(machine, times, at)
-        found += [] if base is None else [Clearance(BODY, problem.body_clearance, base)]
+        base = base_approach(machine, times, points)
+        clearances += [] if base is None else [Clearance(BODY, problem.body_clearance, base)]
     for obstacle in problem.obstacles:
-        near = obstacle.approach(machine, times, at)
-        found.append(Clearance(obstacle.label, obstacle.clearance, near))
-    return tuple(found)
+        approach = obstacle.approach(machine, times, points)
+        clearances.append(Clearance(obstacle.label, obstacle.clearance, approach))
+    return tuple(clearances)
 
 
 def nearest_lines(spline: Spline, problem: MotionProblem) -> list[tuple[int, Axis]]:
     """Return all lines of the machine that come too close to an obstacle, with the obstacle's number."""
     if not problem.obstacles:
         return []
-    times, at = _points(spline, problem)
+    times, points = _locate_points(spline, problem)
     return [
         (i, line)
         for i, obstacle in enumerate(problem.obstacles)
-        for line, approach in obstacle.approaches(problem.machine, times, at)
+        for line, approach in obstacle.approaches(problem.machine, times, points)
         if approach.distance < obstacle.clearance - _ROUNDING
     ]
 
 
-def _points(spline: Spline, problem: MotionProblem) -> tuple[np.ndarray, Points]:
+def _locate_points(spline: Spline, problem: MotionProblem) -> tuple[np.ndarray, Points]:
     """Return times of a dense grid in s, and all points of the machine there."""
-    times, _, which = _grid(spline, problem)
-    payloads = np.array([load.payload for load in problem.loads])[which]
+    times, _, load_numbers = _build_grid(spline, problem)
+    payloads = np.array([load.payload for load in problem.loads])[load_numbers]
     return times, problem.machine.points(spline.evaluated(times), payload=payloads)
 
 
 def find_swings(spline: Spline, problem: MotionProblem) -> list[Swing]:
     """Return the largest deflection by accelerations of each passive coordinate."""
-    times, _, which = _grid(spline, problem)
-    seen = _course(spline, problem, times, which)
-    swings = problem.machine.swing(seen.q, seen.v, seen.a, seen.payload)
+    times, _, load_numbers = _build_grid(spline, problem)
+    motion = _evaluate_course(spline, problem, times, load_numbers)
+    swings = problem.machine.swing(motion.q, motion.v, motion.a, motion.payload)
     largest = np.abs(swings).max(axis=0, initial=0.0).tolist()
     frames = problem.machine.passive_frames
     return [
@@ -201,64 +203,67 @@ def find_swings(spline: Spline, problem: MotionProblem) -> list[Swing]:
 
 def assessed(spline: Spline, problem: MotionProblem, tie_break: float) -> Assessment:
     """Return the figures of the motion along a spline."""
-    times, weights, which = _grid(spline, problem)
-    seen = _course(spline, problem, times, which)
-    power = seen.v * seen.force
+    times, weights, load_numbers = _build_grid(spline, problem)
+    motion = _evaluate_course(spline, problem, times, load_numbers)
+    power = motion.v * motion.force
     duration = spline.end - spline.start
     return Assessment(
         duration,
         0.5 * float(weights @ power.sum(axis=1) ** 2),
-        least_cost(problem, duration, _strokes_at_aims(spline, problem)),
+        least_cost(problem, duration, _evaluate_aims(spline, problem)),
         0.5 * tie_break * float(weights @ (power**2).sum(axis=1)),
         float(weights @ np.abs(power).sum(axis=1)),
         float(weights @ power.sum(axis=1)),
-        tuple(_peak(seen, problem, i, spline.knots[-spline.degree - 2]) for i in range(len(problem.names))),
+        tuple(
+            _find_peak(motion, problem, i, spline.knots[-spline.degree - 2])
+            for i in range(len(problem.names))
+        ),
         measure_clearances(spline, problem),
     )
 
 
-def _strokes_at_aims(spline: Spline, problem: MotionProblem) -> list[Numbers]:
+def _evaluate_aims(spline: Spline, problem: MotionProblem) -> list[Numbers]:
     """Return the strokes in m at way-points and at the end."""
     duration = spline.end - spline.start
     times = [spline.start + x * duration for x in (*problem.moments, 1.0)]
-    found = [tuple(row) for row in spline.evaluated(times).tolist()]
-    return found if problem.tip_E is not None else [*found[:-1], problem.q_E]
+    strokes = [tuple(row) for row in spline.evaluated(times).tolist()]
+    return strokes if problem.tip_E is not None else [*strokes[:-1], problem.q_E]
 
 
-def _peak(seen: Course, problem: MotionProblem, i: int, last: float) -> Peak:
+def _find_peak(motion: Course, problem: MotionProblem, i: int, last: float) -> Peak:
     """Return the peaks of joint i; if its v_E may exceed the bounds, so may its speed after `last` s."""
-    speeds = seen.v[:, i]
+    speeds = motion.v[:, i]
     if i in problem.beyond_bounds():
-        speeds = speeds[seen.times <= last]
-    force, force_bound = _largest(seen.force[:, i], problem.f_LB[i], problem.f_UB[i])
-    speed, speed_bound = _largest(seen.v[:, i], problem.v_LB[i], problem.v_UB[i])
-    a_LB, a_UB = (_of(bounds, i) for bounds in (problem.a_LB, problem.a_UB))
-    j_LB, j_UB = (_of(bounds, i) for bounds in (problem.j_LB, problem.j_UB))
+        speeds = speeds[motion.times <= last]
+    force, force_bound = _find_largest(motion.force[:, i], problem.f_LB[i], problem.f_UB[i])
+    speed, speed_bound = _find_largest(motion.v[:, i], problem.v_LB[i], problem.v_UB[i])
+    a_LB, a_UB = (_select_bound(bounds, i) for bounds in (problem.a_LB, problem.a_UB))
+    j_LB, j_UB = (_select_bound(bounds, i) for bounds in (problem.j_LB, problem.j_UB))
     q_LB, q_UB = problem.machine.q_LB[i], problem.machine.q_UB[i]
     excess = max(
-        _excess(seen.force[:, i], problem.f_LB[i], problem.f_UB[i]),
-        _excess(speeds, problem.v_LB[i], problem.v_UB[i]),
-        _excess(seen.a[:, i], a_LB, a_UB),
-        _excess(seen.j[:, i], j_LB, j_UB),
-        _excess(seen.q[:, i], q_LB, q_UB),
+        _compute_excess(motion.force[:, i], problem.f_LB[i], problem.f_UB[i]),
+        _compute_excess(speeds, problem.v_LB[i], problem.v_UB[i]),
+        _compute_excess(motion.a[:, i], a_LB, a_UB),
+        _compute_excess(motion.j[:, i], j_LB, j_UB),
+        _compute_excess(motion.q[:, i], q_LB, q_UB),
     )
-    lowest, highest = float(seen.q[:, i].min()), float(seen.q[:, i].max())
-    higher = (*_largest(seen.a[:, i], a_LB, a_UB), *_largest(seen.j[:, i], j_LB, j_UB))
+    lowest, highest = float(motion.q[:, i].min()), float(motion.q[:, i].max())
+    higher = (*_find_largest(motion.a[:, i], a_LB, a_UB), *_find_largest(motion.j[:, i], j_LB, j_UB))
     joint = problem.names[i]
     return Peak(joint, force, force_bound, speed, speed_bound, *higher, lowest, highest, excess)
 
 
-def _of(bounds: Numbers | None, i: int) -> float | None:
+def _select_bound(bounds: Numbers | None, i: int) -> float | None:
     return None if bounds is None else bounds[i]
 
 
-def _largest(values: np.ndarray, low: Bound, high: Bound) -> tuple[float, Bound]:
+def _find_largest(values: np.ndarray, low: Bound, high: Bound) -> tuple[float, Bound]:
     """Return the largest value, and the bound on its side."""
     value = float(values[np.argmax(np.abs(values))])
     return value, high if value > 0.0 else low
 
 
-def _excess(values: np.ndarray, low: float | None, high: float | None) -> float:
+def _compute_excess(values: np.ndarray, low: float | None, high: float | None) -> float:
     over = 0.0 if high is None else float(values.max()) - high
     under = 0.0 if low is None else low - float(values.min())
     return max(over, under, 0.0) / bound_width(low, high)

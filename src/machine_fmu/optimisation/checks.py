@@ -44,6 +44,8 @@ def check_numbers(name: str, value: object, labels: Sequence[str], can_be_off: b
     count = max(len(labels), 1)
     if len(values) == count and all(map(is_number, values)) and is_list == bool(labels):
         return
-    wanted = _COUNTS[count] if count < len(_COUNTS) else f"{count} finite numbers"
-    of = f": {', '.join(labels)}" if labels else ""
-    raise TrajectoryError(f"{name} is {value!r}; it must be {wanted}{of}{', or off' if can_be_off else ''}.")
+    expected = _COUNTS[count] if count < len(_COUNTS) else f"{count} finite numbers"
+    labels_text = f": {', '.join(labels)}" if labels else ""
+    raise TrajectoryError(
+        f"{name} is {value!r}; it must be {expected}{labels_text}{', or off' if can_be_off else ''}."
+    )

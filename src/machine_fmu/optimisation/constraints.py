@@ -14,25 +14,25 @@ class Constraints:
         self._low: list[np.ndarray] = []
         self._high: list[np.ndarray] = []
 
-    def equal(self, expression: casadi.MX) -> None:
+    def require_zero(self, expression: casadi.MX) -> None:
         """Require that all elements are zero."""
-        self.between(expression, 0.0, 0.0)
+        self.require_between(expression, 0.0, 0.0)
 
-    def between(self, expression: casadi.MX, low: Any, high: Any) -> None:
+    def require_between(self, expression: casadi.MX, low: Any, high: Any) -> None:
         """Require that all elements are between bounds: numbers, or one for each element."""
         column = casadi.vec(expression)
         self._expressions.append(column)
-        for bounds, given in ((self._low, low), (self._high, high)):
-            bounds.append(np.broadcast_to(np.asarray(given, dtype=float), column.shape[0]))
+        for bounds, values in ((self._low, low), (self._high, high)):
+            bounds.append(np.broadcast_to(np.asarray(values, dtype=float), column.shape[0]))
 
-    def giving_way(self, expression: casadi.MX, low: float, high: float, slack: Any) -> None:
-        """Require as `between`, but allow `slack` beyond the bounds; None is none."""
+    def require_between_with_slack(self, expression: casadi.MX, low: float, high: float, slack: Any) -> None:
+        """Require as `require_between`, but allow `slack` beyond the bounds; None is none."""
         if slack is None:
-            self.between(expression, low, high)
+            self.require_between(expression, low, high)
         else:
             column = casadi.vec(expression)
-            self.between(column - slack, -np.inf, high)
-            self.between(column + slack, low, np.inf)
+            self.require_between(column - slack, -np.inf, high)
+            self.require_between(column + slack, low, np.inf)
 
     @property
     def expression(self) -> casadi.MX:

@@ -19,63 +19,71 @@ _ROUNDING = 1e-9
 
 def find_contradictions(problem: MotionProblem) -> list[str]:
     """Return a message for each contradiction found in the data."""
-    empty = list(_empty_bounds(problem))
-    gentle = [] if empty else list(_too_gentle(problem))
-    others = (_broken_bounds(problem), _too_late(problem), gentle, _too_heavy(problem), _too_near(problem))
-    aims = list(_out_of_order(problem)) or list(_out_of_reach(problem))
-    return [*empty, *(message for found in others for message in found), *aims]
+    empty = list(_check_empty_bounds(problem))
+    accelerations = [] if empty else list(_check_accelerations(problem))
+    checks = (
+        _check_ends(problem),
+        _check_duration(problem),
+        accelerations,
+        _check_forces(problem),
+        _check_clearances(problem),
+    )
+    aims = list(_check_order(problem)) or list(_check_reach(problem))
+    return [*empty, *(message for messages in checks for message in messages), *aims]
 
 
-def _out_of_order(problem: MotionProblem) -> Iterator[str]:
+def _check_order(problem: MotionProblem) -> Iterator[str]:
     for i, (a, b) in enumerate(pairwise(problem.moments)):
         if a >= b:
             yield f"via[{i + 2}].at = {b:g} is not after via[{i + 1}].at = {a:g}"
 
 
-def _out_of_reach(problem: MotionProblem) -> Iterator[str]:
+def _check_reach(problem: MotionProblem) -> Iterator[str]:
     """Yield messages for positions that no posture reaches above the ground."""
     for (name, moment, position), guess in zip(problem.aims, problem.postures, strict=False):
-        here, above = f"{name} = {_written(position)} m", position[-1] - problem.ground_height
+        target, above = f"{name} = {_format_position(position)} m", position[-1] - problem.ground_height
         if problem.ground_clearance is not None and above < problem.ground_clearance:
             side = "above" if above >= 0.0 else "below"
-            yield f"{here} is {abs(above):.3g} m {side} {_ground(problem)}"
+            yield f"{target} is {abs(above):.3g} m {side} {_describe_ground(problem)}"
             continue
         for obstacle in problem.obstacles:
             point = np.array([position])
-            if (apart := float(obstacle.distances(point, point)[0][0])) < obstacle.clearance:
+            if (distance_of_obstacle := float(obstacle.distances(point, point)[0][0])) < obstacle.clearance:
                 yield (
-                    f"{here} is {apart:.3g} m from {obstacle.label}; its clearance = "
+                    f"{target} is {distance_of_obstacle:.3g} m from {obstacle.label}; its clearance = "
                     f"{obstacle.clearance:g} m is required"
                 )
         if guess is None:
-            near = nearest_position(Reach(problem.machine, problem.payload_until(moment)), position)
-            distance = math.dist(near, position)
+            nearest = nearest_position(Reach(problem.machine, problem.payload_until(moment)), position)
+            distance = math.dist(nearest, position)
             if distance <= 1e-6:
-                yield f"{here} is in the tip's reach only with a point of the machine too near to the ground"
+                yield (
+                    f"{target} is in the tip's reach only with a point of the machine too near to the ground"
+                )
                 continue
             yield (
-                f"{here} is out of the tip's reach by {distance:.3g} m; the nearest position in reach is "
-                f"{_written(near, 4)} m"
+                f"{target} is out of the tip's reach by {distance:.3g} m; the nearest position in reach is "
+                f"{_format_position(nearest, 4)} m"
             )
 
 
-def _written(position: tuple[float, ...], digits: int = 6) -> str:
+def _format_position(position: tuple[float, ...], digits: int = 6) -> str:
     return ",".join(f"{x:.{digits}g}" for x in position)
 
 
-def _ground(problem: MotionProblem) -> str:
+def _describe_ground(problem: MotionProblem) -> str:
     return (
         f"the ground, which is at {problem.axes[-1]} = {problem.ground_height:.4g} m; "
         f"ground_clearance = {problem.ground_clearance:g} m is required"
     )
 
 
-def _fixed(problem: MotionProblem) -> list[str]:
+def _list_fixed_ends(problem: MotionProblem) -> list[str]:
     """Names of the ends whose strokes are fixed."""
     return ["q_S"] if problem.tip_E is not None else ["q_S", "q_E"]
 
 
-def _empty_bounds(problem: MotionProblem) -> Iterator[str]:
+def _check_empty_bounds(problem: MotionProblem) -> Iterator[str]:
     for x in "vfaj":
         lows, highs = getattr(problem, f"{x}_LB"), getattr(problem, f"{x}_UB")
         if lows is None or highs is None:
@@ -85,34 +93,34 @@ def _empty_bounds(problem: MotionProblem) -> Iterator[str]:
                 yield f"{x}_LB[{i}] = {low:g} is above {x}_UB[{i}] = {high:g}"
 
 
-def _broken_bounds(problem: MotionProblem) -> Iterator[str]:
+def _check_ends(problem: MotionProblem) -> Iterator[str]:
     """Yield messages for end points that are beyond the bounds of the motion between them."""
-    for name, unit in (*((name, "m") for name in _fixed(problem)), ("v_S", "m/s"), ("v_E", "m/s")):
-        of = problem.machine if name.startswith("q") else problem
-        lows, highs = (getattr(of, f"{name[0]}_{end}") for end in ("LB", "UB"))
+    for name, unit in (*((name, "m") for name in _list_fixed_ends(problem)), ("v_S", "m/s"), ("v_E", "m/s")):
+        limits_of = problem.machine if name.startswith("q") else problem
+        lows, highs = (getattr(limits_of, f"{name[0]}_{end}") for end in ("LB", "UB"))
         for i, (x, low, high) in enumerate(zip(getattr(problem, name), lows, highs, strict=True)):
             if not low <= x <= high:
                 yield (
                     f"{name}[{i + 1}] = {x:g} {unit} of the {problem.names[i]} is beyond its own bounds, "
-                    f"{low:g} to {high:g} {unit}{_times(x, low, high)}"
+                    f"{low:g} to {high:g} {unit}{_format_ratio(x, low, high)}"
                 )
 
 
-def _too_late(problem: MotionProblem) -> Iterator[str]:
+def _check_duration(problem: MotionProblem) -> Iterator[str]:
     if problem.tip_E is not None:
         return  # its strokes are not known yet
     for i, joint in enumerate(problem.names):
-        way = problem.q_E[i] - problem.q_S[i]
-        speed = problem.v_UB[i] if way > 0.0 else problem.v_LB[i]
-        least = math.inf if way and way * speed <= 0.0 else way / speed if way else 0.0
-        if least > problem.t_M:
+        stroke = problem.q_E[i] - problem.q_S[i]
+        speed = problem.v_UB[i] if stroke > 0.0 else problem.v_LB[i]
+        shortest = math.inf if stroke and stroke * speed <= 0.0 else stroke / speed if stroke else 0.0
+        if shortest > problem.t_M:
             yield (
-                f"the {joint}'s {abs(way):g} m take {least:.3g} s at its bound of {abs(speed):g} m/s, "
+                f"the {joint}'s {abs(stroke):g} m take {shortest:.3g} s at its bound of {abs(speed):g} m/s, "
                 f"more than t_M = {problem.t_M:g} s"
             )
 
 
-def _too_gentle(problem: MotionProblem) -> Iterator[str]:
+def _check_accelerations(problem: MotionProblem) -> Iterator[str]:
     """Yield messages for ends that the bounds of the accelerations do not join within t_M.
 
     The farthest motion in t_M has its highest acceleration first, and then its lowest, and the nearest
@@ -130,18 +138,20 @@ def _too_gentle(problem: MotionProblem) -> Iterator[str]:
                 f"{problem.v_E[i]:g} m/s is not possible in t_M = {t_M:g} s with {bounds}"
             )
             continue
-        ends = [problem.v_S[i] * t_M + _way(a, b, gain, t_M) for a, b in ((low, high), (high, low))]
-        way = problem.q_E[i] - problem.q_S[i]
-        if problem.tip_E is None and not ends[0] - _ROUNDING <= way <= ends[1] + _ROUNDING:
+        ends = [
+            problem.v_S[i] * t_M + _compute_distance(a, b, gain, t_M) for a, b in ((low, high), (high, low))
+        ]
+        stroke = problem.q_E[i] - problem.q_S[i]
+        if problem.tip_E is None and not ends[0] - _ROUNDING <= stroke <= ends[1] + _ROUNDING:
             yield (
-                f"the {joint}'s way of {way:.4g} m is not possible in t_M = {t_M:g} s with {bounds}: "
+                f"the {joint}'s way of {stroke:.4g} m is not possible in t_M = {t_M:g} s with {bounds}: "
                 f"they allow {ends[0]:.4g} to {ends[1]:.4g} m"
             )
 
 
-def _too_heavy(problem: MotionProblem) -> Iterator[str]:
+def _check_forces(problem: MotionProblem) -> Iterator[str]:
     """Yield messages for postures that do not close, or that the forces cannot hold at rest."""
-    for name in _fixed(problem):
+    for name in _list_fixed_ends(problem):
         q = np.array([getattr(problem, name)])
         if not problem.within_strokes(q[0]):
             continue  # reported before
@@ -159,43 +169,47 @@ def _too_heavy(problem: MotionProblem) -> Iterator[str]:
                 )
 
 
-def _too_near(problem: MotionProblem) -> Iterator[str]:
+def _check_clearances(problem: MotionProblem) -> Iterator[str]:
     """Yield messages for postures at the start or end that are too close to ground, base or obstacles."""
     machine, time = problem.machine, np.zeros(1)
-    for name in _fixed(problem):
+    for name in _list_fixed_ends(problem):
         q = np.array([getattr(problem, name)])
-        at = machine.points(q, payload=problem.payload_until(_MOMENTS[name]))
-        if not problem.within_strokes(q[0]) or not all(np.isfinite(x).all() for x in at.values()):
+        points = machine.points(q, payload=problem.payload_until(_MOMENTS[name]))
+        if not problem.within_strokes(q[0]) or not all(np.isfinite(x).all() for x in points.values()):
             continue
         if problem.ground_clearance is not None:
-            ground = ground_approach(machine, problem.ground_height, time, at)
+            ground = ground_approach(machine, problem.ground_height, time, points)
             if ground.distance < problem.ground_clearance:
                 side = "above" if ground.distance >= 0.0 else "below"
                 height = f"{abs(ground.distance):.3g} m {side}"
-                yield f"{name} puts {ground.part} {height} {_ground(problem)}"
+                yield f"{name} puts {ground.part} {height} {_describe_ground(problem)}"
         if problem.body_clearance is not None:
-            base = base_approach(machine, time, at)
+            base = base_approach(machine, time, points)
             if base is not None and base.distance < problem.body_clearance:
                 yield (
                     f"{name} puts {base.part} {base.distance:.3g} m from the base or an actuator on it; "
                     f"body_clearance = {problem.body_clearance:g} m is required"
                 )
         for obstacle in problem.obstacles:
-            near = obstacle.approach(machine, time, at)
-            if near.distance < obstacle.clearance:
+            approach = obstacle.approach(machine, time, points)
+            if approach.distance < obstacle.clearance:
                 yield (
-                    f"{name} puts {near.part} {near.distance:.3g} m from {obstacle.label}; "
+                    f"{name} puts {approach.part} {approach.distance:.3g} m from {obstacle.label}; "
                     f"its clearance = {obstacle.clearance:g} m is required"
                 )
 
 
-def _way(first: float, last: float, gain: float, duration: float) -> float:
+def _compute_distance(first: float, last: float, gain: float, duration: float) -> float:
     """Return the way in m from rest with two accelerations in turn, which change the speed by gain."""
-    until = (gain - last * duration) / (first - last) if first != last else duration
-    rest = duration - until
-    return 0.5 * first * until**2 + first * until * rest + 0.5 * last * rest**2
+    first_duration = (gain - last * duration) / (first - last) if first != last else duration
+    last_duration = duration - first_duration
+    return (
+        0.5 * first * first_duration**2
+        + first * first_duration * last_duration
+        + 0.5 * last * last_duration**2
+    )
 
 
-def _times(x: float, low: float, high: float) -> str:
+def _format_ratio(x: float, low: float, high: float) -> str:
     bound = high if x > high else low
     return f": {x / bound:.2g} times as much" if bound * x > 0.0 else ""

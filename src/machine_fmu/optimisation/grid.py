@@ -18,9 +18,9 @@ class SplineBasis:
     @classmethod
     def cosine(cls, degree: int, count: int) -> "SplineBasis":
         """Make a basis with `count` different knots, which are denser at both ends, as cosines."""
-        places = 0.5 - 0.5 * np.cos(np.pi * np.linspace(0.0, 1.0, count))
-        places[[0, -1]] = 0.0, 1.0
-        return cls(degree, np.concatenate([np.zeros(degree), places, np.ones(degree)]))
+        positions = 0.5 - 0.5 * np.cos(np.pi * np.linspace(0.0, 1.0, count))
+        positions[[0, -1]] = 0.0, 1.0
+        return cls(degree, np.concatenate([np.zeros(degree), positions, np.ones(degree)]))
 
     @property
     def size(self) -> int:
@@ -28,7 +28,7 @@ class SplineBasis:
         return len(self.knots) - self.degree - 1
 
     @property
-    def places(self) -> np.ndarray:
+    def distinct_knots(self) -> np.ndarray:
         """The different knots."""
         return self.knots[self.degree : len(self.knots) - self.degree]
 
@@ -61,12 +61,12 @@ class SplineBasis:
                 curve = curve.insert_knot(a + (b - a) * k / pieces)
         return curve.c[: len(curve.t) - self.degree - 1]
 
-    def at(self, places: np.ndarray, derivative: int = 0) -> np.ndarray:
+    def at(self, positions: np.ndarray, derivative: int = 0) -> np.ndarray:
         """Return a derivative of all basis functions: one row per place, one column per coefficient."""
-        return BSpline(self.knots, np.eye(self.size), self.degree)(places, nu=derivative)
+        return BSpline(self.knots, np.eye(self.size), self.degree)(positions, nu=derivative)
 
 
-def lobatto(places: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+def lobatto(positions: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the Gauss-Lobatto points and weights, `count` in each interval, with shared ends.
 
     The sum of weight times value is the integral. It is exact for polynomials up to degree 2 count - 3.
@@ -74,11 +74,11 @@ def lobatto(places: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
     legendre = Legendre.basis(count - 1)
     x = np.concatenate([[-1.0], np.sort(legendre.deriv().roots().real), [1.0]])
     w = 2.0 / (count * (count - 1) * legendre(x) ** 2)
-    points, weights = [places[:1]], [np.zeros(1)]
-    for a, b in pairwise(places):
+    points, weights = [positions[:1]], [np.zeros(1)]
+    for a, b in pairwise(positions):
         weights[-1][-1] += 0.5 * (b - a) * w[0]
         points.append(0.5 * (a + b) + 0.5 * (b - a) * x[1:])
         weights.append(0.5 * (b - a) * w[1:])
-    found = np.concatenate(points)
-    found[-1] = places[-1]  # avoids rounding beyond it
-    return found, np.concatenate(weights)
+    grid = np.concatenate(points)
+    grid[-1] = positions[-1]  # avoids rounding beyond it
+    return grid, np.concatenate(weights)

@@ -8,18 +8,18 @@ from .problem import MotionProblem
 from .solving import NoMotionError, Solution, solved
 from .transcription import Discretisation
 
-_ROUNDS = 6
+_MAX_REPETITIONS = 6
 """Largest number of times that bounds are narrowed; once is usually enough."""
 
-_MORE = 1.5
+_NARROWING_FACTOR = 1.5
 """Factor by which bounds are narrowed more than forces exceeded them."""
 
-_LEAST_RISE = 1e-4
+_MIN_RISE = 1e-4
 """Smallest height in m by which a clearance is raised."""
 
 
 def narrowed(
-    found: Solution, problem: MotionProblem, how: Discretisation, heard: Callable[[], None]
+    solution: Solution, problem: MotionProblem, how: Discretisation, on_iteration: Callable[[], None]
 ) -> tuple[Solution, Assessment]:
     """Find a motion near a given one that keeps its bounds on the dense grid, and return it with its figures.
 
@@ -27,29 +27,29 @@ def narrowed(
     points. If these exceed them between, the optimisation is repeated with bounds that are narrower by the
     excess.
     """
-    figures, within = assessed(found.spline(how), problem, how.tie_break), problem
-    for _ in range(_ROUNDS):
+    figures, narrow_problem = assessed(solution.spline(how), problem, how.tie_break), problem
+    for _ in range(_MAX_REPETITIONS):
         if figures.within_bounds:
             break
-        within = _narrower(within, figures)
+        narrow_problem = _narrow(narrow_problem, figures)
         try:
-            again = solved(within, how, found.coefficients, heard)
+            repeated = solved(narrow_problem, how, solution.coefficients, on_iteration)
         except NoMotionError:
             break
-        found = found.then(again)
-        figures = assessed(found.spline(how), problem, how.tie_break)
-    return found, figures
+        solution = solution.then(repeated)
+        figures = assessed(solution.spline(how), problem, how.tie_break)
+    return solution, figures
 
 
-def _narrower(problem: MotionProblem, figures: Assessment) -> MotionProblem:
+def _narrow(problem: MotionProblem, figures: Assessment) -> MotionProblem:
     bounds = zip(problem.f_LB, problem.f_UB, figures.peaks, strict=True)
-    by = [_MORE * peak.excess * (high - low) for low, high, peak in bounds]
+    reductions = [_NARROWING_FACTOR * peak.excess * (high - low) for low, high, peak in bounds]
     low, high = (
-        tuple(x + sign * d for x, d in zip(values, by, strict=True))
+        tuple(x + sign * d for x, d in zip(values, reductions, strict=True))
         for sign, values in ((1.0, problem.f_LB), (-1.0, problem.f_UB))
     )
     rises = {
-        clearance.obstacle: _MORE * clearance.shortfall + _LEAST_RISE
+        clearance.obstacle: _NARROWING_FACTOR * clearance.shortfall + _MIN_RISE
         for clearance in figures.clearances
         if not clearance.is_kept
     }

@@ -19,7 +19,7 @@ _SEARCH = 60
 _DIRECTIONS = 240
 """Number of directions among which a separating one is sought."""
 
-_FORMS = "centre and radius, low and high, or corners"
+_FORM_NAMES = "centre and radius, low and high, or corners"
 
 
 @dataclass(frozen=True)
@@ -51,10 +51,12 @@ class Obstacle:
     def __post_init__(self) -> None:
         """Check the form."""
         fields = {"centre": self.centre, "radius": self.radius, "low": self.low, "high": self.high}
-        given = {name for name, value in (fields | {"corners": self.corners}).items() if value is not None}
-        if given not in ({"centre", "radius"}, {"low", "high"}, {"corners"}):
-            has = " and ".join(sorted(given)) or "no form"
-            raise TrajectoryError(f"{self.label} has {has}; it must have {_FORMS}.")
+        field_names = {
+            name for name, value in (fields | {"corners": self.corners}).items() if value is not None
+        }
+        if field_names not in ({"centre", "radius"}, {"low", "high"}, {"corners"}):
+            has = " and ".join(sorted(field_names)) or "no form"
+            raise TrajectoryError(f"{self.label} has {has}; it must have {_FORM_NAMES}.")
         for name, value in (("radius", self.radius), ("clearance", self.clearance)):
             if value is not None and (not is_number(value) or value < 0.0):
                 raise TrajectoryError(f"{name} of {self.label} is {value!r}; it must be 0 m or more.")
@@ -105,31 +107,33 @@ class Obstacle:
         """Return the distances of the segment ab in each row from it, 0 inside, and the nearest points."""
         corners = self.hull
         if len(corners) == 1:
-            distances, places = point_distances(np.broadcast_to(corners[0], a.shape), a, b)
+            distances, nearest_points = point_distances(np.broadcast_to(corners[0], a.shape), a, b)
         elif self.dimensions == 3:
-            distances, places = _from_box(a, b, corners.min(axis=0), corners.max(axis=0))
+            distances, nearest_points = _measure_from_box(a, b, corners.min(axis=0), corners.max(axis=0))
         else:
-            distances, places = _from_polygon(a, b, corners)
-        return np.maximum(distances - self.growth, 0.0), places
+            distances, nearest_points = _measure_from_polygon(a, b, corners)
+        return np.maximum(distances - self.growth, 0.0), nearest_points
 
-    def approaches(self, machine: MachineModel, times: np.ndarray, at: Points) -> list[tuple[Axis, Approach]]:
+    def approaches(
+        self, machine: MachineModel, times: np.ndarray, points: Points
+    ) -> list[tuple[Axis, Approach]]:
         """Return the smallest distance of each line of the machine from it."""
         return [
-            (line, nearest(self.distances(at[line.start], at[line.end]), line.part, times))
+            (line, nearest(self.distances(points[line.start], points[line.end]), line.part, times))
             for line in all_lines(machine)
         ]
 
-    def approach(self, machine: MachineModel, times: np.ndarray, at: Points) -> Approach:
+    def approach(self, machine: MachineModel, times: np.ndarray, points: Points) -> Approach:
         """Return the smallest distance of the machine from it."""
-        found = [approach for _, approach in self.approaches(machine, times, at)]
-        return min(found, key=lambda approach: approach.distance)
+        approaches = [approach for _, approach in self.approaches(machine, times, points)]
+        return min(approaches, key=lambda approach: approach.distance)
 
-    def separating(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    def find_separating_directions(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
         """Return for each row a direction of length 1 from the obstacle to the segment ab.
 
         Of many directions it is the one along which they are farthest apart, or overlap least.
         """
-        directions = _directions(self.dimensions)
+        directions = _spread_directions(self.dimensions)
         ends = np.minimum(a @ directions.T, b @ directions.T)
         return directions[np.argmax(ends - (self.hull @ directions.T).max(axis=0), axis=1)]
 
@@ -149,45 +153,49 @@ class Separation:
         """Return a function of both ends and the direction to distances in m, and to its squared length."""
         n = obstacle.dimensions
         a, b, direction = (casadi.SX.sym(name, n) for name in "abd")
-        apart = [
+        distances = [
             casadi.dot(direction, end - casadi.DM(corner)) - obstacle.growth
             for end in (a, b)
             for corner in obstacle.hull
         ]
-        return casadi.Function("apart", [a, b, direction], [casadi.vertcat(*apart), casadi.sumsqr(direction)])
+        return casadi.Function(
+            "apart", [a, b, direction], [casadi.vertcat(*distances), casadi.sumsqr(direction)]
+        )
 
 
 def _is_convex(corners: Sequence[object]) -> bool:
     if len(corners) < 3 or not all(is_position(x) and len(x) == 2 for x in corners):  # type: ignore[arg-type]
         return False
     points = np.array(corners, dtype=float)
-    along = np.roll(points, -1, axis=0) - points
-    after = np.roll(along, -1, axis=0)
-    turns = along[:, 0] * after[:, 1] - along[:, 1] * after[:, 0]
-    angles = np.arctan2(turns, np.sum(along * after, axis=1))
-    once = abs(abs(float(angles.sum())) - 2.0 * np.pi) < 1e-6
-    return once and bool(np.all(turns > 0.0) or np.all(turns < 0.0))
+    edges = np.roll(points, -1, axis=0) - points
+    next_edges = np.roll(edges, -1, axis=0)
+    turns = edges[:, 0] * next_edges[:, 1] - edges[:, 1] * next_edges[:, 0]
+    angles = np.arctan2(turns, np.sum(edges * next_edges, axis=1))
+    is_simple = abs(abs(float(angles.sum())) - 2.0 * np.pi) < 1e-6
+    return is_simple and bool(np.all(turns > 0.0) or np.all(turns < 0.0))
 
 
-def _from_polygon(a: np.ndarray, b: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _measure_from_polygon(a: np.ndarray, b: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     edges = [*pairwise(corners), (corners[-1], corners[0])]
-    found = [segment_distances(a, b, *(np.broadcast_to(x, a.shape) for x in edge)) for edge in edges]
-    distances = np.array([x for x, _ in found])
-    which, rows = np.argmin(distances, axis=0), np.arange(len(a))
+    measured = [segment_distances(a, b, *(np.broadcast_to(x, a.shape) for x in edge)) for edge in edges]
+    distances = np.array([x for x, _ in measured])
+    nearest_edge, rows = np.argmin(distances, axis=0), np.arange(len(a))
     sides = [(d - c)[0] * (a - c)[:, 1] - (d - c)[1] * (a - c)[:, 0] for c, d in edges]
-    inside = np.all(np.array(sides) > 0.0, axis=0) | np.all(np.array(sides) < 0.0, axis=0)
-    places = np.array([x for _, x in found])[which, rows]
-    return np.where(inside, 0.0, distances[which, rows]), np.where(inside[:, None], a, places)
+    is_inside = np.all(np.array(sides) > 0.0, axis=0) | np.all(np.array(sides) < 0.0, axis=0)
+    nearest_points = np.array([x for _, x in measured])[nearest_edge, rows]
+    return np.where(is_inside, 0.0, distances[nearest_edge, rows]), np.where(
+        is_inside[:, None], a, nearest_points
+    )
 
 
-def _from_box(
+def _measure_from_box(
     a: np.ndarray, b: np.ndarray, low: np.ndarray, high: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Search along the segments, as the distance of a point from a convex body is convex."""
 
     def distance(part: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        places = a + part[:, None] * (b - a)
-        return np.linalg.norm(places - np.clip(places, low, high), axis=1), places
+        points = a + part[:, None] * (b - a)
+        return np.linalg.norm(points - np.clip(points, low, high), axis=1), points
 
     first, last = np.zeros(len(a)), np.ones(len(a))
     for _ in range(_SEARCH):
@@ -197,7 +205,7 @@ def _from_box(
     return distance(0.5 * (first + last))
 
 
-def _directions(dimensions: int) -> np.ndarray:
+def _spread_directions(dimensions: int) -> np.ndarray:
     """Return directions of length 1 that are spread evenly."""
     if dimensions == 2:
         angles = np.linspace(0.0, 2.0 * np.pi, _DIRECTIONS, endpoint=False)

@@ -154,8 +154,10 @@ class MotionProblem:
             check_numbers(f"tip of via[{i}]", via.tip, self.axes, False)
         for obstacle in self.obstacles:
             if obstacle.dimensions != len(self.axes):
-                wanted = ", ".join(self.axes)
-                raise TrajectoryError(f"positions of {obstacle.label} must have the coordinates {wanted}.")
+                coordinates = ", ".join(self.axes)
+                raise TrajectoryError(
+                    f"positions of {obstacle.label} must have the coordinates {coordinates}."
+                )
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -176,11 +178,11 @@ class MotionProblem:
     @property
     def loads(self) -> list[Load]:
         """Payloads on the way, in order."""
-        found = [Load(0.0, 1.0, self.payload)]
+        loads_ = [Load(0.0, 1.0, self.payload)]
         for moment, via in zip(self.moments, self.via, strict=True):
             if via.payload is not None:
-                found[-1:] = [found[-1]._replace(last=moment), Load(moment, 1.0, via.payload)]
-        return found
+                loads_[-1:] = [loads_[-1]._replace(last=moment), Load(moment, 1.0, via.payload)]
+        return loads_
 
     def payload_until(self, moment: float) -> float:
         """Return the payload in kg with which the machine arrives at a moment, a fraction of the duration."""
@@ -206,25 +208,25 @@ class MotionProblem:
 
         Each one is the posture nearest to the one before that is above the ground.
         """
-        return [found or self.q_S for found in self.postures]
+        return [posture or self.q_S for posture in self.postures]
 
     @cached_property
     def postures(self) -> list[Numbers | None]:
         """Guesses, None for a position that is out of reach."""
-        found, last = list[Numbers | None](), self.q_S
+        postures_, last = list[Numbers | None](), self.q_S
         for _, moment, position in self.aims:
             payload = self.payload_until(moment)
             heights = partial(self._heights, payload=payload)
-            found.append(nearest_posture(Reach(self.machine, payload), position, last, heights))
-            last = found[-1] or last
-        return found if self.tip_E is not None else [*found, self.q_E]
+            postures_.append(nearest_posture(Reach(self.machine, payload), position, last, heights))
+            last = postures_[-1] or last
+        return postures_ if self.tip_E is not None else [*postures_, self.q_E]
 
     def _heights(self, strokes: np.ndarray, payload: float) -> np.ndarray:
         """Return for each row of strokes the heights in m of all points above those that are required."""
         if self.ground_clearance is None:
             return np.zeros((len(strokes), 1))
-        at = self.machine.points(strokes, payload=payload)
-        heights = np.column_stack([at[name][:, -1] for name in moving_points(self.machine)])
+        points = self.machine.points(strokes, payload=payload)
+        heights = np.column_stack([points[name][:, -1] for name in moving_points(self.machine)])
         return heights - self.ground_height - self.ground_clearance
 
     @property
@@ -241,8 +243,8 @@ class MotionProblem:
 
     def read_as(self, reading: EndSpeed) -> "MotionProblem":
         """Return the problem with the end speeds of a reading."""
-        beyond, v_E = self.beyond_bounds(), list(self.v_E)
-        for i in beyond:
+        joints, v_E = self.beyond_bounds(), list(self.v_E)
+        for i in joints:
             if reading == EndSpeed.CLIP:
                 v_E[i] = min(max(v_E[i], self.v_LB[i]), self.v_UB[i])
             elif reading == EndSpeed.DECIMAL:

@@ -17,7 +17,7 @@ _SAMPLES, _SLOW_SAMPLES = 3375, 216
 _GRID_JOINTS = 3
 """Largest number of actuators whose samples are a grid."""
 
-_NEAR, _ROUGHLY = 1e-9, 1e-3
+_TOLERANCE, _ROUGH_TOLERANCE = 1e-9, 1e-3
 """Largest distance in m of a tip that has reached a position; with fewer actuators than coordinates, which
 cannot reach a position with rounded coordinates, the second one."""
 
@@ -59,103 +59,109 @@ def nearest_posture(
     aim, low, high = np.array(position), np.array(reach.machine.q_LB), np.array(reach.machine.q_UB)
     width = high - low
 
-    def way(q: np.ndarray) -> float:
+    def get_distance(q: np.ndarray) -> float:
         return float(np.sum(((q - start) / width) ** 2))
 
-    samples, tips = _sampled(reach)
+    samples, tips = _sample_postures(reach)
     distances = np.linalg.norm(tips - aim, axis=1)
-    close = np.argsort(distances)[: max(len(samples) // 20, _STARTS)]
-    ways = np.sum(((samples[close] - start) / width) ** 2, axis=1)
-    begins = [np.array(start), *samples[close[np.argsort(ways)[:_STARTS]]], samples[close[0]]]
-    reached = [q for begin in begins if (q := _reach(reach, aim, begin)) is not None]
-    better = [_approach(reach, aim, q, way, margins) for q in reached]
-    allowed = [q for q in (*reached, *better) if q is not None and np.all(margins(q[None]) >= -_NEAR)]
+    nearest_samples = np.argsort(distances)[: max(len(samples) // 20, _STARTS)]
+    squares = np.sum(((samples[nearest_samples] - start) / width) ** 2, axis=1)
+    starts = [
+        np.array(start),
+        *samples[nearest_samples[np.argsort(squares)[:_STARTS]]],
+        samples[nearest_samples[0]],
+    ]
+    postures = [q for guess in starts if (q := _find_posture(reach, aim, guess)) is not None]
+    shortened = [_shorten(reach, aim, q, get_distance, margins) for q in postures]
+    allowed = [
+        q for q in (*postures, *shortened) if q is not None and np.all(margins(q[None]) >= -_TOLERANCE)
+    ]
     if not allowed:
         return None
-    return tuple(min(allowed, key=way).tolist())
+    return tuple(min(allowed, key=get_distance).tolist())
 
 
 def nearest_position(reach: Reach, position: Sequence[float]) -> tuple[float, ...]:
     """Return the position that the tip can reach nearest to one that it cannot, in m."""
     aim = np.array(position)
-    samples, tips = _sampled(reach)
-    begins = np.argsort(np.linalg.norm(tips - aim, axis=1))[:_STARTS]
-    found = [reach.tip(_closest(reach, aim, samples[i])[None])[0] for i in begins]
-    return tuple(min(found, key=lambda tip: float(np.linalg.norm(tip - aim))).tolist())
+    samples, tips = _sample_postures(reach)
+    starts = np.argsort(np.linalg.norm(tips - aim, axis=1))[:_STARTS]
+    positions = [reach.tip(_find_closest(reach, aim, samples[i])[None])[0] for i in starts]
+    return tuple(min(positions, key=lambda tip: float(np.linalg.norm(tip - aim))).tolist())
 
 
-def _reach(reach: Reach, aim: np.ndarray, begin: np.ndarray) -> np.ndarray | None:
+def _find_posture(reach: Reach, aim: np.ndarray, start: np.ndarray) -> np.ndarray | None:
     """Return strokes near others that bring the tip to a position, if there are any."""
-    q = _closest(reach, aim, begin)
-    tolerance = _NEAR if len(q) >= len(aim) else _ROUGHLY
+    q = _find_closest(reach, aim, start)
+    tolerance = _TOLERANCE if len(q) >= len(aim) else _ROUGH_TOLERANCE
     return q if np.linalg.norm(reach.tip(q[None])[0] - aim) <= tolerance else None
 
 
-def _closest(reach: Reach, aim: np.ndarray, begin: np.ndarray) -> np.ndarray:
+def _find_closest(reach: Reach, aim: np.ndarray, start: np.ndarray) -> np.ndarray:
     """Return strokes near others that bring the tip as close to a position as is possible from there."""
     low, high = np.array(reach.machine.q_LB), np.array(reach.machine.q_UB)
 
-    def apart(q: np.ndarray) -> np.ndarray:
+    def get_error(q: np.ndarray) -> np.ndarray:
         return np.nan_to_num(reach.tip(q[None])[0] - aim, nan=1e3)
 
-    inner = np.clip(begin, low + 1e-6 * (high - low), high - 1e-6 * (high - low))
-    found = least_squares(
-        apart,
+    inner = np.clip(start, low + 1e-6 * (high - low), high - 1e-6 * (high - low))
+    solution = least_squares(
+        get_error,
         inner,
-        lambda q: _slopes(reach.tip, q),  # pyright: ignore[reportArgumentType]
+        lambda q: _differentiate(reach.tip, q),  # pyright: ignore[reportArgumentType]
         bounds=(low, high),
         xtol=1e-12,
         ftol=1e-12,
         gtol=1e-12,
     )
-    return _polish(reach, aim, found.x)
+    return _refine(reach, aim, solution.x)
 
 
-def _polish(reach: Reach, aim: np.ndarray, q: np.ndarray) -> np.ndarray:
+def _refine(reach: Reach, aim: np.ndarray, q: np.ndarray) -> np.ndarray:
     """Return strokes after steps of Newton's method to a position, if these come closer."""
-    best, distance = q, float(np.linalg.norm(reach.tip(q[None])[0] - aim))
+    refined, distance = q, float(np.linalg.norm(reach.tip(q[None])[0] - aim))
     for _ in range(4):
-        slopes = _slopes(reach.tip, best)
+        slopes = _differentiate(reach.tip, refined)
         if not np.isfinite(slopes).all():
             break
-        change = np.linalg.pinv(slopes) @ (reach.tip(best[None])[0] - aim)
-        trial = np.clip(best - change, reach.machine.q_LB, reach.machine.q_UB)
-        apart = float(np.linalg.norm(reach.tip(trial[None])[0] - aim))
-        if not apart < distance:
+        step = np.linalg.pinv(slopes) @ (reach.tip(refined[None])[0] - aim)
+        trial = np.clip(refined - step, reach.machine.q_LB, reach.machine.q_UB)
+        trial_distance = float(np.linalg.norm(reach.tip(trial[None])[0] - aim))
+        if not trial_distance < distance:
             break
-        best, distance = trial, apart
-    return best
+        refined, distance = trial, trial_distance
+    return refined
 
 
-def _approach(
+def _shorten(
     reach: Reach,
     aim: np.ndarray,
-    begin: np.ndarray,
-    way: Callable[[np.ndarray], float],
+    start: np.ndarray,
+    get_distance: Callable[[np.ndarray], float],
     margins: Rows,
 ) -> np.ndarray | None:
     """Return the posture with the shortest way near another one that has its tip at the same position."""
-    if len(begin) <= len(aim):
+    if len(start) <= len(aim):
         return None
     constraints = [
         {
             "type": "eq",
             "fun": lambda q: reach.tip(q[None])[0] - aim,
-            "jac": lambda q: _slopes(reach.tip, q),
+            "jac": lambda q: _differentiate(reach.tip, q),
         },
-        {"type": "ineq", "fun": lambda q: margins(q[None])[0], "jac": lambda q: _slopes(margins, q)},
+        {"type": "ineq", "fun": lambda q: margins(q[None])[0], "jac": lambda q: _differentiate(margins, q)},
     ]
     bounds = list(zip(reach.machine.q_LB, reach.machine.q_UB, strict=True))
-    found = minimize(
-        way, begin, method="SLSQP", bounds=bounds, constraints=constraints, options={"ftol": 1e-12}
+    solution = minimize(
+        get_distance, start, method="SLSQP", bounds=bounds, constraints=constraints, options={"ftol": 1e-12}
     )
-    if not np.isfinite(found.x).all():
+    if not np.isfinite(solution.x).all():
         return None
-    q = _polish(reach, aim, np.clip(found.x, reach.machine.q_LB, reach.machine.q_UB))
-    return q if np.linalg.norm(reach.tip(q[None])[0] - aim) <= _NEAR else None
+    q = _refine(reach, aim, np.clip(solution.x, reach.machine.q_LB, reach.machine.q_UB))
+    return q if np.linalg.norm(reach.tip(q[None])[0] - aim) <= _TOLERANCE else None
 
 
-def _slopes(function: Rows, q: np.ndarray) -> np.ndarray:
+def _differentiate(function: Rows, q: np.ndarray) -> np.ndarray:
     """Return the derivatives of columns with respect to strokes, by central differences."""
     steps = _STEP * np.eye(len(q))
     values = function(np.concatenate([q + steps, q - steps]))
@@ -163,13 +169,13 @@ def _slopes(function: Rows, q: np.ndarray) -> np.ndarray:
 
 
 @lru_cache(maxsize=8)
-def _sampled(reach: Reach) -> tuple[np.ndarray, np.ndarray]:
+def _sample_postures(reach: Reach) -> tuple[np.ndarray, np.ndarray]:
     """Return postures over all strokes, and the positions of the tip."""
     low, high, n = np.array(reach.machine.q_LB), np.array(reach.machine.q_UB), len(reach.machine.names)
     count = _SLOW_SAMPLES if reach.machine.closure.iterated else _SAMPLES
     if n <= _GRID_JOINTS:
-        places = np.linspace(0.0, 1.0, round(count ** (1.0 / n)))
-        shares = np.array(list(product(*[places] * n)))
+        shares_of_axis = np.linspace(0.0, 1.0, round(count ** (1.0 / n)))
+        shares = np.array(list(product(*[shares_of_axis] * n)))
     else:
         shares = qmc.Halton(n, scramble=False).random(count)
     samples = low + shares * (high - low)

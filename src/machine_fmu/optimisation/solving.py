@@ -16,7 +16,7 @@ from .transcription import LONGEST, Discretisation, Programme, slack_names
 MOST_ITERATIONS = 300
 """Most iterations of IPOPT; problems with a solution need 20 to 60."""
 
-_ROUNDS = 8
+_MAX_SEARCHES = 8
 """Most times that a motion is sought with further obstacles."""
 
 _NEGLIGIBLE = 1e-6
@@ -72,30 +72,30 @@ def solved(
     problem: MotionProblem,
     how: Discretisation,
     start: np.ndarray | None = None,
-    heard: Callable[[], None] = lambda: None,
+    on_iteration: Callable[[], None] = lambda: None,
 ) -> Solution:
     """Return the motion of least cost near a start.
 
-    The start is a straight line, or has the form of `Solution.coefficients`. `heard` is called after every
-    iteration; an exception there ends the search. Ground and obstacles become constraints only if the motion
-    without them comes too close; otherwise that motion is the best one with them, too.
+    The start is a straight line, or has the form of `Solution.coefficients`. `on_iteration` is called after
+    every iteration; an exception there ends the search. Ground and obstacles become constraints only if the
+    motion without them comes too close; otherwise that motion is the best one with them, too.
 
     Raises:
         NoMotionError: No motion is found.
     """
-    begin = straight(problem, how) if start is None else start
+    start_coefficients = straight(problem, how) if start is None else start
     programme = Programme(problem, how)
-    solution = _solved(programme, begin, heard)
-    for _ in range(_ROUNDS):
-        closer = _with_obstacles(programme, solution)
+    solution = _solve_programme(programme, start_coefficients, on_iteration)
+    for _ in range(_MAX_SEARCHES):
+        closer = _add_obstacles(programme, solution)
         if closer == programme:
             break
         programme = closer
-        solution = solution.then(_solved(programme, begin, heard))
+        solution = solution.then(_solve_programme(programme, start_coefficients, on_iteration))
     return solution
 
 
-def _with_obstacles(programme: Programme, solution: Solution) -> Programme:
+def _add_obstacles(programme: Programme, solution: Solution) -> Programme:
     """Return the programme with constraints for what a motion comes too close to."""
     problem, spline = programme.problem, solution.spline(programme.how)
     if problem.ground_clearance is None and not problem.obstacles:
@@ -103,21 +103,21 @@ def _with_obstacles(programme: Programme, solution: Solution) -> Programme:
     clearances = measure_clearances(spline, problem)
     is_low = any(not clearance.is_kept for clearance in clearances if clearance.obstacle == GROUND)
     separations = [Separation(line, i) for i, line in nearest_lines(spline, problem)]
-    more = dict.fromkeys((*programme.separations, *separations))
-    return replace(programme, grounded=programme.grounded or is_low, separations=tuple(more))
+    all_separations = dict.fromkeys((*programme.separations, *separations))
+    return replace(programme, grounded=programme.grounded or is_low, separations=tuple(all_separations))
 
 
-def _solved(programme: Programme, begin: np.ndarray, heard: Callable[[], None]) -> Solution:
-    before = time.perf_counter(), time.process_time()
-    ended = _run(programme, begin, heard)
-    if not ended.well:
-        raise NoMotionError(_blame(programme, begin, heard, ended.status))
-    coefficients, duration = programme.found(ended.unknowns)
+def _solve_programme(programme: Programme, start: np.ndarray, on_iteration: Callable[[], None]) -> Solution:
+    times_before = time.perf_counter(), time.process_time()
+    result = _run_ipopt(programme, start, on_iteration)
+    if not result.is_solved:
+        raise NoMotionError(_explain_failure(programme, start, on_iteration, result.status))
+    coefficients, duration = programme.read_solution(result.unknowns)
     if duration > (1.0 - _NEGLIGIBLE) * programme.problem.t_M:
         duration = programme.problem.t_M  # an interior-point method only approaches it
-    wall, cpu = time.perf_counter() - before[0], time.process_time() - before[1]
-    cost = ended.cost * programme.cost_scale
-    return Solution(programme.problem.names, coefficients, duration, cost, ended.iterations, wall, cpu)
+    wall, cpu = time.perf_counter() - times_before[0], time.process_time() - times_before[1]
+    cost = result.cost * programme.cost_scale
+    return Solution(programme.problem.names, coefficients, duration, cost, result.iterations, wall, cpu)
 
 
 def straight(problem: MotionProblem, how: Discretisation) -> np.ndarray:
@@ -133,19 +133,19 @@ def detour(problem: MotionProblem, how: Discretisation, seed: int) -> np.ndarray
     """Return the coefficients of a random detour within the strokes for a seed."""
     low, high = np.array(problem.machine.q_LB), np.array(problem.machine.q_UB)
     line, draw = straight(problem, how), np.random.default_rng(seed)
-    off = draw.normal(scale=0.1, size=line.shape) * (high - low)
-    off *= np.sin(np.pi * how.basis.means)[:, None]
-    return np.clip(line + off, low, high)
+    deviation = draw.normal(scale=0.1, size=line.shape) * (high - low)
+    deviation *= np.sin(np.pi * how.basis.means)[:, None]
+    return np.clip(line + deviation, low, high)
 
 
-class _Heard(casadi.Callback):
+class _IterationCallback(casadi.Callback):
     """Calls a function after every iteration of IPOPT; an exception there ends it, and is stored."""
 
-    def __init__(self, sizes: tuple[int, int], heard: Callable[[], None]) -> None:
+    def __init__(self, sizes: tuple[int, int], on_iteration: Callable[[], None]) -> None:
         casadi.Callback.__init__(self)
-        self.sizes, self.heard = sizes, heard
+        self.sizes, self.on_iteration = sizes, on_iteration
         self.error: BaseException | None = None
-        self.construct("heard", {})
+        self.construct("on_iteration", {})
 
     def get_n_in(self) -> int:
         """Return the number of a solver's results."""
@@ -168,14 +168,14 @@ class _Heard(casadi.Callback):
     def eval(self, arguments: Sequence[casadi.DM]) -> list[int]:
         """Return 1 to end the search."""
         try:
-            self.heard()
+            self.on_iteration()
         except BaseException as error:
             self.error = error
         return [int(self.error is not None)]
 
 
 @dataclass(frozen=True)
-class _Ended:
+class _IpoptResult:
     """How IPOPT ended."""
 
     unknowns: np.ndarray
@@ -184,39 +184,41 @@ class _Ended:
     status: str
 
     @property
-    def well(self) -> bool:
+    def is_solved(self) -> bool:
         """Whether it found a solution."""
         return self.status in ("Solve_Succeeded", "Solved_To_Acceptable_Level")
 
 
-def _run(programme: Programme, start: np.ndarray, heard: Callable[[], None]) -> _Ended:
+def _run_ipopt(programme: Programme, start: np.ndarray, on_iteration: Callable[[], None]) -> _IpoptResult:
     functions, (low_g, high_g) = programme.built()
-    listener = _Heard((functions["x"].shape[0], functions["g"].shape[0]), heard)
+    listener = _IterationCallback((functions["x"].shape[0], functions["g"].shape[0]), on_iteration)
     solver = casadi.nlpsol("motion", "ipopt", functions, {**_OPTIONS, "iteration_callback": listener})
     low, high = programme.bounds()
-    found = solver(x0=programme.start(start), lbx=low, ubx=high, lbg=low_g, ubg=high_g)
+    result = solver(x0=programme.start(start), lbx=low, ubx=high, lbg=low_g, ubg=high_g)
     if listener.error is not None:
         raise listener.error
     stats = solver.stats()
-    unknowns, cost = found["x"].full().ravel(), float(found["f"])
-    return _Ended(unknowns, cost, int(stats["iter_count"]), str(stats["return_status"]))
+    unknowns, cost = result["x"].full().ravel(), float(result["f"])
+    return _IpoptResult(unknowns, cost, int(stats["iter_count"]), str(stats["return_status"]))
 
 
-def _blame(tried: Programme, start: np.ndarray, heard: Callable[[], None], status: str) -> str:
+def _explain_failure(
+    programme: Programme, start: np.ndarray, on_iteration: Callable[[], None], status: str
+) -> str:
     """Return a message with the bounds that prevent a solution."""
-    ended = _run(replace(tried, elastic=True), start, heard)
-    if not ended.well:
-        return f"no motion was found: IPOPT ended with {status}, and with {ended.status} for relaxed bounds."
-    names = slack_names(tried.problem)
-    slacks = dict(zip(names, ended.unknowns[-len(names) :], strict=True))
-    guilty = sorted((x, name) for name, x in slacks.items() if x > _NEGLIGIBLE)
-    if not guilty:
+    result = _run_ipopt(replace(programme, elastic=True), start, on_iteration)
+    if not result.is_solved:
+        return f"no motion was found: IPOPT ended with {status}, and with {result.status} for relaxed bounds."
+    names = slack_names(programme.problem)
+    slacks = dict(zip(names, result.unknowns[-len(names) :], strict=True))
+    relaxed = sorted((x, name) for name, x in slacks.items() if x > _NEGLIGIBLE)
+    if not relaxed:
         return f"no motion was found: IPOPT ended with {status}, although no bound prevents a motion."
-    named = " and ".join(f"{name} by {_amount(x, name)}" for x, name in reversed(guilty))
-    return f"no motion keeps all bounds; the smallest relaxation that would allow one: {named}."
+    relaxations = " and ".join(f"{name} by {_format_relaxation(x, name)}" for x, name in reversed(relaxed))
+    return f"no motion keeps all bounds; the smallest relaxation that would allow one: {relaxations}."
 
 
-def _amount(x: float, name: str) -> str:
+def _format_relaxation(x: float, name: str) -> str:
     if "clearance" in name:
         return f"{x:.2g} m"
     width = "their width" if "bounds" in name else "it" if name == LONGEST else "the speed bounds' width"

@@ -12,13 +12,13 @@ from .problem import MotionProblem, Numbers
 
 def guess_unknowns(machine: MachineModel, strokes: np.ndarray, payloads: np.ndarray) -> np.ndarray:
     """Return the machine's unknowns; where it has none, those of the row before."""
-    found = machine.find_unknowns(strokes, payloads)
+    unknowns = machine.find_unknowns(strokes, payloads)
     last = np.array([machine.closure.assembly[i] for i in machine.unknowns])
-    for row in found:
+    for row in unknowns:
         if not np.isfinite(row).all():
             row[:] = last
         last = row
-    return found
+    return unknowns
 
 
 def stage(problem: MotionProblem, tie_break: float, payload: float) -> casadi.Function:
@@ -52,7 +52,7 @@ def least_cost(problem: MotionProblem, duration: float, strokes: Sequence[Number
     All power goes into energy, and constant power has the least square. `strokes` are those at the way-points
     and at the end; by default, the guesses. A payload that changes brings or takes its own energy.
     """
-    strokes, loads, rest = strokes or problem.guesses, problem.loads, (0.0,) * len(problem.names)
+    strokes, loads, zero_speeds = strokes or problem.guesses, problem.loads, (0.0,) * len(problem.names)
 
     def energy(q: Numbers, v: Numbers, payload: float) -> float:
         return float(problem.machine.energy(np.array([q]), np.array([v]), payload)[0])
@@ -60,8 +60,8 @@ def least_cost(problem: MotionProblem, duration: float, strokes: Sequence[Number
     gained = energy(strokes[-1], problem.v_E, loads[-1].payload) - energy(
         problem.q_S, problem.v_S, problem.payload
     )
-    here = dict(zip(problem.moments, strokes, strict=False))
-    for before, load in pairwise(loads):
-        q = here[load.first]
-        gained -= energy(q, rest, load.payload) - energy(q, rest, before.payload)
+    strokes_at = dict(zip(problem.moments, strokes, strict=False))
+    for previous, load in pairwise(loads):
+        q = strokes_at[load.first]
+        gained -= energy(q, zero_speeds, load.payload) - energy(q, zero_speeds, previous.payload)
     return gained**2 / (2.0 * duration)

@@ -46,20 +46,20 @@ def moving_points(machine: MachineModel) -> dict[str, str]:
 
     A body's origin is left out where it is another point, as at a pin.
     """
-    found = dict[str, str]()
-    fixed = _fixed(machine)
+    labels = dict[str, str]()
+    fixed = _find_fixed_bodies(machine)
     for name, body in machine.machine.bodies.items():
         if name in fixed:
             continue
         if _slides(body):
-            found[name] = f"the origin of '{name}'"
+            labels[name] = f"the origin of '{name}'"
         for point in machine.machine.points(name):
-            found[f"{name}.{point}"] = f"the point {name}.{point}"
+            labels[f"{name}.{point}"] = f"the point {name}.{point}"
     if machine.machine.payload is not None:
-        at = machine.machine.payload.at
-        found.pop(at, None)
-        found[at] = "the tip"
-    return found
+        tip = machine.machine.payload.at
+        labels.pop(tip, None)
+        labels[tip] = "the tip"
+    return labels
 
 
 def axes(machine: MachineModel) -> list[Axis]:
@@ -68,39 +68,41 @@ def axes(machine: MachineModel) -> list[Axis]:
     These are joints of other bodies and the payload; of a body without any, they are all its points. Bodies
     that turn about a point of the ground touch it, and are left out.
     """
-    fixed = _fixed(machine)
+    fixed = _find_fixed_bodies(machine)
     return [
         axis
         for name, body in machine.machine.bodies.items()
         if name not in fixed and (body.joint.parent not in fixed or _slides(body))
-        for axis in _body_axes(machine, name, _carried(machine, name))
+        for axis in _list_body_axes(machine, name, _list_carried_points(machine, name))
     ]
 
 
 def all_lines(machine: MachineModel) -> list[Axis]:
     """Return lines from origins of moving bodies to all their points, and those of actuators and links."""
-    found, fixed = list[Axis](), _fixed(machine)
+    lines, fixed = list[Axis](), _find_fixed_bodies(machine)
     for name in machine.machine.bodies:
         if name not in fixed:
             points = [f"{name}.{point}" for point in machine.machine.points(name)]
-            found += _body_axes(machine, name, [*dict.fromkeys([*points, *_carried(machine, name)])])
+            lines += _list_body_axes(
+                machine, name, [*dict.fromkeys([*points, *_list_carried_points(machine, name)])]
+            )
     for name, strut in machine.machine.struts():
-        if not all(place.partition(".")[0] in fixed for place in strut.ends):
-            found.append(Axis(f"'{name}'", *strut.ends))
-    return found
+        if not all(end.partition(".")[0] in fixed for end in strut.ends):
+            lines.append(Axis(f"'{name}'", *strut.ends))
+    return lines
 
 
-def ground_approach(machine: MachineModel, ground: float, times: np.ndarray, at: Points) -> Approach:
+def ground_approach(machine: MachineModel, ground: float, times: np.ndarray, points: Points) -> Approach:
     """Return the smallest height above the ground of all points of the machine that move."""
-    found = list[Approach]()
+    approaches = list[Approach]()
     for name, part in moving_points(machine).items():
-        heights = at[name][:, -1]
+        heights = points[name][:, -1]
         i = int(np.nanargmin(heights))
-        found.append(_approach(float(heights[i]) - ground, part, at[name][i], times[i]))
-    return min(found, key=lambda approach: approach.distance)
+        approaches.append(_build_approach(float(heights[i]) - ground, part, points[name][i], times[i]))
+    return min(approaches, key=lambda approach: approach.distance)
 
 
-def base_approach(machine: MachineModel, times: np.ndarray, at: Points) -> Approach | None:
+def base_approach(machine: MachineModel, times: np.ndarray, points: Points) -> Approach | None:
     """Return the smallest distance of all axes from the machine's base; 0 if they touch, None without a base.
 
     The base is the convex hull of the ground's outline and of the moving pins of the actuators on the ground,
@@ -108,79 +110,79 @@ def base_approach(machine: MachineModel, times: np.ndarray, at: Points) -> Appro
     """
     if not len(machine.outline) or machine.dimensions == 3:
         return None
-    rows, fixed = len(times), _fixed(machine)
+    rows, fixed = len(times), _find_fixed_bodies(machine)
     corners = [np.broadcast_to(corner, (rows, 2)) for corner in machine.outline]
     for actuator in machine.machine.actuators.values():
         on_ground = [end.partition(".")[0] in fixed for end in actuator.ends]
         corners += [
-            at[end]
+            points[end]
             for end, is_fixed in zip(actuator.ends, on_ground, strict=True)
             if any(on_ground) and not is_fixed
         ]
-    found = [
-        nearest(segment_distances(at[axis.start], at[axis.end], a, b), axis.part, times)
+    approaches = [
+        nearest(segment_distances(points[axis.start], points[axis.end], a, b), axis.part, times)
         for axis in axes(machine)
         for a, b in combinations(corners, 2)
     ]
-    return min(found, key=lambda approach: approach.distance, default=None)
+    return min(approaches, key=lambda approach: approach.distance, default=None)
 
 
-def nearest(seen: tuple[np.ndarray, np.ndarray], part: str, times: np.ndarray) -> Approach:
+def nearest(measured: tuple[np.ndarray, np.ndarray], part: str, times: np.ndarray) -> Approach:
     """Return the approach of a part with these distances and nearest points, one row for each time in s."""
-    distances, places = seen
+    distances, points = measured
     i = int(np.nanargmin(distances))
-    return _approach(float(distances[i]), part, places[i], times[i])
+    return _build_approach(float(distances[i]), part, points[i], times[i])
 
 
 def segment_distances(
     a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the distances of the segments ab and cd in the plane in each row, and nearest points on ab."""
-    found: Sequence[tuple[np.ndarray, np.ndarray]] = [
+    pairs: Sequence[tuple[np.ndarray, np.ndarray]] = [
         *(point_distances(point, a, b) for point in (c, d)),
         *((point_distances(point, c, d)[0], point) for point in (a, b)),
     ]
-    distances, places = np.array([x for x, _ in found]), np.array([x for _, x in found])
+    distances, points = np.array([x for x, _ in pairs]), np.array([x for _, x in pairs])
     nearest, rows = np.argmin(distances, axis=0), np.arange(len(a))
-    of_a, of_b = _side(c, d, a), _side(c, d, b)
-    crossing = (_side(a, b, c) * _side(a, b, d) < 0.0) & (of_a * of_b < 0.0)
-    parts = np.divide(of_a, of_a - of_b, out=np.zeros_like(of_a), where=crossing)
-    meeting = a + parts[:, None] * (b - a)
-    nearest_places = np.where(crossing[:, None], meeting, places[nearest, rows])
-    return np.where(crossing, 0.0, distances[nearest, rows]), nearest_places
+    side_of_a, side_of_b = _compute_side(c, d, a), _compute_side(c, d, b)
+    is_crossing = (_compute_side(a, b, c) * _compute_side(a, b, d) < 0.0) & (side_of_a * side_of_b < 0.0)
+    parts = np.divide(side_of_a, side_of_a - side_of_b, out=np.zeros_like(side_of_a), where=is_crossing)
+    intersections = a + parts[:, None] * (b - a)
+    nearest_places = np.where(is_crossing[:, None], intersections, points[nearest, rows])
+    return np.where(is_crossing, 0.0, distances[nearest, rows]), nearest_places
 
 
 def point_distances(point: np.ndarray, a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the distances of a point from the segment ab in each row, and the nearest points on ab."""
-    along = b - a
-    part = np.sum((point - a) * along, axis=1) / np.maximum(np.sum(along * along, axis=1), 1e-300)
-    foot = a + np.clip(part, 0.0, 1.0)[:, None] * along
+    direction = b - a
+    part = np.sum((point - a) * direction, axis=1) / np.maximum(np.sum(direction * direction, axis=1), 1e-300)
+    foot = a + np.clip(part, 0.0, 1.0)[:, None] * direction
     return np.linalg.norm(point - foot, axis=1), foot
 
 
-def _body_axes(machine: MachineModel, name: str, ends: Sequence[str]) -> list[Axis]:
+def _list_body_axes(machine: MachineModel, name: str, ends: Sequence[str]) -> list[Axis]:
     joint, part = machine.machine.bodies[name].joint, f"'{name}'"
-    found = [Axis(part, name, end) for end in ends if end != name]
+    axes_ = [Axis(part, name, end) for end in ends if end != name]
     if joint.kind == "prismatic":
-        found.append(Axis(part, f"{joint.parent}.{joint.at}" if joint.at else joint.parent, name))
-    return found
+        axes_.append(Axis(part, f"{joint.parent}.{joint.at}" if joint.at else joint.parent, name))
+    return axes_
 
 
-def _carried(machine: MachineModel, name: str) -> list[str]:
+def _list_carried_points(machine: MachineModel, name: str) -> list[str]:
     """Return the points of a body that carry bodies or the payload; all its points if there are none."""
     joints = [body.joint for body in machine.machine.bodies.values() if body.joint.parent == name]
-    found = [f"{name}.{joint.at}" for joint in joints if joint.at]
+    points = [f"{name}.{joint.at}" for joint in joints if joint.at]
     payload = machine.machine.payload
     if payload is not None and payload.at.partition(".")[0] == name:
-        found.append(payload.at)
-    return found or [f"{name}.{point}" for point in machine.machine.points(name)]
+        points.append(payload.at)
+    return points or [f"{name}.{point}" for point in machine.machine.points(name)]
 
 
 def _slides(body: Body) -> bool:
     return body.joint.kind in ("prismatic", "free")
 
 
-def _fixed(machine: MachineModel) -> set[str]:
+def _find_fixed_bodies(machine: MachineModel) -> set[str]:
     """Return the ground and the bodies that do not move."""
     fixed = {GROUND}
     for name, body in machine.machine.bodies.items():
@@ -189,10 +191,10 @@ def _fixed(machine: MachineModel) -> set[str]:
     return fixed
 
 
-def _approach(distance: float, part: str, place: np.ndarray, time: float) -> Approach:
-    x, y, *rest = place.tolist()
-    return Approach(distance, part, x, y, rest[0] if rest else None, float(time))
+def _build_approach(distance: float, part: str, position: np.ndarray, time: float) -> Approach:
+    x, y, *further = position.tolist()
+    return Approach(distance, part, x, y, further[0] if further else None, float(time))
 
 
-def _side(a: np.ndarray, b: np.ndarray, point: np.ndarray) -> np.ndarray:
+def _compute_side(a: np.ndarray, b: np.ndarray, point: np.ndarray) -> np.ndarray:
     return (b - a)[:, 0] * (point - a)[:, 1] - (b - a)[:, 1] * (point - a)[:, 0]

@@ -43,7 +43,7 @@ class Discretisation:
         return SplineBasis.cosine(self.degree, self.knots)
 
 
-_APART = 1e-9
+_MIN_DISTANCE = 1e-9
 """Smallest distance of two places, as a fraction of the duration."""
 
 
@@ -95,8 +95,8 @@ class Programme:
     @cached_property
     def parts(self) -> list[tuple[np.ndarray, np.ndarray]]:
         """Collocation points on [0, 1] and weights for each payload; a change of it is a point of both."""
-        places = self.basis.places
-        return [lobatto(_between(places, load), self.how.points) for load in self.problem.loads]
+        knots = self.basis.distinct_knots
+        return [lobatto(_select_between(knots, load), self.how.points) for load in self.problem.loads]
 
     @cached_property
     def points(self) -> tuple[np.ndarray, np.ndarray]:
@@ -132,99 +132,109 @@ class Programme:
     def built(self) -> tuple[dict[str, casadi.MX], tuple[np.ndarray, np.ndarray]]:
         """Return the programme for CasADi, and the bounds of its constraints."""
         _, t_M, q, v, a, x, _, slack = self.symbols
-        forces, cost, errors = self._forces(q, v, a, x)
+        forces, cost, errors = self._map_forces(q, v, a, x)
         constraints = Constraints()
-        self._on_spline(constraints)
-        self._strokes(constraints)
-        self._speeds(constraints)
-        self._accelerations_and_jerks(constraints)
-        self._positions(constraints)
+        self._require_spline(constraints)
+        self._require_strokes(constraints)
+        self._require_speeds(constraints)
+        self._require_accelerations_and_jerks(constraints)
+        self._require_positions(constraints)
         if self.grounded:
-            self._heights(constraints)
-        self._separate(constraints)
+            self._require_heights(constraints)
+        self._require_separations(constraints)
         if x.shape[0]:
-            constraints.equal(errors)
+            constraints.require_zero(errors)
         bounds = zip(self.problem.names, self.problem.f_LB, self.problem.f_UB, strict=True)
         for i, (joint, low, high) in enumerate(bounds):
-            scale, slack_of = max(high - low, 1.0), self._slack(f"the force bounds of the {joint}")
-            constraints.giving_way(forces[i, :] / scale, low / scale, high / scale, slack_of)
+            scale, force_slack = max(high - low, 1.0), self._get_slack(f"the force bounds of the {joint}")
+            constraints.require_between_with_slack(
+                forces[i, :] / scale, low / scale, high / scale, force_slack
+            )
         total = 0.5 * t_M * casadi.mtimes(cost, casadi.DM(self.points[1])) / self.cost_scale
         if self.elastic:
             total = casadi.sum1(slack) + 1e-4 * total
-            longest = slack[self.slack_names.index(LONGEST)]
-            constraints.between(t_M / self.problem.t_M - longest, -np.inf, 1.0)
+            duration_slack = slack[self.slack_names.index(LONGEST)]
+            constraints.require_between(t_M / self.problem.t_M - duration_slack, -np.inf, 1.0)
         unknowns = casadi.vertcat(*(casadi.vec(x) for x in self.symbols))
         return {"x": unknowns, "f": total, "g": constraints.expression}, constraints.bounds
 
-    def _forces(
+    def _map_forces(
         self, q: casadi.MX, v: casadi.MX, a: casadi.MX, x: casadi.MX
     ) -> tuple[casadi.MX, casadi.MX, casadi.MX]:
         """Return forces in N, the cost's integrand in W2 and closing errors in m, each with its payload."""
-        return self._mapped(lambda payload: stage(self.problem, self.how.tie_break, payload), q, v, a, x)
+        return self._map_points(lambda payload: stage(self.problem, self.how.tie_break, payload), q, v, a, x)
 
-    def _mapped(self, function: Callable[[float], casadi.Function], *columns: casadi.MX) -> Any:
+    def _map_points(self, function: Callable[[float], casadi.Function], *columns: casadi.MX) -> Any:
         """Return the values of a function at all collocation points, with the payload of each."""
-        found, first = [], 0
+        values_by_load, first = [], 0
         for load, (points, _) in zip(self.problem.loads, self.parts, strict=True):
             rows = slice(first, first + len(points))
-            found.append(function(load.payload).map(len(points))(*(x[:, rows] for x in columns)))
+            values_by_load.append(function(load.payload).map(len(points))(*(x[:, rows] for x in columns)))
             first = rows.stop
-        return tuple(casadi.horzcat(*values) for values in zip(*found, strict=True))
+        return tuple(casadi.horzcat(*values) for values in zip(*values_by_load, strict=True))
 
-    def _points(self, names: Sequence[str]) -> casadi.MX:
+    def _map_locations(self, names: Sequence[str]) -> casadi.MX:
         """Return points of the machine in m at all collocation points, one after the other."""
         _, _, q, _, _, x, *_ = self.symbols
-        return self._mapped(lambda payload: point_function(self.problem.machine, names, payload), q, x)[0]
+        return self._map_points(lambda payload: point_function(self.problem.machine, names, payload), q, x)[0]
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the bounds of the unknowns. Coefficients are within strokes unless subdivided ones are."""
         problem = self.problem
         q_LB, q_UB = problem.machine.q_LB, problem.machine.q_UB
         lasts = (q_LB, q_UB) if problem.tip_E is not None else (problem.q_E, problem.q_E)
-        free = self.how.subdivisions > 1
-        low = self._in_columns(problem.q_S, [-np.inf] * self.joints if free else q_LB, lasts[0])
-        high = self._in_columns(problem.q_S, [np.inf] * self.joints if free else q_UB, lasts[1])
-        anywhere = np.full(sum(x.numel() for x in self.symbols[2:7]), np.inf)
+        is_free = self.how.subdivisions > 1
+        low = self._spread_over_coefficients(
+            problem.q_S, [-np.inf] * self.joints if is_free else q_LB, lasts[0]
+        )
+        high = self._spread_over_coefficients(
+            problem.q_S, [np.inf] * self.joints if is_free else q_UB, lasts[1]
+        )
+        unbounded = np.full(sum(x.numel() for x in self.symbols[2:7]), np.inf)
         longest = np.inf if self.elastic else problem.t_M
         slacks = len(self.slack_names)
         return (
-            np.concatenate([low, [1e-3 * problem.t_M], -anywhere, np.zeros(slacks)]),
-            np.concatenate([high, [longest], anywhere, np.full(slacks, np.inf)]),
+            np.concatenate([low, [1e-3 * problem.t_M], -unbounded, np.zeros(slacks)]),
+            np.concatenate([high, [longest], unbounded, np.full(slacks, np.inf)]),
         )
 
-    def _in_columns(
+    def _spread_over_coefficients(
         self, first: Sequence[float], inner: Sequence[float], last: Sequence[float]
     ) -> list[float]:
         """Return values for all coefficients from those of each joint."""
         count = self.basis.size - 2
-        return [x for s, mid, e in zip(first, inner, last, strict=True) for x in (s, *[mid] * count, e)]
+        return [
+            x
+            for first_value, inner_value, last_value in zip(first, inner, last, strict=True)
+            for x in (first_value, *[inner_value] * count, last_value)
+        ]
 
     def start(self, coefficients: np.ndarray) -> np.ndarray:
         """Return initial unknowns: a curve with these coefficients, one column per joint, of duration t_M."""
-        duration, places = self.problem.t_M, self.points[0]
-        curve = [self.basis.at(places, d) @ coefficients / duration**d for d in range(3)]
+        duration, positions = self.problem.t_M, self.points[0]
+        curve = [self.basis.at(positions, d) @ coefficients / duration**d for d in range(3)]
         aims = self.basis.at(self.moments) @ coefficients if len(self.moments) else curve[0][:0]
         payloads = [load.payload for load in self.problem.loads]
         masses = np.repeat(payloads, [len(points) for points, _ in self.parts])
         at_aims = [self.problem.payload_until(moment) for moment in self.moments]
         strokes = np.concatenate([curve[0], aims])
         poses = guess_unknowns(self.problem.machine, strokes, np.array([*masses, *at_aims]))
-        directions = self._directions(curve[0], masses)
+        directions = self._find_directions(curve[0], masses)
         values = (coefficients.T, [duration], *curve, poses, directions, np.ones(len(self.slack_names)))
         return np.concatenate([np.ravel(x) for x in values])
 
-    def _directions(self, strokes: np.ndarray, payloads: np.ndarray) -> np.ndarray:
+    def _find_directions(self, strokes: np.ndarray, payloads: np.ndarray) -> np.ndarray:
         """Return directions from obstacles to lines of the machine, one row for each row of strokes."""
         if not self.separations:
             return np.zeros((len(strokes), 0))
-        at = self.problem.machine.points(strokes, payload=payloads)
-        found = []
+        points = self.problem.machine.points(strokes, payload=payloads)
+        directions = []
         for separation in self.separations:
             obstacle, line = self.problem.obstacles[separation.obstacle], separation.line
-            found.append(obstacle.separating(at[line.start], at[line.end]))
-        return np.concatenate(found, axis=1)
+            directions.append(obstacle.find_separating_directions(points[line.start], points[line.end]))
+        return np.concatenate(directions, axis=1)
 
-    def found(self, unknowns: np.ndarray) -> tuple[np.ndarray, float]:
+    def read_solution(self, unknowns: np.ndarray) -> tuple[np.ndarray, float]:
         """Return coefficients, one column per joint, and duration in s of a solution."""
         count = self.joints * self.basis.size
         return unknowns[:count].reshape(self.joints, -1).T, float(unknowns[count])
@@ -233,19 +243,21 @@ class Programme:
     def cost_scale(self) -> float:
         """A typical cost in W2 s."""
         powers = zip(self.problem.f_UB, self.problem.v_UB, strict=True)
-        usual = 0.01 * max(max(abs(f * v) for f, v in powers), 1.0)
-        return max(least_cost(self.problem, self.problem.t_M), 0.5 * self.problem.t_M * usual * usual)
+        typical_power = 0.01 * max(max(abs(f * v) for f, v in powers), 1.0)
+        return max(
+            least_cost(self.problem, self.problem.t_M), 0.5 * self.problem.t_M * typical_power * typical_power
+        )
 
-    def _on_spline(self, constraints: Constraints) -> None:
+    def _require_spline(self, constraints: Constraints) -> None:
         """Require that lifted unknowns equal the spline's values, in the scale of positions."""
         c, t_M, *lifted = self.symbols[:5]
         relative = t_M / self.problem.t_M
         for order, x in enumerate(lifted):
             rows = casadi.DM(casadi.sparsify(casadi.DM(self.basis.at(self.points[0], order)), 1e-14))
             scale = self.problem.t_M**order
-            constraints.equal(x.T * relative**order - casadi.mtimes(rows, c) / scale)
+            constraints.require_zero(x.T * relative**order - casadi.mtimes(rows, c) / scale)
 
-    def _positions(self, constraints: Constraints) -> None:
+    def _require_positions(self, constraints: Constraints) -> None:
         """Require positions of the tip at way-points and at the end, and rest where the payload changes.
 
         A machine with fewer actuators than coordinates gets the strokes that reach the position.
@@ -255,27 +267,27 @@ class Programme:
         for i, (_, moment, position) in enumerate(problem.aims):
             row = casadi.DM(casadi.sparsify(casadi.DM(self.basis.at(np.array([moment]))), 1e-14))
             q = casadi.mtimes(row, self.symbols[0]).T
-            at = point_function(problem.machine, [problem.tip], problem.payload_until(moment))
-            place, errors = at(q, x[:, count + i])
+            locate = point_function(problem.machine, [problem.tip], problem.payload_until(moment))
+            tip, errors = locate(q, x[:, count + i])
             if self.joints < len(position):
-                constraints.equal(q - casadi.DM(problem.guesses[i]))
+                constraints.require_zero(q - casadi.DM(problem.guesses[i]))
             else:
-                constraints.equal(place - casadi.DM(position))
+                constraints.require_zero(tip - casadi.DM(position))
             if x.shape[0]:
-                constraints.equal(errors)
+                constraints.require_zero(errors)
         for load in problem.loads[1:]:
             row = casadi.DM(casadi.sparsify(casadi.DM(self.basis.at(np.array([load.first]), 1)), 1e-14))
-            constraints.equal(casadi.mtimes(row, self.symbols[0]) / problem.t_M)
+            constraints.require_zero(casadi.mtimes(row, self.symbols[0]) / problem.t_M)
 
-    def _strokes(self, constraints: Constraints) -> None:
+    def _require_strokes(self, constraints: Constraints) -> None:
         """Require bounds of the strokes' subdivided control points."""
         if self.how.subdivisions > 1:
             fine = casadi.mtimes(casadi.DM(self.basis.subdivided(self.how.subdivisions)), self.symbols[0])
             for i in range(self.joints):
                 low, high = self.problem.machine.q_LB[i], self.problem.machine.q_UB[i]
-                constraints.between((fine[1:-1, i] - low) / (high - low), 0.0, 1.0)
+                constraints.require_between((fine[1:-1, i] - low) / (high - low), 0.0, 1.0)
 
-    def _speeds(self, constraints: Constraints) -> None:
+    def _require_speeds(self, constraints: Constraints) -> None:
         """Require the speeds at both ends, and bounds of the speed's control points between.
 
         A speed at an end may be beyond its bound only there, and up to the next control point.
@@ -291,18 +303,18 @@ class Programme:
                 (0, self.problem.v_S, "the start speeds v_S"),
                 (-1, self.problem.v_E, "the end speeds v_E"),
             ):
-                off = (speeds[row, i] - ends[i] * relative) / scale
-                constraints.giving_way(off, 0.0, 0.0, self._slack(name))
-            slack = self._slack(f"the speed bounds of the {joint}")
+                error = (speeds[row, i] - ends[i] * relative) / scale
+                constraints.require_between_with_slack(error, 0.0, 0.0, self._get_slack(name))
+            slack = self._get_slack(f"the speed bounds of the {joint}")
             inner = speeds[1:-1, i]
             if self.how.subdivisions > 1 and i not in self.problem.beyond_bounds():
                 fine = self.basis.derivative.subdivided(self.how.subdivisions)
                 inner = casadi.mtimes(casadi.DM(fine), speeds[:, i])[1:-1]
             extra = 0.0 if slack is None else slack
-            constraints.between((inner - high * relative) / scale - extra, -np.inf, 0.0)
-            constraints.between((inner - low * relative) / scale + extra, 0.0, np.inf)
+            constraints.require_between((inner - high * relative) / scale - extra, -np.inf, 0.0)
+            constraints.require_between((inner - low * relative) / scale + extra, 0.0, np.inf)
 
-    def _accelerations_and_jerks(self, constraints: Constraints) -> None:
+    def _require_accelerations_and_jerks(self, constraints: Constraints) -> None:
         """Require bounds of the control points of accelerations and jerks, also at both ends."""
         c, t_M, *_ = self.symbols
         relative = t_M / self.problem.t_M
@@ -319,37 +331,39 @@ class Programme:
             fine = casadi.DM(casadi.sparsify(casadi.DM(basis.subdivided(self.how.subdivisions))))
             points = casadi.mtimes(fine, values)
             for i, joint in enumerate(self.problem.names):
-                slack = self._slack(f"the {quantity} bounds of the {joint}")
-                least, most = (None if bound is None else bound[i] for bound in (low, high))
-                _bounded(constraints, points[:, i], relative**order, least, most, slack)
+                slack = self._get_slack(f"the {quantity} bounds of the {joint}")
+                lower, upper = (None if bound is None else bound[i] for bound in (low, high))
+                _require_bounds(constraints, points[:, i], relative**order, lower, upper, slack)
 
-    def _heights(self, constraints: Constraints) -> None:
+    def _require_heights(self, constraints: Constraints) -> None:
         """Require the clearance from the ground at the collocation points."""
-        problem, slack = self.problem, self._slack("the clearance from the ground")
+        problem, slack = self.problem, self._get_slack("the clearance from the ground")
         n = problem.machine.dimensions
-        at = self._points(list(moving_points(problem.machine)))
-        above = at[n - 1 :: n, :] - problem.ground_height
+        points = self._map_locations(list(moving_points(problem.machine)))
+        heights = points[n - 1 :: n, :] - problem.ground_height
         extra = 0.0 if slack is None else slack
-        constraints.between(casadi.vec(above) + extra, problem.ground_clearance, np.inf)
+        constraints.require_between(casadi.vec(heights) + extra, problem.ground_clearance, np.inf)
 
-    def _separate(self, constraints: Constraints) -> None:
+    def _require_separations(self, constraints: Constraints) -> None:
         """Require the clearances from obstacles at the collocation points."""
         count, n = len(self.points[0]), self.problem.machine.dimensions
         for i, separation in enumerate(self.separations):
             obstacle, line = self.problem.obstacles[separation.obstacle], separation.line
-            at = self._points([line.start, line.end])
+            points = self._map_locations([line.start, line.end])
             directions = self.symbols[6][n * i : n * (i + 1), :]
-            apart, size = separation.function(obstacle).map(count)(at[:n, :], at[n:, :], directions)
-            slack = self._slack(f"the clearance from {obstacle.label}")
+            distances, size = separation.function(obstacle).map(count)(
+                points[:n, :], points[n:, :], directions
+            )
+            slack = self._get_slack(f"the clearance from {obstacle.label}")
             extra = 0.0 if slack is None else slack
-            constraints.between(casadi.vec(apart) + extra, obstacle.clearance, np.inf)
-            constraints.between(size, 1.0, 1.0)
+            constraints.require_between(casadi.vec(distances) + extra, obstacle.clearance, np.inf)
+            constraints.require_between(size, 1.0, 1.0)
 
-    def _slack(self, name: str) -> casadi.MX | None:
+    def _get_slack(self, name: str) -> casadi.MX | None:
         return self.symbols[-1][self.slack_names.index(name)] if self.elastic else None
 
 
-def _bounded(
+def _require_bounds(
     constraints: Constraints,
     points: casadi.MX,
     relative: casadi.MX,
@@ -361,18 +375,18 @@ def _bounded(
     scale = bound_width(low, high)
     extra = 0.0 if slack is None else slack
     if high is not None:
-        constraints.between((points - high * relative) / scale - extra, -np.inf, 0.0)
+        constraints.require_between((points - high * relative) / scale - extra, -np.inf, 0.0)
     if low is not None:
-        constraints.between((points - low * relative) / scale + extra, 0.0, np.inf)
+        constraints.require_between((points - low * relative) / scale + extra, 0.0, np.inf)
 
 
 def bound_width(low: float | None, high: float | None) -> float:
     """Return the width between two bounds, or the size of the only one."""
-    both = high - low if low is not None and high is not None else abs(high or low or 0.0)
-    return max(both, 1e-3)
+    width = high - low if low is not None and high is not None else abs(high or low or 0.0)
+    return max(width, 1e-3)
 
 
-def _between(places: np.ndarray, load: Load) -> np.ndarray:
+def _select_between(knots: np.ndarray, load: Load) -> np.ndarray:
     """Return the places within a load, with its ends."""
-    inside = places[(places > load.first + _APART) & (places < load.last - _APART)]
-    return np.concatenate([[load.first], inside, [load.last]])
+    inner = knots[(knots > load.first + _MIN_DISTANCE) & (knots < load.last - _MIN_DISTANCE)]
+    return np.concatenate([[load.first], inner, [load.last]])

@@ -51,7 +51,7 @@ def test_separating_directions_exist_for_what_is_apart(form: dict[str, Any]) -> 
     obstacle = Obstacle(**form)
     n = obstacle.dimensions
     a, b = np.full((1, n), 1.3), np.array([[1.3, *[0.2] * (n - 1)]])
-    direction = obstacle.separating(a, b)
+    direction = obstacle.find_separating_directions(a, b)
     distances, size = Separation(Axis("", "", ""), 0).function(obstacle)(a[0], b[0], direction[0])
     exact = obstacle.distances(a, b)[0][0]
     assert float(size) == pytest.approx(1.0)

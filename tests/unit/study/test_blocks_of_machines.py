@@ -6,7 +6,7 @@ import pytest
 
 import emla_cosim as ec
 from emla_cosim.fmu.models import MODELS
-from emla_cosim.study.machines.blocks import find_machine_blocks, machine_blocks
+from emla_cosim.study.machines.blocks import build_machine_blocks, find_machine_blocks
 from emla_cosim.study.machines.machine_file import load_machine_file
 from emla_cosim.study.machines.schema import load_machine, read_machine_text
 from fmublock import Instance, load_block
@@ -42,7 +42,7 @@ def test_changed_copy_of_the_manipulator_has_blocks_of_its_own(tmp_path: Path) -
     [("lift_table", "LiftTable"), ("my-press 2", "MyPress2"), ("3_axes", "Machine3Axes"), ("---", "Machine")],
 )
 def test_names_of_blocks(name: str, expected: str) -> None:
-    blocks = machine_blocks(load_machine("lift_table"), name)
+    blocks = build_machine_blocks(load_machine("lift_table"), name)
     names = [block.__name__ for block in blocks.all]
     assert names == [f"{expected}Load", f"{expected}Plant", f"{expected}Trajectory"]
     assert blocks.model(blocks.load) == f"{blocks.file}:{expected}Load"

@@ -17,7 +17,7 @@ from emla_cosim.study.joints.schema import load_joint
 from emla_cosim.study.loading import load
 from emla_cosim.study.machines.machine_file import MachineFile, load_machine_file, parse_machine_file
 from emla_cosim.study.machines.run_machine import find_machine
-from emla_cosim.study.machines.systems import machine_system
+from emla_cosim.study.machines.systems import build_machine_system
 from emla_cosim.study.roles import find_element, find_joints, find_variable
 from machine_fmu.model import MachineModel
 from machine_fmu.spline import DEFAULT_FILE
@@ -247,7 +247,7 @@ def test_models_have_the_mass_of_the_machine() -> None:
     rest = np.zeros_like(poses)
     mass = np.max(model.forces(poses, rest, rest + 1.0) - model.forces(poses, rest, rest))
     for mode, factor in (("coupled", (drive + mass) / (drive + tuned)), ("replayed", 1.0)):
-        system = machine_system(file, None, None, mode=mode)
+        system = build_machine_system(file, None, None, mode=mode)
         for name in ("luff.controller", "luff.observer"):
             inertia = system.component(name).parameters["model.A_eq"]
             assert inertia == pytest.approx(sheet.emla.A_eq * factor, rel=1e-3)
@@ -268,7 +268,7 @@ def test_disturbances_of_built_in_joints_are_those_of_the_paper(tmp_path: Path) 
         ('"mine.toml"', True),
         ('"mine.toml"\ndisturbances = false', False),
     ):
-        system = machine_system(boom('"lift"', joint, tmp_path), None, "compensated")
+        system = build_machine_system(boom('"lift"', joint, tmp_path), None, "compensated")
         amplitude = system.component("luff.disturbance").parameters.get("d_2.amplitude[1]", 0.0)
         assert bool(amplitude) == disturbed
 

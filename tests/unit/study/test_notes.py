@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import emla_cosim as ec
-from emla_cosim.study.actuator.profiles import largest_load, reference_reach
+from emla_cosim.study.actuator.profiles import find_largest_load, find_reference_range
 from tests.oracles.test_actuator import FILE, with_entries
 from tests.support.commands import Emla
 from tests.support.joint_data import PROTOTYPE
@@ -55,7 +55,7 @@ def test_largest_load_within_the_run(given: Any, times: tuple[float, float]) -> 
     start, stop = times
     chosen = ec.load("prototype", set=loads(first, later, begin, **others), start_time=start, stop_time=stop)
     dense = profile(np.linspace(start, stop, 200_001), first, later, begin, **others)
-    found = largest_load("prototype", chosen.system, chosen.options)
+    found = find_largest_load("prototype", chosen.system, chosen.options)
     assert found == pytest.approx(np.abs(dense).max(), rel=1e-4)
 
 
@@ -82,7 +82,7 @@ def test_way_points_beyond_the_run_do_not_count() -> None:
     chosen = ec.load("prototype", set=later)
 
     def reach(**options: Any) -> Any:
-        return reference_reach("prototype", chosen.system, chosen.options.updated(options))
+        return find_reference_range("prototype", chosen.system, chosen.options.updated(options))
 
     speeds = 15 / 8 * 0.1 / 4.0, 15 / 8 * 0.15 / 1.5
     assert reach(stop_time=5.0) == pytest.approx((0.05, 0.15, speeds[0]))
@@ -101,7 +101,7 @@ def test_way_points_beyond_the_run_do_not_count() -> None:
 
 def test_periodic_moves() -> None:
     chosen = ec.load("prototype", set={"prototype.reference.period": 5.0}, start_time=7.0, stop_time=7.5)
-    low, high, speed = reference_reach("prototype", chosen.system, chosen.options) or (0.0, 0.0, 0.0)
+    low, high, speed = find_reference_range("prototype", chosen.system, chosen.options) or (0.0, 0.0, 0.0)
 
     def place(t: float) -> float:
         r = t / 4.0

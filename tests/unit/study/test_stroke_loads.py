@@ -7,7 +7,7 @@ import pytest
 
 import emla_cosim as ec
 from emla_cosim.study.actuator.model_parameters import follow_plant_changes
-from emla_cosim.study.actuator.profiles import largest_load
+from emla_cosim.study.actuator.profiles import find_largest_load
 from emla_cosim.study.joints.schema import read_joint_text
 
 TILT = read_joint_text("tilt")
@@ -92,7 +92,7 @@ def test_motion_beyond_the_table_is_reported(tmp_path: Path) -> None:
 def test_largest_load_counts_the_stroke_that_the_motion_uses(tmp_path: Path) -> None:
     scenario = ec.load(joint(tmp_path, f'level = "1 kN"\n{POINTS}'))
     expected = 1e3 + np.interp(0.389, [0.36, 0.40], [30e3, 25e3])
-    assert largest_load("boom", scenario.system, scenario.options) == pytest.approx(expected)
+    assert find_largest_load("boom", scenario.system, scenario.options) == pytest.approx(expected)
 
 
 def test_load_that_is_not_rigid_rests_at_the_start(tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ from ...base.values import convert_at
 from . import derived
 from .consistency import find_contradictions, remarks
 from .conversion import Conversion, list_conversions
-from .entries import ANY_OF, NEEDED, ONE_OF, TABLES
+from .entries import ANY_OF, ONE_OF, REQUIRED_TABLES, TABLES
 from .sheet_values import ACTUATOR, SheetTable, SheetValue
 
 
@@ -77,7 +77,7 @@ class Actuator(FileOrObject):
     sha256: str | None = None
 
     def __post_init__(self) -> None:
-        if problems := self._problems() or [f"{text}." for text in find_contradictions(self.values)]:
+        if problems := self._list_problems() or [f"{text}." for text in find_contradictions(self.values)]:
             raise combine_problems(self.label, problems)
 
     @classmethod
@@ -110,7 +110,7 @@ class Actuator(FileOrObject):
         if problems := [str(unknown_entry("it", key, names)) for key in tables if key not in names]:
             raise combine_problems(label, problems)
         try:
-            return cls(**{**{name: {} for name in NEEDED}, **tables}, file=file, sha256=sha256)
+            return cls(**{**{name: {} for name in REQUIRED_TABLES}, **tables}, file=file, sha256=sha256)
         except CommandError as error:
             raise combine_problems(label, error.fields["problems"]) from None
 
@@ -135,7 +135,7 @@ class Actuator(FileOrObject):
         """The tables by name."""
         return {name: getattr(self, name) for name in TABLES}
 
-    def _problems(self) -> list[str]:
+    def _list_problems(self) -> list[str]:
         """Return a message for each entry that is missing, unknown or invalid."""
         problems = list[str]()
         try:
@@ -145,7 +145,7 @@ class Actuator(FileOrObject):
         if poles is not None and poles.number % 2.0:
             problems.append(f"motor.poles is {poles.text}; it must be even.")
         if all(isinstance(content, Mapping) for content in self.tables.values()):
-            problems += _combinations(self.tables)
+            problems += _check_combinations(self.tables)
         return problems
 
     @property
@@ -163,7 +163,9 @@ class Actuator(FileOrObject):
     @cached_property
     def printed(self) -> dict[str, SheetValue]:
         """All entries by "table.key"."""
-        tables = {name: content for name, content in self.tables.items() if name in NEEDED or content != {}}
+        tables = {
+            name: content for name, content in self.tables.items() if name in REQUIRED_TABLES or content != {}
+        }
         content = {"name": self.name, "source": self.source, **tables}
         sheet = convert_at(content, ACTUATOR, Location("", ""))
         return {
@@ -175,7 +177,7 @@ class Actuator(FileOrObject):
     @property
     def values(self) -> dict[str, float]:
         """The entered values in SI units, as peak values of a phase."""
-        return {place: found.number for place, found in self.printed.items()}
+        return {name: entry.number for name, entry in self.printed.items()}
 
     @cached_property
     def emla(self) -> EmlaParameters:
@@ -213,21 +215,21 @@ class Actuator(FileOrObject):
             "sha256": self.sha256,
             "name": self.name,
             "source": self.source,
-            "entered": {place: found.text for place, found in self.printed.items()},
-            "conversion": [str(one) for one in self.conversions],
+            "entered": {name: entry.text for name, entry in self.printed.items()},
+            "conversion": [str(conversion) for conversion in self.conversions],
         }
 
 
-def _combinations(tables: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
+def _check_combinations(tables: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
     """Yield a message for each choice between entries that a sheet leaves open, or makes twice."""
     for table, keys in (*ONE_OF, *ANY_OF):
-        present = [key for key in keys if key in tables[table]]
-        if not present:
+        existing = [key for key in keys if key in tables[table]]
+        if not existing:
             examples = {entry.key: entry.example for entry in TABLES[table]}
             texts = [f'{key} = "{examples[key]}"' for key in keys]
             yield f"[{table}] lacks {' or '.join(keys)}; write {' or '.join(texts)}."
-        if len(present) > 1 and (table, keys) in ONE_OF:
-            yield f"[{table}] has {join_names(present)}, which mean the same; keep one."
+        if len(existing) > 1 and (table, keys) in ONE_OF:
+            yield f"[{table}] has {join_names(existing)}, which mean the same; keep one."
     has_L, has_L_d, has_L_q = (key in tables["motor"] for key in ("L", "L_d", "L_q"))
     if has_L_d != has_L_q or has_L == has_L_d:
         yield "[motor] needs L, or both L_d and L_q."

@@ -14,7 +14,7 @@ from .entries import ROOT_3, TURN
 
 Values = Mapping[str, float]
 
-PLANT = {
+PLANT_ATTRIBUTES = {
     "sensor.sigma": "sigma",
     "sensor.sigma_i": "sigma_i",
     "sensor.resolution_i": "resolution_i",
@@ -34,7 +34,7 @@ PLANT = {
 }
 """Entries that are parameters of the plant, by its attributes."""
 
-SHARE_TO_BRAKE = 0.25
+BRAKING_SHARE = 0.25
 """Share of the spare braking torque that `a_max` uses; the rest is for disturbances."""
 
 
@@ -45,12 +45,12 @@ def pole_pairs(v: Values) -> int:
 
 def fluxes(v: Values) -> dict[str, float]:
     """Return Phi_PM in Wb by constant: 1.5 N_p Phi_PM i_q is torque, N_p Phi_PM omega_m is back-EMF."""
-    found = {}
+    values = {}
     if "motor.kT" in v:
-        found["kT"] = v["motor.kT"] / (1.5 * pole_pairs(v))
+        values["kT"] = v["motor.kT"] / (1.5 * pole_pairs(v))
     if "motor.K_E" in v:
-        found["K_E"] = v["motor.K_E"] / pole_pairs(v)
-    return found
+        values["K_E"] = v["motor.K_E"] / pole_pairs(v)
+    return values
 
 
 def flux(v: Values) -> float:
@@ -75,9 +75,9 @@ def torques(v: Values) -> Iterator[tuple[str, float]]:
     per_current = torque_per_current(v)
     if "motor.tau_max" in v:
         yield "motor.tau_max", v["motor.tau_max"]
-    for place in ("motor.i_max", "inverter.i_max"):
-        if place in v:
-            yield place, per_current * v[place]
+    for name in ("motor.i_max", "inverter.i_max"):
+        if name in v:
+            yield name, per_current * v[name]
 
 
 def speeds(v: Values) -> Iterator[tuple[str, float]]:
@@ -128,18 +128,18 @@ def resolution(v: Values) -> float:
 
 def plant(v: Values) -> dict[str, Any]:
     """Return the other parameters of the plant by attribute: sensors, inverter, friction, stops, heat."""
-    found: dict[str, Any] = {"resolution": resolution(v)}
-    found |= {attribute: v[place] for place, attribute in PLANT.items() if place in v}
+    parameters: dict[str, Any] = {"resolution": resolution(v)}
+    parameters |= {attribute: v[entry] for entry, attribute in PLANT_ATTRIBUTES.items() if entry in v}
     if "friction.F_C" in v:
         alpha = emla(v).alpha_RL
         # at 10 and 0.1 rad/s of the motor, as in `emla_fmu.drive`
-        usual = {"F_S": v["friction.F_C"], "v_S": 10.0 / alpha, "v_0": 0.1 / alpha}
-        found = usual | found
+        defaults = {"F_S": v["friction.F_C"], "v_S": 10.0 / alpha, "v_0": 0.1 / alpha}
+        parameters = defaults | parameters
     if "friction.directional" in v:
-        found["directional"] = bool(v["friction.directional"])
+        parameters["directional"] = bool(v["friction.directional"])
     if "thermal.tau_th" in v:
-        found["i_N"] = v["motor.i_N"]
-    return found
+        parameters["i_N"] = v["motor.i_N"]
+    return parameters
 
 
 def holding_torque(v: Values, load: float) -> float:
@@ -154,6 +154,6 @@ def braking(v: Values, load: float) -> float:
     """
     if "control.a_max" in v:
         return v["control.a_max"]
-    made = emla(v)
-    left = max(made.tau_max - holding_torque(v, load), 0.1 * made.tau_max)
-    return SHARE_TO_BRAKE * left / made.A_eq
+    shared = emla(v)
+    available = max(shared.tau_max - holding_torque(v, load), 0.1 * shared.tau_max)
+    return BRAKING_SHARE * available / shared.A_eq

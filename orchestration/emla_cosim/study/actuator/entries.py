@@ -31,7 +31,7 @@ class SheetEntry:
     between: float | None = None
     positive: bool = True
     signed: bool = False
-    whole: bool = False
+    is_integer: bool = False
     most: float = math.inf
     per_turn: bool = False
     needed: bool = False
@@ -50,8 +50,8 @@ def _current(key: str, about: str) -> SheetEntry:
 
 TABLES: dict[str, tuple[SheetEntry, ...]] = {
     "motor": (
-        SheetEntry("N_p", "", "4", "pole pairs", whole=True),
-        SheetEntry("poles", "", "8", "poles, instead of N_p", whole=True),
+        SheetEntry("N_p", "", "4", "pole pairs", is_integer=True),
+        SheetEntry("poles", "", "8", "poles, instead of N_p", is_integer=True),
         SheetEntry("kT", "N.m/A", "1.66 N m/A rms", "torque constant", rms=1.0 / ROOT_2),
         SheetEntry(
             "K_E",
@@ -122,8 +122,8 @@ TABLES: dict[str, tuple[SheetEntry, ...]] = {
         _current("i_0", "phase current below which dead time has less effect"),
     ),
     "sensor": (
-        SheetEntry("bits", "", "20", "bits per motor turn", whole=True, most=64.0),
-        SheetEntry("steps", "", "4096", "steps per motor turn", whole=True),
+        SheetEntry("bits", "", "20", "bits per motor turn", is_integer=True, most=64.0),
+        SheetEntry("steps", "", "4096", "steps per motor turn", is_integer=True),
         SheetEntry("resolution", "m", "1 um", "step of a sensor at the screw"),
         SheetEntry("sigma", "m", "10 nm", "standard deviation of the position noise", positive=False),
         SheetEntry(
@@ -176,7 +176,7 @@ TABLES: dict[str, tuple[SheetEntry, ...]] = {
 }
 """Entries of every table."""
 
-NEEDED = ("motor", "screw", "inverter", "sensor")
+REQUIRED_TABLES = ("motor", "screw", "inverter", "sensor")
 """Required tables."""
 
 ONE_OF: tuple[tuple[str, tuple[str, ...]], ...] = (

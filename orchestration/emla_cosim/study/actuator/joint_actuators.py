@@ -18,13 +18,13 @@ Actuators = Mapping[str, Actuator]
 NONE: Actuators = {}
 
 
-def check_joints(actuators: Actuators, joints: Iterable[str]) -> None:
+def check_actuator_joints(actuators: Actuators, joints: Iterable[str]) -> None:
     """Raise CommandError if a joint with an actuator does not exist."""
-    known = list(joints)
+    names = list(joints)
     for name in actuators:
-        if name not in known:
+        if name not in names:
             raise CommandError(
-                f"there is no joint '{name}' for an actuator; use {join_names(known)}.", name=name
+                f"there is no joint '{name}' for an actuator; use {join_names(names)}.", name=name
             )
 
 
@@ -38,7 +38,7 @@ def realistic_plant_values(actuator: Actuator) -> dict[str, Any]:
     return asdict(drive(actuator.emla, actuator.i_N)) | actuator.plant
 
 
-def controller_gains(gains: Any, own: Actuator | None, load: float, sample_time: float) -> Any:
+def controller_gains(gains: Any, actuator: Actuator | None, load: float, sample_time: float) -> Any:
     """Return the gains of a joint's controller for an actuator.
 
     a_max is what the motor can brake. Unless the actuator sets their rates, position and speed loop keep
@@ -46,29 +46,29 @@ def controller_gains(gains: Any, own: Actuator | None, load: float, sample_time:
 
     Args:
         gains: Gains of the controller.
-        own: The actuator; None leaves the gains unchanged.
+        actuator: The actuator; None leaves the gains unchanged.
         load: Load force in N.
         sample_time: Sample time in s; the actuator's entries are parts of 1 / `sample_time`.
     """
-    if own is None or not is_dataclass(gains) or isinstance(gains, type):
+    if actuator is None or not is_dataclass(gains) or isinstance(gains, type):
         return gains
-    changed: dict[str, Any] = {"a_max": own.braking(load)}
-    entered = {name: own.values.get(f"control.{name}") for name in _LOOPS}
+    changes: dict[str, Any] = {"a_max": actuator.braking(load)}
+    entered = {name: actuator.values.get(f"control.{name}") for name in _LOOPS}
     rates = {name: k / sample_time for name, k in entered.items() if k is not None}
     if isinstance(gains, RsbaGains):
         beta_1, beta_2, *currents = gains.beta
         k_1, k_2 = rates.get("k_1", 0.5 * beta_1), rates.get("k_2", 0.5 * beta_2)
-        changed["beta"] = (2.0 * k_1, 2.0 * k_2, *currents)
+        changes["beta"] = (2.0 * k_1, 2.0 * k_2, *currents)
     if isinstance(gains, FocGains):
-        changed |= {name: rates[k] for k, name in zip(_LOOPS, ("k_p", "k_v"), strict=True) if k in rates}
-    return replace(gains, **changed)
+        changes |= {name: rates[k] for k, name in zip(_LOOPS, ("k_p", "k_v"), strict=True) if k in rates}
+    return replace(gains, **changes)
 
 
 _LOOPS = ("k_1", "k_2")
 
 
-def observer_gains(gains: ObserverGains, own: Actuator | None, sample_time: float) -> ObserverGains:
+def observer_gains(gains: ObserverGains, actuator: Actuator | None, sample_time: float) -> ObserverGains:
     """Return the gains of a joint's observer for an actuator."""
-    if own is None or "control.observer" not in own.values:
+    if actuator is None or "control.observer" not in actuator.values:
         return gains
-    return with_poles(gains, own.values["control.observer"] / sample_time)
+    return with_poles(gains, actuator.values["control.observer"] / sample_time)

@@ -15,11 +15,11 @@ from ...base.quantities import parse_quantity
 from ...run.options import Options
 from ...system.model import System, Value
 from ..joints.motions import resting_deflection
-from ..joints.stroke_table import table_of_plant
+from ..joints.stroke_table import read_plant_table
 from ..load_control import approach_duration
-from ..roles import find_element, machine_roles
+from ..roles import find_element, find_machine_roles
 
-_BOTH, _CONTROLLER = ("controller", "observer"), ("controller",)
+_CONTROLLER_AND_OBSERVER, _CONTROLLER = ("controller", "observer"), ("controller",)
 
 _LOAD = ("command", "load_observer")
 
@@ -28,7 +28,7 @@ _GEAR = ("gearbox.rho", "screw.lead")
 _STIFFNESS, _MASS, _BACKLASH = "transmission.stiffness", "load.m", "transmission.backlash"
 _LEVEL = "disturbance.load.level[1]"
 
-_MOST_NAMED = 6
+_MAX_NAMES = 6
 """Number of parameters that a warning names."""
 
 
@@ -37,19 +37,19 @@ class _AssumedValue:
     """A model parameter of a joint's components, or a start value for a load at rest.
 
     Attributes:
-        of: The parameters from which it follows: of the plant, or of the disturbance.
+        sources: The parameters from which it follows: of the plant, or of the disturbance.
         value: Computes it from an object with these parameters under the last part of their names.
         is_scale: Whether it is only proportional to this value, as a gain is.
     """
 
     name: str
-    whose: tuple[str, ...]
-    of: tuple[str, ...]
+    models: tuple[str, ...]
+    sources: tuple[str, ...]
     value: Callable[[Any], float]
     is_scale: bool = False
 
 
-def _gain(name: str, power: int) -> _AssumedValue:
+def _scale_with_frequency(name: str, power: int) -> _AssumedValue:
     """Return a gain that is proportional to a power of the frequency of the load."""
     return _AssumedValue(
         name, _LOAD, (_STIFFNESS, _MASS), lambda p: math.sqrt(p.stiffness / p.m) ** power, is_scale=True
@@ -60,20 +60,22 @@ _ASSUMED_VALUES = (
     _AssumedValue("model.R_s", _CONTROLLER, ("motor.R_s",), attrgetter("R_s")),
     _AssumedValue("model.L_d", _CONTROLLER, ("motor.L_d",), attrgetter("L_d")),
     _AssumedValue("model.L_q", _CONTROLLER, ("motor.L_q",), attrgetter("L_q")),
-    _AssumedValue("model.Phi_PM", _BOTH, ("motor.Phi_PM",), attrgetter("Phi_PM")),
-    _AssumedValue("model.N_p", _BOTH, ("motor.N_p",), attrgetter("N_p")),
+    _AssumedValue("model.Phi_PM", _CONTROLLER_AND_OBSERVER, ("motor.Phi_PM",), attrgetter("Phi_PM")),
+    _AssumedValue("model.N_p", _CONTROLLER_AND_OBSERVER, ("motor.N_p",), attrgetter("N_p")),
     _AssumedValue("model.C_eq", _CONTROLLER, ("screw.C_eq",), attrgetter("C_eq")),
     _AssumedValue("limit.u_max", _CONTROLLER, ("inverter.u_max",), attrgetter("u_max")),
     _AssumedValue("limit.v_max", _CONTROLLER, ("screw.v_max",), attrgetter("v_max")),
     _AssumedValue("model.alpha_RL", _CONTROLLER, _GEAR, motion_law.alpha_RL),
     _AssumedValue(
         "model.A_eq",
-        _BOTH,
+        _CONTROLLER_AND_OBSERVER,
         ("motor.J_m", "coupling.J_c", "gearbox.J_GB", "screw.M_BS", *_GEAR),
         motion_law.A_eq,
         is_scale=True,  # on a machine, it has its mass
     ),
-    _AssumedValue("model.B_eq", _BOTH, ("motor.B_m", "screw.B_BS", *_GEAR), motion_law.B_eq),
+    _AssumedValue(
+        "model.B_eq", _CONTROLLER_AND_OBSERVER, ("motor.B_m", "screw.B_BS", *_GEAR), motion_law.B_eq
+    ),
     _AssumedValue("model.stiffness", _LOAD, (_STIFFNESS,), attrgetter("stiffness")),
     _AssumedValue("model.m_load", _LOAD, (_MASS,), attrgetter("m")),
     _AssumedValue("model.backlash", _LOAD, (_BACKLASH,), attrgetter("backlash")),
@@ -89,11 +91,11 @@ _ASSUMED_VALUES = (
         lambda p: resting_deflection(p.level, p.stiffness, p.backlash),
     ),
     # poles relative to the frequency of the load
-    _gain("feedback.k_0", 1),
-    _gain("feedback.k_2", -1),
-    _gain("l_1", 1),
-    _gain("l_2", 2),
-    _gain("l_3", 3),
+    _scale_with_frequency("feedback.k_0", 1),
+    _scale_with_frequency("feedback.k_2", -1),
+    _scale_with_frequency("l_1", 1),
+    _scale_with_frequency("l_2", 2),
+    _scale_with_frequency("l_3", 3),
 )
 
 
@@ -103,69 +105,75 @@ class _StaleValue:
 
     name: str
     changed: tuple[str, ...]
-    fitting: float
+    matching_value: float
 
 
 def describe_stale_parameters(system: System, options: Options) -> Iterator[str]:
     """Yield a warning, without full stop, for each joint whose plant changes while its models do not."""
     if options.follow_models:
         return
-    for joint, found in _by_joint(system, options).items():
-        changed = list(dict.fromkeys(name for one in found for name in one.changed))
-        verb, keep = ("changes" if len(changed) == 1 else "change"), ("keeps its value", "keep their values")
-        is_actuator = any(one.name.split(".")[1] in _BOTH for one in found)
+    for joint, stale in _find_stale_by_joint(system, options).items():
+        changed_names = list(dict.fromkeys(name for entry in stale for name in entry.changed))
+        verb, keep = (
+            ("changes" if len(changed_names) == 1 else "change"),
+            ("keeps its value", "keep their values"),
+        )
+        is_actuator = any(entry.name.split(".")[1] in _CONTROLLER_AND_OBSERVER for entry in stale)
         yield (
-            f"{_shorten_names(changed)} {verb}, but {_shorten_names([one.name for one in found])} "
-            f"{keep[len(found) > 1]}; --follow-models (follow_models = true in a file) changes "
-            f"{'it' if len(found) == 1 else 'them'} too"
+            f"{_shorten_names(changed_names)} {verb}, but {_shorten_names([entry.name for entry in stale])} "
+            f"{keep[len(stale) > 1]}; --follow-models (follow_models = true in a file) changes "
+            f"{'it' if len(stale) == 1 else 'them'} too"
             f"{f', and --actuator {joint}=FILE the whole actuator' if is_actuator else ''}"
         )
 
 
 def _shorten_names(names: Sequence[str]) -> str:
-    more = len(names) - _MOST_NAMED
-    return join_names([*names[:_MOST_NAMED], f"{more} more"] if more > 0 else names)
+    more = len(names) - _MAX_NAMES
+    return join_names([*names[:_MAX_NAMES], f"{more} more"] if more > 0 else names)
 
 
 def follow_plant_changes(system: System, options: Options) -> Mapping[str, Value]:
     """Return the values, by full name, that make the models of all joints match their changed plants."""
-    stale = (one for found in _by_joint(system, options).values() for one in found)
-    return {one.name: one.fitting for one in stale if math.isfinite(one.fitting)}
+    stale = (entry for entries in _find_stale_by_joint(system, options).values() for entry in entries)
+    return {entry.name: entry.matching_value for entry in stale if math.isfinite(entry.matching_value)}
 
 
-def _by_joint(system: System, options: Options) -> dict[str, list[_StaleValue]]:
+def _find_stale_by_joint(system: System, options: Options) -> dict[str, list[_StaleValue]]:
     """Return the mismatched model parameters by joint; joints without any are left out."""
     components = {c.name: c.parameters for c in system.components if c.name not in options.replace}
     joints = dict.fromkeys(name.partition(".")[0] for name in components)
     if not options.set:
         return {}
-    roles = machine_roles(map(str, system.connections))
-    found = {j: list(_find_stale(j, find_element(j, roles), components, options)) for j in joints}
-    return {joint: stale for joint, stale in found.items() if stale}
+    roles = find_machine_roles(map(str, system.connections))
+    stale_by_joint = {j: list(_find_stale(j, find_element(j, roles), components, options)) for j in joints}
+    return {joint: stale for joint, stale in stale_by_joint.items() if stale}
 
 
 def _find_stale(
     joint: str, element: int | None, components: Mapping[str, Mapping[str, Value]], options: Options
 ) -> Iterator[_StaleValue]:
-    for belief in _ASSUMED_VALUES:
+    for assumed in _ASSUMED_VALUES:
         plant = {
-            parameter: _parameter(joint, element, parameter, components, options) for parameter in belief.of
+            parameter: _read_parameter(joint, element, parameter, components, options)
+            for parameter in assumed.sources
         }
-        changed = tuple(one.name for one in plant.values() if one.is_changed)
-        if not changed:
+        changed_names = tuple(entry.name for entry in plant.values() if entry.is_changed)
+        if not changed_names:
             continue
-        was = _value(belief, {parameter: one.before for parameter, one in plant.items()})
-        fitting = _value(belief, {parameter: one.after for parameter, one in plant.items()})
-        if _is_same(fitting, was):
+        nominal = _compute_value(assumed, {parameter: entry.before for parameter, entry in plant.items()})
+        matching_value = _compute_value(
+            assumed, {parameter: entry.after for parameter, entry in plant.items()}
+        )
+        if _is_same(matching_value, nominal):
             continue
-        for who in belief.whose:
-            name = f"{joint}.{who}.{belief.name}"
-            present = components.get(f"{joint}.{who}", {}).get(belief.name)
-            if present is not None and not any(matches_pattern(name, key) for key in options.set):
-                before = _number(name, present, {})
-                scaled = belief.is_scale and before != was
-                value = before * fitting / was if scaled else fitting
-                yield _StaleValue(name, changed, value)
+        for component in assumed.models:
+            name = f"{joint}.{component}.{assumed.name}"
+            current = components.get(f"{joint}.{component}", {}).get(assumed.name)
+            if current is not None and not any(matches_pattern(name, key) for key in options.set):
+                old_value = _read_float(name, current, {})
+                scaled = assumed.is_scale and old_value != nominal
+                value = old_value * matching_value / nominal if scaled else matching_value
+                yield _StaleValue(name, changed_names, value)
 
 
 @dataclass(frozen=True)
@@ -181,7 +189,7 @@ class _Parameter:
         return not _is_same(self.after, self.before)
 
 
-def _parameter(
+def _read_parameter(
     joint: str,
     element: int | None,
     parameter: str,
@@ -192,27 +200,27 @@ def _parameter(
 
     A parameter that no component has is 0.
     """
-    component, _, rest = parameter.partition(".")
+    component, _, variable_name = parameter.partition(".")
     if parameter == _LEVEL and f"{joint}.disturbance" in components:
-        return _force_at_start(joint, components, options)
+        return _read_start_force(joint, components, options)
     if component == "disturbance":
-        places = [(f"{joint}.disturbance", rest)]
+        candidates = [(f"{joint}.disturbance", variable_name)]
     else:
-        places = [(f"{joint}.plant", parameter), (f"{joint}.motor", parameter)]
+        candidates = [(f"{joint}.plant", parameter), (f"{joint}.motor", parameter)]
     if element is not None:
-        places.append(("machine.plant", f"{parameter}[{element}]"))
-    found = [
-        _Parameter(name, _number(name, value, {}), _number(name, value, options.set))
+        candidates.append(("machine.plant", f"{parameter}[{element}]"))
+    parameters = [
+        _Parameter(name, _read_float(name, value, {}), _read_float(name, value, options.set))
         for name, value in (
             (f"{component}.{variable}", components.get(component, {}).get(variable))
-            for component, variable in places
+            for component, variable in candidates
         )
         if value is not None
     ]
-    return max(found, key=lambda one: one.is_changed, default=_Parameter("", 0.0, 0.0))
+    return max(parameters, key=lambda parameter: parameter.is_changed, default=_Parameter("", 0.0, 0.0))
 
 
-def _force_at_start(
+def _read_start_force(
     joint: str, components: Mapping[str, Mapping[str, Value]], options: Options
 ) -> _Parameter:
     """Return the load force of a joint in N at its start, with the force along the stroke if it has one."""
@@ -220,14 +228,14 @@ def _force_at_start(
     name, value = f"{joint}.{_LEVEL}", components[f"{joint}.disturbance"].get(level)
     if value is None:
         return _Parameter("", 0.0, 0.0)
-    before, after = _number(name, value, {}), _number(name, value, options.set)
+    before, after = _read_float(name, value, {}), _read_float(name, value, options.set)
     plant = components.get(f"{joint}.plant", {})
 
     def along(overrides: Mapping[str, Value]) -> float:
         def read(variable: str) -> float | None:
-            return value_of(f"{joint}.plant.{variable}", plant.get(variable), overrides)
+            return read_number(f"{joint}.plant.{variable}", plant.get(variable), overrides)
 
-        table, x = table_of_plant(read), read("start.x_L")
+        table, x = read_plant_table(read), read("start.x_L")
         return 0.0 if table is None or x is None else table.force_at(x - (read("start.deflection") or 0.0))
 
     if not any(variable.startswith("load.table.force") for variable in plant):
@@ -236,20 +244,20 @@ def _force_at_start(
     return _Parameter(changed, before + along({}), after + along(options.set))
 
 
-def _number(name: str, value: Value, overrides: Mapping[str, Value]) -> float:
-    found = value_of(name, value, overrides)
-    return math.nan if found is None else found
+def _read_float(name: str, value: Value, overrides: Mapping[str, Value]) -> float:
+    number = read_number(name, value, overrides)
+    return math.nan if number is None else number
 
 
-def _is_same(one: float, other: float) -> bool:
+def _is_same(first: float, second: float) -> bool:
     """Return whether two numbers differ by rounding at most, such as that of a unit conversion."""
-    return math.isclose(one, other, rel_tol=1e-12)
+    return math.isclose(first, second, rel_tol=1e-12)
 
 
-def _value(belief: _AssumedValue, plant: Mapping[str, float]) -> float:
+def _compute_value(assumed: _AssumedValue, plant: Mapping[str, float]) -> float:
     """Return the value of a model parameter for a plant; NaN if it is undefined, as for a lead of 0."""
     try:
-        return belief.value(
+        return assumed.value(
             SimpleNamespace(**{p.rpartition(".")[2].partition("[")[0]: x for p, x in plant.items()})
         )
     except (ZeroDivisionError, OverflowError):
@@ -258,13 +266,13 @@ def _value(belief: _AssumedValue, plant: Mapping[str, float]) -> float:
 
 def get_number(system: System, options: Options, component: str, variable: str) -> float | None:
     """Return a start value in the unit of its model; None if it is unknown before the run."""
-    found = next((c for c in system.components if c.name == component), None)
-    if found is None or not is_own(component, options):
+    match = next((c for c in system.components if c.name == component), None)
+    if match is None or not follows_start_values(component, options):
         return None
-    return value_of(f"{component}.{variable}", found.parameters.get(variable), options.set)
+    return read_number(f"{component}.{variable}", match.parameters.get(variable), options.set)
 
 
-def value_of(name: str, value: Value | None, overrides: Mapping[str, Value]) -> float | None:
+def read_number(name: str, value: Value | None, overrides: Mapping[str, Value]) -> float | None:
     """Return a start value as a number in the unit of its model; None if it is unknown before the run.
 
     Args:
@@ -272,9 +280,9 @@ def value_of(name: str, value: Value | None, overrides: Mapping[str, Value]) -> 
         value: The value in the system: a number, a text with a unit, or None.
         overrides: Values by name or pattern. Names win over patterns, later patterns over earlier ones.
     """
-    for pattern, given in overrides.items():
+    for pattern, override in overrides.items():
         if matches_pattern(name, pattern):
-            value = given
+            value = override
     value = overrides.get(name, value)
     if value in ("true", "false"):
         return float(value == "true")
@@ -286,7 +294,7 @@ def value_of(name: str, value: Value | None, overrides: Mapping[str, Value]) -> 
     return None if value is None else float(value)
 
 
-def is_own(component: str, options: Options) -> bool:
+def follows_start_values(component: str, options: Options) -> bool:
     """Return whether a component's outputs follow from its start values: no FMU and no data replaces it.
 
     Data without names of signals drive the signals that their columns name.

@@ -16,12 +16,12 @@ from ...base.quantities import parse_quantity, parse_unit_name
 from ...base.table_entries import Location
 from ...base.toml_structs import QUANTITY, describe, extend_struct
 from ...base.values import as_float
-from .entries import NEEDED, TABLES, TURN, SheetEntry
+from .entries import REQUIRED_TABLES, TABLES, TURN, SheetEntry
 
 RMS, PEAK = "rms", "peak"
 BETWEEN, PHASE = "line to line", "per phase"
 
-_SAID = (
+_CONVENTIONS = (
     (RMS, re.compile(r"(?<=[AV])[ _]?rms\b|\brms\b", re.IGNORECASE)),
     (PEAK, re.compile(r"(?<=[AV])[ _]?(?:peak|pk)\b|\bpeak\b", re.IGNORECASE)),
     (
@@ -61,7 +61,7 @@ def read_sheet_value(value: Any, entry: SheetEntry, label: str) -> SheetValue:
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):
         raise CommandError(f'{label} is {value!r}; write it as "{entry.example}".')
     if isinstance(value, str):
-        text, number = " ".join(value.split()), _number(value, entry, label)
+        text, number = " ".join(value.split()), _read_number(value, entry, label)
     elif entry.unit:
         raise CommandError(f'{label} is {value!r} without a unit; add one, as in "{entry.example}".')
     else:
@@ -71,12 +71,12 @@ def read_sheet_value(value: Any, entry: SheetEntry, label: str) -> SheetValue:
     return SheetValue(text, number)
 
 
-def _number(text: str, entry: SheetEntry, label: str) -> float:
-    rest, factor = _read_suffix(text, entry, label)
-    for pattern, meant in _SPELLINGS:
-        rest = pattern.sub(meant, rest)
+def _read_number(text: str, entry: SheetEntry, label: str) -> float:
+    remainder, factor = _read_suffix(text, entry, label)
+    for pattern, spelling in _SPELLINGS:
+        remainder = pattern.sub(spelling, remainder)
     unit = replace(parse_unit_name(entry.unit or "1", label), is_difference=entry.is_difference)
-    quantity = parse_quantity(rest, label, unit)
+    quantity = parse_quantity(remainder, label, unit)
     number = quantity.in_unit(unit, label) * factor
     if not entry.unit:
         return number
@@ -94,19 +94,19 @@ def _number(text: str, entry: SheetEntry, label: str) -> float:
 
 def _read_suffix(text: str, entry: SheetEntry, label: str) -> tuple[str, float]:
     """Return the text without its conventions, and the factor that follows from them."""
-    said = set[str]()
-    for what, pattern in _SAID:
+    conventions = set[str]()
+    for convention, pattern in _CONVENTIONS:
         text, count = pattern.subn(" ", text)
         if count:
-            said.add(what)
+            conventions.add(convention)
     factor = 1.0
-    for choice, (usual, other) in ((entry.rms, (RMS, PEAK)), (entry.between, (BETWEEN, PHASE))):
-        mine = said & {usual, other}
-        if choice is None and mine:
-            raise CommandError(f'{label} must not be {sorted(mine)[0]}; write it as "{entry.example}".')
-        if choice is not None and len(mine) != 1:
-            raise CommandError(f'{label} is ambiguous, {usual} or {other}; write it as "{entry.example}".')
-        if choice is not None and usual in mine:
+    for choice, (first, second) in ((entry.rms, (RMS, PEAK)), (entry.between, (BETWEEN, PHASE))):
+        stated = conventions & {first, second}
+        if choice is None and stated:
+            raise CommandError(f'{label} must not be {sorted(stated)[0]}; write it as "{entry.example}".')
+        if choice is not None and len(stated) != 1:
+            raise CommandError(f'{label} is ambiguous, {first} or {second}; write it as "{entry.example}".')
+        if choice is not None and first in stated:
             factor *= choice
     return text, factor
 
@@ -120,11 +120,11 @@ def _check_range(number: float, entry: SheetEntry, fault: str) -> None:
         raise CommandError(f"{fault}; it must not be less than 0.")
     if number > entry.most:
         raise CommandError(f"{fault}; it must be at most {entry.most:g}.")
-    if entry.whole and number != round(number):
+    if entry.is_integer and number != round(number):
         raise CommandError(f"{fault}; it must be a whole number.")
 
 
-def _field(table: str, entry: SheetEntry) -> Any:
+def _build_field(table: str, entry: SheetEntry) -> Any:
     """Return an entry as a field of a struct."""
 
     def read(value: Any, _at: Location, _folder: Path | None) -> SheetValue:
@@ -145,10 +145,12 @@ class SheetTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     source: str = ""
 
 
-def _table(name: str, entries: tuple[SheetEntry, ...]) -> Any:
-    struct = extend_struct(msgspec.Struct, name, [_field(name, entry) for entry in entries])
-    return (name, struct, *([] if name in NEEDED else [msgspec.UNSET]))
+def _build_table(name: str, entries: tuple[SheetEntry, ...]) -> Any:
+    struct = extend_struct(msgspec.Struct, name, [_build_field(name, entry) for entry in entries])
+    return (name, struct, *([] if name in REQUIRED_TABLES else [msgspec.UNSET]))
 
 
-ACTUATOR = extend_struct(SheetTable, "Actuator", [_table(name, entries) for name, entries in TABLES.items()])
+ACTUATOR = extend_struct(
+    SheetTable, "Actuator", [_build_table(name, entries) for name, entries in TABLES.items()]
+)
 """The struct of an actuator's file; entries become `SheetValue`."""

@@ -18,7 +18,7 @@ from ...base.table_entries import Location
 from ...base.toml_structs import describe, extend_struct, quantity
 
 
-def block_struct(block: type[Block], reserved: Mapping[str, str]) -> type[msgspec.Struct]:
+def build_block_struct(block: type[Block], reserved: Mapping[str, str]) -> type[msgspec.Struct]:
     """Return the struct with the parameters of a block; its attributes are those of the block.
 
     Args:
@@ -28,7 +28,9 @@ def block_struct(block: type[Block], reserved: Mapping[str, str]) -> type[msgspe
     fields: list[Any] = [
         (
             variable.attribute,
-            _reserved(reserved[str(variable.name)]) if str(variable.name) in reserved else _type_of(variable),
+            _build_reserved_field(reserved[str(variable.name)])
+            if str(variable.name) in reserved
+            else _get_type(variable),
             msgspec.field(name=str(variable.name), default=msgspec.UNSET),
         )
         for variable in block.layout().parameters
@@ -36,14 +38,14 @@ def block_struct(block: type[Block], reserved: Mapping[str, str]) -> type[msgspe
     return extend_struct(msgspec.Struct, block.__name__, fields)
 
 
-def _reserved(remedy: str) -> Any:
+def _build_reserved_field(remedy: str) -> Any:
     def refuse(_value: Any, at: Location, _folder: Path | None) -> NoReturn:
         raise CommandError(f"{at.label} must not be set here; {remedy}.")
 
     return Annotated[Any, describe(read=refuse, extra_json_schema={"not": {}})]
 
 
-def _type_of(variable: Variable) -> Any:
+def _get_type(variable: Variable) -> Any:
     """Return the type of a parameter: a number, or a tuple of them for an array."""
     if variable.fmi_type != "Real":
         type_ = bool if variable.fmi_type == "Boolean" else int
@@ -52,24 +54,24 @@ def _type_of(variable: Variable) -> Any:
     return tuple[(number,) * math.prod(variable.shape)] if variable.shape else number
 
 
-def _fmi_names(block: type[Block], attributes: Iterable[str]) -> set[str]:
+def _list_fmi_names(block: type[Block], attributes: Iterable[str]) -> set[str]:
     return {str(x.name) for x in block.layout().parameters if x.attribute in set(attributes)}
 
 
 _SEED = "write it as seed, before the first table"
-_DISTURBANCE_ELSEWHERE = {
+_RESERVED_OF_DISTURBANCE = {
     **dict.fromkeys(
-        _fmi_names(Disturbance, ("level", "level_start", "ramp", "ripple", "ripple_omega")),
+        _list_fmi_names(Disturbance, ("level", "level_start", "ramp", "ripple", "ripple_omega")),
         "write the load in [load]",
     ),
     "d_2.seed": _SEED,
 }
-_PLANT_ELSEWHERE = {
+_RESERVED_OF_PLANT = {
     **dict.fromkeys(
-        _fmi_names(EmlaPlant, DriveParameters.__dataclass_fields__), "write it in [actuator] or [drive]"
+        _list_fmi_names(EmlaPlant, DriveParameters.__dataclass_fields__), "write it in [actuator] or [drive]"
     ),
     **dict.fromkeys(
-        _fmi_names(EmlaPlant, [*EmlaParameters.__dataclass_fields__, "i_max", "i_range"]),
+        _list_fmi_names(EmlaPlant, [*EmlaParameters.__dataclass_fields__, "i_max", "i_range"]),
         "it follows from [actuator]",
     ),
     "sensor.seed": _SEED,
@@ -78,5 +80,5 @@ _PLANT_ELSEWHERE = {
     "use_commanded_current": "the scenario decides it",
 }
 
-DISTURBANCE = block_struct(Disturbance, _DISTURBANCE_ELSEWHERE)
-PLANT = block_struct(EmlaPlant, _PLANT_ELSEWHERE)
+DISTURBANCE = build_block_struct(Disturbance, _RESERVED_OF_DISTURBANCE)
+PLANT = build_block_struct(EmlaPlant, _RESERVED_OF_PLANT)

@@ -28,12 +28,12 @@ class Brake(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
         """Check number, order and length of the phases."""
         if not 1 <= len(self.phases) <= PHASES:
             raise ValueError(f"has {len(self.phases)} phases; it must have 1 to {PHASES}.")
-        both = self.engage_delay + self.release_delay
+        delays = self.engage_delay + self.release_delay
         for start, end in self.phases:
-            if not end - start > both:
+            if not end - start > delays:
                 raise ValueError(
                     f"has the phase from {start:g} to {end:g} s; it must be longer than both delays, "
-                    f"{both:g} s."
+                    f"{delays:g} s."
                 )
         for (_, end), (start, _) in pairwise(self.phases):
             if start < end:
@@ -41,10 +41,10 @@ class Brake(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
 
     def parameters(self) -> dict[str, Any]:
         """Return the parameters of `HoldingBrake`, by attribute."""
-        rest = [NEVER] * (PHASES - len(self.phases))
+        padding = [NEVER] * (PHASES - len(self.phases))
         return {
-            "start": [*(start for start, _ in self.phases), *rest],
-            "end": [*(end for _, end in self.phases), *rest],
+            "start": [*(start for start, _ in self.phases), *padding],
+            "end": [*(end for _, end in self.phases), *padding],
             "engage_delay": self.engage_delay,
             "release_delay": self.release_delay,
         }

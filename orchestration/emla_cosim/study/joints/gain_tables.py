@@ -58,7 +58,7 @@ class GainTable(msgspec.Struct, frozen=True, kw_only=True):
         return self.function(**{name: getattr(self, name) for name in self.arguments})
 
 
-def gain_tables(
+def build_gain_tables(
     name: str,
     values: Callable[..., Any],
     rules: Mapping[str, Callable[..., Any]],
@@ -72,54 +72,54 @@ def gain_tables(
         rules: Functions that return gains, by rule.
         further: Further fields of the table.
     """
-    tables: dict[str | None, type[GainTable]] = {None: _table_of(f"{name} gains", values, further)}
+    tables: dict[str | None, type[GainTable]] = {None: _build_table(f"{name} gains", values, further)}
     for rule, function in rules.items():
         tag = ("rule", Annotated[Literal[rule], describe("rule for the gains")])  # type: ignore[valid-type]
-        tables[rule] = _table_of(f"{name} gains by {rule}", function, [tag, *further])
+        tables[rule] = _build_table(f"{name} gains by {rule}", function, [tag, *further])
     return tables
 
 
-def _table_of(name: str, function: Callable[..., Any], further: Sequence[Any]) -> type[GainTable]:
+def _build_table(name: str, function: Callable[..., Any], further: Sequence[Any]) -> type[GainTable]:
     """Return the struct of a function: its arguments, and further fields."""
     hints = get_type_hints(function)
     fields = list[Any]()
     for argument_name, argument in inspect.signature(function).parameters.items():
         default = () if argument.default is argument.empty else (argument.default,)
-        fields.append((argument_name, _type_in_file(hints[argument_name]), *default))
+        fields.append((argument_name, _get_file_type(hints[argument_name]), *default))
     about = " ".join((inspect.getdoc(function) or "").partition("\n")[0].split())
     table = extend_struct(GainTable, name.replace(" ", "_"), [*fields, *further], about)
     table.function, table.arguments = staticmethod(function), [field[0] for field in fields]
     return table
 
 
-def _type_in_file(hint: Any) -> Any:
+def _get_file_type(hint: Any) -> Any:
     """Return the type of an argument in a file, where numbers can be texts."""
     if get_origin(hint) is tuple:
-        return tuple[tuple(_type_in_file(part) for part in get_args(hint))]
+        return tuple[tuple(_get_file_type(part) for part in get_args(hint))]
     return Annotated[float, quantity("")] if hint is float else hint
 
 
 @cache
-def observer_table() -> Any:
+def build_observer_table() -> Any:
     """Return the type of a table with gains of an observer."""
     estimate = Annotated[float, quantity("m", "initial position of the observer", 0.36)]
-    tables = gain_tables("observer", ObserverGains, OBSERVER_RULES, [("estimate", estimate, None)])
+    tables = build_gain_tables("observer", ObserverGains, OBSERVER_RULES, [("estimate", estimate, None)])
     return Annotated[Any, one_of("rule", tables, "gains of an observer")]
 
 
-def controllers_struct() -> type[msgspec.Struct]:
+def build_controllers_struct() -> type[msgspec.Struct]:
     """Return the struct of the table with the sets of gains of each controller."""
-    observer = Annotated[str | observer_table(), describe("set [observer.NAME], or a table", "robust")]  # type: ignore[valid-type]
+    observer = Annotated[str | build_observer_table(), describe("set [observer.NAME], or a table", "robust")]  # type: ignore[valid-type]
     fields = list[Any]()
     for name, controller in CONTROLLERS.items():
         if controller.gain_type is None:
             continue
-        machine = gain_tables(f"{name} machine", controller.gain_type, controller.rules)
+        machine = build_gain_tables(f"{name} machine", controller.gain_type, controller.rules)
         further = [
             ("observer", observer),
             ("on_machine", Annotated[Any, one_of("rule", machine, "gains on a whole machine")], None),
         ]
-        tables = gain_tables(name, controller.gain_type, controller.rules, further)
+        tables = build_gain_tables(name, controller.gain_type, controller.rules, further)
         set_ = Annotated[Any, one_of("rule", tables, "a set of gains")]
         sets = [(key, set_, msgspec.UNSET) for key in controller.gains]
         fields.append((name, extend_struct(msgspec.Struct, f"{name}_sets", sets), msgspec.UNSET))

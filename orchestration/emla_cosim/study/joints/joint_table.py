@@ -15,7 +15,7 @@ from ..actuator.actuator import Actuator, read_tables
 from ..actuator.sheet_values import ACTUATOR
 from .block_tables import DISTURBANCE, PLANT
 from .brake_table import Brake
-from .gain_tables import controllers_struct, observer_table
+from .gain_tables import build_controllers_struct, build_observer_table
 from .motions import Compliance, JointExperiment, Load, LoadFeedback, Move, StartPosition
 
 
@@ -108,7 +108,7 @@ KEYS = frozenset(JointTable.__struct_encode_fields__) - {"description", "actuato
 def joint_struct() -> type[JointTable]:
     """Return the struct of joint files, with the options and the controllers that are registered."""
     about = "data of motor, screw, inverter and sensor, or the path of a file"
-    observers = dict[str, observer_table()]  # type: ignore[misc]
+    observers = dict[str, build_observer_table()]  # type: ignore[misc]
     return extend_struct(
         JointTable,
         "Joint",
@@ -118,6 +118,6 @@ def joint_struct() -> type[JointTable]:
             ("disturbance", Annotated[DISTURBANCE, dotted("parameters of the disturbance")], DISTURBANCE()),
             ("plant", Annotated[PLANT, dotted("parameters of the plant")], PLANT()),
             ("observers", observers, msgspec.field(default_factory=dict, name="observer")),
-            ("gains", controllers_struct(), None),
+            ("gains", build_controllers_struct(), None),
         ],
     )

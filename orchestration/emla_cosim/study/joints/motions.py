@@ -83,11 +83,11 @@ class Cycle(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
         moves = len(durations)
         dwell = (self.period - sum(durations)) / moves
         starts = [sum(durations[:i]) + i * dwell for i in range(moves)]
-        rest = MOVES - moves
+        padding = MOVES - moves
         return {
-            "x": [*self.way_points, *[self.way_points[-1]] * rest],
-            "start": [*starts, *[NEVER] * rest],
-            "duration": [*durations, *[1.0] * rest],
+            "x": [*self.way_points, *[self.way_points[-1]] * padding],
+            "start": [*starts, *[NEVER] * padding],
+            "duration": [*durations, *[1.0] * padding],
             "period": self.period,
         }
 
@@ -155,8 +155,8 @@ class Load(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     @property
     def largest(self) -> float:
         """The load force in N of the largest magnitude."""
-        along = (0.0,) if self.table is None else self.table.force
-        level = max((a + b for a in self.levels for b in along), key=abs)
+        stroke_forces = (0.0,) if self.table is None else self.table.force
+        level = max((a + b for a in self.levels for b in stroke_forces), key=abs)
         return level + math.copysign(0.5 * (self.ripple or 0.0), level)
 
     def force_at_start(self, x: float, compliance: "Compliance | None" = None) -> float:
@@ -170,7 +170,7 @@ class Load(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
         if self.table is None:
             return force
         deflection = 0.0
-        for _ in range(_ROUNDS if compliance is not None else 1):
+        for _ in range(_ITERATIONS if compliance is not None else 1):
             force = self.levels[0] + self.table.force_at(x - deflection)
             if compliance is not None:
                 deflection = resting_deflection(force, compliance.stiffness, compliance.backlash)
@@ -178,18 +178,18 @@ class Load(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
 
     def parameters(self) -> dict[str, Any]:
         """Return the load as parameters of the disturbance."""
-        given = {"ramp": self.ramp, "ripple": self.ripple, "ripple_omega": self.ripple_omega}
+        options = {"ramp": self.ramp, "ripple": self.ripple, "ripple_omega": self.ripple_omega}
         levels = self.levels
-        found: dict[str, Any] = {"level": (*levels, *[levels[-1]] * (LEVELS - len(levels)))}
+        parameters_: dict[str, Any] = {"level": (*levels, *[levels[-1]] * (LEVELS - len(levels)))}
         if self.start is not None:
-            found["level_start"] = (NEVER, *self.start, *[NEVER] * (LEVELS - 1 - len(self.start)))
-        return found | {name: value for name, value in given.items() if value is not None}
+            parameters_["level_start"] = (NEVER, *self.start, *[NEVER] * (LEVELS - 1 - len(self.start)))
+        return parameters_ | {name: value for name, value in options.items() if value is not None}
 
 
-_ROUNDS = 60
+_ITERATIONS = 60
 """Rounds to find where a load rests whose force depends on its position. A load is softer than its spring."""
 
-OF_ACTUATOR = ("bearing", "screw", "nut", "backlash")
+ACTUATOR_PARTS = ("bearing", "screw", "nut", "backlash")
 """What of a load that is not rigid belongs to the actuator."""
 
 
@@ -224,9 +224,9 @@ class Compliance(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
 
     def with_actuator(self, values: Mapping[str, float]) -> "Compliance":
         """Return the load with the parts of an actuator, from the values of its entries in SI units."""
-        parts = {part: f"compliance.{part}" for part in OF_ACTUATOR}
+        parts = {part: f"compliance.{part}" for part in ACTUATOR_PARTS}
         return msgspec.structs.replace(
-            self, **{part: values[place] for part, place in parts.items() if place in values}
+            self, **{part: values[entry] for part, entry in parts.items() if entry in values}
         )
 
     @property

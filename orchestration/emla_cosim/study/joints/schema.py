@@ -67,10 +67,10 @@ class JointFile(JointTable, frozen=True, kw_only=True):
         """Return a set of gains; raise CommandError if the file lacks it for the controller."""
         sets = self.gains.get(controller, {})
         if name not in sets:
-            others = f", or choose {join_names(sets)} with --gains" if sets else ""
+            alternatives = f", or choose {join_names(sets)} with --gains" if sets else ""
             raise CommandError(
                 f"{self.label} has no gains '{name}' for the controller '{controller}'; "
-                f"add [gains.{controller}.{name}]{others}.",
+                f"add [gains.{controller}.{name}]{alternatives}.",
                 joint=self.name,
                 controller=controller,
                 gains=name,
@@ -148,10 +148,10 @@ def parse_joint(content: Mapping[str, Any], label: str, name: str, folder: Path)
             f"{label} cannot name a joint: '{name}' is invalid; use letters, digits and _ in the file name."
         )
     table = convert_value(content, joint_struct(), label, folder)
-    observers = {key: _observer_set(gains) for key, gains in table.observers.items()}
+    observers = {key: _build_observer_set(gains) for key, gains in table.observers.items()}
     gains = {
         controller: {
-            key: _gain_set(set_, observers, f"[gains.{controller}.{key}] of {label}")
+            key: _build_gain_set(set_, observers, f"[gains.{controller}.{key}] of {label}")
             for key, set_ in list_given(sets).items()
         }
         for controller, sets in (list_given(table.gains) if table.gains is not None else {}).items()
@@ -159,7 +159,7 @@ def parse_joint(content: Mapping[str, Any], label: str, name: str, folder: Path)
     entries = msgspec.structs.asdict(table.drive)
     drive = {name: entries[name] for name in entries if name != "always" and entries[name]}
     converted = {
-        "run": _run(list_given(table.run), name),
+        "run": _complete_run_options(list_given(table.run), name),
         "realistic": table.actuator.changed(drive, f"[drive] of {label}") if drive else table.actuator,
         "disturbance": list_given(table.disturbance),
         "plant": list_given(table.plant),
@@ -169,7 +169,7 @@ def parse_joint(content: Mapping[str, Any], label: str, name: str, folder: Path)
     return JointFile(**{**msgspec.structs.asdict(table), **converted}, name=name, label=label)
 
 
-def _run(options: dict[str, Any], joint: str) -> dict[str, Any]:
+def _complete_run_options(options: dict[str, Any], joint: str) -> dict[str, Any]:
     """Return the options of the joint's scenario; names of components lack the joint."""
     if isinstance(options.get("order"), list):
         options["order"] = [f"{joint}.{role}" for role in options["order"]]
@@ -178,14 +178,14 @@ def _run(options: dict[str, Any], joint: str) -> dict[str, Any]:
     return options
 
 
-def _observer_set(table: Any) -> ObserverSet:
+def _build_observer_set(table: Any) -> ObserverSet:
     return ObserverSet(table.gains(), table.estimate)
 
 
-def _gain_set(table: Any, observers: Mapping[str, ObserverSet], label: str) -> GainSet:
+def _build_gain_set(table: Any, observers: Mapping[str, ObserverSet], label: str) -> GainSet:
     machine: GainTable = table if table.on_machine is None else table.on_machine
     if not isinstance(table.observer, str):
-        return GainSet(table.gains(), _observer_set(table.observer), machine.gains())
+        return GainSet(table.gains(), _build_observer_set(table.observer), machine.gains())
     if table.observer not in observers:
         names = f"it must be {join_names(observers)}" if observers else f"add [observer.{table.observer}]"
         raise CommandError(f"'observer' in {label} is '{table.observer}', which is missing; {names}.")

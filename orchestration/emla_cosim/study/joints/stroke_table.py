@@ -24,11 +24,11 @@ class StrokeTable(NamedTuple):
 
     def force_at(self, x: float) -> float:
         """Return the force in N at a position of the load in m."""
-        return stroke_load.force_at(x, *self._filled(), self.interpolation)
+        return stroke_load.force_at(x, *self._fill(), self.interpolation)
 
     def parameters(self) -> dict[str, Any]:
         """Return the parameters of the plant, by attribute."""
-        position, force = self._filled()
+        position, force = self._fill()
         return {"position": position, "force": force, "interpolation": self.interpolation}
 
     def check(self) -> "StrokeTable":
@@ -47,12 +47,12 @@ class StrokeTable(NamedTuple):
                 raise ValueError(f"has the position {b:g} m after {a:g} m; positions must increase.")
         return self
 
-    def _filled(self) -> tuple[list[float], list[float]]:
+    def _fill(self) -> tuple[list[float], list[float]]:
         missing = stroke_load.POINTS - len(self.position)
         return [*self.position, *[self.position[-1]] * missing], [*self.force, *[self.force[-1]] * missing]
 
 
-def table_of_plant(value: Callable[[str], float | None]) -> StrokeTable | None:
+def read_plant_table(value: Callable[[str], float | None]) -> StrokeTable | None:
     """Return the load along the stroke of a plant; None if it has none, or an unknown value.
 
     Args:
@@ -88,9 +88,9 @@ def read_stroke_file(value: Any, at: Location, folder: Path | None) -> StrokeTab
         header, target = data.headers[index], parse_unit_name(unit, "")
         label = f"the column '{header.text}' of {data.label}"
         header.check_unit_like_end(target, label, f"the {subject}", header.text)
-        own = None if header.unit is None else parse_unit_name(header.unit, label, target)
+        column_unit = None if header.unit is None else parse_unit_name(header.unit, label, target)
         numbers: Sequence[float] = data.numbers(index, padded=True).tolist()
-        columns.append(tuple(Quantity(x, own).in_unit(target, label) for x in numbers))
+        columns.append(tuple(Quantity(x, column_unit).in_unit(target, label) for x in numbers))
     try:
         return StrokeTable(columns[0], columns[1]).check()
     except ValueError as error:

@@ -62,7 +62,7 @@ class MachineBlocks:
         return name if self.trajectory is Trajectory else f"{self.file}:{name}"
 
 
-def machine_blocks(
+def build_machine_blocks(
     machine: Machine, name: str, actuators: Sequence[EmlaParameters] | None = None
 ) -> MachineBlocks:
     """Return the blocks of a machine.
@@ -79,23 +79,23 @@ def machine_blocks(
     """
     if actuators is None and set(machine.actuators) <= set(list_joint_names()):
         actuators = [load_actuator(joint).emla for joint in machine.actuators]
-    is_own = name == MANIPULATOR and machine == load_machine(MANIPULATOR)
-    names = _OF_MANIPULATOR if is_own else _block_names(name)
+    is_manipulator = name == MANIPULATOR and machine == load_machine(MANIPULATOR)
+    names = _MANIPULATOR_NAMES if is_manipulator else _block_names(name)
     try:
         text = write_module(
             machine,
             name,
             names.load,
             names.plant,
-            None if is_own else names.trajectory,
+            None if is_manipulator else names.trajectory,
             actuator_values(actuators or ()),
         )
-        file, blocks = _load(text, f"{names.module}_blocks")
+        file, blocks = _load_module(text, f"{names.module}_blocks")
     except MachineError as error:
         raise CommandError(f"the machine '{name}' cannot be used: {error}.") from error
     except (BuildError, OSError) as error:
         raise RunError(f"the blocks of the machine '{name}' cannot be made: {error}") from error
-    trajectory = Trajectory if is_own else blocks[names.trajectory]
+    trajectory = Trajectory if is_manipulator else blocks[names.trajectory]
     return MachineBlocks(blocks[names.load], blocks[names.plant], trajectory, file)
 
 
@@ -131,8 +131,8 @@ def read_machine_blocks(machine: str | Path) -> MachineBlocks:
     table = convert_value(read_toml(text, label), MachineTable, label, folder)
     joints = [find_joint(actuator, x.joint, label, folder) for actuator, x in table.actuators.items()]
     emlas = [joint.emla for joint in joints if joint is not None]
-    made = build_machine(table, label, folder)
-    return machine_blocks(made, name, emlas if len(emlas) == len(joints) else None)
+    built = build_machine(table, label, folder)
+    return build_machine_blocks(built, name, emlas if len(emlas) == len(joints) else None)
 
 
 def is_machine_file(name: str | Path) -> bool:
@@ -157,18 +157,21 @@ def find_machine_blocks(text: str) -> dict[str, str | type[Block]]:
     if not is_machine_file(machine) and machine not in list_machine_names():
         return {}
     blocks = read_machine_blocks(machine)
-    found = {made.__name__: made for made in blocks.all}
+    blocks_by_name = {block_class.__name__: block_class for block_class in blocks.all}
     if machine != text:
-        check_choice("block of this machine", block, found)
-        found = {block: found[block]}
-    own = blocks.all if machine == MANIPULATOR else ()
-    return {name: name if made in own else made for name, made in found.items()}
+        check_choice("block of this machine", block, blocks_by_name)
+        blocks_by_name = {block: blocks_by_name[block]}
+    project_blocks = blocks.all if machine == MANIPULATOR else ()
+    return {
+        name: name if block_class in project_blocks else block_class
+        for name, block_class in blocks_by_name.items()
+    }
 
 
 @cache
 def manipulator_blocks() -> MachineBlocks:
     """Return the blocks of the paper's manipulator."""
-    return machine_blocks(load_machine(MANIPULATOR), MANIPULATOR)
+    return build_machine_blocks(load_machine(MANIPULATOR), MANIPULATOR)
 
 
 @dataclass(frozen=True)
@@ -180,7 +183,7 @@ class _BlockNames:
 
 
 # not of another machine in a file of the same name, such as a changed copy
-_OF_MANIPULATOR = _BlockNames(MANIPULATOR, "HdrmManipulator", "HdrmPlant", Trajectory.__name__)
+_MANIPULATOR_NAMES = _BlockNames(MANIPULATOR, "HdrmManipulator", "HdrmPlant", Trajectory.__name__)
 
 
 def _block_names(name: str) -> _BlockNames:
@@ -194,7 +197,7 @@ def _block_names(name: str) -> _BlockNames:
 
 
 @cache
-def _load(text: str, module: str) -> tuple[Path, dict[str, type[Block]]]:
+def _load_module(text: str, module: str) -> tuple[Path, dict[str, type[Block]]]:
     """Write a module into the cache, unless it is there, and return its blocks by name."""
     content = text.encode()
     file = cache_folder() / "machines" / sha256(content).hexdigest()[:24] / f"{module}.py"

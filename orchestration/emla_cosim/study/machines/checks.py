@@ -21,7 +21,7 @@ _RESERVED = (GROUND, "payload")
 """Names that bodies and links cannot have: those of other tables, with which numbers of the FMU begin."""
 
 
-_ROUNDED = 0.01
+_ROUNDING_FRACTION = 0.01
 """Fraction by which moments of inertia of data sheets can be rounded."""
 
 
@@ -74,7 +74,7 @@ def _check_body(where: str, body: "BodyTable", dimensions: int) -> None:
     moments = [x for x in body.J[:3] if not isinstance(x, str)]
     if any(x < 0.0 for x in moments):
         raise CommandError(f"'J' in {where} is {min(moments):g} kg.m2; it must be at least 0.")
-    if len(moments) == 3 and 2.0 * max(moments) > sum(moments) * (1.0 + _ROUNDED):
+    if len(moments) == 3 and 2.0 * max(moments) > sum(moments) * (1.0 + _ROUNDING_FRACTION):
         raise CommandError(
             f"'J' in {where} is {max(moments):g} kg.m2 about one axis, more than about both others together; "
             "no body has that."
@@ -88,10 +88,10 @@ def _check_body(where: str, body: "BodyTable", dimensions: int) -> None:
             )
 
 
-def _check_count(what: str, numbers: Sequence[Number], counts: tuple[int, ...], dimensions: int) -> None:
+def _check_count(subject: str, numbers: Sequence[Number], counts: tuple[int, ...], dimensions: int) -> None:
     if len(numbers) not in counts:
-        wanted = " or ".join(map(str, counts))
+        expected = " or ".join(map(str, counts))
         raise CommandError(
-            f"{what} has {len(numbers)} number{'s' if len(numbers) > 1 else ''}; with "
-            f"dimensions = {dimensions}, it must have {wanted}."
+            f"{subject} has {len(numbers)} number{'s' if len(numbers) > 1 else ''}; with "
+            f"dimensions = {dimensions}, it must have {expected}."
         )

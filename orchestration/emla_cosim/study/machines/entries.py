@@ -41,7 +41,7 @@ def number(
             raise CommandError(f"{at.label} is {value!r}; it must be {limit}.")
         return x
 
-    return describe(_about(about, unit), example, read=read)
+    return describe(_describe_quantity(about, unit), example, read=read)
 
 
 def numbers(unit: str, about: str, example: Any = None, counts: tuple[int, ...] = ()) -> msgspec.Meta:
@@ -62,7 +62,7 @@ def numbers(unit: str, about: str, example: Any = None, counts: tuple[int, ...] 
             )
         return tuple(_read_number(x, unit, x_at, folder) for x, x_at in items)
 
-    return describe(_about(about, unit), example, read=read)
+    return describe(_describe_quantity(about, unit), example, read=read)
 
 
 def joint_values(about: str, example: Any = None) -> msgspec.Meta:
@@ -116,7 +116,7 @@ def corner_list(subject: str) -> msgspec.Meta:
     return describe(about, [[0.0, 0.1], [0.0, -0.1], "pin"], read=read)
 
 
-def _about(about: str, unit: str) -> str:
+def _describe_quantity(about: str, unit: str) -> str:
     return f"{about} [{unit}], or a parameter" if unit else f"{about}, or a parameter"
 
 
@@ -169,7 +169,7 @@ def _read_list(
     value: Any, units: tuple[str, ...], counts: tuple[int, ...], at: Location, folder: Path | None
 ) -> tuple[Number, ...]:
     if not isinstance(value, (list, tuple)) or len(value) not in counts:
-        wanted = " or ".join(map(str, counts))
-        raise CommandError(f"{at.label} is {value!r}; it must be a list of {wanted} numbers.")
+        expected = " or ".join(map(str, counts))
+        raise CommandError(f"{at.label} is {value!r}; it must be a list of {expected} numbers.")
     pairs = zip(value, units, strict=False)
     return tuple(_read_number(x, unit, at.item(i), folder) for i, (x, unit) in enumerate(pairs, 1))

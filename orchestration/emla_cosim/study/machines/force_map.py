@@ -78,13 +78,13 @@ def read_limits(joint: str, values: Mapping[str, float], roles: Mapping[str, str
     """
 
     def find(*names: str) -> list[float] | None:
-        found = [values.get(find_variable(joint, name, values, roles) or "") for name in names]
-        return None if None in found else [float(x) for x in found if x is not None]
+        numbers_ = [values.get(find_variable(joint, name, values, roles) or "") for name in names]
+        return None if None in numbers_ else [float(x) for x in numbers_ if x is not None]
 
-    drive = find("N_p", "Phi_PM", "rho", "lead", "eta_GB")
-    if drive is None:
+    drive_values = find("N_p", "Phi_PM", "rho", "lead", "eta_GB")
+    if drive_values is None:
         return ForceLimits()
-    N_p, Phi_PM, rho, lead, eta = drive
+    N_p, Phi_PM, rho, lead, eta = drive_values
     force_per_current = 1.5 * N_p * Phi_PM * eta * 2.0 * math.pi / (rho * lead)
     limits = [None if not (x := find(name)) or not x[0] else x[0] for name in ("i_N", "i_limit")]
     return ForceLimits(*(None if current is None else current * force_per_current for current in limits))
@@ -120,8 +120,8 @@ def find_maps(machine: "MachineModel", strokes: Vector) -> list[Map]:
     changes = [
         np.nan_to_num(np.ptp(forces, axis=axis)).mean(axis=tuple(range(count - 1))) for axis in range(count)
     ]
-    chosen = np.argsort(changes, axis=0)[::-1][:2]
-    return [_find_map(machine, i, sorted(map(int, chosen[:, i]))) for i in range(count)]
+    largest_first = np.argsort(changes, axis=0)[::-1][:2]
+    return [_find_map(machine, i, sorted(map(int, largest_first[:, i]))) for i in range(count)]
 
 
 def find_levers(machine: "MachineModel", strokes: Vector, actuator: int) -> Vector:

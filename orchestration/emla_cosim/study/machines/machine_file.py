@@ -105,11 +105,11 @@ def parse_machine_file(content: Mapping[str, Any], label: str, name: str, folder
     machine = build_machine(table, label, folder)
     joints, seeds = dict[str, JointFile](), set[int | None]()
     for actuator, entry in table.actuators.items():
-        own = _as_in_machine(require_joint(actuator, entry.joint, label, folder), machine, label)
+        joint_file = _adapt_joint(require_joint(actuator, entry.joint, label, folder), machine, label)
         if not (entry.disturbances if entry.disturbances is not None else is_path(entry.joint)):
-            own = msgspec.structs.replace(own, disturbance={})
-        joints[actuator] = own = _with_other_seed(own, seeds)
-        seeds.add(own.seed)
+            joint_file = msgspec.structs.replace(joint_file, disturbance={})
+        joints[actuator] = joint_file = _make_seed_unique(joint_file, seeds)
+        seeds.add(joint_file.seed)
     file = MachineFile(
         name,
         label,
@@ -127,31 +127,32 @@ def parse_machine_file(content: Mapping[str, Any], label: str, name: str, folder
     return replace(file, motion=motion)
 
 
-def _as_in_machine(own: JointFile, machine: Machine, label: str) -> JointFile:
+def _adapt_joint(joint_file: JointFile, machine: Machine, label: str) -> JointFile:
     """Return a joint whose actuator has the mass and the stroke of the machine."""
-    actuator = machine.actuators[own.name]
+    actuator = machine.actuators[joint_file.name]
     m, (low, high) = machine.value(actuator.m), (machine.value(x) for x in actuator.stroke)
-    emla = own.emla
+    emla = joint_file.emla
     changes = dict[str, str]()
     if m and m != emla.M_BS:
         changes["M_BS"] = f"{m!r} kg"
     if (low, high) != (emla.q_LB, emla.q_UB):
         changes |= {"stroke": f"{high - low!r} m", "q_LB": f"{low!r} m"}
     if not changes:
-        return own
-    title = f"the actuator of '{own.name}' of {label}"
+        return joint_file
+    title = f"the actuator of '{joint_file.name}' of {label}"
     sheets = {
-        name: getattr(own, name).changed({"screw": changes}, title) for name in ("actuator", "realistic")
+        name: getattr(joint_file, name).changed({"screw": changes}, title)
+        for name in ("actuator", "realistic")
     }
-    return msgspec.structs.replace(own, **sheets)
+    return msgspec.structs.replace(joint_file, **sheets)
 
 
-def _with_other_seed(own: JointFile, seeds: Collection[int | None]) -> JointFile:
+def _make_seed_unique(joint_file: JointFile, seeds: Collection[int | None]) -> JointFile:
     """Return a joint whose random sequences are not those of these seeds: joints can share a file."""
-    seed = own.seed
+    seed = joint_file.seed
     while seed is not None and seed in seeds:
         seed = 16807 * seed % int(MODULUS)
-    return own if seed == own.seed else msgspec.structs.replace(own, seed=seed)
+    return joint_file if seed == joint_file.seed else msgspec.structs.replace(joint_file, seed=seed)
 
 
 def _check_start(file: MachineFile) -> None:
@@ -167,8 +168,8 @@ def _check_start(file: MachineFile) -> None:
 
 def _check_motion(file: MachineFile, motion: Motion) -> None:
     """Raise CommandError if a motion leaves a stroke, or is faster than an actuator."""
-    for name, own in file.joints.items():
-        emla = own.emla
+    for name, joint_file in file.joints.items():
+        emla = joint_file.emla
         low, high, peak = motion.travel(name, motion.spline.start, motion.spline.end)
         where = f"[motion] of {file.label} moves '{name}'"
         if low < emla.q_LB - _ROUNDING or high > emla.q_UB + _ROUNDING:

@@ -16,7 +16,7 @@ from machine_fmu.naming import name_numbers
 from ...base.errors import CommandError
 from ...pages.plain import to_plain
 from ...system.model import System
-from ..roles import machine_roles
+from ..roles import find_machine_roles
 from .force_map import ForceLimits, find_extremes, find_levers, read_limits
 from .run_machine import COMPONENTS
 
@@ -168,7 +168,7 @@ def collect_machine(
     model = MachineModel(machine, values)
     workspace, start = find_workspace(model), np.array([model.start])
     forces, extremes = model.holding_forces(start)[0], find_extremes(model, workspace.strokes)
-    known = limits or {}
+    known_limits = limits or {}
     actuators = tuple(
         ActuatorInfo(
             name=bar.name,
@@ -176,22 +176,22 @@ def collect_machine(
             length=float(plain(bar.length)),
             stroke=(model.q_LB[i], model.q_UB[i]),
             start=float(model.start[i]),
-            start_force=_without_rounding(float(forces[i])),
-            lowest_force=_without_rounding(extremes[i].lowest),
-            highest_force=_without_rounding(extremes[i].highest),
+            start_force=_drop_rounding(float(forces[i])),
+            lowest_force=_drop_rounding(extremes[i].lowest),
+            highest_force=_drop_rounding(extremes[i].highest),
             worst_strokes=tuple(map(float, extremes[i].strokes)),
             lever=float(find_levers(model, start, i)[0]),
-            continuous_force=known.get(bar.name, ForceLimits()).continuous,
-            largest_force=known.get(bar.name, ForceLimits()).largest,
+            continuous_force=known_limits.get(bar.name, ForceLimits()).continuous,
+            largest_force=known_limits.get(bar.name, ForceLimits()).largest,
         )
         for i, bar in enumerate(model.mechanism.actuators)
     )
-    passive = _coordinate_names(model, model.mechanism.passive)
+    passive = _name_coordinates(model, model.mechanism.passive)
     return MachineInfo(
         dimensions=model.dimensions,
-        bodies=tuple(_body(model, name) for name in model.machine.bodies),
+        bodies=tuple(_build_body_info(model, name) for name in model.machine.bodies),
         actuators=actuators,
-        closures=tuple(_closures(model)),
+        closures=tuple(_list_closures(model)),
         passive=passive,
         degrees_of_freedom=len(actuators) + len(passive),
         payload=None if machine.payload is None else model.payload,
@@ -223,7 +223,7 @@ def find_machine_info(system: System, starts: Mapping[str, Any]) -> MachineInfo 
     if not all(f"{component}.{name}" in starts for name in names):
         return None
     values = {name: starts[f"{component}.{name}"] for name in names}
-    roles = machine_roles(map(str, system.connections))
+    roles = find_machine_roles(map(str, system.connections))
     limits = {joint: read_limits(joint, starts, roles) for joint in machine.actuators}
     try:
         return collect_machine(machine, values, starts.get(f"{component}.payload.m"), limits)
@@ -231,31 +231,31 @@ def find_machine_info(system: System, starts: Mapping[str, Any]) -> MachineInfo 
         raise CommandError(f"the machine '{stored['name']}' cannot take its pose: {error}.") from error
 
 
-def _without_rounding(force: float) -> float:
+def _drop_rounding(force: float) -> float:
     """Return a force in N; 0 for the rounding errors of an actuator that holds nothing."""
     return 0.0 if abs(force) < _ROUNDING else force
 
 
-def _body(model: MachineModel, name: str) -> BodyInfo:
+def _build_body_info(model: MachineModel, name: str) -> BodyInfo:
     body = model.machine.bodies[name]
     joint = body.joint
     on = f"{joint.parent}.{joint.at}" if joint.at else joint.parent
     return BodyInfo(name, joint.kind, on, model.machine.value(body.m), joint.is_passive)
 
 
-def _closures(model: MachineModel) -> list[ClosureInfo]:
-    mechanism, closure, found = model.mechanism, model.closure, []
+def _list_closures(model: MachineModel) -> list[ClosureInfo]:
+    mechanism, closure, closures = model.mechanism, model.closure, []
     loops = list(model.machine.loops)
     for step in closure.steps:
         rows = [closure.rows[e] for e in step.equations]
         lengths = [mechanism.bars[row.bar].name if row.bar >= 0 else loops[row.loop] for row in rows]
         slides = mechanism.frames[mechanism.frame_of(step.unknowns[0])].slides
         method = NEWTON if step.unknowns[0] not in closure.sides else SLIDE if slides else TRIANGLE
-        names = _coordinate_names(model, step.unknowns)
-        found.append(ClosureInfo(names, tuple(dict.fromkeys(lengths)), method))
-    return found
+        names = _name_coordinates(model, step.unknowns)
+        closures.append(ClosureInfo(names, tuple(dict.fromkeys(lengths)), method))
+    return closures
 
 
-def _coordinate_names(model: MachineModel, coordinates: "tuple[int, ...] | list[int]") -> tuple[str, ...]:
+def _name_coordinates(model: MachineModel, coordinates: "tuple[int, ...] | list[int]") -> tuple[str, ...]:
     frames = model.mechanism.frames
     return tuple(frames[model.mechanism.frame_of(i)].name for i in coordinates)

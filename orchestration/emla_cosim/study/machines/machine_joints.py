@@ -42,14 +42,14 @@ def find_joint(actuator: str, joint: str | None, label: str, folder: Path | None
     name = joint or actuator
     if is_path(name):
         path = (folder or Path()) / name
-        what = f"the joint file '{path}'"
-        content = read_toml(read_text(path, "the joint"), what)
+        file_label = f"the joint file '{path}'"
+        content = read_toml(read_text(path, "the joint"), file_label)
         if content.get("kind") != "joint":
             raise CommandError(
                 f"'joint' in [actuators.{actuator}] of {label} is '{path}', not a joint file; it lacks "
                 'kind = "joint".'
             )
-        return parse_joint(content, what, actuator, path.parent)
+        return parse_joint(content, file_label, actuator, path.parent)
     if name not in list_joint_names():
         raise CommandError(
             f"'joint' in [actuators.{actuator}] of {label} is '{name}'; it must be "
@@ -59,26 +59,26 @@ def find_joint(actuator: str, joint: str | None, label: str, folder: Path | None
     return msgspec.structs.replace(load_joint(name), name=actuator)
 
 
-def joint_values_of(actuator: str, joint: str | None, label: str, folder: Path | None) -> SheetValues:
+def read_joint_values(actuator: str, joint: str | None, label: str, folder: Path | None) -> SheetValues:
     """Return what the joint of an actuator says; masses of 0, and no stroke, without a joint.
 
     Raises:
         CommandError: As `find_joint`.
     """
-    own = find_joint(actuator, joint, label, folder)
-    if own is None:
+    joint_file = find_joint(actuator, joint, label, folder)
+    if joint_file is None:
         return SheetValues(0.0, 0.0, None)
-    emla = own.emla
-    return SheetValues(emla.M_BS, own.actuator.values.get("motor.m", 0.0), (emla.q_LB, emla.q_UB))
+    emla = joint_file.emla
+    return SheetValues(emla.M_BS, joint_file.actuator.values.get("motor.m", 0.0), (emla.q_LB, emla.q_UB))
 
 
 def require_joint(actuator: str, joint: str | None, label: str, folder: Path | None) -> JointFile:
     """Return the joint of an actuator as `find_joint` does; raise CommandError if it has none."""
-    own = find_joint(actuator, joint, label, folder)
-    if own is None:
+    joint_file = find_joint(actuator, joint, label, folder)
+    if joint_file is None:
         raise CommandError(
             f"[actuators.{actuator}] of {label} has no 'joint'; to run the machine, write joint = with "
             f"{join_names(list_joint_names())}, or the path of a joint file.",
             actuator=actuator,
         )
-    return own
+    return joint_file

@@ -18,10 +18,10 @@ from ..trajectory_file import read_motion
 from .former_names import FORMER_NAMES
 from .schema import MotionTable
 
-_SHOWN = 3
+_MAX_DIFFERENCES = 3
 """The number of differences that a message lists."""
 
-_AT_REST = (DEGREE + 1) // 2
+_COEFFICIENTS_PER_POINT = (DEGREE + 1) // 2
 """Equal coefficients of a way-point: position, speed and acceleration are given there."""
 
 _SAMPLES = 5000
@@ -111,9 +111,10 @@ def read_motion_table(
         raise CommandError(
             f"'times' in {where} is {list(table.times)}; each time must be after the one before."
         )
-    if _AT_REST * len(table.times) > COEFFICIENTS:
+    if _COEFFICIENTS_PER_POINT * len(table.times) > COEFFICIENTS:
         raise CommandError(
-            f"'times' in {where} has {len(table.times)} times; {COEFFICIENTS // _AT_REST} are the most."
+            f"'times' in {where} has {len(table.times)} times; "
+            f"{COEFFICIENTS // _COEFFICIENTS_PER_POINT} are the most."
         )
     if unknown := [name for name in table.strokes if name not in start]:
         raise CommandError(
@@ -125,15 +126,15 @@ def read_motion_table(
                 f"'{name}' in [motion.strokes] of {label} has {len(strokes)} strokes for "
                 f"{len(table.times)} times."
             )
-    return Motion(_rest_to_rest(table.times, table.strokes, start))
+    return Motion(_build_rest_moves(table.times, table.strokes, start))
 
 
-def hold(start: Mapping[str, float]) -> Motion:
+def rest_at(start: Mapping[str, float]) -> Motion:
     """Return the motion that stays at strokes in m, without speed to the last bit."""
     return Motion(Spline(1, [0.0, 0.0, 1.0, 1.0], {joint: [x, x] for joint, x in start.items()}))
 
 
-def _rest_to_rest(
+def _build_rest_moves(
     times: Sequence[float], strokes: Mapping[str, Sequence[float]], start: Mapping[str, float]
 ) -> Spline:
     """Return quintic moves between strokes, at which all actuators rest.
@@ -141,16 +142,16 @@ def _rest_to_rest(
     With knots of this multiplicity, each coefficient is the position at a time: the polynomials have no
     speed and no acceleration there.
     """
-    inner = [t for t in times[1:-1] for _ in range(_AT_REST)]
+    inner = [t for t in times[1:-1] for _ in range(_COEFFICIENTS_PER_POINT)]
     knots = [*[times[0]] * (DEGREE + 1), *inner, *[times[-1]] * (DEGREE + 1)]
     coefficients = {
-        name: [x for x in strokes.get(name, [first] * len(times)) for _ in range(_AT_REST)]
+        name: [x for x in strokes.get(name, [first] * len(times)) for _ in range(_COEFFICIENTS_PER_POINT)]
         for name, first in start.items()
     }
     return Spline(DEGREE, knots, coefficients)
 
 
-def motion_of_system(system: System) -> Motion:
+def read_system_motion(system: System) -> Motion:
     """Return the motion of a system from the parameters of its component."""
     values = system.component(COMPONENT).parameters
     start, end = "coefficient.", "[1]"
@@ -158,18 +159,18 @@ def motion_of_system(system: System) -> Motion:
         name[len(start) : -len(end)] for name in values if name.startswith(start) and name.endswith(end)
     ]
     degree = int(values["degree"])
-    knots = _array(values, "knot")
+    knots = _read_array(values, "knot")
     count = knots.index(knots[-1]) + degree + 1  # the rest repeats the last one
     size = count - degree - 1
-    coefficients = {joint: _array(values, f"coefficient.{joint}")[:size] for joint in joints}
+    coefficients = {joint: _read_array(values, f"coefficient.{joint}")[:size] for joint in joints}
     return Motion(Spline(degree, knots[:count], coefficients))
 
 
-def _array(values: Mapping[str, Value], name: str) -> list[float]:
-    found = list[float]()
-    while (element := values.get(f"{name}[{len(found) + 1}]")) is not None:
-        found.append(float(element))
-    return found
+def _read_array(values: Mapping[str, Value], name: str) -> list[float]:
+    elements = list[float]()
+    while (element := values.get(f"{name}[{len(elements) + 1}]")) is not None:
+        elements.append(float(element))
+    return elements
 
 
 def describe_other_machine(problem: Mapping[str, Any], name: str, block: type[Block], system: System) -> str:
@@ -182,30 +183,39 @@ def describe_other_machine(problem: Mapping[str, Any], name: str, block: type[Bl
         system: The system with all start values.
     """
     values, driven = system.component(name).parameters, {x.input for x in system.into(name)}
-    given = _table(problem.get("machine"))
-    known = {"payload.m": problem.get("payload"), **{FORMER_NAMES.get(k, k): x for k, x in given.items()}}
+    other_value = _as_table(problem.get("machine"))
+    other_values = {
+        "payload.m": problem.get("payload"),
+        **{FORMER_NAMES.get(k, k): x for k, x in other_value.items()},
+    }
     layout = block.layout()
-    shown = []
+    differences = []
     for variable in (*layout.inputs, *layout.parameters):
-        given = known.get(str(variable.name))
-        if given is None:
+        other_value = other_values.get(str(variable.name))
+        if other_value is None:
             continue
-        elements = given if isinstance(given, list) else [given]
-        for scalar, theirs in zip(variable.scalars(), elements, strict=False):
-            ours = values.get(scalar.name, scalar.start)
-            if not isinstance(theirs, (int, float)) or not isinstance(ours, (int, float)):
+        elements = other_value if isinstance(other_value, list) else [other_value]
+        for scalar, other_number in zip(variable.scalars(), elements, strict=False):
+            number = values.get(scalar.name, scalar.start)
+            if not isinstance(other_number, (int, float)) or not isinstance(number, (int, float)):
                 continue
-            if scalar.name not in driven and not math.isclose(ours, theirs, rel_tol=1e-9):
+            if scalar.name not in driven and not math.isclose(number, other_number, rel_tol=1e-9):
                 unit = f" {variable.unit}" if variable.unit else ""
-                shown.append(f"{name}.{scalar.name} is {ours:.6g}{unit}, but {theirs:.6g}{unit} there")
+                differences.append(
+                    f"{name}.{scalar.name} is {number:.6g}{unit}, but {other_number:.6g}{unit} there"
+                )
     if any(x.get("payload") is not None for x in problem.get("via") or ()) and "payload.m" not in driven:
-        shown.insert(
+        differences.insert(
             0,
             f"its payload changes; use --input NAME-payload.csv:{name}.payload.m=payload,interpolation=held",
         )
-    more = f" and {len(shown) - _SHOWN} more" if len(shown) > _SHOWN else ""
-    return f"the motion was found for another machine: {'; '.join(shown[:_SHOWN])}{more}." if shown else ""
+    more = f" and {len(differences) - _MAX_DIFFERENCES} more" if len(differences) > _MAX_DIFFERENCES else ""
+    return (
+        f"the motion was found for another machine: {'; '.join(differences[:_MAX_DIFFERENCES])}{more}."
+        if differences
+        else ""
+    )
 
 
-def _table(entry: object) -> Mapping[str, Any]:
+def _as_table(entry: object) -> Mapping[str, Any]:
     return entry if isinstance(entry, dict) else {}

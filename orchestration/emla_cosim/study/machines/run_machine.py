@@ -13,7 +13,7 @@ from .schema import load_machine
 COMPONENTS = ("machine.manipulator", "machine.plant")
 """Components that may be the machine."""
 
-_OLD = "hdrm"
+_DEFAULT_MACHINE = "hdrm"
 """The machine of records that have no definition."""
 
 
@@ -32,7 +32,11 @@ def find_machine(result: Result) -> MachineModel | None:
         return None
     stored = result.record.get("machine")
     try:
-        machine = load_machine(_OLD) if stored is None else read_definition(json.dumps(stored["definition"]))
+        machine = (
+            load_machine(_DEFAULT_MACHINE)
+            if stored is None
+            else read_definition(json.dumps(stored["definition"]))
+        )
         names = name_numbers(machine).parameters
         values = {name: result.parameters[f"{component}.{name}"] for name in names}
         return MachineModel(machine, values)

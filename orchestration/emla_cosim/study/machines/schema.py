@@ -256,12 +256,12 @@ def build_machine(table: MachineTable, label: str, folder: Path | None = None) -
         has = "both bodies and urdf" if table.bodies else "neither bodies nor urdf"
         raise CommandError(f"{label} has {has}; write one of them.")
     check_table(table, label)
-    bodies, ground = {name: _body(body) for name, body in table.bodies.items()}, table.ground.points
+    bodies, ground = {name: _build_body(body) for name, body in table.bodies.items()}, table.ground.points
     if table.urdf is not None:
-        bodies, ground = _from_urdf(table, table.urdf, label)
+        bodies, ground = _read_urdf_bodies(table, table.urdf, label)
         check_names("urdf", bodies, label)
     try:
-        machine = _machine(table, bodies, ground, label, folder)
+        machine = _build_machine(table, bodies, ground, label, folder)
         find_closure(machine)
         locate_outlines(machine)
         name_numbers(machine)
@@ -270,22 +270,24 @@ def build_machine(table: MachineTable, label: str, folder: Path | None = None) -
     return machine
 
 
-def _from_urdf(table: MachineTable, file: Path, label: str) -> tuple[dict[str, Body], dict[str, Point]]:
+def _read_urdf_bodies(
+    table: MachineTable, file: Path, label: str
+) -> tuple[dict[str, Body], dict[str, Point]]:
     """Return bodies and points of the ground: those of a URDF file with what the machine file adds."""
     from .urdf import read_urdf  # loads NumPy
 
     bodies, ground = read_urdf(file)
-    for name, more in table.links_of_urdf.items():
+    for name, addition in table.links_of_urdf.items():
         if name not in bodies:
             raise unknown_entry(f"[urdf_links] of {label}", name, list(bodies))
         body = bodies[name]
-        joint = replace(body.joint, assembly=tuple(more.assembly), is_passive=more.passive)
-        points = {**body.points, **more.points}
-        bodies[name] = replace(body, joint=joint, points=points, outline=tuple(more.outline))
+        joint = replace(body.joint, assembly=tuple(addition.assembly), is_passive=addition.passive)
+        points = {**body.points, **addition.points}
+        bodies[name] = replace(body, joint=joint, points=points, outline=tuple(addition.outline))
     return bodies, {**ground, **table.ground.points}
 
 
-def _machine(
+def _build_machine(
     table: MachineTable,
     bodies: Mapping[str, Body],
     ground: Mapping[str, Point],
@@ -297,27 +299,27 @@ def _machine(
         dimensions=3 if table.dimensions == 3 else 2,
         bodies=bodies,
         ground=ground,
-        actuators={name: _actuator(name, x, label, folder) for name, x in table.actuators.items()},
-        links={name: _link(entry) for name, entry in table.links.items()},
+        actuators={name: _build_actuator(name, x, label, folder) for name, x in table.actuators.items()},
+        links={name: _build_link(entry) for name, entry in table.links.items()},
         loops={name: (entry.first, entry.to) for name, entry in table.loops.items()},
         payload=None if payload is None else Payload(payload.at, payload.m, payload.J, payload.force),
-        parameters=dict(_parameters(table.parameters)),
+        parameters=dict(_list_parameters(table.parameters)),
         gravity=table.gravity,
         outline=tuple(table.ground.outline),
     )
 
 
-def _parameters(tables: Mapping[str, ParameterTable]) -> Iterator[tuple[str, Parameter]]:
+def _list_parameters(tables: Mapping[str, ParameterTable]) -> Iterator[tuple[str, Parameter]]:
     for name, table in tables.items():
-        many = len(table.value) > 1
+        is_list = len(table.value) > 1
         for i, value in enumerate(table.value, 1):
             parameter = Parameter(
                 float(value), table.unit, table.about, table.minimum, table.maximum, table.symbol
             )
-            yield f"{name}[{i}]" if many else name, parameter
+            yield f"{name}[{i}]" if is_list else name, parameter
 
 
-def _body(table: BodyTable) -> Body:
+def _build_body(table: BodyTable) -> Body:
     parent, _, at = table.on.partition(".")
     if table.axis is not None:
         axis = tuple(float(x) for x in table.axis)
@@ -333,16 +335,16 @@ def _body(table: BodyTable) -> Body:
     return Body(joint, table.m, tuple(table.c), tuple(table.J), table.points, tuple(table.outline))
 
 
-def _link(table: LinkTable) -> Link:
+def _build_link(table: LinkTable) -> Link:
     return Link((table.first, table.to), table.m, table.c, table.J, table.length)
 
 
-def _actuator(name: str, table: ActuatorTable, label: str, folder: Path | None) -> Actuator:
+def _build_actuator(name: str, table: ActuatorTable, label: str, folder: Path | None) -> Actuator:
     m, motor_m, stroke = table.m, table.motor_m, table.stroke
     if m is None or motor_m is None or stroke is None:
-        from .machine_joints import joint_values_of  # loads the tables of controllers
+        from .machine_joints import read_joint_values  # loads the tables of controllers
 
-        values = joint_values_of(name, table.joint, label, folder)
+        values = read_joint_values(name, table.joint, label, folder)
         m, motor_m = values.m if m is None else m, values.motor_m if motor_m is None else motor_m
         stroke = values.stroke if stroke is None else stroke
         if stroke is None:

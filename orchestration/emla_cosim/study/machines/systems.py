@@ -20,27 +20,27 @@ from ...run.system_options import MODES
 from ...system.bond import Bond
 from ...system.model import Component, System, Value
 from ..actuator.actuator import Actuator
-from ..actuator.joint_actuators import NONE, Actuators, check_joints
+from ..actuator.joint_actuators import NONE, Actuators, check_actuator_joints
 from ..joint import start_values
 from ..joints.schema import JointFile
 from ..load_control import check_notch_joints
 from ..systems import Choice, study_joint
-from .blocks import MANIPULATOR, MachineBlocks, machine_blocks
+from .blocks import MANIPULATOR, MachineBlocks, build_machine_blocks
 from .machine_file import MachineFile, load_machine_file, parse_machine_file
-from .motion import COMPONENT, Motion, describe_other_machine, hold, load_motion
+from .motion import COMPONENT, Motion, describe_other_machine, load_motion, rest_at
 from .schema import list_machine_names, machines_folder
 from .start import Start, find_start
 
 COUPLED, REPLAYED, MERGED = MODES
 
-_FROM_TRAJECTORY: dict[str, str | None] = {
+_REFERENCE_FROM_TRAJECTORY: dict[str, str | None] = {
     f"reference.{name}": f"machine.trajectory.{name}[{{element}}]" for name in ("x_d", "v_d", "a_d")
 }
-_AS_LOAD = {**_FROM_TRAJECTORY, "disturbance.F_L": "machine.manipulator.F_L[{element}]"}
+_REFERENCE_AND_LOAD = {**_REFERENCE_FROM_TRAJECTORY, "disturbance.F_L": "machine.manipulator.F_L[{element}]"}
 _NOT_MERGED = ("friction", "stop")
 """Tables of an actuator that the merged plant does not support."""
 
-_SAMPLED = ("disturbance", "observer", "controller")
+_SAMPLED_ROLES = ("disturbance", "observer", "controller")
 """Components of a joint that are sampled like a digital controller, so that all loops of connections are in
 the machine."""
 
@@ -78,7 +78,7 @@ _MODES: Mapping[str, _Mode] = {
     # load forces of the actual motion: both sides exchange motion and force
     COUPLED: _Mode(
         "machine.manipulator",
-        _AS_LOAD,
+        _REFERENCE_AND_LOAD,
         (
             "{joint}.plant.x_L -> machine.manipulator.x_L[{element}]",
             "{joint}.plant.v_L -> machine.manipulator.v_L[{element}]",
@@ -89,7 +89,7 @@ _MODES: Mapping[str, _Mode] = {
     # load forces of the reference motion; no joint affects them
     REPLAYED: _Mode(
         "machine.manipulator",
-        _AS_LOAD,
+        _REFERENCE_AND_LOAD,
         (
             "machine.trajectory.x_d[{element}] -> machine.manipulator.x_L[{element}]",
             "machine.trajectory.v_d[{element}] -> machine.manipulator.v_L[{element}]",
@@ -99,7 +99,7 @@ _MODES: Mapping[str, _Mode] = {
     MERGED: _Mode(
         "machine.plant",
         {
-            **_FROM_TRAJECTORY,
+            **_REFERENCE_FROM_TRAJECTORY,
             "plant.x_L": "machine.plant.x_L[{element}]",
             "plant.v_L": "machine.plant.v_L[{element}]",
             "plant.d_2": "machine.plant.d_2[{element}]",
@@ -114,7 +114,7 @@ _MODES: Mapping[str, _Mode] = {
 }
 
 
-def machine_system(
+def build_machine_system(
     file: MachineFile,
     controller: Choice,
     gains: Choice,
@@ -138,50 +138,54 @@ def machine_system(
     Raises:
         CommandError: An argument does not fit the machine.
     """
-    check_joints(actuators, file.joints)
+    check_actuator_joints(actuators, file.joints)
     check_notch_joints(variant.get("notch", {}), list(file.joints))
     mode = mode or COUPLED
     check_choice("mode", mode, MODES)
     if mode == MERGED:
         _check_merged(file, actuators)
-    way = _MODES[mode]
+    mode_data = _MODES[mode]
     motion = load_motion(trajectory, list(file.joints)) if trajectory is not None else file.motion
-    first = file.start if motion is None else motion.first
-    starts = {joint: first[joint] + file.start_errors.get(joint, 0.0) for joint in file.joints}
-    start = find_start(file.machine, list((first if mode == REPLAYED else starts).values()), file.label)
-    masses = start.masses if motion is None else _largest_masses(file, motion, start)
+    motion_start = file.start if motion is None else motion.first
+    starts = {joint: motion_start[joint] + file.start_errors.get(joint, 0.0) for joint in file.joints}
+    start = find_start(
+        file.machine, list((motion_start if mode == REPLAYED else starts).values()), file.label
+    )
+    masses = start.masses if motion is None else _find_largest_masses(file, motion, start)
     components, connections, bonds = list[Component](), list[str](), dict[str, Bond]()
-    for element, (joint, own) in enumerate(file.joints.items(), 1):
-        made = study_joint(
-            own,
+    for element, (joint, joint_file) in enumerate(file.joints.items(), 1):
+        built = study_joint(
+            joint_file,
             controller,
             gains,
             reference=None,
             load={},
-            ahead=starts[joint] - own.start.x_L,
+            ahead=starts[joint] - joint_file.start.x_L,
             actuators=actuators,
             on_machine=True,
             electrical=mode == MERGED,
             elsewhere={
                 end: None if name is None else name.format(joint=joint, element=element)
-                for end, name in way.elsewhere.items()
+                for end, name in mode_data.elsewhere.items()
             },
             **variant,
         )
-        parts = made.components
+        joint_components = built.components
         if mode != REPLAYED:  # where the screw moves the machine
-            actuator = actuators.get(joint) or own.actuator
-            parts = tuple(_with_mass(parts, own, actuator, masses[element - 1]))
-        components += parts
-        patterns = way.wires
-        if any(c.model == ScrewCommand.__name__ for c in made.components):
-            patterns = [_follow_command(wire) for wire in patterns]
-        connections += [*made.wires, *(wire.format(joint=joint, element=element) for wire in patterns)]
-        if way.bond is not None:
-            bonds[joint] = way.bond.with_names(joint=joint, element=element)
-    blocks = machine_blocks(file.machine, file.name, [joint.emla for joint in file.joints.values()])
-    machine = _machine_component(file, blocks, mode, start, starts, actuators)
-    components += [_trajectory_component(file, blocks, motion, machine), machine]
+            actuator = actuators.get(joint) or joint_file.actuator
+            joint_components = tuple(
+                _adapt_models(joint_components, joint_file, actuator, masses[element - 1])
+            )
+        components += joint_components
+        wires = mode_data.wires
+        if any(c.model == ScrewCommand.__name__ for c in built.components):
+            wires = [_follow_command(wire) for wire in wires]
+        connections += [*built.wires, *(wire.format(joint=joint, element=element) for wire in wires)]
+        if mode_data.bond is not None:
+            bonds[joint] = mode_data.bond.with_names(joint=joint, element=element)
+    blocks = build_machine_blocks(file.machine, file.name, [joint.emla for joint in file.joints.values()])
+    machine = _build_machine_component(file, blocks, mode, start, starts, actuators)
+    components += [_build_trajectory(file, blocks, motion, machine), machine]
     system = System(tuple(components), ()).with_connections(*connections)
     record = {"name": file.name, "definition": json.loads(write_definition(file.machine))}
     return replace(system, bonds=bonds, record={"machine": record})
@@ -196,17 +200,17 @@ def _follow_command(wire: str) -> str:
 
 def _check_merged(file: MachineFile, actuators: Actuators) -> None:
     is_paper = file.machine == load_machine_file(MANIPULATOR).machine
-    way = "run hdrm-coupled" if is_paper else f"set --mode {COUPLED}"
-    for joint, own in file.joints.items():
-        values = (actuators.get(joint) or own.sheet).values
-        if lost := [entry for entry in values if entry.partition(".")[0] in _NOT_MERGED]:
+    remedy = "run hdrm-coupled" if is_paper else f"set --mode {COUPLED}"
+    for joint, joint_file in file.joints.items():
+        values = (actuators.get(joint) or joint_file.sheet).values
+        if unsupported := [entry for entry in values if entry.partition(".")[0] in _NOT_MERGED]:
             raise CommandError(
                 f"the merged machine does not support friction and end stops of single actuators; for "
-                f"{joint}, remove {join_names(lost)}, or {way}."
+                f"{joint}, remove {join_names(unsupported)}, or {remedy}."
             )
 
 
-def _machine_component(
+def _build_machine_component(
     file: MachineFile,
     blocks: MachineBlocks,
     mode: str,
@@ -218,15 +222,17 @@ def _machine_component(
     block = blocks.plant if mode == MERGED else blocks.load
     values: dict[str, Value] = {}
     if mode == MERGED:
-        own = _by_joint(block, file, actuators)
+        joint_parameters = _list_joint_parameters(block, file, actuators)
         uncertain = [joint.plant.get("F_2", 0.0) for joint in file.joints.values()]
-        values |= start_values(block, {**own, "x_L_start": list(starts.values()), "F_2": uncertain})
+        values |= start_values(
+            block, {**joint_parameters, "x_L_start": list(starts.values()), "F_2": uncertain}
+        )
     elif actuators:  # with their masses and strokes
-        values |= start_values(block, _by_joint(block, file, actuators))
+        values |= start_values(block, _list_joint_parameters(block, file, actuators))
     return Component(_MODES[mode].machine, blocks.model(block), {**values, **start.values})
 
 
-def _by_joint(block: type[Block], file: MachineFile, actuators: Actuators) -> dict[str, Any]:
+def _list_joint_parameters(block: type[Block], file: MachineFile, actuators: Actuators) -> dict[str, Any]:
     """Return a block's parameters of all actuators, by attribute."""
     emlas = [(actuators.get(name) or joint.actuator).emla for name, joint in file.joints.items()]
     of_plant = {p.name: p.attribute for p in EmlaPlant.layout().parameters if hasattr(emlas[0], p.attribute)}
@@ -237,7 +243,7 @@ def _by_joint(block: type[Block], file: MachineFile, actuators: Actuators) -> di
     }
 
 
-def _trajectory_component(
+def _build_trajectory(
     file: MachineFile, blocks: MachineBlocks, motion: Motion | None, machine: Component
 ) -> Component:
     """Return the component of the motion, with a note on what is not as expected."""
@@ -247,7 +253,7 @@ def _trajectory_component(
     elif motion.problem:
         block = blocks.plant if machine.name == _MODES[MERGED].machine else blocks.load
         note = partial(describe_other_machine, motion.problem, machine.name, block)
-    parameters = (motion or hold(file.start)).parameters
+    parameters = (motion or rest_at(file.start)).parameters
     return Component(COMPONENT, blocks.model(blocks.trajectory), parameters, note=note)
 
 
@@ -266,21 +272,21 @@ def machine_scenario(content: Mapping[str, Any], where: str, folder: Path) -> Sc
     return ScenarioFile(
         file.description,
         path.name if is_file else where,
-        file.run if "controller" in file.run else {"gains": _default_gains(file), **file.run},
+        file.run if "controller" in file.run else {"gains": _choose_default_gains(file), **file.run},
         where,
         folder,
-        partial(machine_system, file),
-        partial(_defaults, file),
+        partial(build_machine_system, file),
+        partial(_choose_default_options, file),
         {name: joint.sheet for name, joint in file.joints.items()},
     )
 
 
-def _default_gains(file: MachineFile) -> str:
+def _choose_default_gains(file: MachineFile) -> str:
     first, second = _GAINS
     return first if all(first in joint.gains.get("rsba", {}) for joint in file.joints.values()) else second
 
 
-def _defaults(file: MachineFile, options: Options) -> dict[str, Any]:
+def _choose_default_options(file: MachineFile, options: Options) -> dict[str, Any]:
     """Return options of a machine's scenario that its file and the user can override."""
     times = {name: joint.sample_time for name, joint in file.joints.items()}
     step = min(times.values())
@@ -289,69 +295,73 @@ def _defaults(file: MachineFile, options: Options) -> dict[str, Any]:
     if options.trajectory is not None:
         motion = load_motion(options.trajectory, list(file.joints))
     stop = _HOLD_TIME if motion is None else motion.spline.end
-    found: dict[str, Any] = {"step_size": step, "stop_time": stop}
+    defaults: dict[str, Any] = {"step_size": step, "stop_time": stop}
     if options.mode == REPLAYED:
         multiples = {joint: multiple for joint, multiple in multiples.items() if multiple > 1}
     else:
-        found["algorithm"] = "strong"
-    steps = {f"{joint}.{role}": multiple for joint, multiple in multiples.items() for role in _SAMPLED}
-    return {**found, **({"step_multiples": steps} if steps else {})}
+        defaults["algorithm"] = "strong"
+    steps = {f"{joint}.{role}": multiple for joint, multiple in multiples.items() for role in _SAMPLED_ROLES}
+    return {**defaults, **({"step_multiples": steps} if steps else {})}
 
 
-def _paper_system(mode: str, *arguments: Any, **options: Any) -> System:
+def _build_paper_system(mode: str, *arguments: Any, **options: Any) -> System:
     """Return the system of the paper's manipulator with its optimised motion."""
     file = replace(load_machine_file(MANIPULATOR), motion=Motion(default_spline()))
-    return machine_system(file, *arguments, mode=mode, **options)
+    return build_machine_system(file, *arguments, mode=mode, **options)
 
 
-def _built_in(name: str, *arguments: Any, **options: Any) -> System:
+def _build_built_in(name: str, *arguments: Any, **options: Any) -> System:
     """Return the system of a machine that comes with the study."""
-    return machine_system(load_machine_file(name), *arguments, **options)
+    return build_machine_system(load_machine_file(name), *arguments, **options)
 
 
 BUILT_IN = tuple(name for name in list_machine_names() if name != MANIPULATOR)
 """The machines that are scenarios by their name: all but the paper's, which has one for each mode."""
 
 SYSTEMS: dict[str, Callable[..., System]] = {
-    "hdrm-replay": partial(_paper_system, REPLAYED),
-    "hdrm-coupled": partial(_paper_system, COUPLED),
-    "hdrm-merged": partial(_paper_system, MERGED),
-    **{name: partial(_built_in, name) for name in BUILT_IN},
+    "hdrm-replay": partial(_build_paper_system, REPLAYED),
+    "hdrm-coupled": partial(_build_paper_system, COUPLED),
+    "hdrm-merged": partial(_build_paper_system, MERGED),
+    **{name: partial(_build_built_in, name) for name in BUILT_IN},
 }
 """Systems of machines by name, made for a controller and its gains."""
 
 
-def _largest_masses(file: MachineFile, motion: Motion, start: Start) -> Sequence[float]:
+def _find_largest_masses(file: MachineFile, motion: Motion, start: Start) -> Sequence[float]:
     """Return the largest mass in kg that each screw moves, of the start and of poses of a motion.
 
     Loops have the least margin where the mass is largest. A joint that moves the mass of its gains at the
     start keeps that one: it is on the machine for which it was tuned.
     """
-    largest = [start.masses]
+    masses_of_poses = [start.masses]
     for strokes in motion.spline.evaluated(motion.quarters).tolist():
         with contextlib.suppress(CommandError):  # the run says where the motion cannot be made
-            largest.append(find_start(file.machine, strokes, file.label).masses)
+            masses_of_poses.append(find_start(file.machine, strokes, file.label).masses)
     return [
-        masses[0] if abs(_inertia_factor(own, own.actuator, masses[0]) - 1.0) < _SAME_INERTIA else max(masses)
-        for own, masses in zip(file.joints.values(), zip(*largest, strict=True), strict=True)
+        masses[0]
+        if abs(_compute_inertia_factor(joint_file, joint_file.actuator, masses[0]) - 1.0) < _SAME_INERTIA
+        else max(masses)
+        for joint_file, masses in zip(file.joints.values(), zip(*masses_of_poses, strict=True), strict=True)
     ]
 
 
-def _inertia_factor(own: JointFile, actuator: Actuator, mass: float) -> float:
+def _compute_inertia_factor(joint_file: JointFile, actuator: Actuator, mass: float) -> float:
     """Return the factor of the inertia in a joint's models with which its gains fit a mass in kg.
 
     Controller and observer turn accelerations into torque with the inertia of their model. Gains of a joint
     were tuned with the mass of its `[compliance]`, or alone, while their model had the drive alone.
     """
-    tuned = own.compliance.mass if own.compliance is not None else 0.0
-    return (1.0 + mass / _drive_mass(actuator)) / (1.0 + tuned / _drive_mass(own.actuator))
+    tuned_mass = joint_file.compliance.mass if joint_file.compliance is not None else 0.0
+    return (1.0 + mass / _compute_drive_mass(actuator)) / (
+        1.0 + tuned_mass / _compute_drive_mass(joint_file.actuator)
+    )
 
 
-def _with_mass(
-    components: Iterable[Component], own: JointFile, actuator: Actuator, mass: float
+def _adapt_models(
+    components: Iterable[Component], joint_file: JointFile, actuator: Actuator, mass: float
 ) -> Iterator[Component]:
     """Yield the components of a joint, with models that fit the mass in kg that its screw moves."""
-    factor = _inertia_factor(own, actuator, mass)
+    factor = _compute_inertia_factor(joint_file, actuator, mass)
     for component in components:
         inertia = component.parameters.get(_INERTIA)
         if not isinstance(inertia, float) or abs(factor - 1.0) < _SAME_INERTIA:
@@ -360,6 +370,6 @@ def _with_mass(
             yield replace(component, parameters={**component.parameters, _INERTIA: factor * inertia})
 
 
-def _drive_mass(actuator: Actuator) -> float:
+def _compute_drive_mass(actuator: Actuator) -> float:
     """Return the inertia of a drive at its screw in kg."""
     return float(actuator.emla.alpha_RL * actuator.emla.A_eq)

@@ -57,33 +57,35 @@ def read_urdf(path: Path) -> UrdfBodies:
         raise CommandError(f"{label} has {len(roots)} links without a parent; it must have one, the ground.")
     (root,) = roots
     links, bodies = {link.name: link for link in robot.links}, dict[str, Body]()
-    for joint in _parents_first(robot.joints, root):
+    for joint in _sort_parents_first(robot.joints, root):
         if joint.type not in _KINDS:
             raise CommandError(
                 f"the joint '{joint.name}' of {label} is {joint.type}; it must be one of {', '.join(_KINDS)}."
             )
         axis = (1.0, 0.0, 0.0) if joint.axis is None else tuple(float(x) for x in joint.axis)
         parent = GROUND if joint.parent == root else joint.parent
-        made = Joint(_KINDS[joint.type], parent, joint.name, axis, _angles(joint.origin))
-        bodies[joint.child] = _body(links[joint.child], made, _points(robot.joints, joint.child))
-    return UrdfBodies(bodies, _points(robot.joints, root))
+        body_joint = Joint(_KINDS[joint.type], parent, joint.name, axis, _read_angles(joint.origin))
+        bodies[joint.child] = _build_body(
+            links[joint.child], body_joint, _list_points(robot.joints, joint.child)
+        )
+    return UrdfBodies(bodies, _list_points(robot.joints, root))
 
 
-def _parents_first(joints: Iterable[Any], root: str) -> list[Any]:
+def _sort_parents_first(joints: Iterable[Any], root: str) -> list[Any]:
     """Return joints in an order in which each parent is before its children."""
-    ordered, known, waiting = list[Any](), {root}, list(joints)
-    while ready := [joint for joint in waiting if joint.parent in known]:
+    ordered, placed, waiting = list[Any](), {root}, list(joints)
+    while ready := [joint for joint in waiting if joint.parent in placed]:
         ordered += ready
-        waiting = [joint for joint in waiting if joint.parent not in known]
-        known |= {joint.child for joint in ready}
+        waiting = [joint for joint in waiting if joint.parent not in placed]
+        placed |= {joint.child for joint in ready}
     return ordered
 
 
-def _points(joints: Iterable[Any], link: str) -> dict[str, Point]:
-    return {joint.name: Point(_place(joint.origin)) for joint in joints if joint.parent == link}
+def _list_points(joints: Iterable[Any], link: str) -> dict[str, Point]:
+    return {joint.name: Point(_read_position(joint.origin)) for joint in joints if joint.parent == link}
 
 
-def _body(link: Any, joint: Joint, points: dict[str, Point]) -> Body:
+def _build_body(link: Any, joint: Joint, points: dict[str, Point]) -> Body:
     """Return a body with the inertia of a link about its centre, in the directions of the link's frame."""
     inertial = link.inertial
     if inertial is None:
@@ -92,14 +94,14 @@ def _body(link: Any, joint: Joint, points: dict[str, Point]) -> Body:
     J = R @ np.asarray(inertial.inertia, dtype=float) @ R.T
     entries = (J[0, 0], J[1, 1], J[2, 2], J[0, 1], J[0, 2], J[1, 2])
     m = 0.0 if inertial.mass is None else float(inertial.mass)
-    return Body(joint, m, _place(inertial.origin), tuple(float(x) for x in entries), points)
+    return Body(joint, m, _read_position(inertial.origin), tuple(float(x) for x in entries), points)
 
 
-def _place(origin: Any) -> tuple[float, ...]:
+def _read_position(origin: Any) -> tuple[float, ...]:
     return (0.0, 0.0, 0.0) if origin is None else tuple(float(x) for x in np.asarray(origin)[:3, 3])
 
 
-def _angles(origin: Any) -> tuple[float, float, float]:
+def _read_angles(origin: Any) -> tuple[float, float, float]:
     """Return roll, pitch and yaw of an origin."""
     if origin is None:
         return 0.0, 0.0, 0.0

@@ -44,31 +44,33 @@ class Curves:
         ]
 
 
-def build_curves(found: Movement, colors: Mapping[str, str]) -> list[Curves]:
+def build_curves(movement: Movement, colors: Mapping[str, str]) -> list[Curves]:
     """Return the curves of a movement after the initial transient; `colors` are those of the actuators."""
-    late = found.time >= found.time[0] + _TRANSIENT
-    part = late if late.sum() > 1 else np.full_like(late, True)
-    wanted = []
-    if found.forces is not None:
-        wanted.append(
-            Curves("load force / kN", *_thin_rows(found.time[part], 1e-3 * found.forces[part]), colors)
+    is_late = movement.time >= movement.time[0] + _TRANSIENT
+    part = is_late if is_late.sum() > 1 else np.full_like(is_late, True)
+    curves = []
+    if movement.forces is not None:
+        curves.append(
+            Curves("load force / kN", *_thin_rows(movement.time[part], 1e-3 * movement.forces[part]), colors)
         )
-    if found.errors is not None:
-        wanted.append(
-            Curves("position error / µm", *_thin_rows(found.time[part], 1e6 * found.errors[part]), colors)
+    if movement.errors is not None:
+        curves.append(
+            Curves(
+                "position error / µm", *_thin_rows(movement.time[part], 1e6 * movement.errors[part]), colors
+            )
         )
-    return wanted
+    return curves
 
 
-def label_panels(axes: "list[Axes]", shown: list[Curves]) -> None:
+def label_panels(axes: "list[Axes]", curves: list[Curves]) -> None:
     """Label the panels, which are one above the other, with a legend above the first."""
-    for panel, curve in zip(axes, shown, strict=True):
+    for panel, curve in zip(axes, curves, strict=True):
         panel.set_ylabel(curve.label, fontsize=9)
         tidy_axes(panel)
     if not axes:
         return
     axes[-1].set_xlabel("time / s", fontsize=9)
-    names = list(shown[0].colors)
+    names = list(curves[0].colors)
     lines = axes[0].lines[: len(names)]
     axes[0].legend(
         lines,
@@ -89,5 +91,5 @@ def _thin_rows(time: Vector, values: Vector) -> tuple[Vector, Vector]:
     for part in reversed(np.array_split(np.arange(len(time)), _PARTS)):
         ends = part[0] + np.stack([values[part].argmin(axis=0), values[part].argmax(axis=0)])
         rows.insert(0, np.sort(ends, axis=0))
-    chosen = np.concatenate(rows)
-    return time[chosen], np.take_along_axis(values, chosen, axis=0)
+    row_numbers = np.concatenate(rows)
+    return time[row_numbers], np.take_along_axis(values, row_numbers, axis=0)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 _SIZE, _LENGTH = 3.7, 1.0
 """Size of a machine and length of its actuators in m at which the unit of drawing is 1 m."""
 
-_BESIDE = 0.3
+_PIN_DISTANCE = 0.3
 """Distance of a pin from a beam in units above which it is beside the beam."""
 
 
@@ -67,8 +67,8 @@ class Layout:
 
     def slide(self, body: str) -> Vector:
         """Return how far a prismatic body is moved along its axis at the start, in its parent's frame, m."""
-        origins, _ = self._start[body]
-        parents, parent_rotations = self._start[self.machine.bodies[body].joint.parent]
+        origins, _ = self._start_frames[body]
+        parents, parent_rotations = self._start_frames[self.machine.bodies[body].joint.parent]
         return (origins[0] - parents[0]) @ parent_rotations[0] - self.start(body)
 
     def axis(self, body: str) -> Vector:
@@ -82,12 +82,12 @@ class Layout:
 
     def joints(self, body: str) -> list[Vector]:
         """Return the points of a body where its children are; for those that slide along it, two."""
-        found = []
+        points = []
         for child in self.children(body):
-            found.append(self.start(child))
+            points.append(self.start(child))
             if self.kind(child) == "prismatic" and not self.is_inner(child):
-                found.append(found[-1] + self.slide(child))
-        return found
+                points.append(points[-1] + self.slide(child))
+        return points
 
     def pins(self, body: str) -> list[Vector]:
         """Return the ends of actuators, links and loops on a body, without actuators inside beams."""
@@ -115,15 +115,15 @@ class Layout:
             return None
         payload = self.payload(body)
         ends = self.joints(body) + ([] if payload is None else [payload])
-        if self._longest(ends) < 0.5 * _BESIDE * self.unit:
-            ends += [*self.pins(body), *map(self.point, self._names(body))]
+        if self._find_largest_distance(ends) < 0.5 * _PIN_DISTANCE * self.unit:
+            ends += [*self.pins(body), *map(self.point, self._list_point_names(body))]
         end = max(
             ends, key=lambda point: float(np.linalg.norm(point)), default=np.zeros(self.model.dimensions)
         )
         start = np.zeros(self.model.dimensions)
         if self.kind(body) == "prismatic":
-            start = -self._inside(body) * self.axis(body) if self.is_inner(body) else start
-        return (start, end) if np.linalg.norm(end - start) > 0.5 * _BESIDE * self.unit else None
+            start = -self._find_overlap(body) * self.axis(body) if self.is_inner(body) else start
+        return (start, end) if np.linalg.norm(end - start) > 0.5 * _PIN_DISTANCE * self.unit else None
 
     def width(self, body: str) -> float:
         """Return the width of a beam in m at its start."""
@@ -139,7 +139,7 @@ class Layout:
 
     def is_inner(self, body: str) -> bool:
         """Return whether a body slides out of its parent, as a telescope does."""
-        return self.kind(body) == "prismatic" and self._inside(body) > _BESIDE * self.unit
+        return self.kind(body) == "prismatic" and self._find_overlap(body) > _PIN_DISTANCE * self.unit
 
     def is_inside(self, bar: Bar) -> bool:
         """Return whether an actuator is inside the beams that it moves."""
@@ -155,27 +155,27 @@ class Layout:
         ends = self.joints(body)
         return (np.zeros(self.model.dimensions), max(ends, key=np.linalg.norm)) if ends else None
 
-    def _inside(self, body: str) -> float:
+    def _find_overlap(self, body: str) -> float:
         """Return the length in m of the parent behind the joint of a prismatic body."""
         parent = self.machine.bodies[body].joint.parent
-        turned = self._start[parent][1][0].T @ self._start[body][1][0]
-        return 0.0 if parent == GROUND else float(self.start(body) @ turned @ self.axis(body))
+        relative_rotation = self._start_frames[parent][1][0].T @ self._start_frames[body][1][0]
+        return 0.0 if parent == GROUND else float(self.start(body) @ relative_rotation @ self.axis(body))
 
-    def _names(self, body: str) -> Iterator[str]:
+    def _list_point_names(self, body: str) -> Iterator[str]:
         return (f"{body}.{point}" for point in self.machine.points(body))
 
     @staticmethod
-    def _longest(points: list[Vector]) -> float:
+    def _find_largest_distance(points: list[Vector]) -> float:
         return max((float(np.linalg.norm(point)) for point in points), default=0.0)
 
     @cached_property
-    def _start(self) -> dict[str, tuple[Vector, Vector]]:
+    def _start_frames(self) -> dict[str, tuple[Vector, Vector]]:
         return self.model.frames(np.array([self.model.start]))
 
 
 def distance(point: Vector, start: Vector, end: Vector) -> tuple[float, Vector]:
     """Return the distance of a point from a segment in m, and the nearest point of the segment."""
-    way = end - start
-    share = float(np.clip((point - start) @ way / (way @ way), 0.0, 1.0))
-    foot = start + share * way
+    direction = end - start
+    share = float(np.clip((point - start) @ direction / (direction @ direction), 0.0, 1.0))
+    foot = start + share * direction
     return float(np.linalg.norm(point - foot)), foot

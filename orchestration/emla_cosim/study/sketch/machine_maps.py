@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from machine_fmu.model import MachineModel
 
-_MOST_COLUMNS = 3
+_MAX_COLUMNS = 3
 
 _LEVELS = 12
 """Number of levels of a map, about."""
@@ -90,8 +90,8 @@ def _draw_machine(machine: "MachineModel", workspace: Workspace) -> "Figure":
 
 def _draw_forces(machine: "MachineModel", maps: Sequence[Map], limits: Mapping[str, ForceLimits]) -> "Figure":
     def draw(axes: "Axes", i: int) -> None:
-        known, values = limits.get(machine.names[i], ForceLimits()), 1e-3 * maps[i].forces
-        for force, dashes in ((known.continuous, "--"), (known.largest, "-")):
+        force_limits, values = limits.get(machine.names[i], ForceLimits()), 1e-3 * maps[i].forces
+        for force, dashes in ((force_limits.continuous, "--"), (force_limits.largest, "-")):
             if force is None:
                 continue
             ends = [-1e-3 * force, 1e-3 * force]
@@ -125,33 +125,33 @@ def _draw_maps(
     add: "Callable[[Axes, int], None]",
 ) -> "Figure":
     """Return a figure with a panel for each actuator; `add` adds more to the panel of an actuator."""
-    columns = min(len(maps), _MOST_COLUMNS)
+    columns = min(len(maps), _MAX_COLUMNS)
     rows = -(-len(maps) // columns)
     figure = make_figure(1.0 + 3.6 * columns, 0.9 + 3.0 * rows, layout="constrained")
     grid = figure.subplots(rows, columns, squeeze=False)
     for axes in grid.flat[len(maps) :]:
         axes.set_visible(False)
-    for i, (axes, shown) in enumerate(zip(grid.flat, maps, strict=False)):
+    for i, (axes, map_) in enumerate(zip(grid.flat, maps, strict=False)):
         axes.set_title(machine.names[i], fontsize=10)
-        axes.set_xlabel(f"stroke of {machine.names[shown.axes[0]]} / m", fontsize=8)
-        start = [machine.start[k] for k in shown.axes]
-        if len(shown.axes) == 1:
-            axes.plot(shown.strokes[0], values[i], color=BLUE, linewidth=1.4)
+        axes.set_xlabel(f"stroke of {machine.names[map_.axes[0]]} / m", fontsize=8)
+        start = [machine.start[k] for k in map_.axes]
+        if len(map_.axes) == 1:
+            axes.plot(map_.strokes[0], values[i], color=BLUE, linewidth=1.4)
             axes.axvline(start[0], color=DARK, linewidth=0.8, linestyle=":")
             tidy_axes(axes)
         else:
-            axes.set_ylabel(f"stroke of {machine.names[shown.axes[1]]} / m", fontsize=8)
-            _fill(figure, axes, shown, values[i], colors)
+            axes.set_ylabel(f"stroke of {machine.names[map_.axes[1]]} / m", fontsize=8)
+            _fill(figure, axes, map_, values[i], colors)
             axes.plot(*start, "o", color=DARK, markersize=4)
         axes.tick_params(labelsize=8)
         add(axes, i)
-    others = "; other strokes as at the start, which the dot marks" if len(maps) > 2 else "; dot: start"
-    text = title + (others if len(maps) > 1 else "; dotted: start")
+    remark = "; other strokes as at the start, which the dot marks" if len(maps) > 2 else "; dot: start"
+    text = title + (remark if len(maps) > 1 else "; dotted: start")
     figure.suptitle(fill(text, _TITLE_LETTERS * columns), fontsize=9)
     return figure
 
 
-def _fill(figure: "Figure", axes: "Axes", shown: Map, values: Vector, colors: str) -> None:
+def _fill(figure: "Figure", axes: "Axes", map_: Map, values: Vector, colors: str) -> None:
     """Draw values over two strokes as colours with lines; zero is the middle of colours for both signs."""
     from matplotlib.ticker import MaxNLocator
 
@@ -162,9 +162,9 @@ def _fill(figure: "Figure", axes: "Axes", shown: Map, values: Vector, colors: st
     size = max(abs(low), abs(high))
     vmin, vmax = (-size, size) if colors == _BOTH_SIGNS else (None, None)
     image = axes.contourf(
-        *shown.strokes, values.T, levels=levels, cmap=colors, alpha=0.7, vmin=vmin, vmax=vmax
+        *map_.strokes, values.T, levels=levels, cmap=colors, alpha=0.7, vmin=vmin, vmax=vmax
     )
-    lines = axes.contour(*shown.strokes, values.T, levels=levels, colors=DARK, linewidths=0.4)
+    lines = axes.contour(*map_.strokes, values.T, levels=levels, colors=DARK, linewidths=0.4)
     axes.clabel(lines, fontsize=6, fmt="%g")
     bar = figure.colorbar(image, ax=axes)
     bar.ax.tick_params(labelsize=7)

@@ -28,7 +28,7 @@ _INSET = (0.46, 0.33)
 _CORNERS = ((0.04, 0.62), (0.52, 0.62), (0.04, 0.06), (0.52, 0.06))
 """Where it can be, left and bottom; the first corner that is empty is taken."""
 
-_SMALLEST = 1e-2
+_MIN_SIZE = 1e-2
 """Size in m below which a path is not enlarged."""
 
 
@@ -41,43 +41,45 @@ class MachinePicture(Drawing):
 
     def drawn(self, result: Result, data: Mapping[str, Vector]) -> "Figure | None":
         """Draw a run with a machine; None if its strokes were not recorded."""
-        found = read_movement(result, data)
-        return None if found is None else _draw_picture(found)
+        movement = read_movement(result, data)
+        return None if movement is None else _draw_picture(movement)
 
 
-def _draw_picture(found: Movement) -> "Figure":
-    scene, rows = Scene(found.machine), select_instants(found)
-    postures = scene.parts.postures(found.strokes[rows], found.payload[rows], found.passive[rows])
-    shown, corner = build_curves(found, scene.colors), _find_corner(scene, postures)
-    figure, machine, panels = machine_and_panels(len(shown) + (corner is None), (9.8, 6.0), 120)
-    _draw_postures(machine, found, scene, postures)
+def _draw_picture(movement: Movement) -> "Figure":
+    scene, rows = Scene(movement.machine), select_instants(movement)
+    postures = scene.parts.postures(movement.strokes[rows], movement.payload[rows], movement.passive[rows])
+    curves, corner = build_curves(movement, scene.colors), _find_corner(scene, postures)
+    figure, machine, panels = machine_and_panels(len(curves) + (corner is None), (9.8, 6.0), 120)
+    _draw_postures(machine, movement, scene, postures)
     path = panels.pop() if corner is None else machine.inset_axes((*corner, *_INSET), zorder=6)
-    _draw_path(path, found, scene)
-    for panel, curve in zip(panels, shown, strict=True):
+    _draw_path(path, movement, scene)
+    for panel, curve in zip(panels, curves, strict=True):
         curve.draw(panel)
-    label_panels(panels, shown)
+    label_panels(panels, curves)
     figure.align_ylabels(panels)
     return figure
 
 
-def select_instants(found: Movement) -> list[int]:
+def select_instants(movement: Movement) -> list[int]:
     """Return the rows at which the machine is drawn, at equal distances along the path of its tip."""
-    way = np.concatenate([[0.0], np.linalg.norm(np.diff(found.path, axis=0), axis=1).cumsum()])
-    return [int(row) for row in np.searchsorted(way, np.linspace(0.0, way[-1], INSTANTS))]
+    distances = np.concatenate([[0.0], np.linalg.norm(np.diff(movement.path, axis=0), axis=1).cumsum()])
+    return [int(row) for row in np.searchsorted(distances, np.linspace(0.0, distances[-1], INSTANTS))]
 
 
-def _draw_postures(axes: "Axes", found: Movement, scene: Scene, postures: list[Posture]) -> None:
+def _draw_postures(axes: "Axes", movement: Movement, scene: Scene, postures: list[Posture]) -> None:
     scene.draw_surroundings(axes, postures)
-    *before, last = postures
-    for posture in before:
+    *earlier, last = postures
+    for posture in earlier:
         scene.draw_ghost(axes, posture)
     scene.paint(last).add_to(axes)
-    scene.draw_path(axes, found.path)
+    scene.draw_path(axes, movement.path)
     axes.text(0.98, 0.02, "reach of the tip", color=BLUE, fontsize=9, transform=axes.transAxes, ha="right")
-    if found.payload[-1] > 0.0:
-        x, y = scene.view.flatten(found.path[-1])
+    if movement.payload[-1] > 0.0:
+        x, y = scene.view.flatten(movement.path[-1])
         right = scene.view.flatten(last["payload"].points)[:, 0].max() + 0.03 * scene.parts.unit
-        text = axes.text(max(x, right), y, f"{found.payload[-1]:.4g} kg", color=DARK, fontsize=9, va="center")
+        text = axes.text(
+            max(x, right), y, f"{movement.payload[-1]:.4g} kg", color=DARK, fontsize=9, va="center"
+        )
         text.set_bbox({"facecolor": "white", "alpha": 0.6, "edgecolor": "none", "pad": 0.5})
 
 
@@ -96,23 +98,23 @@ def _find_corner(scene: Scene, postures: list[Posture]) -> tuple[float, float] |
     return None
 
 
-def _draw_path(axes: "Axes", found: Movement, scene: Scene) -> None:
+def _draw_path(axes: "Axes", movement: Movement, scene: Scene) -> None:
     """Draw the enlarged path of the tip, with times."""
     from matplotlib.ticker import MultipleLocator
 
-    scene.draw_path(axes, found.path)
-    scene.draw_wanted(axes, found)
-    rows, path = select_instants(found), scene.view.flatten(found.path)
+    scene.draw_path(axes, movement.path)
+    scene.draw_reference(axes, movement)
+    rows, path = select_instants(movement), scene.view.flatten(movement.path)
     axes.plot(*path[rows].T, "o", color=RED, markersize=4, zorder=7)
     low, high = path.min(axis=0), path.max(axis=0)
     is_wide = high[0] - low[0] > high[1] - low[1]
     for row in _select_separate(path, rows, 0.3 if is_wide else 0.12):
-        place = (0.0, 6.0) if is_wide else (6.0, 4.0 if row == rows[-1] else -3.0)
+        offset = (0.0, 6.0) if is_wide else (6.0, 4.0 if row == rows[-1] else -3.0)
         side = "center" if is_wide else "left"
         axes.annotate(
-            f"{found.time[row]:.3g} s", path[row], place, textcoords="offset points", fontsize=8, ha=side
+            f"{movement.time[row]:.3g} s", path[row], offset, textcoords="offset points", fontsize=8, ha=side
         )
-    size, (x, y) = max((high - low).max(), _SMALLEST), 0.5 * (low + high)
+    size, (x, y) = max((high - low).max(), _MIN_SIZE), 0.5 * (low + high)
     square = round_length(size / 5.0)
     axes.set_title(f"path of the tip, squares of {square:g} m", fontsize=9, loc="left")
     axes.set_aspect("equal", adjustable="datalim")
@@ -129,9 +131,9 @@ def _draw_path(axes: "Axes", found: Movement, scene: Scene) -> None:
 
 def _select_separate(path: Vector, rows: Sequence[int], share: float) -> list[int]:
     """Return the rows, the last one first, that are apart by this share of the path's size, for labels."""
-    room = share * np.ptp(path, axis=0).max()
-    found = list[int]()
+    min_distance = share * np.ptp(path, axis=0).max()
+    separate = list[int]()
     for row in reversed(rows):
-        if all(np.hypot(*(path[row] - path[other])) > room for other in found):
-            found.append(row)
-    return found
+        if all(np.hypot(*(path[row] - path[labelled])) > min_distance for labelled in separate):
+            separate.append(row)
+    return separate

@@ -10,12 +10,12 @@ import numpy as np
 from ...base.arrays import Vector
 from ...run.result import Result
 from ..machines.run_machine import COMPONENTS, find_component, find_machine
-from ..roles import find_element, find_variable, list_given_joints
+from ..roles import find_element, find_variable, list_joints_with_roles
 
 if TYPE_CHECKING:
     from machine_fmu.model import MachineModel
 
-MADE, WANTED, FORCE = "x_L", "x_s", "F_L"
+STROKE, REFERENCE, FORCE = "x_L", "x_s", "F_L"
 """The roles of the signals of a movement."""
 
 
@@ -23,7 +23,7 @@ MADE, WANTED, FORCE = "x_L", "x_s", "F_L"
 class Movement:
     """A machine over `time` in s.
 
-    `strokes` in m, `wanted` (reference) strokes in m and `forces` in N have a column for each actuator;
+    `strokes` in m, `reference` strokes in m and `forces` in N have a column for each actuator;
     `payload` is in kg. `passive` has the coordinates in m or rad of what swings freely; where they were not
     recorded, it hangs at rest. Other values that were not recorded are None. If only the reference was
     recorded, it is in `strokes`.
@@ -34,7 +34,7 @@ class Movement:
     strokes: Vector
     payload: Vector
     passive: Vector
-    wanted: Vector | None = None
+    reference: Vector | None = None
     forces: Vector | None = None
 
     @cached_property
@@ -43,33 +43,37 @@ class Movement:
         return self.machine.tip(self.strokes, self.passive)
 
     @cached_property
-    def wanted_path(self) -> Vector | None:
+    def reference_path(self) -> Vector | None:
         """The reference position of the tip in m, with what swings freely at rest."""
-        if self.wanted is None:
+        if self.reference is None:
             return None
-        return self.machine.tip(self.wanted, payload=self.payload)
+        return self.machine.tip(self.reference, payload=self.payload)
 
     @property
     def errors(self) -> Vector | None:
         """Strokes minus reference strokes, in m."""
-        return None if self.wanted is None else self.strokes - self.wanted
+        return None if self.reference is None else self.strokes - self.reference
 
     def until(self, row: int) -> "Movement":
         """Return the rows before this one."""
-        wanted = None if self.wanted is None else self.wanted[:row]
+        reference = None if self.reference is None else self.reference[:row]
         forces = None if self.forces is None else self.forces[:row]
         time, strokes, payload, passive = (
             x[:row] for x in (self.time, self.strokes, self.payload, self.passive)
         )
-        return Movement(self.machine, time, strokes, payload, passive, wanted, forces)
+        return Movement(self.machine, time, strokes, payload, passive, reference, forces)
 
 
 def animated_signals(names: Collection[str], roles: Mapping[str, str]) -> list[str] | None:
     """Return the strokes, reference strokes and forces among the signals; None without a machine."""
-    joints = [joint for joint in list_given_joints(roles) if find_element(joint, roles) is not None]
-    found = [_signals(joints, role, names, roles) for role in (MADE, WANTED, FORCE)]
-    there = any(name.startswith(f"{machine}.") for name in names for machine in COMPONENTS)
-    return [name for signals in found for name in signals] if there and all(found) else None
+    joints = [joint for joint in list_joints_with_roles(roles) if find_element(joint, roles) is not None]
+    signals_by_role = [_find_signals(joints, role, names, roles) for role in (STROKE, REFERENCE, FORCE)]
+    has_machine = any(name.startswith(f"{machine}.") for name in names for machine in COMPONENTS)
+    return (
+        [name for signals in signals_by_role for name in signals]
+        if has_machine and all(signals_by_role)
+        else None
+    )
 
 
 def recorded_signals(result: Result) -> list[str]:
@@ -77,13 +81,17 @@ def recorded_signals(result: Result) -> list[str]:
     machine = find_machine(result)
     if machine is None:
         return []
-    found = [
+    signals_ = [
         name
-        for role in (MADE, WANTED, FORCE)
-        for name in _signals(machine.names, role, result.names, result.roles)
+        for role in (STROKE, REFERENCE, FORCE)
+        for name in _find_signals(machine.names, role, result.names, result.roles)
     ]
-    driver = _payload_driver(result)
-    return [*found, *_passive_names(machine, result.names, result), *([] if driver is None else [driver])]
+    driver = _find_payload_driver(result)
+    return [
+        *signals_,
+        *_find_passive_signals(machine, result.names, result),
+        *([] if driver is None else [driver]),
+    ]
 
 
 def read_movement(result: Result, data: Mapping[str, Vector]) -> Movement | None:
@@ -94,41 +102,45 @@ def read_movement(result: Result, data: Mapping[str, Vector]) -> Movement | None
     machine = find_machine(result)
     if machine is None:
         return None
-    made, wanted, forces = (_columns(machine, role, data, result.roles) for role in (MADE, WANTED, FORCE))
-    if made is None:
-        made, wanted = wanted, None
-    if made is None:
+    strokes, reference, forces = (
+        _stack_columns(machine, role, data, result.roles) for role in (STROKE, REFERENCE, FORCE)
+    )
+    if strokes is None:
+        strokes, reference = reference, None
+    if strokes is None:
         return None
-    payload = _payload(machine, result, data)
-    names = _passive_names(machine, data, result)
-    passive = np.column_stack([data[n] for n in names]) if names else machine.hanging(made, payload)
-    found = Movement(machine, data["time"], made, payload, passive, wanted, forces)
-    broken = np.flatnonzero(~np.isfinite(found.path).all(axis=1))
-    found = found.until(broken[0]) if len(broken) else found
-    return found if len(found.time) > 1 else None
+    payload = _read_payload(machine, result, data)
+    names = _find_passive_signals(machine, data, result)
+    passive = np.column_stack([data[n] for n in names]) if names else machine.hanging(strokes, payload)
+    movement = Movement(machine, data["time"], strokes, payload, passive, reference, forces)
+    broken = np.flatnonzero(~np.isfinite(movement.path).all(axis=1))
+    movement = movement.until(broken[0]) if len(broken) else movement
+    return movement if len(movement.time) > 1 else None
 
 
-def _signals(joints: Iterable[str], role: str, names: Collection[str], roles: Mapping[str, str]) -> list[str]:
+def _find_signals(
+    joints: Iterable[str], role: str, names: Collection[str], roles: Mapping[str, str]
+) -> list[str]:
     """Return the signals of all joints in this role; an empty list if a joint lacks it."""
-    found = [find_variable(joint, role, names, roles) for joint in joints]
-    return [] if None in found else [name for name in found if name is not None]
+    variables = [find_variable(joint, role, names, roles) for joint in joints]
+    return [] if None in variables else [name for name in variables if name is not None]
 
 
-def _columns(
+def _stack_columns(
     machine: "MachineModel", role: str, data: Mapping[str, Vector], roles: Mapping[str, str]
 ) -> Vector | None:
-    names = _signals(machine.names, role, data, roles)
+    names = _find_signals(machine.names, role, data, roles)
     return np.column_stack([data[name] for name in names]) if names else None
 
 
-def _passive_names(machine: "MachineModel", names: Collection[str], result: Result) -> list[str]:
+def _find_passive_signals(machine: "MachineModel", names: Collection[str], result: Result) -> list[str]:
     """Return the signals of all passive coordinates; an empty list if one was not recorded."""
     count = len(machine.mechanism.passive)
-    found = [f"{find_component(result)}.passive.q[{i}]" for i in range(1, count + 1)]
-    return found if all(name in names for name in found) else []
+    signals = [f"{find_component(result)}.passive.q[{i}]" for i in range(1, count + 1)]
+    return signals if all(name in names for name in signals) else []
 
 
-def _payload_driver(result: Result) -> str | None:
+def _find_payload_driver(result: Result) -> str | None:
     """Return the signal that drives the payload, if it was recorded."""
     target = f"{find_component(result)}.payload.m"
     ends = (text.partition(" -> ") for text in result.record["connections"])
@@ -136,10 +148,10 @@ def _payload_driver(result: Result) -> str | None:
     return source if source in result.names else None
 
 
-def _payload(machine: "MachineModel", result: Result, data: Mapping[str, Vector]) -> Vector:
+def _read_payload(machine: "MachineModel", result: Result, data: Mapping[str, Vector]) -> Vector:
     """Return the payload in kg at every row."""
-    driver = _payload_driver(result)
+    driver = _find_payload_driver(result)
     if driver is not None:
         return data[driver]
-    given = result.record["components"][find_component(result)]["parameters"]
-    return np.full(len(data["time"]), float(given.get("payload.m", machine.payload)))
+    parameters = result.record["components"][find_component(result)]["parameters"]
+    return np.full(len(data["time"]), float(parameters.get("payload.m", machine.payload)))

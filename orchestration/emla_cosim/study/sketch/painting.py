@@ -21,7 +21,7 @@ DARK, EDGE, _STEEL, _LIGHT = "#3a424d", "#8b939e", "#dde2e8", "#f3f5f8"
 _ACTUATOR_COLORS = (BLUE, ORANGE, GREEN, PURPLE, "#2b9aa0", "#8a6a3f")
 """Without red, which is the path of the tip."""
 
-_MOVING = ("standing payload", "inner", "body", "link", "rod", "housing", "payload")
+_MOVING_LOOKS = ("standing payload", "inner", "body", "link", "rod", "housing", "payload")
 """Looks of the parts that a faint picture has."""
 
 _CIRCLE = np.linspace(0.0, 2.0 * math.pi, 24, endpoint=False)
@@ -49,18 +49,18 @@ class Polygons:
         """Draw them."""
         from matplotlib.collections import PolyCollection
 
-        found = PolyCollection([], closed=True, zorder=zorder)
-        found.set_joinstyle("round")
-        self.update(found)
-        axes.add_collection(found, autolim=False)
-        return found
+        collection = PolyCollection([], closed=True, zorder=zorder)
+        collection.set_joinstyle("round")
+        self.update(collection)
+        axes.add_collection(collection, autolim=False)
+        return collection
 
-    def update(self, drawn: "PolyCollection") -> None:
+    def update(self, collection: "PolyCollection") -> None:
         """Replace what is drawn by these."""
-        drawn.set_verts(self.lines)
-        drawn.set_facecolor(self.faces)
-        drawn.set_edgecolor(self.edges)
-        drawn.set_linewidth(self.widths)
+        collection.set_verts(self.lines)
+        collection.set_facecolor(self.faces)
+        collection.set_edgecolor(self.edges)
+        collection.set_linewidth(self.widths)
 
 
 def paint(
@@ -77,21 +77,21 @@ def paint(
     """
     from matplotlib.colors import to_rgba
 
-    shown = [part for part in parts if not only_moving or part.look in _MOVING]
+    painted = [part for part in parts if not only_moving or part.look in _MOVING_LOOKS]
     if view.toward is not None:
-        shown = _sort_by_depth(shown, view)
-    found = Polygons([], [], [], [], [])
-    for part in shown:
-        face, edge, width = _look(part, colors.get(part.bar, GREY))
-        for line, shade in _lines(part, view):
-            found.names.append(part.name)
-            found.lines.append(line)
+        painted = _sort_by_depth(painted, view)
+    polygons = Polygons([], [], [], [], [])
+    for part in painted:
+        face, edge, width = _get_style(part, colors.get(part.bar, GREY))
+        for line, shade in _project_lines(part, view):
+            polygons.names.append(part.name)
+            polygons.lines.append(line)
             color = np.array(to_rgba(face))
             color[:3] *= shade
-            found.faces.append((*color[:3], alpha))
-            found.edges.append((0.0, 0.0, 0.0, 0.0) if edge == "none" else to_rgba(edge, alpha))
-            found.widths.append(width)
-    return found
+            polygons.faces.append((*color[:3], alpha))
+            polygons.edges.append((0.0, 0.0, 0.0, 0.0) if edge == "none" else to_rgba(edge, alpha))
+            polygons.widths.append(width)
+    return polygons
 
 
 def _sort_by_depth(parts: Sequence[Part], view: View) -> list[Part]:
@@ -104,11 +104,11 @@ def _sort_by_depth(parts: Sequence[Part], view: View) -> list[Part]:
     return sorted(parts, key=lambda part: (part.look != "base", depth[part.bar or part.name]))
 
 
-def _lines(part: Part, view: View) -> Iterable[tuple[Vector, float]]:
+def _project_lines(part: Part, view: View) -> Iterable[tuple[Vector, float]]:
     """Yield closed lines in a view with how light they are: the faces of a solid, or a silhouette."""
     flat = view.flatten(part.points)
     if not part.faces:
-        yield (flat if part.is_line else _outline(flat, part.radii)), 1.0
+        yield (flat if part.is_line else _find_outline(flat, part.radii)), 1.0
         return
     for corners in part.faces:
         face = part.points[list(corners)]
@@ -140,14 +140,14 @@ def _turns_left(a: Sequence[float], b: Sequence[float], c: Sequence[float]) -> b
     return (b[0] - a[0]) * (c[1] - a[1]) > (b[1] - a[1]) * (c[0] - a[0])
 
 
-def _outline(points: Vector, radii: Vector) -> Vector:
+def _find_outline(points: Vector, radii: Vector) -> Vector:
     """Return the convex line around discs."""
     circle = np.column_stack([np.cos(_CIRCLE), np.sin(_CIRCLE)])
-    around = (points[:, None, :] + radii[:, None, None] * circle).reshape(-1, 2)
-    return around if len(points) == 1 else convex_line(around)
+    circles = (points[:, None, :] + radii[:, None, None] * circle).reshape(-1, 2)
+    return circles if len(points) == 1 else convex_line(circles)
 
 
-def _look(part: Part, color: str) -> tuple[str, str, float]:
+def _get_style(part: Part, color: str) -> tuple[str, str, float]:
     """Return colours of face and edge, and the width of the edge."""
     return {
         "housing": (color, "none", 0.0),

@@ -77,9 +77,9 @@ class MachineParts:
     def __init__(self, model: "MachineModel") -> None:
         self._model, self._layout = model, Layout(model)
         self.unit = self._layout.unit
-        self._bodies = [(body, part) for body in model.machine.bodies for part in self._body(body)]
+        self._bodies = [(body, part) for body in model.machine.bodies for part in self._build_body(body)]
         self._pins = list(self._place_pins())
-        self.base = self._base()
+        self.base = self._build_base()
 
     def postures(self, strokes: Vector, payload: Vector, passive: Vector | None = None) -> list[Posture]:
         """Return the parts in several poses.
@@ -90,39 +90,45 @@ class MachineParts:
             passive: Coordinates in m or rad of what swings freely; as it hangs by default.
         """
         frames = self._model.frames(strokes, passive, payload)
-        found = []
+        postures_ = []
         for row in range(len(strokes)):
-            here = {body: (origins[row], rotations[row]) for body, (origins, rotations) in frames.items()}
+            frames_of_pose = {
+                body: (origins[row], rotations[row]) for body, (origins, rotations) in frames.items()
+            }
             parts = [self.base]
-            parts += [_move(part, *here[body]) for body, part in self._bodies]
-            parts += [_move(part, *here[body]) for body, part in self._box(float(payload[row]))]
+            parts += [_move_part(part, *frames_of_pose[body]) for body, part in self._bodies]
+            parts += [
+                _move_part(part, *frames_of_pose[body]) for body, part in self._build_box(float(payload[row]))
+            ]
             for bar in self._model.mechanism.bars:
                 ends = [
-                    here[body][0] + here[body][1] @ self._layout.at(end)
+                    frames_of_pose[body][0] + frames_of_pose[body][1] @ self._layout.at(end)
                     for end in (bar.start, bar.end)
                     for body in [self._layout.body_of(end)]
                 ]
-                parts += self._bar(bar, *ends)
-            parts += [_move(part, *here[body]) for body, part in self._pins]
+                parts += self._build_bar(bar, *ends)
+            parts += [_move_part(part, *frames_of_pose[body]) for body, part in self._pins]
             ordered = sorted(parts, key=lambda part: _LAYERS.index(part.look))
-            found.append({part.name: part for part in ordered})
-        return found
+            postures_.append({part.name: part for part in ordered})
+        return postures_
 
-    def _body(self, body: str) -> Iterator[Part]:
+    def _build_body(self, body: str) -> Iterator[Part]:
         layout, unit = self._layout, self.unit
         is_flat = self._model.dimensions == 2
         if body in layout.outlines:
-            yield _outlined(body, layout.outlines[body], unit)
+            yield _build_outlined(body, layout.outlines[body], unit)
             return
         if layout.is_plate(body):
             pins = np.array([*layout.pins(body), *layout.joints(body)] or [np.zeros(self._model.dimensions)])
             yield (
-                _plate(body, pins, _PLATE * unit) if not is_flat else _hull(body, "body", pins, _PLATE * unit)
+                _build_plate(body, pins, _PLATE * unit)
+                if not is_flat
+                else _build_hull(body, "body", pins, _PLATE * unit)
             )
             return
         beam, width = layout.beam(body), layout.width(body)
         if beam is None:
-            yield _hull(body, "body", np.zeros((1, self._model.dimensions)), width)
+            yield _build_hull(body, "body", np.zeros((1, self._model.dimensions)), width)
             return
         is_inner = layout.kind(body) == "prismatic"
         end_width = width if is_inner or layout.machine.bodies[body].joint.is_passive else 0.8 * width
@@ -130,9 +136,9 @@ class MachineParts:
         yield Part(body, "inner" if is_inner else "body", np.array(beam), radii)
         for i, pin in enumerate([*layout.pins(body), *layout.joints(body)]):
             if distance(pin, *beam)[0] > _PIN * unit:
-                yield _bracket(f"{body} bracket {i + 1}", beam, pin, unit)
+                yield _build_bracket(f"{body} bracket {i + 1}", beam, pin, unit)
 
-    def _box(self, payload: float) -> Iterator[tuple[str, Part]]:
+    def _build_box(self, payload: float) -> Iterator[tuple[str, Part]]:
         """Yield the box of the payload, whose volume is proportional to its mass, and its body.
 
         Beside a beam or above a plate it stands on it, otherwise it is around the point that carries it.
@@ -141,77 +147,86 @@ class MachineParts:
         if model.mechanism.payload is None:
             return
         body = layout.body_of(model.mechanism.payload)
-        at = layout.at(model.mechanism.payload)
+        position = layout.at(model.mechanism.payload)
         growth = math.cbrt(max(payload, 0.0) / (model.payload or 1.0))
         n = model.dimensions
         look, axes, half = "payload", np.eye(n), np.full(n, 0.5 * growth * _BOX * self.unit)
         if body != GROUND:
-            foot, along, thickness, span = self._foot(body, at)
-            height = float(np.linalg.norm(at - foot)) - 0.5 * thickness
+            foot_, along, thickness, span = self._find_foot(body, position)
+            height = float(np.linalg.norm(position - foot_)) - 0.5 * thickness
             if height > 0.5 * _BOX * self.unit:
-                look, along = "standing payload", at - foot
+                look, along = "standing payload", position - foot_
                 half = growth * np.array([height, *[min(1.3 * height, 0.35 * span)] * (n - 1)])
-                at = foot + (0.5 * thickness + half[0]) * along / np.linalg.norm(along)
+                position = foot_ + (0.5 * thickness + half[0]) * along / np.linalg.norm(along)
             if np.linalg.norm(along) > 0.0:
-                axes = _directions(along)
+                axes = _find_directions(along)
         corners = np.array(np.meshgrid(*[(-1.0, 1.0)] * n, indexing="ij")).reshape(n, -1).T
-        points = at + (corners * half) @ axes
+        points = position + (corners * half) @ axes
         if n == 2:
             yield body, Part("payload", look, points[[0, 1, 3, 2]], np.zeros(4))
         else:
-            yield body, replace(_solid("payload", points), look=look)
+            yield body, replace(_build_solid("payload", points), look=look)
 
-    def _foot(self, body: str, at: Vector) -> tuple[Vector, Vector, float, float]:
+    def _find_foot(self, body: str, position: Vector) -> tuple[Vector, Vector, float, float]:
         """Return where a point is above a body, the body's direction there, its thickness and size in m."""
         beam = self._layout.beam(body)
         if beam is not None:
-            way = beam[1] - beam[0]
-            return distance(at, *beam)[1], way, self._layout.width(body), float(np.linalg.norm(way))
-        pins = np.array(self._layout.pins(body) or [at])
+            direction = beam[1] - beam[0]
+            return (
+                distance(position, *beam)[1],
+                direction,
+                self._layout.width(body),
+                float(np.linalg.norm(direction)),
+            )
+        pins = np.array(self._layout.pins(body) or [position])
         middle = pins.mean(axis=0)
-        return middle, at - middle, _PLATE * self.unit, float(np.ptp(pins, axis=0).max())
+        return middle, position - middle, _PLATE * self.unit, float(np.ptp(pins, axis=0).max())
 
-    def _bar(self, bar: Bar, start: Vector, end: Vector) -> Iterator[Part]:
+    def _build_bar(self, bar: Bar, start: Vector, end: Vector) -> Iterator[Part]:
         """Yield housing and rod of an actuator, or a link."""
         if not bar.is_actuator:
-            link = _hull(bar.name, "link", np.array([start, end]), 0.5 * _LINK * self.unit)
+            link = _build_hull(bar.name, "link", np.array([start, end]), 0.5 * _LINK * self.unit)
             yield replace(link, bar=bar.name)
             return
-        inside = _INSIDE if self._layout.is_inside(bar) else 1.0
+        scale = _INSIDE if self._layout.is_inside(bar) else 1.0
         housing = start + float(plain(bar.length)) * (end - start) / max(np.linalg.norm(end - start), 1e-9)
-        for look, to, width in (("rod", end, _ROD), ("housing", housing, _HOUSING)):
-            radius = 0.5 * inside * width * self.unit
-            yield replace(_hull(f"{bar.name} {look}", look, np.array([start, to]), radius), bar=bar.name)
+        for look, end_of_part, width in (("rod", end, _ROD), ("housing", housing, _HOUSING)):
+            radius = 0.5 * scale * width * self.unit
+            yield replace(
+                _build_hull(f"{bar.name} {look}", look, np.array([start, end_of_part]), radius), bar=bar.name
+            )
 
     def _place_pins(self) -> Iterator[tuple[str, Part]]:
         """Yield a pin at each joint that turns, and at the ends of bars, with its body."""
         zero = np.zeros(self._model.dimensions)
         bodies = self._model.machine.bodies
-        turning = [body for body in bodies if self._layout.kind(body) not in ("prismatic", "fixed", "free")]
-        named = [(body, zero, f"pin of {body}", "") for body in turning]
+        turning_bodies = [
+            body for body in bodies if self._layout.kind(body) not in ("prismatic", "fixed", "free")
+        ]
+        pins = [(body, zero, f"pin of {body}", "") for body in turning_bodies]
         for bar in self._model.mechanism.bars:
             if not self._layout.is_inside(bar):
-                named += [
+                pins += [
                     (self._layout.body_of(end), self._layout.at(end), f"{bar.name} {side}", bar.name)
                     for end, side in ((bar.start, "first pin"), (bar.end, "second pin"))
                 ]
         loops = zip(self._model.machine.loops, self._model.mechanism.loops, strict=True)
-        named += [
+        pins += [
             (self._layout.body_of(a), self._layout.at(a), f"pin of {name}", "") for name, (a, _) in loops
         ]
-        for body, at, name, bar in named:
-            yield body, replace(_hull(name, "pin", at[None, :], _PIN * self.unit), bar=bar)
+        for body, at, name, bar in pins:
+            yield body, replace(_build_hull(name, "pin", at[None, :], _PIN * self.unit), bar=bar)
 
-    def _base(self) -> Part:
+    def _build_base(self) -> Part:
         """Return the base: around the pins of the ground and its outline, or a foot below the pins."""
         layout, unit = self._layout, self.unit
         outline = layout.outlines.get(GROUND)
         if outline is not None and self._model.dimensions == 3:
-            return replace(_outlined(GROUND, outline, unit), look="base")
+            return replace(_build_outlined(GROUND, outline, unit), look="base")
         joints = np.array(layout.joints(GROUND) or [np.zeros(self._model.dimensions)])
         pins = layout.pins(GROUND)
-        free = all(layout.is_plate(body) for body in layout.children(GROUND))
-        supports = np.array(pins if free and pins else [*joints, *pins])
+        is_free = all(layout.is_plate(body) for body in layout.children(GROUND))
+        supports = np.array(pins if is_free and pins else [*joints, *pins])
         margin = _OVERHANG * unit
         low, high = supports.min(axis=0) - margin, supports.max(axis=0) + margin
         if self._model.dimensions == 2:
@@ -222,33 +237,35 @@ class MachineParts:
         top = supports - np.array([0.0, 0.0, _PIN * unit])
         corners = np.array([[x, y, low[2]] for x in (low[0], high[0]) for y in (low[1], high[1])])
         if np.ptp(supports[:, 2]) < 0.1 * unit and len(supports) > 2:
-            return replace(_plate(GROUND, top - [0.0, 0.0, _PLATE * unit], 2.0 * _PLATE * unit), look="base")
+            return replace(
+                _build_plate(GROUND, top - [0.0, 0.0, _PLATE * unit], 2.0 * _PLATE * unit), look="base"
+            )
         around = np.concatenate(
             [top + unit * _PLATE * np.array([x, y, 0.0]) for x in (-1, 1) for y in (-1, 1)]
         )
-        return replace(_solid(GROUND, np.concatenate([corners, around])), look="base")
+        return replace(_build_solid(GROUND, np.concatenate([corners, around])), look="base")
 
 
-def _move(part: Part, origin: Vector, rotation: Vector) -> Part:
+def _move_part(part: Part, origin: Vector, rotation: Vector) -> Part:
     return replace(part, points=origin + part.points @ rotation.T)
 
 
-def _hull(name: str, look: str, points: Vector, radius: float) -> Part:
+def _build_hull(name: str, look: str, points: Vector, radius: float) -> Part:
     return Part(name, look, points, np.full(len(points), radius))
 
 
-def _outlined(body: str, outline: Vector, unit: float) -> Part:
+def _build_outlined(body: str, outline: Vector, unit: float) -> Part:
     if outline.shape[1] == 2:
         return Part(body, "body", outline, np.zeros(len(outline)))
     spread = np.linalg.svd(outline - outline.mean(axis=0), compute_uv=False)
     return (
-        _plate(body, outline, 0.0, 0.5 * _PLATE * unit)
+        _build_plate(body, outline, 0.0, 0.5 * _PLATE * unit)
         if spread[-1] < 1e-3 * spread[0]
-        else _solid(body, outline)
+        else _build_solid(body, outline)
     )
 
 
-def _bracket(name: str, beam: tuple[Vector, Vector], pin: Vector, unit: float) -> Part:
+def _build_bracket(name: str, beam: tuple[Vector, Vector], pin: Vector, unit: float) -> Part:
     """Return the bracket of a pin beside a beam: from the beam's axis, around the pin."""
     start, end = beam
     along = (end - start) / np.linalg.norm(end - start)
@@ -258,7 +275,7 @@ def _bracket(name: str, beam: tuple[Vector, Vector], pin: Vector, unit: float) -
     return Part(name, "bracket", np.array([*feet, pin]), np.array([thin, thin, 1.7 * _PIN * unit]))
 
 
-def _plate(name: str, pins: Vector, margin: float, half: float | None = None) -> Part:
+def _build_plate(name: str, pins: Vector, margin: float, half: float | None = None) -> Part:
     """Return a solid plate through points in space, with a margin around them."""
     middle = pins.mean(axis=0)
     axes = np.linalg.svd(pins - middle)[2]
@@ -267,17 +284,17 @@ def _plate(name: str, pins: Vector, margin: float, half: float | None = None) ->
     circle = margin * np.column_stack([np.cos(angles), np.sin(angles)]) @ axes[:2]
     flat = pins - np.outer((pins - middle) @ axes[2], axes[2])
     rim = (flat[:, None, :] + circle).reshape(-1, 3) if margin > 0.0 else flat
-    return _solid(name, np.concatenate([rim + half * axes[2], rim - half * axes[2]]))
+    return _build_solid(name, np.concatenate([rim + half * axes[2], rim - half * axes[2]]))
 
 
-def _solid(name: str, points: Vector) -> Part:
+def _build_solid(name: str, points: Vector) -> Part:
     """Return the convex solid around points in space; points that are one get a size."""
     from scipy.spatial import ConvexHull, QhullError
 
     try:
         hull = ConvexHull(points)
     except QhullError:  # of no volume
-        return _hull(name, "body", points, 0.0)
+        return _build_hull(name, "body", points, 0.0)
     groups = dict[tuple[float, ...], set[int]]()
     for corners, equation in zip(hull.simplices, hull.equations, strict=True):
         groups.setdefault(tuple(np.round(equation, 6)), set()).update(map(int, corners))
@@ -287,18 +304,18 @@ def _solid(name: str, points: Vector) -> Part:
 
 def _sort_around(points: Vector, corners: list[int], normal: Vector) -> list[int]:
     """Return the corners of a face anticlockwise, as seen from outside."""
-    _, first, second = _directions(normal)
-    apart = points[corners] - points[corners].mean(axis=0)
-    angles = np.arctan2(apart @ second, apart @ first)
+    _, first, second = _find_directions(normal)
+    relative = points[corners] - points[corners].mean(axis=0)
+    angles = np.arctan2(relative @ second, relative @ first)
     return [corners[i] for i in np.argsort(angles)]
 
 
-def _directions(along: Vector) -> Vector:
+def _find_directions(along: Vector) -> Vector:
     """Return a right-handed set of directions, one row each, whose first is the given one."""
     first = along / np.linalg.norm(along)
     if len(first) == 2:
         return np.array([first, [-first[1], first[0]]])
-    other = np.eye(3)[int(np.argmin(np.abs(first)))]
-    second = np.cross(first, other)
+    helper = np.eye(3)[int(np.argmin(np.abs(first)))]
+    second = np.cross(first, helper)
     second = second / np.linalg.norm(second)
     return np.array([first, second, np.cross(first, second)], dtype=float)

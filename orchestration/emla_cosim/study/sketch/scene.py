@@ -69,10 +69,10 @@ class Scene:
 
     def limits(self, postures: list[Posture]) -> tuple[Vector, Vector]:
         """Return the lower left and the upper right corner of a picture with room for the postures."""
-        around = np.concatenate([*self.reach, *(line for p in postures for line in self.paint(p).lines)])
-        around = np.concatenate([around, self._floor.corners if self._has_floor else self._ground])
+        points = np.concatenate([*self.reach, *(line for p in postures for line in self.paint(p).lines)])
+        points = np.concatenate([points, self._floor.corners if self._has_floor else self._ground])
         margin = _MARGIN * self.parts.unit
-        return np.nanmin(around, axis=0) - margin, np.nanmax(around, axis=0) + margin
+        return np.nanmin(points, axis=0) - margin, np.nanmax(points, axis=0) + margin
 
     def draw_surroundings(self, axes: "Axes", postures: list[Posture]) -> None:
         """Draw workspace and ground on axes with equal scales that have room for the postures."""
@@ -97,10 +97,10 @@ class Scene:
             *self.view.flatten(path).T, color=RED, linewidth=1.8, zorder=5, solid_capstyle="round"
         )[0]
 
-    def draw_wanted(self, axes: "Axes", movement: Movement) -> None:
+    def draw_reference(self, axes: "Axes", movement: Movement) -> None:
         """Draw the reference path of the tip."""
-        if movement.wanted_path is not None:
-            line = self.view.flatten(movement.wanted_path)
+        if movement.reference_path is not None:
+            line = self.view.flatten(movement.reference_path)
             axes.plot(*line.T, color=DARK, linewidth=1.0, linestyle=(0, (4, 3)), zorder=6)
 
     def _draw_reach(self, axes: "Axes") -> None:
@@ -165,14 +165,14 @@ class _Floor:
 
     def __init__(self, view: View, low: Vector, high: Vector) -> None:
         self.size = round_length(float((high - low)[:2].max()) / _FLOOR_SQUARES)
-        begin, end = (f(x / self.size) * self.size for f, x in ((np.floor, low), (np.ceil, high)))
+        start, end = (f(x / self.size) * self.size for f, x in ((np.floor, low), (np.ceil, high)))
         self.lines = list[Vector]()
         for i, j in ((0, 1), (1, 0)):
-            for value in np.arange(begin[i], end[i] + 0.5 * self.size, self.size):
+            for value in np.arange(start[i], end[i] + 0.5 * self.size, self.size):
                 line = np.full((2, 3), low[2])
-                line[:, i], line[:, j] = value, (begin[j], end[j])
+                line[:, i], line[:, j] = value, (start[j], end[j])
                 self.lines.append(view.flatten(line))
-        corner = np.array([begin[0], begin[1], low[2]])
+        corner = np.array([start[0], start[1], low[2]])
         shares = 2.0 * self.size * np.array([0.0, 1.0, 1.3])
         self.directions = [view.flatten(corner + np.outer(shares, axis)) for axis in np.eye(3)]
         self.corners = np.concatenate([*self.lines, *self.directions])

@@ -14,10 +14,10 @@ if TYPE_CHECKING:
     from machine_fmu.model import MachineModel
 
 _COUNTS = {1: 401, 2: 121, 3: 33, 4: 12, 5: 7}
-"""Strokes of each actuator by number of actuators; with more of them, as few as `_FEWEST`."""
-_FEWEST = 4
+"""Strokes of each actuator by number of actuators; with more of them, as few as `_MIN_COUNT`."""
+_MIN_COUNT = 4
 
-_PIXELS, _FINER = 700, 4
+_PIXELS, _OVERSAMPLING = 700, 4
 """Size of the picture from which outlines are read, in pixels, and how much finer it is drawn."""
 
 
@@ -53,11 +53,11 @@ class Workspace:
             return []
         corner = low - 2.0 * size
         width, height = (math.ceil(x / size) + 4 for x in high - low)
-        image = Image.new("L", (_FINER * width, _FINER * height))
+        image = Image.new("L", (_OVERSAMPLING * width, _OVERSAMPLING * height))
         pen = ImageDraw.Draw(image)
-        for line in _faces((flat - corner) * (_FINER / size)):
+        for line in _list_faces((flat - corner) * (_OVERSAMPLING / size)):
             pen.polygon(line, fill=255, outline=255)
-        values = np.asarray(image.reduce(_FINER), dtype=float)
+        values = np.asarray(image.reduce(_OVERSAMPLING), dtype=float)
         lines = contour_generator(z=values).lines(127.0)
         return [corner + size * (np.asarray(line) + 0.5) for line in lines if len(line) > 8]
 
@@ -69,7 +69,7 @@ class Workspace:
 def find_workspace(machine: "MachineModel") -> Workspace:
     """Return the workspace of a machine."""
     axes = [
-        np.linspace(low, high, _COUNTS.get(len(machine.names), _FEWEST))
+        np.linspace(low, high, _COUNTS.get(len(machine.names), _MIN_COUNT))
         for low, high in zip(machine.q_LB, machine.q_UB, strict=True)
     ]
     strokes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
@@ -78,9 +78,9 @@ def find_workspace(machine: "MachineModel") -> Workspace:
     return Workspace(strokes, tips.reshape(*strokes.shape[:-1], -1))
 
 
-def _faces(points: Vector) -> list[list[float]]:
+def _list_faces(points: Vector) -> list[list[float]]:
     """Return the corners of all faces of the cells of a grid of points, as x, y, x, y and so on."""
-    found = list[list[float]]()
+    faces = list[list[float]]()
     for pair in combinations(range(points.ndim - 1), 2):
         grid = np.moveaxis(points, pair, (-3, -2))
         sides = (
@@ -90,5 +90,5 @@ def _faces(points: Vector) -> list[list[float]]:
             (np.s_[:-1], np.s_[1:]),
         )
         corners = np.concatenate([grid[..., i, j, :] for i, j in sides], axis=-1).reshape(-1, 8)
-        found += corners[np.isfinite(corners).all(axis=1)].tolist()
-    return found
+        faces += corners[np.isfinite(corners).all(axis=1)].tolist()
+    return faces
