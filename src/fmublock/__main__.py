@@ -20,7 +20,7 @@ class _Parser(argparse.ArgumentParser):
         self.exit(2, f"Error: {message}; see {self.prog} --help.\n")
 
 
-def _check_place(path: Path, overwrite: bool) -> None:
+def _check_output_path(path: Path, overwrite: bool) -> None:
     """Raise LoadError if the FMU may not be written there: the command is wrong."""
     try:
         check_replaceable(path, overwrite)
@@ -28,7 +28,7 @@ def _check_place(path: Path, overwrite: bool) -> None:
         raise LoadError(str(error)) from error
 
 
-def _disclosure(options: argparse.Namespace) -> Disclosure:
+def _read_disclosure(options: argparse.Namespace) -> Disclosure:
     values = dict[str, str]()
     for text in options.set:
         name, _, value = text.partition("=")
@@ -85,31 +85,31 @@ def main(arguments: Sequence[str] | None = None) -> int:
     command.add_argument(
         "--set", action="append", default=[], metavar="NAME=VALUE", help="start value (repeatable)"
     )
-    for option, what in (("--fix", "can be seen but not set"), ("--hide", "can neither be seen nor set")):
+    for option, meaning in (("--fix", "can be seen but not set"), ("--hide", "can neither be seen nor set")):
         command.add_argument(
             option,
             action="append",
             default=[],
             metavar="NAME",
-            help=f"parameter, or pattern of parameters, that {what} (repeatable)",
+            help=f"parameter, or pattern of parameters, that {meaning} (repeatable)",
         )
     command.add_argument("--overwrite", action="store_true", help="replace files that fmublock did not build")
     options = parser.parse_args(arguments)
     try:
         if options.platform and options.flavour != "native":
             raise LoadError("FMUs of the flavour python contain PythonFMU's own binaries; omit --platform.")
-        blocks = [load_block(place) for place in options.blocks]
+        blocks = [load_block(block_path) for block_path in options.blocks]
         names = [block.__name__ for block in blocks]
-        if twice := {name for name in names if names.count(name) > 1}:
-            raise LoadError(f"{', '.join(sorted(twice))} would be written twice to the same file.")
-        disclosure = _disclosure(options)
+        if repeated := {name for name in names if names.count(name) > 1}:
+            raise LoadError(f"{', '.join(sorted(repeated))} would be written twice to the same file.")
+        disclosure = _read_disclosure(options)
         if len(blocks) > 1 and (disclosure.values or disclosure.fixed or disclosure.hidden):
             raise LoadError("--set, --fix and --hide are for one block.")
         for block in blocks:
             Recipe.of(block, options.flavour, disclosure=disclosure, fmi=options.fmi, clock=options.clock)
         paths = [options.output / f"{name}.fmu" for name in names]
         for path in paths:
-            _check_place(path, options.overwrite)
+            _check_output_path(path, options.overwrite)
         for block, path in zip(blocks, paths, strict=True):
             build(
                 block,

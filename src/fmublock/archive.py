@@ -82,13 +82,13 @@ def check_replaceable(path: Path, overwrite: bool = False) -> None:
         BuildError: The FMU may not be written there.
     """
     try:
-        place = real_place(path)
-        is_new = not place.exists() or place.stat().st_size == 0
+        file = real_place(path)
+        is_new = not file.exists() or file.stat().st_size == 0
         if not is_new:
-            place.open("rb").close()  # a limit must not make it a file that others built
+            file.open("rb").close()  # a limit must not make it a file that others built
     except OSError as error:
         raise BuildError(f"the FMU '{path}' cannot be written: {error.strerror or error}.") from error
-    if not (overwrite or is_new or read_built(place).key):
+    if not (overwrite or is_new or read_built(file).key):
         raise BuildError(
             f"'{path}' was not built by fmublock. Choose another folder for the FMU, or use --overwrite."
         )

@@ -108,39 +108,43 @@ class CEquations:
         updated = {(1, r): number for r, number in zip(discrete, results["update"], strict=True)}
         outputs = self._graph.results(symbolic.outputs, updated)
         results["update_and_outputs"] = [*results.pop("update"), *outputs]
-        every = [r for numbers in results.values() for r in numbers]
-        fixed = {n: f"fixed[{i}]" for i, n in enumerate(self._graph.frontier(every, Rank.FIXED, {}))}
-        moving = self._graph.frontier(results["derivatives"], Rank.STEPWISE, fixed)
+        result_numbers = [r for numbers in results.values() for r in numbers]
+        fixed = {
+            n: f"fixed[{i}]" for i, n in enumerate(self._graph.find_frontier(result_numbers, Rank.FIXED, {}))
+        }
+        moving = self._graph.find_frontier(results["derivatives"], Rank.STEPWISE, fixed)
         stepwise = {n: f"stepwise[{i}]" for i, n in enumerate(moving)}
         self.n_fixed, self.n_stepwise = len(fixed), len(stepwise)
         self.functions = {
-            "fixed_values": self._function(
-                "fixed_values(const double *v, double *fixed)", self._targets(fixed), {}
+            "fixed_values": self._format_function(
+                "fixed_values(const double *v, double *fixed)", self._list_targets(fixed), {}
             ),
-            "stepwise_values": self._function(
+            "stepwise_values": self._format_function(
                 "stepwise_values(const double *v, const double *fixed, double *stepwise)",
-                self._targets(stepwise),
+                self._list_targets(stepwise),
                 fixed,
             ),
         }
         for name, numbers in results.items():
-            known = fixed | stepwise if name == "derivatives" else fixed
-            self.functions[name] = self._result_function(name, numbers, known, len(discrete))
+            expressions = fixed | stepwise if name == "derivatives" else fixed
+            self.functions[name] = self._format_result_function(name, numbers, expressions, len(discrete))
 
-    def _result_function(
-        self, name: str, results: Sequence[int], known: Mapping[int, str], discrete: int
+    def _format_result_function(
+        self, name: str, results: Sequence[int], expressions: Mapping[int, str], discrete: int
     ) -> str:
         """Return the C function of a block's method, which gives results."""
-        more, places = "", [f"result[{i}]" for i in range(len(results))]
+        arguments_, targets = "", [f"result[{i}]" for i in range(len(results))]
         if name == "derivatives":
-            more = ", const double *stepwise"
+            arguments_ = ", const double *stepwise"
         elif name.endswith("_tangent"):
-            more = ", double d_time, const double *d"
+            arguments_ = ", double d_time, const double *d"
         elif name == "update_and_outputs":
-            more = ", double *next"
-            places = [*(f"next[{i}]" for i in range(discrete)), *places[: len(results) - discrete]]
-        arguments = f"double time, const double *v, const double *fixed{more}, double *result"
-        return self._function(f"{name}({arguments})", list(zip(places, results, strict=True)), known)
+            arguments_ = ", double *next"
+            targets = [*(f"next[{i}]" for i in range(discrete)), *targets[: len(results) - discrete]]
+        arguments = f"double time, const double *v, const double *fixed{arguments_}, double *result"
+        return self._format_function(
+            f"{name}({arguments})", list(zip(targets, results, strict=True)), expressions
+        )
 
     def text(self) -> str:
         """Return all functions, and how many values they share."""
@@ -156,38 +160,42 @@ class CEquations:
         return "\n".join(lines)
 
     @staticmethod
-    def _targets(known: Mapping[int, str]) -> list[tuple[str, int]]:
-        return [(place, number) for number, place in known.items()]
+    def _list_targets(expressions: Mapping[int, str]) -> list[tuple[str, int]]:
+        return [(target, number) for number, target in expressions.items()]
 
-    def _function(self, signature: str, targets: Sequence[tuple[str, int]], known: Mapping[int, str]) -> str:
+    def _format_function(
+        self, signature: str, targets: Sequence[tuple[str, int]], expressions: Mapping[int, str]
+    ) -> str:
         """Return the C function that computes these values from the known ones."""
-        wanted = [number for _, number in targets]
-        numbers = self._graph.needed(wanted, known)
+        target_numbers = [number for _, number in targets]
+        numbers = self._graph.list_needed(target_numbers, expressions)
         arguments = [word.split("*")[-1].split(" ")[-1] for word in signature[:-1].split("(")[1].split(", ")]
         lines = [
             f"static void {signature} {{",
             f"    {', '.join(f'(void){a}' for a in arguments)};",
-            *self._blocks(numbers, self._scopes(wanted, numbers), known),
-            *(f"    {place} = {self._operand(number, known)};" for place, number in targets),
+            *self._format_blocks(numbers, self._find_scopes(target_numbers, numbers), expressions),
+            *(f"    {target} = {self._format_operand(number, expressions)};" for target, number in targets),
             "}",
             "",
         ]
         return "\n".join(lines)
 
-    def _scopes(self, wanted: Sequence[int], numbers: Sequence[int]) -> dict[int, tuple[int, ...]]:
+    def _find_scopes(
+        self, target_numbers: Sequence[int], numbers: Sequence[int]
+    ) -> dict[int, tuple[int, ...]]:
         """Return the conditions under which each operation is computed, if they are worth a branch."""
-        found = conditions(self._graph, wanted, numbers)
-        saved = dict.fromkeys((c for inside in found.values() for c in inside), 0)
+        conditions_of = conditions(self._graph, target_numbers, numbers)
+        saved = dict.fromkeys((c for conditions_ in conditions_of.values() for c in conditions_), 0)
         for number in numbers:
-            for condition in found[number]:
+            for condition in conditions_of[number]:
                 saved[condition] += _BRANCH if self._graph.operations[number].code in _EXPENSIVE else 1
-        return {n: tuple(sorted(c for c in found[n] if saved[c] >= _BRANCH)) for n in numbers}
+        return {n: tuple(sorted(c for c in conditions_of[n] if saved[c] >= _BRANCH)) for n in numbers}
 
-    def _blocks(
-        self, numbers: Sequence[int], scopes: Mapping[int, tuple[int, ...]], known: Mapping[int, str]
+    def _format_blocks(
+        self, numbers: Sequence[int], scopes: Mapping[int, tuple[int, ...]], expressions: Mapping[int, str]
     ) -> Iterator[str]:
         """Return all operations; those under the same conditions share a branch if their order allows it."""
-        blocks = list(self._ordered(numbers, scopes))
+        blocks = list(self._group_by_scope(numbers, scopes))
         block_of = {number: k for k, (_, block) in enumerate(blocks) for number in block}
         shared = {
             i
@@ -197,49 +205,51 @@ class CEquations:
         }
         for scope, block in blocks:
             if not scope:
-                yield from (f"    const double a{n} = {self._expression(n, known)};" for n in block)
+                yield from (
+                    f"    const double a{n} = {self._format_expression(n, expressions)};" for n in block
+                )
                 continue
             yield from (f"    double a{n} = 0.0;" for n in block if n in shared)
-            holds = " && ".join(f"{self._operand(c, known)} != 0.0" for c in scope)
-            yield f"    if ({holds}) {{"
+            condition = " && ".join(f"{self._format_operand(c, expressions)} != 0.0" for c in scope)
+            yield f"    if ({condition}) {{"
             for n in block:
-                declared = "" if n in shared else "const double "
-                yield f"        {declared}a{n} = {self._expression(n, known)};"
+                declaration = "" if n in shared else "const double "
+                yield f"        {declaration}a{n} = {self._format_expression(n, expressions)};"
             yield "    }"
 
-    def _ordered(
+    def _group_by_scope(
         self, numbers: Sequence[int], scopes: Mapping[int, tuple[int, ...]]
     ) -> Iterator[tuple[tuple[int, ...], list[int]]]:
         """Return groups of operations under the same conditions, each as large as possible."""
-        inside, waits, followers = set(numbers), dict[int, int](), dict[int, list[int]]()
+        remaining, missing_operands, followers = set(numbers), dict[int, int](), dict[int, list[int]]()
         for number in numbers:
-            before = {*self._graph.operations[number].operands, *scopes[number]} & inside
-            waits[number] = len(before)
-            for i in before:
+            predecessors = {*self._graph.operations[number].operands, *scopes[number]} & remaining
+            missing_operands[number] = len(predecessors)
+            for i in predecessors:
                 followers.setdefault(i, []).append(number)
-        possible: dict[tuple[int, ...], list[int]] = {}
-        for number in (n for n in numbers if not waits[n]):
-            heappush(possible.setdefault(scopes[number], []), number)
-        while possible:
-            scope = () if () in possible else min(possible, key=lambda s: possible[s][0])
+        ready: dict[tuple[int, ...], list[int]] = {}
+        for number in (n for n in numbers if not missing_operands[n]):
+            heappush(ready.setdefault(scopes[number], []), number)
+        while ready:
+            scope = () if () in ready else min(ready, key=lambda s: ready[s][0])
             block = []
-            while possible.get(scope):
-                block.append(heappop(possible[scope]))
+            while ready.get(scope):
+                block.append(heappop(ready[scope]))
                 for follower in followers.get(block[-1], ()):
-                    waits[follower] -= 1
-                    if not waits[follower]:
-                        heappush(possible.setdefault(scopes[follower], []), follower)
-            del possible[scope]
+                    missing_operands[follower] -= 1
+                    if not missing_operands[follower]:
+                        heappush(ready.setdefault(scopes[follower], []), follower)
+            del ready[scope]
             yield scope, block
 
-    def _expression(self, number: int, known: Mapping[int, str]) -> str:
+    def _format_expression(self, number: int, expressions: Mapping[int, str]) -> str:
         operation = self._graph.operations[number]
         text = _TEXTS.get(operation.code)
         if text is None:
             raise BuildError(f"the operation {operation.code} of CasADi has no meaning in C.")
-        return text.format(*(self._operand(i, known) for i in operation.operands))
+        return text.format(*(self._format_operand(i, expressions) for i in operation.operands))
 
-    def _operand(self, number: int, known: Mapping[int, str]) -> str:
+    def _format_operand(self, number: int, expressions: Mapping[int, str]) -> str:
         operation = self._graph.operations[number]
         if operation.code == CONST:
             text = c_number(operation.value)
@@ -247,4 +257,4 @@ class CEquations:
         if operation.code == INPUT:
             argument, position = operation.operands
             return ("time", f"v[{position}]", "d_time", f"d[{position}]")[argument]
-        return known.get(number, f"a{number}")
+        return expressions.get(number, f"a{number}")

@@ -48,31 +48,31 @@ def cache_folder() -> Path:
     Raises:
         CacheError: The variable's folder is not writable.
     """
-    named = os.environ.get(VARIABLE)
-    if named:
-        folder = Path(named).absolute()
+    variable = os.environ.get(VARIABLE)
+    if variable:
+        folder = Path(variable).absolute()
         if not _is_writable(folder):
-            raise CacheError(f"the folder '{named}' of {VARIABLE} cannot be written to.")
+            raise CacheError(f"the folder '{variable}' of {VARIABLE} cannot be written to.")
         return folder
-    home = _home_cache()
-    return _temporary() if home is None else home / "emla-cosim"
+    home = _find_home_cache()
+    return _make_temporary_folder() if home is None else home / "emla-cosim"
 
 
 def tool_environment() -> dict[str, str]:
     """Return the environment variables that zig and matplotlib need without a writable home."""
-    if _home_cache() is not None and (sys.platform == "win32" or os.environ.get("HOME")):
+    if _find_home_cache() is not None and (sys.platform == "win32" or os.environ.get("HOME")):
         return {}  # zig needs HOME; others find the home folder without it
     folder = cache_folder()
-    places = {
+    folders = {
         "ZIG_GLOBAL_CACHE_DIR": folder / "zig",
         "ZIG_LOCAL_CACHE_DIR": folder / "zig",
         "MPLCONFIGDIR": folder / "matplotlib",
     }
-    return {name: str(place) for name, place in places.items() if name not in os.environ}
+    return {name: str(folder_of_tool) for name, folder_of_tool in folders.items() if name not in os.environ}
 
 
 @cache
-def _home_cache() -> Path | None:
+def _find_home_cache() -> Path | None:
     """Return the folder of all caches of this user; None if it is not writable."""
     from platformdirs import user_cache_path  # slow; needed only if the FMU is not found without the cache
 
@@ -83,7 +83,7 @@ def _home_cache() -> Path | None:
 
 
 @cache
-def _temporary() -> Path:
+def _make_temporary_folder() -> Path:
     """Return a temporary folder that only this user can write to, as binaries are loaded from it."""
     user = os.getuid() if hasattr(os, "getuid") else "user"
     folder = Path(tempfile.gettempdir()) / f"emla-cosim-{user}"

@@ -8,7 +8,7 @@ import signal
 import subprocess
 import sys
 
-_LOOK = 0.2
+_CHECK_INTERVAL = 0.2
 """Seconds between two checks that the parent is alive."""
 
 
@@ -18,7 +18,7 @@ def main() -> None:
     with subprocess.Popen(command) as compiler:
         while os.name == "nt" or os.getppid() == int(parent):
             try:
-                sys.exit(compiler.wait(_LOOK))
+                sys.exit(compiler.wait(_CHECK_INTERVAL))
             except subprocess.TimeoutExpired:
                 continue
         os.killpg(0, signal.SIGKILL)

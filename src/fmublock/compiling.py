@@ -44,11 +44,11 @@ def is_for(name: str, fmi: int) -> bool:
 
 def rename_folders(libraries: Mapping[str, bytes], fmi: int) -> dict[str, bytes]:
     """Return libraries by path, in the folders of a version of FMI."""
-    found = {}
+    renamed = {}
     for path, library in libraries.items():
         top, platform, name = path.split("/")
-        found[f"{top}/{binaries_folder(platform, fmi)}/{name}"] = library
-    return found
+        renamed[f"{top}/{binaries_folder(platform, fmi)}/{name}"] = library
+    return renamed
 
 
 def compile_libraries(
@@ -84,19 +84,19 @@ def compile_libraries(
     libraries, running = {}, list[subprocess.Popen[str]]()
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         try:
-            made = pool.map(partial(_compile, name, mains, content, running, loads), platforms)
-            for platform, library in zip(platforms, made, strict=True):
+            compiled = pool.map(partial(_compile, name, mains, content, running, loads), platforms)
+            for platform, library in zip(platforms, compiled, strict=True):
                 libraries[f"binaries/{platform}/{name}{TARGETS[platform][1]}"] = library
                 advance()
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             for process in running:
-                _end(process)
+                _end_process(process)
             raise
     return libraries
 
 
-def _end(process: subprocess.Popen[str]) -> None:
+def _end_process(process: subprocess.Popen[str]) -> None:
     """End a compiler and the processes that it started."""
     if process.poll() is None:
         if sys.platform == "win32":
@@ -119,9 +119,9 @@ def _compile(
     with tempfile.TemporaryDirectory(prefix=f"emla-build-{mark_of_process()}-") as folder:
         for file, text in content.items():
             if file.startswith("sources/"):
-                place = Path(folder, file.removeprefix("sources/"))
-                place.parent.mkdir(parents=True, exist_ok=True)
-                place.write_bytes(text)
+                source_file = Path(folder, file.removeprefix("sources/"))
+                source_file.parent.mkdir(parents=True, exist_ok=True)
+                source_file.write_bytes(text)
         output = f"{name}{suffix}"
         libraries = [] if fmi_platform == "win64" else ["-lm"]
         libraries += ["-ldl"] if loads and "linux" in fmi_platform else []

@@ -86,9 +86,9 @@ def model_description(
 ) -> bytes:
     """Return the model description as UTF-8 XML."""
     layout = block.layout()
-    every = (*layout.scalars, *(layout.derivatives if offers.derivatives else ()))
-    shown = {r: s for r, s in enumerate(every) if s.access is not Access.HIDDEN}
-    scalars = tuple(shown.values())
+    all_scalars = (*layout.scalars, *(layout.derivatives if offers.derivatives else ()))
+    visible = {r: s for r, s in enumerate(all_scalars) if s.access is not Access.HIDDEN}
+    scalars = tuple(visible.values())
     name = type(block).__name__
     root = describe_model(name, (block.__doc__ or name).strip().splitlines()[0], producer, guid)
     if offers.model_exchange:
@@ -108,16 +108,16 @@ def model_description(
     add_default_experiment(root, block)
     variables = SubElement(root, "ModelVariables")
     states = layout.references(layout.states)
-    positions = {reference: str(k) for k, reference in enumerate(shown, 1)}
-    for reference, scalar in shown.items():
+    positions = {reference: str(k) for k, reference in enumerate(visible, 1)}
+    for reference, scalar in visible.items():
         element = _add_variable(variables, reference, scalar)
         if reference >= len(layout.scalars):
             element.set("derivative", positions[states[reference - len(layout.scalars)]])
-    found = find_structure(block, symbolic, offers.derivatives)
+    dependencies = find_structure(block, symbolic, offers.derivatives)
     structure = SubElement(root, "ModelStructure")
-    _add_unknowns(structure, "Outputs", found.outputs, positions)
-    _add_unknowns(structure, "Derivatives", found.derivatives, positions)
-    _add_unknowns(structure, "InitialUnknowns", found.initial, positions)
+    _add_unknowns(structure, "Outputs", dependencies.outputs, positions)
+    _add_unknowns(structure, "Derivatives", dependencies.derivatives, positions)
+    _add_unknowns(structure, "InitialUnknowns", dependencies.initial, positions)
     return format_xml(root)
 
 
@@ -234,7 +234,7 @@ FMI3_TYPES = {"Real": "Float64", "Integer": "Int32", "Boolean": "Boolean", "Enum
 """Types of FMI 3.0 by those of FMI 2.0."""
 
 
-def _interface(scalar: ScalarVariable) -> tuple[str, str, str | None]:
+def _get_interface(scalar: ScalarVariable) -> tuple[str, str, str | None]:
     """Return causality, variability and initial of a scalar variable."""
     variable = scalar.variable
     real = variable.fmi_type == "Real"
@@ -268,7 +268,7 @@ def _add_variable(variables: Element, reference: int, scalar: ScalarVariable) ->
 
 def variable_attributes(reference: int, name: str, scalar: ScalarVariable) -> dict[str, str]:
     """Return the attributes of a variable that do not depend on its type."""
-    causality, variability, initial = _interface(scalar)
+    causality, variability, initial = _get_interface(scalar)
     attributes = {"name": name, "valueReference": str(reference)}
     if scalar.variable.description:
         attributes["description"] = scalar.variable.description
@@ -344,21 +344,21 @@ def find_structure(
     from_parameters = [r for r in states if layout.scalars[r].variable.start_parameter is not None]
     initial: dict[int, set[int | None]] = {r: {layout.start_reference(r)} for r in from_parameters}
     for r in (*layout.references(layout.outputs), *derivatives):
-        initial[r] = {_start(layout, d, time) for d in dependencies[r]}
+        initial[r] = {_find_start_reference(layout, d, time) for d in dependencies[r]}
     settable = {*(r for r, s in enumerate(layout.scalars) if s.access is Access.SETTABLE), time}
     return Structure(
-        {r: _named(knowns, dependencies.get(r, [r])) for r in outputs},
-        {r: _named(knowns, dependencies.get(r, [r])) for r in derivatives},
-        {r: _named(settable, found) for r, found in initial.items()},
+        {r: _select_knowns(knowns, dependencies.get(r, [r])) for r in outputs},
+        {r: _select_knowns(knowns, dependencies.get(r, [r])) for r in derivatives},
+        {r: _select_knowns(settable, references) for r, references in initial.items()},
     )
 
 
-def _named(knowns: Collection[int | None], found: Iterable[int | None]) -> set[int]:
-    """Return the value references in `found` that are knowns."""
-    return {r for r in found if r is not None and r in knowns}
+def _select_knowns(knowns: Collection[int | None], references: Iterable[int | None]) -> set[int]:
+    """Return the value references in `references` that are knowns."""
+    return {r for r in references if r is not None and r in knowns}
 
 
-def _start(layout: Layout, reference: int, time: int | None) -> int | None:
+def _find_start_reference(layout: Layout, reference: int, time: int | None) -> int | None:
     """Return the value reference of what a variable starts from; None if that is a time without variable."""
     if reference == time:
         return time
@@ -372,6 +372,6 @@ def _add_unknowns(
     """Add unknowns with their dependencies, as positions in ModelVariables."""
     if unknowns:
         element = SubElement(structure, kind)
-        for reference, known in sorted(unknowns.items()):
-            dependencies = " ".join(positions[d] for d in sorted(known))
+        for reference, knowns in sorted(unknowns.items()):
+            dependencies = " ".join(positions[d] for d in sorted(knowns))
             SubElement(element, "Unknown", index=positions[reference], dependencies=dependencies)

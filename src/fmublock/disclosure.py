@@ -62,17 +62,17 @@ def _redeclare(block: Block, changed: Mapping[Parameter, Parameter]) -> Block:
     declared: dict[str, Variable] = {p.attribute: p for p in changed.values()}
     for variable in (*layout.states, *layout.discrete_states, *layout.outputs):
         if {variable.start_parameter, *(variable.limit_parameters or ())} & changed.keys():
-            declared[variable.attribute] = own = copy.copy(variable)
-            own.start = changed.get(own.start, own.start) if own.start_parameter else own.start
-            if own.limit_parameters is not None:
-                low, high = own.limit_parameters
-                own.limits = changed.get(low, low), changed.get(high, high)
+            declared[variable.attribute] = copied = copy.copy(variable)
+            copied.start = changed.get(copied.start, copied.start) if copied.start_parameter else copied.start
+            if copied.limit_parameters is not None:
+                low, high = copied.limit_parameters
+                copied.limits = changed.get(low, low), changed.get(high, high)
     texts = {"__module__": owner.__module__, "__qualname__": owner.__qualname__, "__doc__": owner.__doc__}
     restricted = type(owner.__name__, (owner,), {**texts, **declared})
     restricted.origin, restricted.is_restricted = owner.origin, True
-    made = object.__new__(restricted)
-    vars(made).update(vars(block))
-    return made
+    instance = object.__new__(restricted)
+    vars(instance).update(vars(block))
+    return instance
 
 
 def _set_values(block: Block, values: Mapping[str, Any]) -> dict[Parameter, Parameter]:
@@ -87,15 +87,17 @@ def _set_values(block: Block, values: Mapping[str, Any]) -> dict[Parameter, Para
                 raise DisclosureError(
                     f"{name} is an array; set its elements, such as {elements[0]}."
                 ) from None
-            raise _no_parameter(block, name) from None
+            raise _unknown_parameter_error(block, name) from None
         if not isinstance(scalar.variable, Parameter):
-            raise DisclosureError(f"{name} is {_kind(scalar.variable)}; only parameters get values here.")
-        own = changed.setdefault(scalar.variable, copy.copy(scalar.variable))
-        found = _convert(scalar, value)
-        low, high = own.range
-        if not low <= found <= high:
+            raise DisclosureError(
+                f"{name} is {_describe_kind(scalar.variable)}; only parameters get values here."
+            )
+        copied = changed.setdefault(scalar.variable, copy.copy(scalar.variable))
+        number = _convert(scalar, value)
+        low, high = copied.range
+        if not low <= number <= high:
             raise DisclosureError(f"{name} = {value} is outside its range, {low:.9g} to {high:.9g}.")
-        own.start = _replace_element(own, scalar, found)
+        copied.start = _replace_element(copied, scalar, number)
     return changed
 
 
@@ -115,52 +117,54 @@ def _convert(scalar: ScalarVariable, value: Any) -> Any:
     try:
         if variable.enumeration is not None:
             members = {m.name.lower(): m for m in variable.enumeration}
-            named = value if isinstance(value, IntEnum) else members.get(text.lower())
-            return variable.enumeration(int(text)) if named is None else variable.enumeration(named)
+            member = value if isinstance(value, IntEnum) else members.get(text.lower())
+            return variable.enumeration(int(text)) if member is None else variable.enumeration(member)
         if variable.fmi_type == "Boolean":
             return _TRUTH[text.lower()]
         number = float(text) if variable.fmi_type == "Real" else int(text)
         Variable(number)  # refuses infinity and NaN
     except (KeyError, ValueError, TypeError):
-        raise DisclosureError(f"{scalar.name} = {value} is not {_wanted(variable)}.") from None
+        raise DisclosureError(f"{scalar.name} = {value} is not {_describe_type(variable)}.") from None
     return number
 
 
-def _wanted(variable: Variable) -> str:
+def _describe_type(variable: Variable) -> str:
     if variable.enumeration is not None:
         return f"one of {', '.join(m.name.lower() for m in variable.enumeration)}"
-    wanted = {"Real": "a finite number", "Integer": "a whole number"}
-    return wanted.get(variable.fmi_type, "true or false")
+    descriptions = {"Real": "a finite number", "Integer": "a whole number"}
+    return descriptions.get(variable.fmi_type, "true or false")
 
 
 def _select(block: Block, patterns: Sequence[str], access: Access) -> list[Parameter]:
     """Return the parameters that the patterns match, arrays as a whole."""
     layout = block.layout()
-    found: list[Parameter] = []
+    selected: list[Parameter] = []
     for pattern in patterns:
         matches = [p for p in layout.parameters if fnmatchcase(str(p.name), pattern)]
-        found += matches
+        selected += matches
         if matches:
             continue
         scalar = next((s for s in layout.scalars if pattern in (s.name, s.variable.name)), None)
         if scalar is None:
-            raise _no_parameter(block, pattern)
+            raise _unknown_parameter_error(block, pattern)
         if isinstance(scalar.variable, Parameter):
             raise DisclosureError(
                 f"{pattern} is one element of an array, which can be {access.word} as a whole only; "
                 f"write {scalar.variable.name}."
             )
-        raise DisclosureError(f"{pattern} is {_kind(scalar.variable)}; only parameters can be {access.word}.")
-    return found
+        raise DisclosureError(
+            f"{pattern} is {_describe_kind(scalar.variable)}; only parameters can be {access.word}."
+        )
+    return selected
 
 
-def _kind(variable: Variable) -> str:
+def _describe_kind(variable: Variable) -> str:
     if isinstance(variable, Input):
         return "an input"
     return "an output" if isinstance(variable, Output) else "a state"
 
 
-def _no_parameter(block: Block, name: str) -> DisclosureError:
+def _unknown_parameter_error(block: Block, name: str) -> DisclosureError:
     names = [str(p.name) for p in block.layout().parameters]
     near = difflib.get_close_matches(name, names, 1)
     hint = f"did you mean {near[0]}?" if near else f"the block has {', '.join(names) or 'none'}."
@@ -169,12 +173,12 @@ def _no_parameter(block: Block, name: str) -> DisclosureError:
 
 def _check_start(block: Block, restricted: Block) -> None:
     """Raise DisclosureError if the block with its new values cannot start, but could before."""
-    refusal = _refusal(restricted)
-    if refusal is not None and _refusal(block) is None:
+    refusal = _find_refusal(restricted)
+    if refusal is not None and _find_refusal(block) is None:
         raise DisclosureError(f"no instance of this FMU could start: {refusal}")
 
 
-def _refusal(block: Block) -> str | None:
+def _find_refusal(block: Block) -> str | None:
     try:
         instance = Instance(block)
         instance.enter_initialization()

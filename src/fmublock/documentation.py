@@ -52,8 +52,8 @@ def html_page(markdown: str, title: str) -> str:
 def docstring_page(block: Block, is_brief: bool = False) -> str:
     """Return the default Markdown page of a block: its name and its docstring, or the first line of it."""
     text = inspect.cleandoc(block.__doc__ or "")
-    shown = text.splitlines()[0] if is_brief and text else text
-    return f"# {type(block).__name__}\n\n{shown}\n"
+    page_text = text.splitlines()[0] if is_brief and text else text
+    return f"# {type(block).__name__}\n\n{page_text}\n"
 
 
 def variable_table(block: Block | type[Block]) -> str:
@@ -69,26 +69,26 @@ def variable_table(block: Block | type[Block]) -> str:
         ("Discrete states", layout.discrete_states),
     ):
         if variables:
-            lines += [f"\n### {heading}\n", *_HEADING, *map(_row, variables)]
+            lines += [f"\n### {heading}\n", *_HEADING, *map(_format_row, variables)]
     return "\n".join(lines) + "\n"
 
 
 _HEADING = ["| Symbol | Name | Unit | Start | Range | Meaning |", "|---|---|---|---|---|---|"]
 
-_BEGIN, _END = "<!-- variables begin -->", "<!-- variables end -->"
+_START_MARK, _END_MARK = "<!-- variables begin -->", "<!-- variables end -->"
 """The table of variables is between these marks."""
 
 
 def with_variables(page: str, block: Block | type[Block]) -> str:
     """Insert the block's table of variables into a Markdown page: between the marks, or at the end."""
-    before, begin, rest = page.partition(_BEGIN)
-    _, end, after = rest.partition(_END)
-    if not (begin and end):
+    before, start, remainder = page.partition(_START_MARK)
+    _, end, after = remainder.partition(_END_MARK)
+    if not (start and end):
         return f"{page}\n## Variables\n{variable_table(block)}"
-    return f"{before}{begin}\n{variable_table(block).strip()}\n{end}{after}"
+    return f"{before}{start}\n{variable_table(block).strip()}\n{end}{after}"
 
 
-def _row(variable: Variable) -> str:
+def _format_row(variable: Variable) -> str:
     elements = ",".join(f"1..{n}" for n in variable.shape)
     name = f"{variable.name}[{elements}]" if elements else variable.name
     symbol = f"${variable.symbol}$" if variable.symbol else ""
@@ -96,14 +96,14 @@ def _row(variable: Variable) -> str:
         symbol,
         f"`{name}`",
         variable.unit or "",
-        _start(variable),
-        _range(variable),
+        _format_start(variable),
+        _format_range(variable),
         variable.description,
     )
     return f"| {' | '.join(cells).replace(chr(10), ' ')} |"
 
 
-def _start(variable: Variable) -> str:
+def _format_start(variable: Variable) -> str:
     """Return the start as text: a value, one for each element, or a parameter."""
     if variable.start_parameter is not None:
         is_hidden = variable.start_parameter.access is Access.HIDDEN
@@ -116,27 +116,27 @@ def _start(variable: Variable) -> str:
         return str(variable.start).lower()
     if variable.enumeration is not None:
         return f"`{variable.start.name.lower()}`"
-    starts = [_number(s.start) for s in variable.scalars()]
+    starts = [_format_number(s.start) for s in variable.scalars()]
     if len(set(starts)) == 1:
         return starts[0]
-    return ", ".join(starts[:_MOST_STARTS]) + (", ..." if len(starts) > _MOST_STARTS else "")
+    return ", ".join(starts[:_MAX_STARTS]) + (", ..." if len(starts) > _MAX_STARTS else "")
 
 
-_MOST_STARTS = 9
+_MAX_STARTS = 9
 """Most start values shown for an array whose elements differ."""
 
 
-def _range(variable: Variable) -> str:
+def _format_range(variable: Variable) -> str:
     """Return the range as text; empty if any value is allowed."""
     if variable.enumeration is not None:
         return ", ".join(f"`{member.name.lower()}`" for member in variable.enumeration)
-    low, high = (None if x is None else _number(x) for x in (variable.minimum, variable.maximum))
+    low, high = (None if x is None else _format_number(x) for x in (variable.minimum, variable.maximum))
     if low is not None and high is not None:
         return f"{low} to {high}"
     return f"≥ {low}" if low is not None else f"≤ {high}" if high is not None else ""
 
 
-def _number(value: float) -> str:
+def _format_number(value: float) -> str:
     """Format a number with few digits; a whole number, such as a seed, with all of them."""
     text = f"{value:.9g}"
     return str(int(value)) if float(value).is_integer() and float(text) != value else text
@@ -149,15 +149,15 @@ def icon(block: Block) -> bytes:
     from matplotlib.figure import Figure
 
     layout = block.layout()
-    left = [x.name or "" for x in layout.inputs]
-    right = [x.name or "" for x in (*layout.states, *layout.outputs)]
-    rows = max(len(left), len(right), 3)
+    input_names = [x.name or "" for x in layout.inputs]
+    output_names = [x.name or "" for x in (*layout.states, *layout.outputs)]
+    rows = max(len(input_names), len(output_names), 3)
     figure = Figure(figsize=(4.0, 0.9 + 0.22 * rows), dpi=100)
     axes = figure.add_axes((0, 0, 1, 1), xlim=(0, 1), ylim=(rows + 2.2, -0.4))
     axes.axis("off")
     axes.fill([0.08, 0.92, 0.92, 0.08], [0, 0, rows + 1.6, rows + 1.6], "#f3f6fa", ec="#2f5d8a", lw=1.5)
     axes.text(0.5, 0.7, type(block).__name__, ha="center", va="center", weight="bold", color="#2f5d8a")
-    for names, edge, sign, align in ((left, 0.08, -1, "left"), (right, 0.92, 1, "right")):
+    for names, edge, sign, align in ((input_names, 0.08, -1, "left"), (output_names, 0.92, 1, "right")):
         for i, name in enumerate(names):
             y = 1.7 + i * rows / max(len(names), 1)
             axes.plot([edge, edge + 0.05 * sign], [y, y], color="#2f5d8a", lw=1.5)

@@ -41,8 +41,8 @@ class Draft:
         self, path: Path, binaries: Mapping[str, bytes], key: str, check: Callable[[Path], object] = accept
     ) -> None:
         """Write the FMU with these further files and its key. Raises OSError, and what `check` raises."""
-        kept = {p: f for p, f in self.files.items() if self.has_sources or not p.startswith("sources/")}
-        files = {**kept, **binaries, "modelDescription.xml": self.description}
+        included = {p: f for p, f in self.files.items() if self.has_sources or not p.startswith("sources/")}
+        files = {**included, **binaries, "modelDescription.xml": self.description}
         write_archive(path, files, key_comment(key), check=check)
 
 

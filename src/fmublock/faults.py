@@ -14,10 +14,10 @@ from .errors import BuildError
 from .results import EquationError
 from .symbol import RefusedError
 
-_OWN = str(Path(__file__).parent)
+_PACKAGE_FOLDER = str(Path(__file__).parent)
 
 
-class _SourcePlace(NamedTuple):
+class _SourcePosition(NamedTuple):
     """A part of a line that was being executed."""
 
     file: str
@@ -33,22 +33,22 @@ def equation_fault(block: Block, method: str, error: BaseException) -> BuildErro
     linecache.checkcache()  # files may have changed since other faults
     name = f"{type(block).__name__}.{method}"
     function = getattr(type(block), method)
-    places = list(_places(block, function, error.__traceback__))
-    if not places:
-        return BuildError(f"{name} cannot be evaluated: {_summary(error)}.")
-    first, last = places[0], places[-1]
-    results = _results_at(function, first)
-    whose = f"{name}, {' and '.join(results)}" if results else name
+    positions = list(_find_positions(block, function, error.__traceback__))
+    if not positions:
+        return BuildError(f"{name} cannot be evaluated: {_summarize(error)}.")
+    first, last = positions[0], positions[-1]
+    results = _find_affected_results(function, first)
+    subject = f"{name}, {' and '.join(results)}" if results else name
     where = f"`{last.text}` in line {last.line} of {Path(last.file).name}"
     if isinstance(error, RefusedError):
-        return BuildError(f"{whose}: {where} {error}.")
-    return BuildError(f"{whose}: {where} fails: {_summary(error)}.")
+        return BuildError(f"{subject}: {where} {error}.")
+    return BuildError(f"{subject}: {where} fails: {_summarize(error)}.")
 
 
 def result_line(block: Block, method: str, result: str) -> str:
     """Return where a method returns a result, such as ` in line 7 of mine.py`; empty if unknown."""
     function = getattr(type(block), method)
-    for node in ast.walk(_definition(function) or ast.Module([], [])):
+    for node in ast.walk(_find_definition(function) or ast.Module([], [])):
         if isinstance(node, ast.Dict):
             for key, value in zip(node.keys, node.values, strict=True):
                 if isinstance(key, ast.Constant) and key.value == result:
@@ -56,27 +56,29 @@ def result_line(block: Block, method: str, result: str) -> str:
     return ""
 
 
-def _summary(error: BaseException) -> str:
+def _summarize(error: BaseException) -> str:
     text = str(error).splitlines()
     return f"{type(error).__name__}: {text[0].rstrip('.')}" if text else type(error).__name__
 
 
-def _places(block: Block, function: Any, traceback: TracebackType | None) -> Iterator[_SourcePlace]:
+def _find_positions(
+    block: Block, function: Any, traceback: TracebackType | None
+) -> Iterator[_SourcePosition]:
     """Yield the places of a traceback in the user's files, from the method inwards."""
     files = {base.origin.file for base in type(block).__mro__ if issubclass(base, Block)}
-    folders = {str(Path(file).parent) for file in files if file is not None} - {_OWN}
-    code, inside = getattr(function, "__code__", None), False
+    folders = {str(Path(file).parent) for file in files if file is not None} - {_PACKAGE_FOLDER}
+    code, is_inside = getattr(function, "__code__", None), False
     while traceback is not None:
         executed = traceback.tb_frame.f_code
-        inside = inside or executed is code
-        own = executed.co_filename == getattr(code, "co_filename", None)
-        near = str(Path(executed.co_filename).parent) in folders
-        if inside and (own or near):
-            yield _place(executed, traceback)
+        is_inside = is_inside or executed is code
+        is_same_file = executed.co_filename == getattr(code, "co_filename", None)
+        is_in_folder = str(Path(executed.co_filename).parent) in folders
+        if is_inside and (is_same_file or is_in_folder):
+            yield _read_position(executed, traceback)
         traceback = traceback.tb_next
 
 
-def _place(code: CodeType, traceback: TracebackType) -> _SourcePlace:
+def _read_position(code: CodeType, traceback: TracebackType) -> _SourcePosition:
     position = next(islice(code.co_positions(), traceback.tb_lasti // 2, None))
     line, end_line, column, end_column = position
     if line is None:
@@ -84,10 +86,10 @@ def _place(code: CodeType, traceback: TracebackType) -> _SourcePlace:
     text = linecache.getline(code.co_filename, line)
     if line == end_line and column is not None:
         text = text.encode()[column:end_column].decode()
-    return _SourcePlace(code.co_filename, line, column or 0, text.strip() or "...")
+    return _SourcePosition(code.co_filename, line, column or 0, text.strip() or "...")
 
 
-def _definition(function: Callable[..., Any]) -> ast.FunctionDef | None:
+def _find_definition(function: Callable[..., Any]) -> ast.FunctionDef | None:
     """Parse the text of a function; None if there is no text."""
     code = getattr(function, "__code__", None)
     if code is None:
@@ -104,34 +106,34 @@ def _definition(function: Callable[..., Any]) -> ast.FunctionDef | None:
     return None
 
 
-def _results_at(function: Callable[..., Any], place: _SourcePlace) -> list[str]:
+def _find_affected_results(function: Callable[..., Any], position: _SourcePosition) -> list[str]:
     """Return the keys of the returned dict whose values depend on this place, judged by names."""
-    definition = _definition(function)
+    definition = _find_definition(function)
     names: set[str] = set()
     results: list[str] = []
     if definition is None:
         return results
 
-    decided: set[ast.AST] = set()  # statements under a concerned condition
+    conditional: set[ast.AST] = set()  # statements under a concerned condition
 
-    def concerned(node: ast.AST) -> bool:
+    def is_affected(node: ast.AST) -> bool:
         used = {n.id for n in ast.walk(node) if isinstance(n, ast.Name)}
-        return _covers(node, place) or node in decided or bool(used & names)
+        return _covers(node, position) or node in conditional or bool(used & names)
 
     statements = [n for n in ast.walk(definition) if isinstance(n, ast.stmt)]
     for statement in sorted(statements, key=lambda s: s.lineno):
         match statement:
-            case ast.Assign(targets=targets, value=value) if concerned(value):
+            case ast.Assign(targets=targets, value=value) if is_affected(value):
                 names |= _assigned_names(targets)
-            case ast.AugAssign(target=target, value=value) if concerned(value):
+            case ast.AugAssign(target=target, value=value) if is_affected(value):
                 names |= _assigned_names([target])
             case ast.If(test=value) | ast.While(test=value) | ast.For(iter=value) if (
-                concerned(value) or (statement.lineno, statement.col_offset) == place[1:3]
+                is_affected(value) or (statement.lineno, statement.col_offset) == position[1:3]
             ):
-                decided |= set(ast.walk(statement))
+                conditional |= set(ast.walk(statement))
             case ast.Return(value=ast.Dict(keys=keys, values=values)):
                 pairs = zip(keys, values, strict=True)
-                results += [str(k.value) for k, v in pairs if isinstance(k, ast.Constant) and concerned(v)]
+                results += [str(k.value) for k, v in pairs if isinstance(k, ast.Constant) and is_affected(v)]
     return results
 
 
@@ -140,7 +142,7 @@ def _assigned_names(targets: list[ast.expr]) -> set[str]:
     return {n.id for target in targets for n in ast.walk(target) if isinstance(n, ast.Name)}
 
 
-def _covers(node: ast.AST, place: _SourcePlace) -> bool:
+def _covers(node: ast.AST, position: _SourcePosition) -> bool:
     start = getattr(node, "lineno", sys.maxsize), getattr(node, "col_offset", 0)
     end = getattr(node, "end_lineno", 0), getattr(node, "end_col_offset", 0)
-    return start <= (place.line, place.column) < end
+    return start <= (position.line, position.column) < end

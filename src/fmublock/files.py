@@ -15,7 +15,7 @@ from .leftovers import MARK, is_left, mark_of_process
 UNFINISHED = ".unfinished-"
 """Prefix of the names of incomplete files."""
 
-_LEFT = re.compile(rf"{re.escape(UNFINISHED)}{MARK}-[a-z0-9_]{{8}}")
+_UNFINISHED_NAME = re.compile(rf"{re.escape(UNFINISHED)}{MARK}-[a-z0-9_]{{8}}")
 
 _KINDS = {
     stat.S_IFLNK: "a symbolic link",
@@ -42,22 +42,22 @@ def real_place(path: Path) -> Path:
     """
     try:
         is_folder = path.name in ("", "..")
-        place = Path(os.path.realpath(path) if is_folder else os.path.realpath(path.parent))
-        place = place if is_folder else place / path.name
+        file = Path(os.path.realpath(path) if is_folder else os.path.realpath(path.parent))
+        file = file if is_folder else file / path.name
     except ValueError as error:  # a NUL in the name of a folder
         raise NotAFileError(0, str(error)) from error
     try:
-        kind = stat.S_IFMT(place.lstat().st_mode)
+        kind = stat.S_IFMT(file.lstat().st_mode)
     except ValueError as error:  # a NUL in the name of the file
         raise NotAFileError(0, str(error)) from error
     except FileNotFoundError:
-        return place
+        return file
     if kind != stat.S_IFREG:
         raise NotAFileError(0, f"it is {_KINDS.get(kind, 'no file')}")
-    return place
+    return file
 
 
-def accept(place: Path) -> None:
+def accept(path: Path) -> None:
     """Let `write_atomically` replace any regular file."""
 
 
@@ -77,43 +77,43 @@ def write_atomically(path: Path, check: Callable[[Path], object] = accept) -> It
         NotAFileError: Something that is not a regular file has this name.
         OSError: The file cannot be written.
     """
-    place = real_place(path)
-    _remove_left(str(place.parent))
-    handle, name = tempfile.mkstemp(dir=place.parent, prefix=f"{UNFINISHED}{mark_of_process()}-")
+    file = real_place(path)
+    _remove_unfinished(str(file.parent))
+    handle, name = tempfile.mkstemp(dir=file.parent, prefix=f"{UNFINISHED}{mark_of_process()}-")
     unfinished = Path(name)
     try:
         with os.fdopen(handle, "wb") as stream:
             yield stream
             stream.flush()
             os.fsync(stream.fileno())
-        unfinished.chmod(_mode(place))
-        if os.path.lexists(place):
-            real_place(place)
-            check(place)
-        unfinished.replace(place)
+        unfinished.chmod(_get_mode(file))
+        if os.path.lexists(file):
+            real_place(file)
+            check(file)
+        unfinished.replace(file)
     except BaseException:
         unfinished.unlink(missing_ok=True)
         raise
 
 
 @cache
-def _remove_left(folder: str) -> None:
+def _remove_unfinished(folder: str) -> None:
     """Remove incomplete files that killed processes left in a folder. A process does this once."""
     with suppress(OSError), os.scandir(folder) as entries:
         for entry in entries:
-            found = _LEFT.fullmatch(entry.name)
+            match = _UNFINISHED_NAME.fullmatch(entry.name)
             if (
-                found is not None
-                and is_left(found[1], found[2], found[3])
+                match is not None
+                and is_left(match[1], match[2], match[3])
                 and entry.is_file(follow_symlinks=False)
             ):
                 os.unlink(entry.path)  # noqa: PTH108 (a path is not needed)
 
 
-def _mode(place: Path) -> int:
+def _get_mode(path: Path) -> int:
     """Return the permissions of the existing file, or those of a new one."""
     try:
-        return stat.S_IMODE(place.stat().st_mode)
+        return stat.S_IMODE(path.stat().st_mode)
     except FileNotFoundError:
         mask = os.umask(0)
         os.umask(mask)

@@ -37,8 +37,8 @@ def fmi3_model_description(
 ) -> bytes:
     """Return the model description as UTF-8 XML."""
     layout = block.layout()
-    every = (*layout.scalars, *(layout.derivatives if offers.clock is None else ()))
-    shown = {r: s for r, s in enumerate(every) if s.access is not Access.HIDDEN}
+    all_scalars = (*layout.scalars, *(layout.derivatives if offers.clock is None else ()))
+    visible = {r: s for r, s in enumerate(all_scalars) if s.access is not Access.HIDDEN}
     name = type(block).__name__
     root = describe_model(name, (block.__doc__ or name).strip().splitlines()[0], producer, token, fmi=3)
     capabilities = {
@@ -66,14 +66,14 @@ def fmi3_model_description(
         capabilities | special,
         canHandleVariableCommunicationStepSize="true",
     )
-    described = (*shown.values(), time_variable(block))
+    described = (*visible.values(), time_variable(block))
     add_units(root, described)
     add_types(root, described, fmi=3)
     add_log_categories(root, fmi=3)
     add_default_experiment(root, block)
     lengths = element_counts(block)
     variables = SubElement(root, "ModelVariables")
-    _add_variables(variables, block, shown, lengths)
+    _add_variables(variables, block, visible, lengths)
     structure = SubElement(root, "ModelStructure")
     _add_structure(structure, block, symbolic, lengths)
     if offers.clock is not None:
@@ -98,7 +98,7 @@ def element_counts(block: Block) -> list[int]:
     others. The derivatives follow, and the time.
     """
     layout = block.layout()
-    counts = [_count(s) for s in layout.scalars]
+    counts = [_count_elements(s) for s in layout.scalars]
     return [*counts, *(counts[r] for r in layout.references(layout.states)), 1]
 
 
@@ -117,17 +117,17 @@ def time_reference(block: Block) -> int:
     return len(layout.scalars) + len(layout.derivatives)
 
 
-def _count(scalar: ScalarVariable) -> int:
+def _count_elements(scalar: ScalarVariable) -> int:
     return 0 if any(scalar.index) else math.prod(scalar.variable.shape)
 
 
 def _add_variables(
-    variables: Element, block: Block, shown: Mapping[int, ScalarVariable], lengths: Sequence[int]
+    variables: Element, block: Block, visible: Mapping[int, ScalarVariable], lengths: Sequence[int]
 ) -> None:
     """Add all variables; the time is the last one."""
     layout = block.layout()
     states = layout.references(layout.states)
-    for reference, scalar in shown.items():
+    for reference, scalar in visible.items():
         if not lengths[reference]:
             continue
         fmi_type, of_state = scalar.variable.fmi_type, scalar
@@ -145,7 +145,7 @@ def _add_variables(
         for length in of_state.variable.shape:
             SubElement(element, "Dimension", start=str(length))
         if attributes.get("initial") != "calculated":
-            starts = (shown[r].start for r in range(reference, reference + lengths[reference]))
+            starts = (visible[r].start for r in range(reference, reference + lengths[reference]))
             element.set("start", " ".join(format_number(fmi_type, x) for x in starts))
     time = time_variable(block)
     attributes = {"name": time.name, "valueReference": str(len(lengths) - 1), "description": "Time"}
@@ -158,15 +158,17 @@ def _add_structure(
 ) -> None:
     """Add the dependencies of outputs, derivatives and initial unknowns, each of whole variables."""
     first = list(accumulate(range(len(lengths)), lambda before, r: r if lengths[r] else before))
-    found = find_structure(block, symbolic, True, time_reference(block))
+    dependencies_ = find_structure(block, symbolic, True, time_reference(block))
     for kind, unknowns in (
-        ("Output", found.outputs),
-        ("ContinuousStateDerivative", found.derivatives),
-        ("InitialUnknown", found.initial),
+        ("Output", dependencies_.outputs),
+        ("ContinuousStateDerivative", dependencies_.derivatives),
+        ("InitialUnknown", dependencies_.initial),
     ):
-        whole = dict[int, set[int]]()
+        by_variable = dict[int, set[int]]()
         for reference, knowns in sorted(unknowns.items()):
-            whole.setdefault(first[reference], set()).update(first[known] for known in knowns)
-        for reference, knowns in whole.items():
+            by_variable.setdefault(first[reference], set()).update(
+                first[reference_of_known] for reference_of_known in knowns
+            )
+        for reference, knowns in by_variable.items():
             dependencies = " ".join(map(str, sorted(knowns)))
             SubElement(structure, kind, valueReference=str(reference), dependencies=dependencies)

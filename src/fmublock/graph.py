@@ -45,63 +45,65 @@ class Graph:
     """The rank of each element of each argument."""
     operations: list[GraphOperation] = field(default_factory=list)
     ranks: list[Rank] = field(default_factory=list)
-    _known: dict[tuple, int] = field(default_factory=dict, repr=False)
+    _numbers: dict[tuple, int] = field(default_factory=dict, repr=False)
 
     def results(
-        self, function: casadi.Function, instead: Mapping[tuple[int, int], int] | None = None
+        self, function: casadi.Function, replacements: Mapping[tuple[int, int], int] | None = None
     ) -> list[int]:
         """Add the operations of a function.
 
         Args:
             function: A function of the arguments that `leaf_ranks` describes.
-            instead: Numbers of the values that replace elements of arguments, by argument and position.
+            replacements: Numbers of the values that replace elements of arguments, by argument and position.
 
         Returns:
             The numbers of the function's results.
         """
         results = [0] * function.nnz_out(0)
-        places: dict[int, int] = {}
+        work: dict[int, int] = {}
         for k in range(function.n_instructions()):
             code, operands = function.instruction_id(k), function.instruction_input(k)
             target = function.instruction_output(k)
             if code == casadi.OP_OUTPUT:
-                results[target[1]] = places[operands[0]]
+                results[target[1]] = work[operands[0]]
             elif code == CONST:
-                places[target[0]] = self._constant(function.instruction_constant(k))
+                work[target[0]] = self._add_constant(function.instruction_constant(k))
             elif code == INPUT:
                 element = operands[0], operands[1]
-                known = None if instead is None else instead.get(element)
-                places[target[0]] = self._number(GraphOperation(code, element)) if known is None else known
+                replacement = None if replacements is None else replacements.get(element)
+                work[target[0]] = (
+                    self._add_operation(GraphOperation(code, element)) if replacement is None else replacement
+                )
             else:
-                places[target[0]] = self._number(self._plain(code, [places[i] for i in operands]))
-        zero = self._constant(0.0)
+                work[target[0]] = self._add_operation(self._expand(code, [work[i] for i in operands]))
+        zero = self._add_constant(0.0)
         dense = [zero] * function.numel_out(0)  # structural zeros are not results of an operation
-        for place, number in zip(function.sparsity_out(0).find(), results, strict=True):
-            dense[place] = number
+        for position, number in zip(function.sparsity_out(0).find(), results, strict=True):
+            dense[position] = number
         return dense
 
-    def _plain(self, code: int, operands: Sequence[int]) -> GraphOperation:
+    def _expand(self, code: int, operands: Sequence[int]) -> GraphOperation:
         """Replace CasADi's abbreviations by the operations that give the same bits."""
         if code == casadi.OP_SQ:
             return GraphOperation(casadi.OP_MUL, (operands[0], operands[0]))
         if code == casadi.OP_TWICE:
-            return GraphOperation(casadi.OP_MUL, (self._constant(2.0), operands[0]))
+            return GraphOperation(casadi.OP_MUL, (self._add_constant(2.0), operands[0]))
         if code == casadi.OP_INV:
-            return GraphOperation(casadi.OP_DIV, (self._constant(1.0), operands[0]))
+            return GraphOperation(casadi.OP_DIV, (self._add_constant(1.0), operands[0]))
         return GraphOperation(code, tuple(operands))
 
-    def _constant(self, value: float) -> int:
-        return self._number(GraphOperation(CONST, (), value))
+    def _add_constant(self, value: float) -> int:
+        return self._add_operation(GraphOperation(CONST, (), value))
 
-    def _number(self, operation: GraphOperation) -> int:
+    def _add_operation(self, operation: GraphOperation) -> int:
         key = (operation.code, operation.operands, operation.value.hex())  # tells 0.0 from -0.0
-        if key not in self._known:
-            self._known[key] = len(self.operations)
+        if key not in self._numbers:
+            self._numbers[key] = len(self.operations)
             self.operations.append(operation)
-            self.ranks.append(self._rank(operation))
-        return self._known[key]
+            self.ranks.append(self._find_rank(operation))
+        return self._numbers[key]
 
-    def _rank(self, operation: GraphOperation) -> Rank:
+    def _find_rank(self, operation: GraphOperation) -> Rank:
         if operation.code == CONST:
             return Rank.FIXED
         if operation.code == INPUT:
@@ -113,25 +115,25 @@ class Graph:
         """Return whether a value is a constant or an argument's element, which is not computed."""
         return self.operations[number].code in (CONST, INPUT)
 
-    def needed(self, results: Sequence[int], known: Mapping[int, object]) -> list[int]:
+    def list_needed(self, results: Sequence[int], available: Mapping[int, object]) -> list[int]:
         """Return the operations that these results need, in order, when the known values are available."""
-        found, waiting = set[int](), [r for r in results if r not in known]
+        needed_numbers, waiting = set[int](), [r for r in results if r not in available]
         while waiting:
             number = waiting.pop()
-            if number in found or self.is_leaf(number):
+            if number in needed_numbers or self.is_leaf(number):
                 continue
-            found.add(number)
-            waiting += [i for i in self.operations[number].operands if i not in known]
-        return sorted(found)
+            needed_numbers.add(number)
+            waiting += [i for i in self.operations[number].operands if i not in available]
+        return sorted(needed_numbers)
 
-    def frontier(self, results: Sequence[int], rank: Rank, known: Mapping[int, object]) -> list[int]:
+    def find_frontier(self, results: Sequence[int], rank: Rank, available: Mapping[int, object]) -> list[int]:
         """Return the computed values of this rank that results or operations of higher rank use directly."""
         used = set(results)
-        for number in self.needed(results, known):
+        for number in self.list_needed(results, available):
             if self.ranks[number] > rank:
                 used |= set(self.operations[number].operands)
-        wanted = (i for i in used if self.ranks[i] == rank and not self.is_leaf(i) and i not in known)
-        return sorted(wanted)
+        numbers = (i for i in used if self.ranks[i] == rank and not self.is_leaf(i) and i not in available)
+        return sorted(numbers)
 
 
 def conditions(graph: Graph, results: Sequence[int], numbers: Sequence[int]) -> dict[int, frozenset[int]]:
@@ -139,12 +141,14 @@ def conditions(graph: Graph, results: Sequence[int], numbers: Sequence[int]) -> 
 
     A choice needs its second operand only if the first one, its condition, holds.
     """
-    inside = set(numbers)
-    found = dict.fromkeys(results, frozenset[int]())
+    numbers_ = set(numbers)
+    conditions_of = dict.fromkeys(results, frozenset[int]())
     for number in reversed(numbers):
         code, operands = graph.operations[number].code, graph.operations[number].operands
         for k, operand in enumerate(operands):
-            use = found[number] | {operands[0]} if code == CHOICE and k == 1 else found[number]
-            if operand in inside:
-                found[operand] = found[operand] & use if operand in found else use
-    return found
+            use = (
+                conditions_of[number] | {operands[0]} if code == CHOICE and k == 1 else conditions_of[number]
+            )
+            if operand in numbers_:
+                conditions_of[operand] = conditions_of[operand] & use if operand in conditions_of else use
+    return conditions_of

@@ -25,7 +25,7 @@ _FOLDER = re.compile(rf"emla-[a-z]+-{MARK}-[a-z0-9_]{{8}}")
 def mark_of_process() -> str:
     """Return the mark of this process for the names of its temporary files."""
     process = os.getpid()
-    return f"{process}-{_start_of(process) or 0}-{_place() or '0' * 8}"
+    return f"{process}-{_find_start_time(process) or 0}-{_find_host_mark() or '0' * 8}"
 
 
 def make_temporary_folder(kind: str) -> Path:
@@ -44,8 +44,8 @@ def remove_leftovers() -> None:
     """Remove the temporary folders that killed processes of this user left. Errors are ignored."""
     with suppress(OSError), os.scandir(tempfile.gettempdir()) as entries:
         for entry in entries:
-            found = _FOLDER.fullmatch(entry.name)
-            if found is not None and is_left(found[1], found[2], found[3]) and _is_own_folder(entry):
+            match = _FOLDER.fullmatch(entry.name)
+            if match is not None and is_left(match[1], match[2], match[3]) and _is_own_folder(entry):
                 remove_folder(entry.path)
 
 
@@ -55,15 +55,15 @@ def remove_folder(folder: str | Path) -> None:
         shutil.rmtree(folder, ignore_errors=True)
         for path, folders, files in os.walk(folder, topdown=False):
             for name in (*folders, *files):
-                place = Path(path, name)
+                entry = Path(path, name)
                 with suppress(OSError):
-                    place.unlink() if place.is_symlink() or not place.is_dir() else place.rmdir()
+                    entry.unlink() if entry.is_symlink() or not entry.is_dir() else entry.rmdir()
         Path(folder).rmdir()
 
 
-def is_left(process: str, start: str, place: str) -> bool:
+def is_left(process: str, start: str, host: str) -> bool:
     """Return whether the process of a mark has ended. If that cannot be known, it has not."""
-    if place != _place():
+    if host != _find_host_mark():
         return False
     try:
         os.stat(f"/proc/{process}")  # noqa: PTH116 (a path is not needed)
@@ -71,7 +71,7 @@ def is_left(process: str, start: str, place: str) -> bool:
         return True
     except OSError:
         return False
-    return _start_of(int(process)) not in (start, None)
+    return _find_start_time(int(process)) not in (start, None)
 
 
 def _is_own_folder(entry: os.DirEntry[str]) -> bool:
@@ -84,7 +84,7 @@ def _is_own_folder(entry: os.DirEntry[str]) -> bool:
     )
 
 
-def _start_of(process: int) -> str | None:
+def _find_start_time(process: int) -> str | None:
     """Return the start of a process in clock ticks since the boot; None if it is unknown."""
     with suppress(OSError, IndexError):
         return Path(f"/proc/{process}/stat").read_text(errors="replace").rpartition(")")[2].split()[19]
@@ -92,7 +92,7 @@ def _start_of(process: int) -> str | None:
 
 
 @cache
-def _place() -> str | None:
+def _find_host_mark() -> str | None:
     """Return a hash of what process ids depend on; None if it is unknown."""
     with suppress(OSError):
         boot = Path("/proc/sys/kernel/random/boot_id").read_text()

@@ -14,33 +14,33 @@ from .block import Block
 from .errors import LoadError
 
 
-def load_block(place: str) -> type[Block]:
+def load_block(block_path: str) -> type[Block]:
     """Return the block class that a text names.
 
     The file runs as if it were imported, and can import modules beside it. In a folder with an `__init__.py`
     it is a module of that package. The modules do not stay imported.
 
     Args:
-        place: FILE.py:BLOCK.
+        block_path: FILE.py:BLOCK.
 
     Raises:
         LoadError: the file or the block does not exist, or the file fails.
     """
-    name, _, block = place.rpartition(":")
+    name, _, block = block_path.rpartition(":")
     if not name or not block.isidentifier():
-        raise LoadError(f"'{place}' does not name a block; write FILE.py:BLOCK.")
+        raise LoadError(f"'{block_path}' does not name a block; write FILE.py:BLOCK.")
     file = Path(name)
     if not file.is_file():
         raise LoadError(f"there is no file '{name}'.")
-    module = _run(file.resolve())
-    found = getattr(module, block, None)
-    own = _defined_blocks(module)
-    if found is None:
-        choice = f"its blocks are {', '.join(own)}" if own else "it defines no block"
+    module = _run_file(file.resolve())
+    block_class = getattr(module, block, None)
+    blocks = _defined_blocks(module)
+    if block_class is None:
+        choice = f"its blocks are {', '.join(blocks)}" if blocks else "it defines no block"
         raise LoadError(f"'{name}' has no {block}; {choice}.")
-    if not _is_block(found):
+    if not _is_block(block_class):
         raise LoadError(f"{block} of '{name}' is not a block; derive it from fmublock.Block.")
-    return found
+    return block_class
 
 
 def load_blocks(file: Path) -> dict[str, type[Block]]:
@@ -49,7 +49,7 @@ def load_blocks(file: Path) -> dict[str, type[Block]]:
     Raises:
         LoadError: the file fails.
     """
-    return _defined_blocks(_run(file.resolve()))
+    return _defined_blocks(_run_file(file.resolve()))
 
 
 def _defined_blocks(module: ModuleType) -> dict[str, type[Block]]:
@@ -60,7 +60,7 @@ def _is_block(thing: object) -> bool:
     return isinstance(thing, type) and issubclass(thing, Block) and thing is not Block
 
 
-def _run(file: Path) -> ModuleType:
+def _run_file(file: Path) -> ModuleType:
     """Run the file and return it as a module."""
     root, parts = file.parent, [re.sub(r"\W", "_", file.stem)]
     while (root / "__init__.py").is_file():
@@ -81,7 +81,7 @@ def _run(file: Path) -> ModuleType:
                 f"'{culprit}' is not valid Python: {error.msg} in line {error.lineno}."
             ) from error
         except (Exception, SystemExit) as error:
-            line = _line(error, file)
+            line = _describe_line(error, file)
             text = str(error).splitlines() or [""]
             raise LoadError(f"'{file.name}' fails{line}: {type(error).__name__}: {text[0]}.") from error
     return module
@@ -110,7 +110,7 @@ class _FolderFinder(MetaPathFinder):
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
         """Find a module; None if it is not in the folder."""
-        if path is not None and not all(Path(place).is_relative_to(self._folder) for place in path):
+        if path is not None and not all(Path(folder).is_relative_to(self._folder) for folder in path):
             return None
         spec = PathFinder.find_spec(fullname, [str(self._folder)] if path is None else path, target)
         if spec is not None and isinstance(spec.loader, SourceFileLoader):
@@ -122,13 +122,13 @@ class _FolderFinder(MetaPathFinder):
 def _import_from(folder: Path) -> Iterator[None]:
     """Import from this folder first, and forget its modules afterwards."""
 
-    def lies_here(module: str) -> bool:
+    def is_in_folder(module: str) -> bool:
         top = module.split(".")[0]
-        beside = (folder / f"{top}.py").is_file() or (folder / top / "__init__.py").is_file()
-        return beside and top not in sys.stdlib_module_names and top != __package__
+        exists = (folder / f"{top}.py").is_file() or (folder / top / "__init__.py").is_file()
+        return exists and top not in sys.stdlib_module_names and top != __package__
 
-    before = {name: module for name, module in sys.modules.items() if lies_here(name)}
-    for name in before:
+    hidden_modules = {name: module for name, module in sys.modules.items() if is_in_folder(name)}
+    for name in hidden_modules:
         del sys.modules[name]
     finder = _FolderFinder(folder)
     sys.meta_path.insert(0, finder)
@@ -137,12 +137,12 @@ def _import_from(folder: Path) -> Iterator[None]:
         yield
     finally:
         sys.meta_path.remove(finder)
-        for name in [n for n in sys.modules if lies_here(n)]:
+        for name in [n for n in sys.modules if is_in_folder(n)]:
             del sys.modules[name]
-        sys.modules.update(before)
+        sys.modules.update(hidden_modules)
 
 
-def _line(error: BaseException, file: Path) -> str:
+def _describe_line(error: BaseException, file: Path) -> str:
     """Return the last line of the file that was run, such as ` in line 3`."""
     line, traceback = "", error.__traceback__
     while traceback is not None:

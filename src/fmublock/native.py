@@ -14,7 +14,7 @@ from .symbolic import SymbolicBlock, evaluate_symbolically
 from .variables import Access, StartTime
 
 
-def _shim(fmi: int) -> str:
+def _get_main_file(fmi: int) -> str:
     """Return the only file to compile; it includes all others."""
     return f"fmi{fmi}_block.c"
 
@@ -37,15 +37,17 @@ def native_draft(
     symbolic = evaluate_symbolically(block)
     content = {
         "sources/generated.h": c_equations(block, symbolic).text().encode(),
-        "sources/model.h": _model_header(block, symbolic, fmi, clock).encode(),
+        "sources/model.h": _format_model_header(block, symbolic, fmi, clock).encode(),
         **sources("shim", fmi),
     }
     if fmi == 3:
-        content["sources/buildDescription.xml"] = build_description(type(block).__name__, [_shim(fmi)])
+        content["sources/buildDescription.xml"] = build_description(
+            type(block).__name__, [_get_main_file(fmi)]
+        )
     offers = FmuFeatures(
         derivatives=True,
         model_exchange=offers_model_exchange(block) and clock is None,
-        source_files=(_shim(fmi),) if has_sources else (),
+        source_files=(_get_main_file(fmi),) if has_sources else (),
         clock=clock,
     )
     anonymous = draft(block, symbolic, producer, documents, content, offers, has_sources, fmi)
@@ -62,12 +64,12 @@ def native_binaries(
         BuildError: The compiler fails, or a platform is not supported.
     """
     libraries = compile_libraries(
-        type(draft.block).__name__, [_shim(draft.fmi)], draft.files, platforms, advance
+        type(draft.block).__name__, [_get_main_file(draft.fmi)], draft.files, platforms, advance
     )
     return rename_folders(libraries, draft.fmi)
 
 
-def _model_header(block: Block, symbolic: SymbolicBlock, fmi: int, clock: float | None) -> str:
+def _format_model_header(block: Block, symbolic: SymbolicBlock, fmi: int, clock: float | None) -> str:
     """Return names, types, ranges, start and nominal values as C: all that the shim knows of the block."""
     layout = block.layout()
     name = type(block).__name__
@@ -127,16 +129,16 @@ def _model_header(block: Block, symbolic: SymbolicBlock, fmi: int, clock: float 
         access = f"'{scalar.access.value}'" + (f", {counts[reference]}" if counts else "")
         name = "" if scalar.access is Access.HIDDEN else scalar.name
         lines.append(f"    {{\"{name}\", '{letter}', {access}, {values}, {start_reference}}},")
-    more = _limits(block) + _conditions(symbolic.demands)
+    tables = _format_limits(block) + _format_conditions(symbolic.demands)
     if fmi == 3:
         time = time_variable(block).name
         elements = ", 1" if counts else ""
         lines.append(f"    {{\"{time}\", 'R', 'S'{elements}, 0.0, -HUGE_VAL, HUGE_VAL, 1.0, -1}},")
-        more += _dependencies(block, symbolic)
-    return "\n".join([*lines, "};", *more, ""])
+        tables += _format_dependencies(block, symbolic)
+    return "\n".join([*lines, "};", *tables, ""])
 
 
-def _dependencies(block: Block, symbolic: SymbolicBlock) -> list[str]:
+def _format_dependencies(block: Block, symbolic: SymbolicBlock) -> list[str]:
     """Return on which others values depend, as C."""
     structure = find_structure(block, symbolic, True, time_reference(block))
     unknowns = sorted({**structure.outputs, **structure.derivatives}.items())
@@ -152,18 +154,20 @@ def _dependencies(block: Block, symbolic: SymbolicBlock) -> list[str]:
     ]
 
 
-def _conditions(demands: Sequence[str]) -> list[str]:
+def _format_conditions(demands: Sequence[str]) -> list[str]:
     """Return the messages of the block's conditions as C, in the order of their values."""
     rows = [f"    {c_text(message)}," for message in demands]
     table = ["static const char *const demands[] = {", *rows, "};"] if rows else []
     return ["", f"#define N_CONDITIONS {len(rows)}", *table]
 
 
-def _limits(block: Block) -> list[str]:
+def _format_limits(block: Block) -> list[str]:
     """Return the variables with limits as C, and the parameters that are these limits."""
     layout = block.layout()
-    found = ((r, layout.limit_references(r)) for r in range(len(layout.scalars)))
-    rows = [f"    {{{r}, {low}, {high}}}," for r, (low, high) in ((r, x) for r, x in found if x is not None)]
+    references = ((r, layout.limit_references(r)) for r in range(len(layout.scalars)))
+    rows = [
+        f"    {{{r}, {low}, {high}}}," for r, (low, high) in ((r, x) for r, x in references if x is not None)
+    ]
     return [
         "",
         f"#define N_LIMITS {len(rows)}",

@@ -119,14 +119,16 @@ class Recipe:
             raise VersionError("a clock needs FMI 3.0; build the FMU for FMI 3.")
         if clock is not None and not 0.0 < clock < math.inf:
             raise VersionError(f"the interval of a clock must be positive and finite, not {clock:g} s.")
-        made = disclosure.restrict(_instance(block))
-        if flavour != "native" and (made.is_restricted or not disclosure.has_sources):
+        restricted = disclosure.restrict(_make_block(block))
+        if flavour != "native" and (restricted.is_restricted or not disclosure.has_sources):
             raise DisclosureError(
                 f"FMUs of the flavour {flavour} contain equations and values as Python files; "
                 "build a native FMU."
             )
         has_sources = disclosure.has_sources
-        return cls(made, flavour, producer or Producer(), documents or Documents(), has_sources, fmi, clock)
+        return cls(
+            restricted, flavour, producer or Producer(), documents or Documents(), has_sources, fmi, clock
+        )
 
     @property
     def model(self) -> str:
@@ -154,7 +156,7 @@ class Recipe:
         if sources.foreign or sources.reads_files:
             return None
         parts = [module_of(type(self.block)), repr(self._settings)]
-        parts += [*_declared(self.block), *_own_files()]
+        parts += [*_describe_declarations(self.block), *_read_fmublock_files()]
         parts += [f"{path}\0{text}" for path, text in sorted(sources.texts.items())]
         digest = hashlib.sha256()
         for part in parts:
@@ -165,45 +167,47 @@ class Recipe:
 
 def made_by() -> str:
     """Return a text that changes with fmublock itself."""
-    return "\0".join(_own_files())
+    return "\0".join(_read_fmublock_files())
 
 
-def _instance(block: Block | type[Block]) -> Block:
+def _make_block(block: Block | type[Block]) -> Block:
     """Return the checked block of a class or instance. Raises BuildError for anything else."""
     try:
-        made = block() if isinstance(block, type) and issubclass(block, Block) else block
-        if not isinstance(made, Block) or type(made) is Block:
+        instance = block() if isinstance(block, type) and issubclass(block, Block) else block
+        if not isinstance(instance, Block) or type(instance) is Block:
             raise BuildError(f"{block!r} is not a block; derive a class from fmublock.Block.")
     except TypeError as error:
         raise BuildError(f"{block!r} cannot be built: {error}.") from error
     try:
-        made.layout()
+        instance.layout()
     except TypeError as error:
         raise BuildError(f"{error}.") from error
-    if not re.fullmatch(r"[A-Za-z_]\w*", type(made).__name__, re.ASCII):
-        raise BuildError(f"the class {type(made).__name__} needs a name of the letters A to Z, digits and _.")
-    return made
+    if not re.fullmatch(r"[A-Za-z_]\w*", type(instance).__name__, re.ASCII):
+        raise BuildError(
+            f"the class {type(instance).__name__} needs a name of the letters A to Z, digits and _."
+        )
+    return instance
 
 
-def _declared(block: Block) -> list[str]:
+def _describe_declarations(block: Block) -> list[str]:
     """Return the present declarations of a class: its variables and its texts."""
     layout = block.layout()
     variables = dict.fromkeys(scalar.variable for scalar in layout.scalars)
-    own = [{k: _by_name(x) for k, x in vars(v).items()} for v in variables]
+    attributes = [{k: _replace_by_name(x) for k, x in vars(v).items()} for v in variables]
     kinds = [type(v).__name__ for v in variables]
     text = inspect.cleandoc(block.__doc__ or "")  # Python 3.13 removes indentation when it compiles
-    return [repr((type(block).__qualname__, text, block.default_experiment, kinds)), repr(own)]
+    return [repr((type(block).__qualname__, text, block.default_experiment, kinds)), repr(attributes)]
 
 
-def _by_name(value: Any) -> Any:
+def _replace_by_name(value: Any) -> Any:
     """Replace parameters in a variable's attributes by their names."""
     if isinstance(value, tuple):
-        return tuple(_by_name(x) for x in value)
+        return tuple(_replace_by_name(x) for x in value)
     return value.attribute if isinstance(value, Parameter) else value
 
 
 @cache
-def _own_files() -> tuple[str, ...]:
+def _read_fmublock_files() -> tuple[str, ...]:
     """Return the contents of fmublock's own files, which build FMUs and are part of them."""
     folder = Path(__file__).parent
     files = sorted(f for f in folder.rglob("*") if f.suffix in (".py", ".c", ".h"))

@@ -9,7 +9,7 @@ from xml.etree.ElementTree import Element, SubElement
 from .description import format_xml
 from .recipe import LS_REF, RELATED, RELATED_LIST, RelatedFile
 
-_SPACE = "http://fmi-standard.org/fmi-ls-manifest"
+_NAMESPACE = "http://fmi-standard.org/fmi-ls-manifest"
 
 
 def related_files(related: Sequence[RelatedFile]) -> dict[str, bytes]:
@@ -23,16 +23,16 @@ def related_files(related: Sequence[RelatedFile]) -> dict[str, bytes]:
     root = Element(
         "fmiReferences",
         {
-            "xmlns:fmi-ls": _SPACE,
+            "xmlns:fmi-ls": _NAMESPACE,
             "fmi-ls:fmi-ls-name": LS_REF,
             "fmi-ls:fmi-ls-version": "1.0.0-alpha.1",
             "fmi-ls:fmi-ls-description": "Layered Standard providing information on related files included "
             "in an FMU.",
         },
     )
-    for one in related:
+    for file in related:
         SubElement(
-            root, "Related", type=one.type, source=one.name, role=one.role, description=one.description
+            root, "Related", type=file.type, source=file.name, role=file.role, description=file.description
         )
-    files = {f"{RELATED}/{one.name}": one.text.encode() for one in related}
+    files = {f"{RELATED}/{file.name}": file.text.encode() for file in related}
     return {**files, RELATED_LIST: format_xml(root)}

@@ -13,9 +13,9 @@ from pathlib import Path
 from .block import Block, Origin
 from .errors import BuildError
 
-_OWN = "fmublock"
-_OWN_ROOT = Path(__file__).parents[1]
-_ELSEWHERE = {_OWN, *sys.stdlib_module_names}
+_PACKAGE = "fmublock"
+_IMPORT_ROOT = Path(__file__).parents[1]
+_AVAILABLE_MODULES = {_PACKAGE, *sys.stdlib_module_names}
 _READERS = {"configparser", "fileinput", "importlib", "io", "linecache", "os", "pathlib", "pkgutil", "shelve"}
 _READERS |= {"sqlite3", "subprocess", "urllib"}
 """Modules that read files or the like."""
@@ -63,33 +63,37 @@ def gather_sources(block: type[Block], *more: str) -> Sources:
     bases = [base for base in block.__mro__ if issubclass(base, Block) and base is not Block]
     files: dict[str, Path] = {}
     for base in bases:
-        if base.origin.module.split(".")[0] != _OWN:
-            files[module_of(base)] = _file_of(base)
+        if base.origin.module.split(".")[0] != _PACKAGE:
+            files[module_of(base)] = _find_block_file(base)
     search = _Search(files, follow_own=bool(more))
     gathered = Sources()
-    waiting = [*files, *(f"{_OWN}.{name}" for name in more)]
+    waiting = [*files, *(f"{_PACKAGE}.{name}" for name in more)]
     while waiting:
         module = waiting.pop()
         if "." in module:
             waiting.append(module.rpartition(".")[0])
         file = search.find(module)
-        path = "" if file is None else _path_of(module, file)
+        path = "" if file is None else _get_path(module, file)
         if file is None or path in gathered.texts:  # a folder may be a package without a file
             continue
-        text = _read(file, None if module.split(".")[0] == _OWN else block.origin)
+        text = _read(file, None if module.split(".")[0] == _PACKAGE else block.origin)
         gathered.texts[path] = text
-        is_outside = not file.is_relative_to(_OWN_ROOT)
+        is_outside = not file.is_relative_to(_IMPORT_ROOT)
         gathered.reads_files |= is_outside and re.search(r"\bopen\(", text) is not None
         package = module if file.name == "__init__.py" else module.rpartition(".")[0]
-        for name, inside in _list_imports(text, package, file):
+        for name, submodules in _list_imports(text, package, file):
             gathered.reads_files |= is_outside and name.split(".")[0] in _READERS
-            found = search.find(name)
+            imported_file = search.find(name)
             # a file, unlike a package, has no modules inside
-            for one in [name] if found is not None and found.name != "__init__.py" else [name, *inside]:
-                if search.find(one) is not None:
-                    waiting.append(one)
-                elif search.is_foreign(one):
-                    gathered.foreign.setdefault(module, set()).add(one.split(".")[0])
+            for candidate in (
+                [name]
+                if imported_file is not None and imported_file.name != "__init__.py"
+                else [name, *submodules]
+            ):
+                if search.find(candidate) is not None:
+                    waiting.append(candidate)
+                elif search.is_foreign(candidate):
+                    gathered.foreign.setdefault(module, set()).add(candidate.split(".")[0])
     return gathered
 
 
@@ -99,8 +103,10 @@ def move_into_package(sources: Mapping[str, str], package: str) -> dict[str, str
     Without this, two FMUs in one process could run each other's modules, or the installed ones.
     """
     roots = {path.split("/")[0].removesuffix(".py") for path in sources}
-    moved = {f"{package}/{path}": _rewrite_imports(text, package, roots) for path, text in sources.items()}
-    return {f"{package}/__init__.py": "", **moved}
+    rewritten = {
+        f"{package}/{path}": _rewrite_imports(text, package, roots) for path, text in sources.items()
+    }
+    return {f"{package}/__init__.py": "", **rewritten}
 
 
 class _Search:
@@ -108,30 +114,30 @@ class _Search:
 
     def __init__(self, files: Mapping[str, Path], follow_own: bool) -> None:
         self._files = files
-        self._roots: dict[str, Path] = {_OWN: _OWN_ROOT} if follow_own else {}
-        self._beside: list[Path] = []
-        self._found: dict[str, Path | None] = {}
+        self._roots: dict[str, Path] = {_PACKAGE: _IMPORT_ROOT} if follow_own else {}
+        self._folders: list[Path] = []
+        self._files_by_module: dict[str, Path | None] = {}
         installed = _installed_folders()
         for module, file in files.items():
             if "." in module:
                 self._roots[module.split(".")[0]] = file.parents[module.count(".")]
             elif file.parent not in installed:
-                self._beside.append(file.parent)
+                self._folders.append(file.parent)
 
     def find(self, module: str) -> Path | None:
         """Return the file of a module, if it belongs to the block."""
-        if module not in self._found:
-            self._found[module] = self._find(module)
-        return self._found[module]
+        if module not in self._files_by_module:
+            self._files_by_module[module] = self._find(module)
+        return self._files_by_module[module]
 
     def _find(self, module: str) -> Path | None:
         if module in self._files:
             return self._files[module]
         top = module.split(".")[0]
-        beside = [] if top in _ELSEWHERE else self._beside
-        for root in [self._roots[top]] if top in self._roots else beside:
-            place = root.joinpath(*module.split("."))
-            for file in (place.with_name(f"{place.name}.py"), place / "__init__.py"):
+        folders = [] if top in _AVAILABLE_MODULES else self._folders
+        for root in [self._roots[top]] if top in self._roots else folders:
+            path = root.joinpath(*module.split("."))
+            for file in (path.with_name(f"{path.name}.py"), path / "__init__.py"):
                 if _has_file(root, file):
                     return file
         return None
@@ -139,7 +145,7 @@ class _Search:
     def is_foreign(self, name: str) -> bool:
         """Return whether a name that is not a file of the block is a foreign module."""
         top = name.split(".")[0]
-        return top not in _ELSEWHERE and self.find(top) is None
+        return top not in _AVAILABLE_MODULES and self.find(top) is None
 
 
 def _has_file(root: Path, file: Path) -> bool:
@@ -149,8 +155,8 @@ def _has_file(root: Path, file: Path) -> bool:
     """
     if not file.is_file():
         return False
-    places = [file, *file.parents][: len(file.relative_to(root).parts)]
-    return all(place.name in (entry.name for entry in place.parent.iterdir()) for place in places)
+    paths = [file, *file.parents][: len(file.relative_to(root).parts)]
+    return all(path.name in (entry.name for entry in path.parent.iterdir()) for path in paths)
 
 
 @cache
@@ -159,17 +165,17 @@ def _installed_folders() -> frozenset[Path]:
     return frozenset(Path(sysconfig.get_path(name)) for name in ("purelib", "platlib"))
 
 
-def _file_of(block: type[Block]) -> Path:
+def _find_block_file(block: type[Block]) -> Path:
     file = None if block.origin.file is None else Path(block.origin.file)
-    outline = None if file is None or not file.is_file() else _outline(_read(file, block.origin))
-    if file is None or not isinstance(outline, _Outline) or block.__qualname__ not in outline.classes:
+    top_level = None if file is None or not file.is_file() else _parse_top_level(_read(file, block.origin))
+    if file is None or not isinstance(top_level, _TopLevel) or block.__qualname__ not in top_level.classes:
         raise BuildError(
             f"{block.__name__} is not defined at the top of a Python file, whose text could go into an FMU."
         )
     return file
 
 
-def _path_of(module: str, file: Path) -> str:
+def _get_path(module: str, file: Path) -> str:
     return module.replace(".", "/") + ("/__init__.py" if file.name == "__init__.py" else ".py")
 
 
@@ -187,10 +193,10 @@ def _read(file: Path, origin: Origin | None) -> str:
 
 def _list_imports(text: str, package: str, file: Path) -> Iterator[tuple[str, list[str]]]:
     """Yield the modules that a text imports, and what may be modules inside: a.b of `from a import b`."""
-    outline = _outline(text)
-    if isinstance(outline, SyntaxError):
-        raise BuildError(f"'{file}' is not valid Python: {outline.msg} in line {outline.lineno}.")
-    for level, base, names in outline.imports:
+    top_level = _parse_top_level(text)
+    if isinstance(top_level, SyntaxError):
+        raise BuildError(f"'{file}' is not valid Python: {top_level.msg} in line {top_level.lineno}.")
+    for level, base, names in top_level.imports:
         if level < 0:
             yield from ((name, []) for name in names)
             continue
@@ -199,7 +205,7 @@ def _list_imports(text: str, package: str, file: Path) -> Iterator[tuple[str, li
 
 
 @dataclass(frozen=True)
-class _Outline:
+class _TopLevel:
     """The classes at the top of a text, and its imports.
 
     An import is the number of dots before the module (-1 for `import a`), the module, and the names.
@@ -210,17 +216,17 @@ class _Outline:
 
 
 @cache
-def _outline(text: str) -> _Outline | SyntaxError:
+def _parse_top_level(text: str) -> _TopLevel | SyntaxError:
     """Return the outline of a text, or why it is not valid Python."""
     try:
         body = ast.parse(text).body
     except SyntaxError as error:
         return error
     classes = frozenset(node.name for node in body if isinstance(node, ast.ClassDef))
-    return _Outline(classes, list(_import_statements(body)))
+    return _TopLevel(classes, list(_find_import_statements(body)))
 
 
-def _import_statements(block: Sequence[ast.AST]) -> Iterator[tuple[int, str, tuple[str, ...]]]:
+def _find_import_statements(block: Sequence[ast.AST]) -> Iterator[tuple[int, str, tuple[str, ...]]]:
     """Yield the imports of statements, except for those that only type checkers see."""
     for node in block:
         if isinstance(node, (ast.Import, ast.ImportFrom)):
@@ -231,7 +237,7 @@ def _import_statements(block: Sequence[ast.AST]) -> Iterator[tuple[int, str, tup
         hidden = isinstance(node, ast.If) and _is_for_type_checkers(node.test)
         for name in ("orelse",) if hidden else _BLOCKS:
             if inner := getattr(node, name, None):
-                yield from _import_statements(inner)
+                yield from _find_import_statements(inner)
 
 
 _BLOCKS = ("body", "handlers", "orelse", "finalbody", "cases")
@@ -255,21 +261,19 @@ def _rewrite_imports(text: str, package: str, roots: set[str]) -> str:
         before, after = lines[start][: node.col_offset], lines[end][node.end_col_offset :]
         statement = b"".join(lines[start : end + 1])[node.col_offset :]
         statement = statement[: len(statement) - len(after)].decode()
-        new = _rewritten_import(node, statement, package, roots)
-        lines[start : end + 1] = (before + new.encode() + after).splitlines(keepends=True)
+        rewritten = _rewrite_import(node, statement, package, roots)
+        lines[start : end + 1] = (before + rewritten.encode() + after).splitlines(keepends=True)
     return b"".join(lines).decode()
 
 
-def _rewritten_import(
-    node: ast.Import | ast.ImportFrom, statement: str, package: str, roots: set[str]
-) -> str:
+def _rewrite_import(node: ast.Import | ast.ImportFrom, statement: str, package: str, roots: set[str]) -> str:
     if isinstance(node, ast.ImportFrom):
         if node.level or (node.module or "").split(".")[0] not in roots:
             return statement
         return re.sub(r"from\s+", f"from {package}.", statement, count=1)
     parts = []
     for alias in node.names:
-        root, _, rest = alias.name.partition(".")
+        root, _, remainder = alias.name.partition(".")
         base, _, last = alias.name.rpartition(".")
         name = f" as {alias.asname}" if alias.asname else ""
         if root not in roots:
@@ -277,6 +281,6 @@ def _rewritten_import(
         elif alias.asname:
             parts.append(f"from {package}{'.' if base else ''}{base} import {last}{name}")
         else:
-            parts += [f"import {package}.{alias.name}"] if rest else []
+            parts += [f"import {package}.{alias.name}"] if remainder else []
             parts.append(f"from {package} import {root}")
     return "; ".join(parts)

@@ -30,46 +30,48 @@ _BRANCH = (
 _NUMBER = "needs a number that is known only in a run; use fmublock's own functions (sin, sqrt, dot, ...)"
 
 
-def _refused(message: str) -> Callable[..., NoReturn]:
+def _refuse_operation(message: str) -> Callable[..., NoReturn]:
     def refuse(self: "Symbol", *arguments: Any) -> NoReturn:
         raise RefusedError(message)
 
     return refuse
 
 
-def _binary(operation: "Callable[[Symbol, Symbol], Symbol]", reflected: bool = False) -> Callable[..., Any]:
+def _make_operator(
+    operation: "Callable[[Symbol, Symbol], Symbol]", reflected: bool = False
+) -> Callable[..., Any]:
     """Make an operator method for two numbers; `reflected` exchanges them."""
 
     def apply(self: "Symbol", other: Any) -> Any:
         if not isinstance(other, (Symbol, float, int)):
             return NotImplemented
-        return operation(_wrapped(other), self) if reflected else operation(self, _wrapped(other))
+        return operation(_wrap(other), self) if reflected else operation(self, _wrap(other))
 
     return apply
 
 
-def _sum(a: "Symbol", b: "Symbol") -> "Symbol":
-    return Symbol(a.sx + b.sx, a.whole and b.whole)
+def _add(a: "Symbol", b: "Symbol") -> "Symbol":
+    return Symbol(a.sx + b.sx, a.is_integer and b.is_integer)
 
 
-def _difference(a: "Symbol", b: "Symbol") -> "Symbol":
-    return Symbol(a.sx - b.sx, a.whole and b.whole)
+def _subtract(a: "Symbol", b: "Symbol") -> "Symbol":
+    return Symbol(a.sx - b.sx, a.is_integer and b.is_integer)
 
 
-def _product(a: "Symbol", b: "Symbol") -> "Symbol":
+def _multiply(a: "Symbol", b: "Symbol") -> "Symbol":
     product = a.sx * b.sx
-    return Symbol(product + 0.0, whole=True) if a.whole and b.whole else Symbol(product)
+    return Symbol(product + 0.0, is_integer=True) if a.is_integer and b.is_integer else Symbol(product)
 
 
-def _quotient(a: "Symbol", b: "Symbol") -> "Symbol":
+def _divide(a: "Symbol", b: "Symbol") -> "Symbol":
     return Symbol(a.sx / b.sx)
 
 
-def _comparison(operation: Callable[[Any, Any], casadi.SX]) -> Callable[..., Any]:
+def _make_comparison(operation: Callable[[Any, Any], casadi.SX]) -> Callable[..., Any]:
     def compare(self: "Symbol", other: Any) -> Any:
         if not isinstance(other, (Symbol, float, int)):
             return NotImplemented
-        return Symbol(operation(self.sx, _wrapped(other).sx), whole=True)
+        return Symbol(operation(self.sx, _wrap(other).sx), is_integer=True)
 
     return compare
 
@@ -77,55 +79,57 @@ def _comparison(operation: Callable[[Any, Any], casadi.SX]) -> Callable[..., Any
 class Symbol(Symbolic):
     """A number that is known only in a run.
 
-    `whole` means that Python would have a bool or an int here (a comparison, or a sum of them), which
+    `is_integer` means that Python would have a bool or an int here (a comparison, or a sum of them), which
     have no negative zero.
     """
 
-    __slots__ = ("sx", "whole")
+    __slots__ = ("is_integer", "sx")
     __hash__ = None  # type: ignore[assignment]
     __array_ufunc__ = None  # lets the symbol do operations with NumPy's scalars
 
-    def __init__(self, sx: casadi.SX, whole: bool = False) -> None:
+    def __init__(self, sx: casadi.SX, is_integer: bool = False) -> None:
         self.sx = sx
-        self.whole = whole
+        self.is_integer = is_integer
 
     def call(self, name: str, arguments: Sequence[Any]) -> "Symbol":
         """Call CasADi's function of this name."""
-        results = getattr(casadi, name)(*(_wrapped(x).sx for x in arguments))
-        return Symbol(results, whole=name.startswith("logic_"))
+        results = getattr(casadi, name)(*(_wrap(x).sx for x in arguments))
+        return Symbol(results, is_integer=name.startswith("logic_"))
 
-    __add__, __radd__ = _binary(_sum), _binary(_sum, reflected=True)
-    __sub__, __rsub__ = _binary(_difference), _binary(_difference, reflected=True)
-    __mul__, __rmul__ = _binary(_product), _binary(_product, reflected=True)
-    __truediv__, __rtruediv__ = _binary(_quotient), _binary(_quotient, reflected=True)
+    __add__, __radd__ = _make_operator(_add), _make_operator(_add, reflected=True)
+    __sub__, __rsub__ = _make_operator(_subtract), _make_operator(_subtract, reflected=True)
+    __mul__, __rmul__ = _make_operator(_multiply), _make_operator(_multiply, reflected=True)
+    __truediv__, __rtruediv__ = _make_operator(_divide), _make_operator(_divide, reflected=True)
 
     def __neg__(self) -> "Symbol":
-        return Symbol(0.0 - self.sx if self.whole else -self.sx, self.whole)
+        return Symbol(0.0 - self.sx if self.is_integer else -self.sx, self.is_integer)
 
     def __pos__(self) -> "Symbol":
         return self
 
     def __abs__(self) -> "Symbol":
-        return Symbol(abs(self.sx), self.whole)
+        return Symbol(abs(self.sx), self.is_integer)
 
-    __lt__ = _comparison(lambda a, b: a < b)
-    __le__ = _comparison(lambda a, b: a <= b)
-    __gt__ = _comparison(lambda a, b: a > b)
-    __ge__ = _comparison(lambda a, b: a >= b)
-    __eq__ = _comparison(lambda a, b: a == b)  # type: ignore[assignment]
-    __ne__ = _comparison(lambda a, b: a != b)  # type: ignore[assignment]
+    __lt__ = _make_comparison(lambda a, b: a < b)
+    __le__ = _make_comparison(lambda a, b: a <= b)
+    __gt__ = _make_comparison(lambda a, b: a > b)
+    __ge__ = _make_comparison(lambda a, b: a >= b)
+    __eq__ = _make_comparison(lambda a, b: a == b)  # type: ignore[assignment]
+    __ne__ = _make_comparison(lambda a, b: a != b)  # type: ignore[assignment]
 
-    __bool__ = _refused(_BRANCH)
-    __float__ = __int__ = __complex__ = __index__ = _refused(_NUMBER)
-    __round__ = __floor__ = __ceil__ = __trunc__ = __array__ = _refused(_NUMBER)
-    __format__ = _refused("formats a value that is known only in a run")  # type: ignore[assignment]
-    __pow__ = __rpow__ = _refused("may round differently in C; write a product, or use sqrt, exp and log")
-    __mod__ = __rmod__ = _refused("rounds differently in C; use mod(x, y)")
-    __floordiv__ = __rfloordiv__ = _refused("rounds differently in C; use floor(x / y)")
-    __divmod__ = __rdivmod__ = _refused("rounds differently in C; use floor(x / y) and mod(x, y)")
+    __bool__ = _refuse_operation(_BRANCH)
+    __float__ = __int__ = __complex__ = __index__ = _refuse_operation(_NUMBER)
+    __round__ = __floor__ = __ceil__ = __trunc__ = __array__ = _refuse_operation(_NUMBER)
+    __format__ = _refuse_operation("formats a value that is known only in a run")  # type: ignore[assignment]
+    __pow__ = __rpow__ = _refuse_operation(
+        "may round differently in C; write a product, or use sqrt, exp and log"
+    )
+    __mod__ = __rmod__ = _refuse_operation("rounds differently in C; use mod(x, y)")
+    __floordiv__ = __rfloordiv__ = _refuse_operation("rounds differently in C; use floor(x / y)")
+    __divmod__ = __rdivmod__ = _refuse_operation("rounds differently in C; use floor(x / y) and mod(x, y)")
 
 
-def _wrapped(x: Any) -> Symbol:
+def _wrap(x: Any) -> Symbol:
     """Return a symbol, or convert a number to one. Raises RefusedError for other types and NaN."""
     if isinstance(x, Symbol):
         return x
@@ -137,7 +141,7 @@ def _wrapped(x: Any) -> Symbol:
 
 
 @contextmanager
-def refusing_sum() -> Iterator[None]:
+def refuse_sum() -> Iterator[None]:
     """Refuse `sum` of symbols in this context: since Python 3.12 it is more exact on floats than +."""
     original = builtins.sum
 

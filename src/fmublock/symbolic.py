@@ -10,7 +10,7 @@ from .block import Block, Values
 from .errors import BuildError
 from .faults import equation_fault, result_line
 from .results import METHODS, Conditions, Results
-from .symbol import RefusedError, Symbol, refusing_sum
+from .symbol import RefusedError, Symbol, refuse_sum
 from .tangents import tangent
 
 _METHODS = (*METHODS, "conditions")
@@ -52,20 +52,20 @@ def evaluate_symbolically(block: Block) -> SymbolicBlock:
     simplify = casadi.GlobalOptions.getSimplificationOnTheFly()
     casadi.GlobalOptions.setSimplificationOnTheFly(False)
     try:
-        with refusing_sum():
-            found, again = ([_function(block, m) for m in _METHODS] for _ in range(2))
+        with refuse_sum():
+            first_pass, second_pass = ([_convert_method(block, m) for m in _METHODS] for _ in range(2))
     finally:
         casadi.GlobalOptions.setSimplificationOnTheFly(simplify)
-    functions = [function for function, _ in found]
-    for method, function, (other, _) in zip(_METHODS, functions, again, strict=True):
+    functions = [function for function, _ in first_pass]
+    for method, function, (repeated, _) in zip(_METHODS, functions, second_pass, strict=True):
         # a symbol stored in the first call is free in the second
-        if other.has_free() or function.serialize() != other.serialize():
+        if repeated.has_free() or function.serialize() != repeated.serialize():
             raise BuildError(
                 f"{type(block).__name__}.{method} gives different equations in a second call; "
                 "declare what evolves as a state, and draw random numbers with fmublock.noise."
             )
     derivatives, update, outputs, conditions = functions
-    _, demands = found[-1]
+    _, demands = first_pass[-1]
     return SymbolicBlock(derivatives, update, outputs, conditions, tuple(demands))
 
 
@@ -76,7 +76,7 @@ class _SymbolicValues(Values):
         raise RefusedError("changes a value of the block; declare what evolves as a state")
 
 
-def _function(block: Block, method: str) -> tuple[casadi.Function, list[str]]:
+def _convert_method(block: Block, method: str) -> tuple[casadi.Function, list[str]]:
     """Convert a method of the block to a function of time and all values; return it and its attributes."""
     name, layout = f"{type(block).__name__}.{method}", block.layout()
     time = casadi.SX.sym("time")
@@ -84,14 +84,17 @@ def _function(block: Block, method: str) -> tuple[casadi.Function, list[str]]:
     v = _SymbolicValues()
     v.__dict__["time"] = Symbol(time)
     for variable in (*layout.inputs, *layout.parameters, *layout.states, *layout.discrete_states):
-        own = [Symbol(symbols[r]) for r in layout.references((variable,))]
-        v.__dict__[variable.attribute] = variable.nested(own)
-    given, results = repr(vars(v)), Conditions(block) if method == "conditions" else Results(block, method)
+        symbols_ = [Symbol(symbols[r]) for r in layout.references((variable,))]
+        v.__dict__[variable.attribute] = variable.nested(symbols_)
+    values_before, results = (
+        repr(vars(v)),
+        Conditions(block) if method == "conditions" else Results(block, method),
+    )
     try:
         values = results.flat(getattr(block, method)(v))
     except Exception as error:
         raise equation_fault(block, method, error) from error
-    if repr(vars(v)) != given:
+    if repr(vars(v)) != values_before:
         raise BuildError(f"{name} changes a value of the block; declare what evolves as a state.")
     for attribute, value in zip(results.attributes, values, strict=True):
         if isinstance(value, float) and math.isnan(value):
@@ -113,16 +116,16 @@ def find_dependencies(block: Block, symbolic: SymbolicBlock, time: int | None = 
     layout = block.layout()
     first_derivative = len(layout.scalars)
     derivatives = range(first_derivative, first_derivative + len(layout.derivatives))
-    found: dict[int, list[int]] = {}
+    references_of: dict[int, list[int]] = {}
     for function, references in (
         (symbolic.outputs, layout.references(layout.outputs)),
         (symbolic.derivatives, derivatives),
     ):
-        found |= {r: [] for r in references}
+        references_of |= {r: [] for r in references}
         rows, columns = function.jac_sparsity(0, 1).get_triplet()
         for row, column in zip(rows, columns, strict=True):
-            found[references[row]].append(column)
+            references_of[references[row]].append(column)
         if time is not None:
             for row in function.jac_sparsity(0, 0).get_triplet()[0]:
-                found[references[row]].append(time)
-    return {r: sorted(d) for r, d in found.items()}
+                references_of[references[row]].append(time)
+    return {r: sorted(d) for r, d in references_of.items()}

@@ -19,15 +19,17 @@ def tangent(function: casadi.Function) -> casadi.Function:
     Its arguments are (time, values, direction of time, direction of values). It gives one derivative per
     result. At a kink this lies between the derivatives of both sides.
     """
-    at = casadi.SX.sym("time"), casadi.SX.sym("values", function.size1_in(1))
+    point = casadi.SX.sym("time"), casadi.SX.sym("values", function.size1_in(1))
     direction = casadi.SX.sym("d_time"), casadi.SX.sym("d_values", function.size1_in(1))
-    derivative = casadi.jtimes(function(*at), casadi.vertcat(*at), casadi.vertcat(*direction))
+    derivative = casadi.jtimes(function(*point), casadi.vertcat(*point), casadi.vertcat(*direction))
     name = f"{function.name()}_tangent"
-    arguments = [*at, *direction]
-    return casadi.Function(name, arguments, [_gated(casadi.Function(name, arguments, [derivative]))])
+    arguments = [*point, *direction]
+    return casadi.Function(
+        name, arguments, [_replace_products(casadi.Function(name, arguments, [derivative]))]
+    )
 
 
-def _gated(function: casadi.Function) -> casadi.SX:
+def _replace_products(function: casadi.Function) -> casadi.SX:
     """Replace every product `comparison * x` in the function's result by a choice.
 
     The derivatives of minimum and maximum are such products. If the side not taken has no finite
@@ -43,7 +45,7 @@ def _gated(function: casadi.Function) -> casadi.SX:
         if operation == casadi.OP_OUTPUT:
             result.nz[outputs[1]] = work[inputs[0]]
             continue
-        place = outputs[0]
+        position = outputs[0]
         is_gate = operation in _COMPARISONS or (operation == casadi.OP_DIV and inputs[0] in gates)
         if operation == casadi.OP_INPUT:
             value = arguments[inputs[0]].nz[inputs[1]]
@@ -56,8 +58,8 @@ def _gated(function: casadi.Function) -> casadi.SX:
             value = casadi.SX.binary(operation, a, b)
             for gate in [i for i in inputs if operation == casadi.OP_MUL and i in gates]:
                 value = casadi.SX.binary(casadi.OP_IF_ELSE_ZERO, work[gate], value)
-        work[place] = value
-        gates.discard(place)
+        work[position] = value
+        gates.discard(position)
         if is_gate:
-            gates.add(place)
+            gates.add(position)
     return result

@@ -13,7 +13,7 @@ from functools import lru_cache
 BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 """SI base units in the order of `SiUnit.exponents`; the radian counts as one, as in FMI and SSP."""
 
-_LONGEST = 100
+_MAX_LENGTH = 100
 _TOKEN = re.compile(r"([./()*]|\^?[+-]?[0-9]{1,2}(?![0-9])|(?:delta_|°)?[^\W\d_]+|[°%])")
 _EXPONENT = re.compile(r"\^?([+-]?[0-9]{1,2})")
 _WORD = re.compile(r"[^\W\d_]+")
@@ -61,96 +61,98 @@ class SiUnit:
         return self.exponents is not None and self.exponents[:-1] == (other.exponents or ())[:-1]
 
 
-def _unit(factor: float = 1.0, offset: float = 0.0, is_difference: bool = False, **exponents: int) -> SiUnit:
+def _make_unit(
+    factor: float = 1.0, offset: float = 0.0, is_difference: bool = False, **exponents: int
+) -> SiUnit:
     return SiUnit("", tuple(exponents.get(base, 0) for base in BASE_UNITS), factor, offset, is_difference)
 
 
-_COHERENT = {
-    "m": _unit(m=1),
-    "g": _unit(1e-3, kg=1),
-    "s": _unit(s=1),
-    "A": _unit(A=1),
-    "K": _unit(K=1),
-    "mol": _unit(mol=1),
-    "cd": _unit(cd=1),
-    "rad": _unit(rad=1),
-    "N": _unit(kg=1, m=1, s=-2),
-    "Nm": _unit(kg=1, m=2, s=-2),
-    "Pa": _unit(kg=1, m=-1, s=-2),
-    "J": _unit(kg=1, m=2, s=-2),
-    "W": _unit(kg=1, m=2, s=-3),
-    "VA": _unit(kg=1, m=2, s=-3),
-    "Wh": _unit(3600.0, kg=1, m=2, s=-2),
-    "Ah": _unit(3600.0, s=1, A=1),
-    "V": _unit(kg=1, m=2, s=-3, A=-1),
-    "C": _unit(s=1, A=1),
-    "F": _unit(kg=-1, m=-2, s=4, A=2),
-    "Ohm": _unit(kg=1, m=2, s=-3, A=-2),
-    "ohm": _unit(kg=1, m=2, s=-3, A=-2),
-    "Ω": _unit(kg=1, m=2, s=-3, A=-2),
-    "S": _unit(kg=-1, m=-2, s=3, A=2),
-    "H": _unit(kg=1, m=2, s=-2, A=-2),
-    "Wb": _unit(kg=1, m=2, s=-2, A=-1),
-    "T": _unit(kg=1, s=-2, A=-1),
-    "bar": _unit(1e5, kg=1, m=-1, s=-2),
-    "l": _unit(1e-3, m=3),
-    "L": _unit(1e-3, m=3),
+_PREFIXABLE = {
+    "m": _make_unit(m=1),
+    "g": _make_unit(1e-3, kg=1),
+    "s": _make_unit(s=1),
+    "A": _make_unit(A=1),
+    "K": _make_unit(K=1),
+    "mol": _make_unit(mol=1),
+    "cd": _make_unit(cd=1),
+    "rad": _make_unit(rad=1),
+    "N": _make_unit(kg=1, m=1, s=-2),
+    "Nm": _make_unit(kg=1, m=2, s=-2),
+    "Pa": _make_unit(kg=1, m=-1, s=-2),
+    "J": _make_unit(kg=1, m=2, s=-2),
+    "W": _make_unit(kg=1, m=2, s=-3),
+    "VA": _make_unit(kg=1, m=2, s=-3),
+    "Wh": _make_unit(3600.0, kg=1, m=2, s=-2),
+    "Ah": _make_unit(3600.0, s=1, A=1),
+    "V": _make_unit(kg=1, m=2, s=-3, A=-1),
+    "C": _make_unit(s=1, A=1),
+    "F": _make_unit(kg=-1, m=-2, s=4, A=2),
+    "Ohm": _make_unit(kg=1, m=2, s=-3, A=-2),
+    "ohm": _make_unit(kg=1, m=2, s=-3, A=-2),
+    "Ω": _make_unit(kg=1, m=2, s=-3, A=-2),
+    "S": _make_unit(kg=-1, m=-2, s=3, A=2),
+    "H": _make_unit(kg=1, m=2, s=-2, A=-2),
+    "Wb": _make_unit(kg=1, m=2, s=-2, A=-1),
+    "T": _make_unit(kg=1, s=-2, A=-1),
+    "bar": _make_unit(1e5, kg=1, m=-1, s=-2),
+    "l": _make_unit(1e-3, m=3),
+    "L": _make_unit(1e-3, m=3),
 }
 """Units that accept prefixes and have unambiguous symbols."""
 
 _POUND, _GRAVITY = 0.45359237, 9.80665
-_TURN, _YEAR = 2 * math.pi, 365.25 * 86400.0
+_FULL_TURN, _YEAR = 2 * math.pi, 365.25 * 86400.0
 
-_ALONE = {
-    "Hz": _unit(s=-1),
-    "kHz": _unit(1e3, s=-1),
-    "MHz": _unit(1e6, s=-1),
-    "rpm": _unit(_TURN / 60, s=-1, rad=1),
-    "RPM": _unit(_TURN / 60, s=-1, rad=1),
-    "U/min": _unit(_TURN / 60, s=-1, rad=1),
-    "krpm": _unit(1000 * _TURN / 60, s=-1, rad=1),
-    "kRPM": _unit(1000 * _TURN / 60, s=-1, rad=1),
-    "rev": _unit(_TURN, rad=1),
-    "cycle": _unit(),
-    "cycles": _unit(),
-    "deg": _unit(math.pi / 180, rad=1),
-    "°": _unit(math.pi / 180, rad=1),
-    "Grad": _unit(math.pi / 180, rad=1),
-    "arcmin": _unit(math.pi / 180 / 60, rad=1),
-    "arcsec": _unit(math.pi / 180 / 3600, rad=1),
-    "sec": _unit(s=1),
-    "msec": _unit(1e-3, s=1),
-    "min": _unit(60.0, s=1),
-    "h": _unit(3600.0, s=1),
-    "d": _unit(86400.0, s=1),
-    "a": _unit(_YEAR, s=1),
-    "yr": _unit(_YEAR, s=1),
-    "year": _unit(_YEAR, s=1),
-    "years": _unit(_YEAR, s=1),
-    "%": _unit(1e-2),
-    "ppm": _unit(1e-6),
-    "degC": _unit(1.0, 273.15, K=1),
-    "°C": _unit(1.0, 273.15, K=1),
-    "degF": _unit(5 / 9, 273.15 - 32 * 5 / 9, K=1),
-    "°F": _unit(5 / 9, 273.15 - 32 * 5 / 9, K=1),
-    "delta_K": _unit(K=1, is_difference=True),
-    "delta_degC": _unit(K=1, is_difference=True),
-    "delta_degF": _unit(5 / 9, K=1, is_difference=True),
-    "in": _unit(0.0254, m=1),
-    "inch": _unit(0.0254, m=1),
-    "ft": _unit(0.3048, m=1),
-    "t": _unit(1e3, kg=1),
-    "lbm": _unit(_POUND, kg=1),
-    "ozm": _unit(_POUND / 16, kg=1),
-    "Ncm": _unit(1e-2, kg=1, m=2, s=-2),
-    "Nmm": _unit(1e-3, kg=1, m=2, s=-2),
-    "lbf": _unit(_POUND * _GRAVITY, kg=1, m=1, s=-2),
-    "ozf": _unit(_POUND * _GRAVITY / 16, kg=1, m=1, s=-2),
-    "gf": _unit(1e-3 * _GRAVITY, kg=1, m=1, s=-2),
-    "kgf": _unit(_GRAVITY, kg=1, m=1, s=-2),
-    "kp": _unit(_GRAVITY, kg=1, m=1, s=-2),
-    "psi": _unit(_POUND * _GRAVITY / 0.0254**2, kg=1, m=-1, s=-2),
-    "hp": _unit(550 * 0.3048 * _POUND * _GRAVITY, kg=1, m=2, s=-3),
+_NOT_PREFIXABLE = {
+    "Hz": _make_unit(s=-1),
+    "kHz": _make_unit(1e3, s=-1),
+    "MHz": _make_unit(1e6, s=-1),
+    "rpm": _make_unit(_FULL_TURN / 60, s=-1, rad=1),
+    "RPM": _make_unit(_FULL_TURN / 60, s=-1, rad=1),
+    "U/min": _make_unit(_FULL_TURN / 60, s=-1, rad=1),
+    "krpm": _make_unit(1000 * _FULL_TURN / 60, s=-1, rad=1),
+    "kRPM": _make_unit(1000 * _FULL_TURN / 60, s=-1, rad=1),
+    "rev": _make_unit(_FULL_TURN, rad=1),
+    "cycle": _make_unit(),
+    "cycles": _make_unit(),
+    "deg": _make_unit(math.pi / 180, rad=1),
+    "°": _make_unit(math.pi / 180, rad=1),
+    "Grad": _make_unit(math.pi / 180, rad=1),
+    "arcmin": _make_unit(math.pi / 180 / 60, rad=1),
+    "arcsec": _make_unit(math.pi / 180 / 3600, rad=1),
+    "sec": _make_unit(s=1),
+    "msec": _make_unit(1e-3, s=1),
+    "min": _make_unit(60.0, s=1),
+    "h": _make_unit(3600.0, s=1),
+    "d": _make_unit(86400.0, s=1),
+    "a": _make_unit(_YEAR, s=1),
+    "yr": _make_unit(_YEAR, s=1),
+    "year": _make_unit(_YEAR, s=1),
+    "years": _make_unit(_YEAR, s=1),
+    "%": _make_unit(1e-2),
+    "ppm": _make_unit(1e-6),
+    "degC": _make_unit(1.0, 273.15, K=1),
+    "°C": _make_unit(1.0, 273.15, K=1),
+    "degF": _make_unit(5 / 9, 273.15 - 32 * 5 / 9, K=1),
+    "°F": _make_unit(5 / 9, 273.15 - 32 * 5 / 9, K=1),
+    "delta_K": _make_unit(K=1, is_difference=True),
+    "delta_degC": _make_unit(K=1, is_difference=True),
+    "delta_degF": _make_unit(5 / 9, K=1, is_difference=True),
+    "in": _make_unit(0.0254, m=1),
+    "inch": _make_unit(0.0254, m=1),
+    "ft": _make_unit(0.3048, m=1),
+    "t": _make_unit(1e3, kg=1),
+    "lbm": _make_unit(_POUND, kg=1),
+    "ozm": _make_unit(_POUND / 16, kg=1),
+    "Ncm": _make_unit(1e-2, kg=1, m=2, s=-2),
+    "Nmm": _make_unit(1e-3, kg=1, m=2, s=-2),
+    "lbf": _make_unit(_POUND * _GRAVITY, kg=1, m=1, s=-2),
+    "ozf": _make_unit(_POUND * _GRAVITY / 16, kg=1, m=1, s=-2),
+    "gf": _make_unit(1e-3 * _GRAVITY, kg=1, m=1, s=-2),
+    "kgf": _make_unit(_GRAVITY, kg=1, m=1, s=-2),
+    "kp": _make_unit(_GRAVITY, kg=1, m=1, s=-2),
+    "psi": _make_unit(_POUND * _GRAVITY / 0.0254**2, kg=1, m=-1, s=-2),
+    "hp": _make_unit(550 * 0.3048 * _POUND * _GRAVITY, kg=1, m=2, s=-3),
 }
 """Units that accept no prefixes; `Grad` is a degree in German, not 10^9 rad.
 
@@ -184,7 +186,7 @@ _TURNS = ("Hz", "kHz", "MHz", "rpm", "krpm", "rev")
 @lru_cache(1024)
 def find_unit(name: str) -> SiUnit | None:
     """Return the unit of this name; None if the name is unknown or ambiguous."""
-    return None if name in _AMBIGUOUS else _read(name)
+    return None if name in _AMBIGUOUS else _parse(name)
 
 
 def list_meanings(name: str) -> list[str]:
@@ -201,10 +203,10 @@ def parse_unit(name: str) -> SiUnit:
     Raises:
         ValueError: The name is anything else.
     """
-    found = _read(name)
-    if found is None or (found.factor, found.offset) != (1.0, 0.0) or name.count("/") > 1:
+    unit = _parse(name)
+    if unit is None or (unit.factor, unit.offset) != (1.0, 0.0) or name.count("/") > 1:
         raise ValueError(f"'{name}' is not a product of coherent SI units")
-    return found
+    return unit
 
 
 def counts_turns(name: str) -> bool:
@@ -212,25 +214,25 @@ def counts_turns(name: str) -> bool:
     return any(word in _TURNS for word in _WORD.findall(name))
 
 
-def _read(name: str) -> SiUnit | None:
-    if name in _ALONE:
-        return replace(_ALONE[name], name=name)
-    if len(name) > _LONGEST:
+def _parse(name: str) -> SiUnit | None:
+    if name in _NOT_PREFIXABLE:
+        return replace(_NOT_PREFIXABLE[name], name=name)
+    if len(name) > _MAX_LENGTH:
         return None
     try:
-        tokens = _tokens(name)
-        found = _expression(tokens)
+        tokens = _split_name(name)
+        unit = _parse_expression(tokens)
     except (_UnknownNameError, OverflowError, ZeroDivisionError):
         return None
-    whole = not tokens and math.isfinite(found.factor) and found.factor
-    return replace(found, name=name) if whole else None
+    is_complete = not tokens and math.isfinite(unit.factor) and unit.factor
+    return replace(unit, name=name) if is_complete else None
 
 
 class _UnknownNameError(Exception):
     pass
 
 
-def _tokens(name: str) -> list[str]:
+def _split_name(name: str) -> list[str]:
     """Split a name into its parts, in reverse order."""
     parts = _TOKEN.findall(name)
     if "".join(parts) != name:
@@ -238,59 +240,59 @@ def _tokens(name: str) -> list[str]:
     return parts[::-1]
 
 
-def _expression(tokens: list[str]) -> SiUnit:
+def _parse_expression(tokens: list[str]) -> SiUnit:
     """Parse a numerator, and at most one denominator."""
     if tokens and tokens[-1] == "1":
         tokens.pop()
-        found = _unit()
+        unit = _make_unit()
     else:
-        found = _factor(tokens)
+        unit = _parse_factor(tokens)
         while tokens and tokens[-1] in (".", "*"):
             tokens.pop()
-            found = _times(found, _factor(tokens))
+            unit = _multiply(unit, _parse_factor(tokens))
     if tokens and tokens[-1] == "/":
         tokens.pop()
-        found = _times(found, _factor(tokens), -1)
-    return found
+        unit = _multiply(unit, _parse_factor(tokens), -1)
+    return unit
 
 
-def _factor(tokens: list[str]) -> SiUnit:
+def _parse_factor(tokens: list[str]) -> SiUnit:
     if not tokens:
         raise _UnknownNameError
     token = tokens.pop()
     if token == "(":
-        found = _expression(tokens)
+        unit = _parse_expression(tokens)
         if not tokens or tokens.pop() != ")":
             raise _UnknownNameError
     else:
-        found = _symbol(token)
+        unit = _parse_symbol(token)
     if tokens and (power := _EXPONENT.fullmatch(tokens[-1])):
         tokens.pop()
-        return _times(_unit(), found, int(power[1]))
-    return found
+        return _multiply(_make_unit(), unit, int(power[1]))
+    return unit
 
 
-def _times(one: SiUnit, other: SiUnit, power: int = 1) -> SiUnit:
+def _multiply(first: SiUnit, second: SiUnit, power: int = 1) -> SiUnit:
     """Multiply a unit by a power of another; the product has no offset, as it measures differences."""
-    pairs = zip(one.exponents or (), other.exponents or (), strict=True)
-    exponents = tuple(mine + power * theirs for mine, theirs in pairs)
-    return SiUnit("", exponents, one.factor * other.factor**power)
+    pairs = zip(first.exponents or (), second.exponents or (), strict=True)
+    exponents = tuple(a + power * b for a, b in pairs)
+    return SiUnit("", exponents, first.factor * second.factor**power)
 
 
-def _symbol(symbol: str) -> SiUnit:
+def _parse_symbol(symbol: str) -> SiUnit:
     """Parse a symbol with or without a prefix, without offset: a part of a unit measures differences."""
-    if symbol in _COHERENT:
-        return _COHERENT[symbol]
-    if symbol in _ALONE:
-        return replace(_ALONE[symbol], offset=0.0)
-    found = [
-        replace(_COHERENT[rest], factor=factor * _COHERENT[rest].factor)
+    if symbol in _PREFIXABLE:
+        return _PREFIXABLE[symbol]
+    if symbol in _NOT_PREFIXABLE:
+        return replace(_NOT_PREFIXABLE[symbol], offset=0.0)
+    units = [
+        replace(_PREFIXABLE[name], factor=factor * _PREFIXABLE[name].factor)
         for prefix, factor in _PREFIXES.items()
-        if symbol.startswith(prefix) and (rest := symbol.removeprefix(prefix)) in _COHERENT
+        if symbol.startswith(prefix) and (name := symbol.removeprefix(prefix)) in _PREFIXABLE
     ]
-    if len(found) != 1:
+    if len(units) != 1:
         raise _UnknownNameError(symbol)
-    return found[0]
+    return units[0]
 
 
 @dataclass(frozen=True)

@@ -182,7 +182,7 @@ class MachineModel(Mechanics):
     def _descend_to_rest(
         self, q: np.ndarray, passive: np.ndarray, payload: float | np.ndarray | None, max_steps: int
     ) -> np.ndarray:
-        """Return passive coordinates after steps towards rest; NaN if they are not at rest after _MANY."""
+        """Return passive coordinates after steps towards rest; NaN if `_MAX_ITERATIONS` do not reach it."""
         change = np.zeros_like(passive)
         for _ in range(max_steps):
             change = descend(*self._evaluate_balance(q, passive, payload))

@@ -32,7 +32,7 @@ class SampleRates:
 
     Attributes:
         rates: Samples per second.
-        every: Steps from one sample to the next, by rate.
+        steps_per_sample: Steps from one sample to the next, by rate.
     """
 
     def __init__(self, channels: int, step: float) -> None:

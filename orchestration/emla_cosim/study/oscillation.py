@@ -414,7 +414,7 @@ def _describe(tone: Tone, signals: Sequence[int], limit: float, start: float, ra
     return Oscillation(
         kind="growing" if tone.is_growing else "lasting",
         signal=NAMES[signals[tone.signal]],
-        time_s=start + tone.begin / rate,
+        time_s=start + tone.start / rate,
         until_s=start + tone.end / rate,
         frequency_Hz=tone.frequency,
         growth_1_s=tone.growth,

@@ -92,8 +92,8 @@ class Tone:
         frequency: In Hz.
         growth: Growth of the amplitude in 1/s.
         amplitude: Mean amplitude in the second half of the time, in the unit of the signal.
-        others: Amplitudes of all signals at this frequency.
-        begin, end: Samples at which the time begins and ends.
+        amplitudes_of_signals: Amplitudes of all signals at this frequency.
+        start, end: Samples at which the time begins and ends.
         is_growing: Whether the growth is certain.
         bin: Frequency bin.
         windows: First window and the one after the last.
@@ -104,7 +104,7 @@ class Tone:
     growth: float
     amplitude: float
     amplitudes_of_signals: Vector
-    begin: int
+    start: int
     end: int
     is_growing: bool
     bin: int
@@ -408,7 +408,7 @@ class ToneSearch:
             growth=growth,
             amplitude=float(amplitudes[signal]),
             amplitudes_of_signals=amplitudes,
-            begin=first * self._grid.hop,
+            start=first * self._grid.hop,
             end=(last - 1) * self._grid.hop + self._grid.length,
             is_growing=is_growing,
             bin=q,

@@ -40,7 +40,7 @@ After the last row: {end}.
 |---|---|---|---|
 {outputs}
 """
-_LICENSED = "Of the program in sources/ and binaries/, not of the data:\n\n"
+_LICENSE_HEADER = "Of the program in sources/ and binaries/, not of the data:\n\n"
 _ENDS = {
     "hold": "its values hold",
     "repeat": "the first row again, which replaces the last one",
@@ -71,18 +71,18 @@ def build_table(
     producer = producer or Producer()
     main = _MAINS[table.fmi]
     content = {
-        **_sources(table),
-        "documentation/index.html": html_page(_page(table), MODEL).encode(),
+        **_gather_sources(table),
+        "documentation/index.html": html_page(_format_page(table), MODEL).encode(),
     }
     if license_text is not None:
-        content["documentation/licenses/license.txt"] = (_LICENSED + license_text).encode()
+        content["documentation/licenses/license.txt"] = (_LICENSE_HEADER + license_text).encode()
     anonymous = table_description(table, MODEL, main, producer, "")
     numbers = {"resources/table.bin": pack_table(table, "")}
     guid = content_guid({**content, **numbers, "modelDescription.xml": anonymous})
     numbers = {"resources/table.bin": pack_table(table, guid)}
     content["modelDescription.xml"] = table_description(table, MODEL, main, producer, guid)
     try:
-        content |= _libraries(content, platforms or (host_platform(),), table.fmi)
+        content |= _provide_libraries(content, platforms or (host_platform(),), table.fmi)
         write_archive(path, {**content, **numbers}, stored=numbers)
     except OSError as error:
         raise BuildError(f"the FMU '{path}' cannot be written: {error.strerror or error}.") from error
@@ -102,13 +102,13 @@ def prebuild_libraries(platforms: Sequence[str]) -> list[Path]:
     for type_, capacity in (*(("Real", n) for n in _CAPACITIES), ("Integer", 16), ("Boolean", 16)):
         outputs = [TableOutput(f"y{i}", 0, type=type_) for i in range(capacity)]
         table = TableContent(times, [TableColumn(times, "held" if type_ != "Real" else "linear")], outputs)
-        content = _sources(table)
-        _libraries(content, platforms, table.fmi)
-        paths += [_cached(content, platform) for platform in platforms]
+        content = _gather_sources(table)
+        _provide_libraries(content, platforms, table.fmi)
+        paths += [_find_cached(content, platform) for platform in platforms]
     return paths
 
 
-def _sources(table: TableContent) -> dict[str, bytes]:
+def _gather_sources(table: TableContent) -> dict[str, bytes]:
     outputs = len(table.outputs)
     capacity = next((n for n in _CAPACITIES if n >= outputs), None)
     if capacity is None:
@@ -116,11 +116,11 @@ def _sources(table: TableContent) -> dict[str, bytes]:
     shared = {n: text for n, text in sources("shim", table.fmi).items() if n.endswith(".h")}
     if table.fmi == 3:
         shared["sources/buildDescription.xml"] = build_description(MODEL, [_MAINS[3]])
-    header = _model_header(capacity, table).encode()
+    header = _format_model_header(capacity, table).encode()
     return {**shared, **sources("table", table.fmi), "sources/model.h": header}
 
 
-def _model_header(capacity: int, table: TableContent) -> str:
+def _format_model_header(capacity: int, table: TableContent) -> str:
     """Return the header that describes the model to the shim: outputs of one type only."""
     counts = ("INPUTS", "PARAMETERS", "STATES", "CONDITIONS", "LIMITS")
     lines = [f'#define MODEL_IDENTIFIER "{MODEL}"', *(f"#define N_{name} 0" for name in counts)]
@@ -149,30 +149,30 @@ def _model_header(capacity: int, table: TableContent) -> str:
     return "\n".join([*lines, ""])
 
 
-def _libraries(content: dict[str, bytes], platforms: Sequence[str], fmi: int) -> dict[str, bytes]:
+def _provide_libraries(content: dict[str, bytes], platforms: Sequence[str], fmi: int) -> dict[str, bytes]:
     """Return the libraries by their path in the FMU, from the cache or compiled."""
-    found = {}
+    libraries = {}
     for platform in platforms:
-        kept = _cached(content, platform)
-        name = f"binaries/{platform}/{kept.name}"
+        cached = _find_cached(content, platform)
+        name = f"binaries/{platform}/{cached.name}"
         try:
-            found[name] = kept.read_bytes()
+            libraries[name] = cached.read_bytes()
         except OSError:
-            found |= compile_libraries(MODEL, [_MAINS[fmi]], content, [platform])
-            kept.parent.mkdir(parents=True, exist_ok=True)
-            with write_atomically(kept) as stream:
-                stream.write(found[name])
-    return rename_folders(found, fmi)
+            libraries |= compile_libraries(MODEL, [_MAINS[fmi]], content, [platform])
+            cached.parent.mkdir(parents=True, exist_ok=True)
+            with write_atomically(cached) as stream:
+                stream.write(libraries[name])
+    return rename_folders(libraries, fmi)
 
 
-def _cached(content: dict[str, bytes], platform: str) -> Path:
+def _find_cached(content: dict[str, bytes], platform: str) -> Path:
     """Return the path of a library in the wheel or the cache."""
     key = hashlib.sha256(made_by().encode() + content["sources/model.h"]).hexdigest()[:24]
     suffix = TARGETS[platform][1] if platform in TARGETS else ""
     return find_built("tables", key, platform, f"{MODEL}{suffix}")
 
 
-def _page(table: TableContent) -> str:
+def _format_page(table: TableContent) -> str:
     rows = [
         f"| `{escape(o.name)}` | {escape(o.unit.name) if o.unit is not None else ''} "
         f"| {table.columns[o.column].interpolation} | {_ORDERS[o.order]} |"

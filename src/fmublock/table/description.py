@@ -53,10 +53,10 @@ def table_description(table: TableContent, model: str, main: str, producer: Prod
     for reference, output in enumerate(
         table.outputs, 1
     ):  # 0 is the time of the last point, hidden in FMI 2.0
-        held = table.columns[output.column].interpolation == "held"
+        is_held = table.columns[output.column].interpolation == "held"
         attributes = {"name": output.name, "valueReference": str(reference)}
         attributes |= {"description": output.description} if output.description else {}
-        attributes |= {"causality": "output", "variability": "discrete" if held else "continuous"}
+        attributes |= {"causality": "output", "variability": "discrete" if is_held else "continuous"}
         attributes["initial"] = "calculated"
         if table.fmi == 3:
             element = SubElement(variables, FMI3_TYPES[output.type], attributes)
@@ -82,10 +82,10 @@ def table_description(table: TableContent, model: str, main: str, producer: Prod
     return format_xml(root)
 
 
-def _add_time(variables: Element, taken: set[str]) -> None:
+def _add_time(variables: Element, names: set[str]) -> None:
     """Add the time, which FMI 3.0 requires: named "time", or with underscores if an output has this name."""
     name = "time"
-    while name in taken:
+    while name in names:
         name += "_"
     SubElement(
         variables,
@@ -101,9 +101,9 @@ def _add_time(variables: Element, taken: set[str]) -> None:
 def _add_spans(variables: Element, table: TableContent) -> None:
     """Add the local variables that say what the outputs did in the last step."""
     count = len(table.outputs)
-    for place, span in enumerate(SPANS, 1):
+    for number, span in enumerate(SPANS, 1):
         for i, output in enumerate(table.outputs, 1):
-            name, reference = span_name(output.name, span), str(place * count + i)
+            name, reference = span_name(output.name, span), str(number * count + i)
             variable = SubElement(variables, "ScalarVariable", name=name, valueReference=reference)
             variable.set("description", f"{_SPAN_TEXTS[span]} of {output.name}")
             variable.set("causality", "local")

@@ -18,26 +18,28 @@ def pack_table(table: TableContent, guid: str) -> bytes:
     Raises:
         BuildError: A column has no finite spline.
     """
-    numbers = np.concatenate([np.frombuffer(guid.encode().ljust(_GUID_BYTES, b"\0"), "<f8"), *_parts(table)])
+    numbers = np.concatenate(
+        [np.frombuffer(guid.encode().ljust(_GUID_BYTES, b"\0"), "<f8"), *_collect_parts(table)]
+    )
     words = numbers.astype("<f8", copy=False).view("<u8")
     weights = 2 * np.arange(len(words), dtype=np.uint64) + np.uint64(1)
     total = np.sum(words * weights, dtype=np.uint64)  # modulo 2^64
     return _MAGIC + np.uint64(len(words)).tobytes() + words.tobytes() + total.tobytes()
 
 
-def _parts(table: TableContent) -> list[Numbers]:
+def _collect_parts(table: TableContent) -> list[Numbers]:
     times = table.times
     head = [len(times), len(table.columns), len(table.outputs), ENDS.index(table.end), table.has_spans]
     kinds = [INTERPOLATIONS.index(c.interpolation) for c in table.columns]
-    shown = [x for o in table.outputs for x in (o.column, o.order, o.factor, o.offset or -0.0)]
+    outputs = [x for o in table.outputs for x in (o.column, o.order, o.factor, o.offset or -0.0)]
     rows = np.empty((len(times), len(table.columns), 2))
     for i, column in enumerate(table.columns):
         rows[:, i, 0] = column.values
-        rows[:, i, 1] = _slopes(table, column)
-    return [np.array([*head, *kinds, *shown], dtype=float), times, rows.ravel(), _index(times)]
+        rows[:, i, 1] = _compute_slopes(table, column)
+    return [np.array([*head, *kinds, *outputs], dtype=float), times, rows.ravel(), _build_index(times)]
 
 
-def _slopes(table: TableContent, column: TableColumn) -> Numbers:
+def _compute_slopes(table: TableContent, column: TableColumn) -> Numbers:
     """Return the slopes of the cubic spline of continuous curvature through a column.
 
     Its ends are "not a knot". If the table repeats and its last value equals the first, the spline is
@@ -65,8 +67,8 @@ def _slopes(table: TableContent, column: TableColumn) -> Numbers:
     return slopes
 
 
-def _index(times: Numbers) -> Numbers:
+def _build_index(times: Numbers) -> Numbers:
     """Divide the time into as many equal parts as there are rows, and return the row at each beginning."""
-    begins = times[0] + np.arange(len(times)) * ((times[-1] - times[0]) / len(times))
-    rows = np.searchsorted(times, begins, side="right") - 1
+    starts = times[0] + np.arange(len(times)) * ((times[-1] - times[0]) / len(times))
+    rows = np.searchsorted(times, starts, side="right") - 1
     return np.clip(rows, 0, len(times) - 2).astype(float)

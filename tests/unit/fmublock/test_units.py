@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fmublock.units import (
-    _ALONE,
     _AMBIGUOUS,
-    _COHERENT,
+    _NOT_PREFIXABLE,
+    _PREFIXABLE,
     _PREFIXES,
     BASE_UNITS,
     QUANTITIES,
@@ -40,17 +40,21 @@ PINT_NAMES = {
     "Grad": "degree",
     "kp": "kilogram_force",
 }
-SPOKEN = [name for name in _COHERENT if name not in _AMBIGUOUS]
+SPOKEN = [name for name in _PREFIXABLE if name not in _AMBIGUOUS]
 
 
 @pytest.mark.parametrize(
     "symbol",
-    [n for n in (*_COHERENT, *_ALONE) if not n.startswith(("deg", "delta")) and n not in ("°C", "°F")],
+    [
+        n
+        for n in (*_PREFIXABLE, *_NOT_PREFIXABLE)
+        if not n.startswith(("deg", "delta")) and n not in ("°C", "°F")
+    ],
 )
 def test_units_are_those_of_pint(symbol: str) -> None:
-    known = {**_COHERENT, **_ALONE}[symbol]
+    known = {**_PREFIXABLE, **_NOT_PREFIXABLE}[symbol]
     if symbol in ("Hz", "kHz", "MHz"):  # which pint takes for radians per second
-        assert known.exponents == _ALONE["Hz"].exponents
+        assert known.exponents == _NOT_PREFIXABLE["Hz"].exponents
         return
     if symbol in ("cycle", "cycles"):  # which pint takes for a turn
         assert known.powers == {} and known.factor == 1.0

@@ -17,7 +17,7 @@ class SheetEntry:
         rms: Factor from the rms to the peak value; None if the quantity has no such choice.
         between: Factor from a line-to-line value to that of a phase; None if there is no such choice.
         positive: Whether zero is excluded.
-        whole: Whether it must be an integer.
+        is_integer: Whether it must be an integer.
         kind: float for a number, bool for true or false.
         choices: Allowed texts; the number is the position of the text.
         is_difference: Whether a temperature is a difference, so that 180 °F are 100 K.
